@@ -14,12 +14,12 @@ from typing import Any, NoReturn
 import numpy as np
 import pinocchio as pin
 
-from identifiability.foundation.errors import ClosureError, RobotError, listing, near_match
+from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Renames
 from identifiability.robot import closure
 from identifiability.robot.cables import stretch_home
-from identifiability.robot.closure import ACCEPTED, find_assemblies, newton
+from identifiability.robot.closure import ACCEPTED, HOPELESS, invert, newton
 from identifiability.robot.description import ENDLESS, Bound, Description, Ellipsoid
 from identifiability.robot.floating import BASE_JOINTS, Base, Contact, Imu, Wrench
 from identifiability.robot.kinematics import Point, body_names
@@ -156,8 +156,7 @@ def _of_body(body: str, entry: BodyBoundsEntry, stated: Stated) -> Bound:
 # Which joints move the robot, which follow, and whether its home position says so.
 #
 # A closed chain has several assemblies; home selects one, so it must nearly close the loops. Of a
-# robot whose files state no home it is the assembly nearest to the file's configuration, if no
-# other one is about as near.
+# robot whose files state no home it is where Newton's steps from the drawing end, if that is near.
 
 
 def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Description:
@@ -205,13 +204,14 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
             f'sidecar: actuated = ["{names[0]}", …] (or give the lengths and angles of redundant '
             "loops all their digits)."
         )
-    _check_closed_home(robot)
-    if not len(dependent):  # the loops say nothing that is not so anyway
-        return robot
-    try:
-        closure.check_home(robot)
-    except ClosureError as error:
-        raise RobotError(str(error)) from None
+    _check_home(robot)
+    A = newton(robot, robot.home[None]).A[:, :, robot.dependent]
+    if len(dependent) and not invert(A)[1][0] < HOPELESS:
+        raise RobotError(
+            f"The loops of {robot.path} do not determine {listing(robot.passive)} at its home "
+            f"position {robot.describe_home()}: it is singular, or other joints are the actuated "
+            "ones; choose another home or other actuators."
+        )
     return robot
 
 
@@ -242,8 +242,8 @@ def _follow_couplings(robot: Description) -> Array:
 
 def _refuse_loose(robot: Description, count: int) -> NoReturn:
     """Say what to do about passive joints that no equation determines."""
-    if count or robot.loops or robot.couplings:
-        _check_closed_home(robot)
+    if robot.equations:
+        _check_home(robot)
     wide = [j.dofs[0].rpartition(".")[0] for j in robot.tree.joints if j.nv > 1]
     single = [name for name in robot.passive if name in robot.tree.single]
     advice = ""
@@ -281,59 +281,41 @@ def position_limits(
 
 
 def _assemble_nearest(robot: Description, extra: Sidecar) -> Description:
-    """Return a robot of which nothing states a home, its loops closed as nearly as they can be.
-
-    Raises
-    ------
-    RobotError
-        If several assemblies are about as near.
-    """
+    """Return a robot of which nothing states a home, closed near where its file draws it."""
     if robot.equations < max(len(robot.dependent), 1):
         return robot
     if not RULES.home_open < closure.loop_error(robot, robot.home[None])[0] < ENDLESS:
         return robot
-    limits = np.tile([[-np.inf], [np.inf]], len(robot.home))
+    start = np.array(robot.home)
     for name, joint in robot.tree.single.items():
         if name not in extra.home:
-            limits[:, joint.iq] = position_limits(robot, [name], extra.limits)[0]
-    q, distance = find_assemblies(robot, *limits, held=bool(extra.home))
-    if not len(q):
-        return robot
-    # Another assembly is near, too; of 1230 drawings none then gave a wrong assembly.
-    near = q[(distance < 2.0 * distance[0]) | (distance[0] > RULES.leap)]
-    if len(near) > 1:
-        _check_closed_home(robot, near)
-    return replace(robot, home=q[0], assembled=True)
+            start[joint.iq] = np.clip(
+                start[joint.iq], *position_limits(robot, [name], extra.limits)[0]
+            )
+    closed = newton(robot, start[None])
+    if closed.error[0] < ACCEPTED and np.abs(closed.q[0] - start).max() <= RULES.leap:
+        return replace(robot, home=closed.q[0], assembled=True)
+    return robot
 
 
-def _check_closed_home(robot: Description, near: Array | None = None) -> None:
+def _check_home(robot: Description) -> None:
     """Refuse a home position that is far from closing the loops; a rounded one is near."""
-    gap = float(closure.loop_error(robot, robot.home[None])[0])
-    if not gap <= RULES.home_open:
-        several = "" if near is None else f" ({len(near)} that close them were found)"
-        if near is None and robot.equations >= len(robot.dependent):
-            closed = newton(robot, robot.home[None])
-            near = closed.q[closed.error < ACCEPTED]
+    home = robot.home[None]
+    gap = float(closure.loop_error(robot, home)[0])
+    enough = robot.equations >= len(robot.dependent) > 0
+    closed = newton(robot, home) if enough else None
+    closes = closed is not None and closed.error[0] < ACCEPTED
+    if not gap <= RULES.home_open or (enough and not closes):
+        single, such_as = robot.tree.single, ""
+        if closed is not None and closes and single.keys() >= {*robot.passive}:
+            found = (f"{n} = {closed.q[0, single[n].iq]:.4f}" for n in robot.passive)
+            such_as = f", such as {', '.join(found)}"
         raise RobotError(
             f"{robot.path}: the loops are open by {gap:.2g} m at the home position "
-            f"({robot.describe_home()}), so their assembly is not determined{several}; give a "
-            'position of every joint that closes them: <keyframe><key name="home" qpos="…"/>'
-            f"</keyframe> in MJCF, or a table [home] in the sidecar{_such_as(robot, near)}."
+            f"({robot.describe_home()}), so their assembly is not determined; give a position of "
+            'every joint that closes them: <keyframe><key name="home" qpos="…"/></keyframe> in '
+            f"MJCF, or a table [home] in the sidecar{such_as}."
         )
-
-
-def _such_as(robot: Description, near: Array | None) -> str:
-    """Return positions that close the loops; with balls and free joints they are no sentence."""
-    single = robot.tree.single
-    if near is None or any(name not in single for name in robot.passive):
-        return ""
-    moved = [
-        n
-        for n in single
-        if n in robot.passive or (near[:, single[n].iq] != robot.home[single[n].iq]).any()
-    ]
-    ways = [", ".join(f"{n} = {q[single[n].iq]:.4f}" for n in moved) for q in near[:2]]
-    return f", such as {' or '.join(ways)}" if ways else ""
 
 
 # Put a `Description` together from model, closures and sidecar; they must determine the motion.

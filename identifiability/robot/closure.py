@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from identifiability.foundation.errors import ClosureError, listing
+from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
@@ -262,11 +262,6 @@ HOPELESS: Tolerance = 1e12
 _HOMOTOPY_STEPS = 10
 
 
-#: Starts from which assemblies are searched, and the most steps from each.
-STARTS, FAR_STEPS = 256, 40
-#: Closed configurations in which no joint differs by more are one [rad, or sizes of the robot].
-SAME: Tolerance = 1e-4
-
 #: Samples a batch: its frames and Jacobians stay in the processor's cache.
 BATCH = 2048
 
@@ -399,94 +394,6 @@ def _newton_batch(robot: Description, q: Array, most: int) -> Closed:
         q[left] = robot.tree.integrate(q[left], step)
     error[~np.isfinite(error)] = np.inf
     return Closed(q, error, A)
-
-
-@np.errstate(over="ignore", invalid="ignore")  # some starts lead astray
-def find_assemblies(
-    robot: Description, low: Array, high: Array, *, held: bool
-) -> tuple[Array, Array]:
-    """Return configurations that close the loops, one of each assembly, nearest to home first.
-
-    All have the same actuated positions: those of home, moved into the limits. Where the loops
-    do not close there, those of the nearest configuration at which they do.
-
-    Parameters
-    ----------
-    robot : Description
-        Its loops are open at home.
-    low, high : (nq,)
-        Position limits, infinite where there are none.
-    held : bool
-        Whether the actuated joints must stay where home has them.
-
-    Returns
-    -------
-    q : (K, nq)
-    distance : (K,)
-        Farthest way of a joint from home [rad, or sizes of the robot for slides].
-    """
-    tree, n = robot.tree, robot.nv
-    home = np.clip(robot.home, low, high)
-    points = [p.position for loop in robot.loops for p in (loop.first, loop.second)]
-    lengths = [float(np.linalg.norm(x)) for x in (*points, *(j.translation for j in tree.joints))]
-    size = max(*lengths, float(np.abs(loop_equations(robot, home[None])[0]).max()))
-    reach = np.array([size if robot.is_prismatic(k) else np.pi for k in range(n)])
-    ways = np.random.default_rng(0).uniform(-1, 1, (STARTS, n)) * reach
-    ways[0] = 0.0
-    starts = np.clip(tree.integrate(np.repeat(home[None], STARTS, 0), ways), low, high)
-
-    def close(starts: Array) -> tuple[Array, Array]:
-        closed = newton(robot, starts, FAR_STEPS)
-        inside = ((closed.q >= low - SAME) & (closed.q <= high + SAME)).all(1)
-        q = closed.q[inside & (closed.error < ACCEPTED)]
-        distance = _ways(tree, home, q, size).max(1, initial=0.0)
-        order = np.argsort(distance)
-        return q[order], distance[order]
-
-    def at(actuated: Array) -> Array:
-        moved = starts.copy()
-        moved[:, columns] = actuated[columns]
-        return moved
-
-    columns = [tree.single[name].iq for name in robot.joints]
-    q, distance = close(at(home))
-    if not len(q) and not held:
-        q, _ = close(_approach(robot, starts, low, high))
-        q, distance = close(at(q[0])) if len(q) else (q, _)
-    kept: list[int] = []
-    for k in range(len(q)):
-        turns = _ways(tree, q[k], q[kept], size, whole_turns=False)
-        if not (turns.max(1, initial=0.0) < SAME).any():
-            kept.append(k)
-    return q[kept], distance[kept]
-
-
-def _approach(robot: Description, q: Array, low: Array, high: Array) -> Array:
-    """Return configurations moved towards closed loops by shortest steps of all joints."""
-    for _ in range(FAR_STEPS):
-        residual, jacobian = map(np.nan_to_num, loop_equations(robot, q))
-        step = -np.einsum("nvm,mn->nv", np.linalg.pinv(np.moveaxis(jacobian, -1, 0)), residual)
-        step *= np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(1, keepdims=True), 1e-300))
-        q = np.clip(robot.tree.integrate(q, step), low, high)
-    return q
-
-
-def _ways(tree: Tree, start: Array, q: Array, size: float, *, whole_turns: bool = True) -> Array:
-    """Return how far joints are from where they are at a start (nq,), (N, joints)."""
-    ways = []
-    for j in tree.joints:
-        way = np.abs(q[:, j.iq : j.iq + j.nq] - start[j.iq : j.iq + j.nq])
-        if j.kind == "revolute":
-            ways.append(
-                way[:, 0] if whole_turns else np.abs((way[:, 0] + np.pi) % (2 * np.pi) - np.pi)
-            )
-            continue
-        if j.kind in ("ball", "free"):
-            last = slice(j.iq + j.nq - 4, j.iq + j.nq)
-            ways.append(2 * np.arccos(np.minimum(np.abs(q[:, last] @ start[last]), 1.0)))
-            way = way[:, :-4]
-        ways.append(way.max(1, initial=0.0) / size)
-    return np.stack(ways, 1)
 
 
 # Full motion of a robot from the motion of its actuated joints.
@@ -721,26 +628,3 @@ def count_independent(robot: Description) -> int:
     scale = np.abs(A).max() or 1.0
     r, _ = scipy.linalg.qr(A.T / scale, mode="r", pivoting=True)
     return int((np.abs(np.diag(r)) > ROUNDOFF).sum())
-
-
-def check_home(robot: Description) -> None:
-    """Refuse a closed chain whose home position does not close or leaves joints undetermined.
-
-    Raises
-    ------
-    ClosureError
-    """
-    home = robot.home[None]
-    closed = newton(robot, home)
-    if not closed.error[0] < ACCEPTED:
-        raise ClosureError(
-            f"The loops of {robot.name} do not close at its home position "
-            f"{robot.describe_home()}: the loop error is {loop_error(robot, home)[0]:.2g} m; give "
-            "a home keyframe (MJCF) or a [home] table (sidecar) that satisfies the closures."
-        )
-    if not invert(closed.A[:, :, robot.dependent])[1][0] < HOPELESS:
-        raise ClosureError(
-            f"The loops of {robot.name} do not determine {listing(robot.passive)} at its home "
-            f"position {robot.describe_home()}: it is singular, or other joints are the actuated "
-            "ones; choose another home or other actuators."
-        )

@@ -111,7 +111,7 @@ def test_an_equality_of_tendons_is_kept(load_text):
 
 def test_a_coupling_that_mujoco_does_not_have_is_refused(load_text):
     robot = load_text(arm(inside=BODY), sidecar=FOLLOWS)
-    with pytest.raises(RobotError, match="'w' follows several others, .* and MuJoCo"):
+    with pytest.raises(RobotError, match="'w' follows several others"):
         ForwardRobot(robot, {})
 
 
