@@ -19,7 +19,7 @@ from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
 from identifiability.robot.cables import add_slides, cable_name, read_cables
 from identifiability.robot.kinematics import Point, read_tree
-from identifiability.robot.locking import add_couplings, read_locks, settle_locks
+from identifiability.robot.locking import add_couplings, merge_axes, read_locks, settle_locks, weld
 from identifiability.robot.mjcf import (
     compile_mjcf,
     find_arms,
@@ -303,7 +303,13 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     driven = extra.actuated or find_drives(m, ()) or ()
     couplings = add_couplings(_couplings(path, m, driven), extra.couplings)
     locked, couplings = settle_locks(path, read_locks(extra.locked), at_home, couplings)
-    model, places, names, welded = _build_tree(m, locked)
+    model, welded = weld(_build_tree(m), locked)
+    bodies = [f for f in model.frames if f.type == pin.FrameType.BODY]
+    carrying = {f.parentJoint for f in bodies}
+    model, names = merge_axes(model, [k for k in range(1, model.njoints) if k not in carrying])
+    frames = {f.name: f for f in model.frames if f.type == pin.FrameType.BODY}
+    at_body = [frames[m.body(b).name] for b in range(m.nbody)]
+    places = [(f.parentJoint, f.placement) for f in at_body]
     tree, last = read_tree(path, model, names)
     bits = mujoco.mjtDisableBit
     still = off & int(bits.mjDSBL_GRAVITY)
@@ -322,7 +328,6 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     model.lowerDryFrictionLimit = -forces.frictionloss[free]
     kept = np.ones(m.nq, bool)
     kept[[int(m.joint(name).qposadr[0]) for name in locked]] = False
-    _set_limits(model, m, kept)
     return Stated(
         model=model,
         tree=tree,
@@ -367,18 +372,14 @@ def _floating(scene: Any, which: int | None, gravity: Array) -> dict[str, Any]:
 def _name_frames(model: Any, m: Any, places: list[Place]) -> dict[str, float]:
     """Give the model a frame for every site and geom with a name; return radii of spheres."""
     radii = {}
-    each = [("site", m.site_bodyid, m.site_pos, m.site_quat, m.nsite)]
-    each += [("geom", m.geom_bodyid, m.geom_pos, m.geom_quat, m.ngeom)]
-    for kind, bodies, pos, quat, count in each:
-        for k in range(count):
-            name = getattr(m, kind)(k).name
-            if not name:
-                continue
-            joint, at = places[int(bodies[k])]
-            place = at * pin.SE3(_rotation(quat[k]), np.array(pos[k]))
-            model.addFrame(pin.Frame(name, joint, 0, place, pin.FrameType.OP_FRAME))
-            if kind == "geom" and int(m.geom_type[k]) == int(mujoco.mjtGeom.mjGEOM_SPHERE):
-                radii[name] = float(m.geom_size[k, 0])
+    for kind, count in (("site", m.nsite), ("geom", m.ngeom)):
+        for part in (getattr(m, kind)(k) for k in range(count)):
+            if part.name:
+                joint, at = places[int(part.bodyid[0])]
+                place = at * pin.SE3(_rotation(part.quat), np.array(part.pos))
+                model.addFrame(pin.Frame(part.name, joint, 0, place, pin.FrameType.OP_FRAME))
+            if part.name and kind == "geom" and part.type[0] == mujoco.mjtGeom.mjGEOM_SPHERE:
+                radii[part.name] = float(part.size[0])
     return radii
 
 
@@ -410,82 +411,42 @@ def _loops(path: Path, m: Any, places: list[Place], last: Mapping[int, int]) -> 
     return loops
 
 
-def _build_tree(
-    m: Any, locked: Mapping[str, float]
-) -> tuple[Any, list[Place], dict[int, tuple[str, ...]], dict[str, Array]]:
-    """Return the Pinocchio model, where every body is, and the file's joints in each joint.
-
-    The last is what hangs behind locked joints, see `Stated.welded`.
-    """
+def _build_tree(m: Any) -> Any:
+    """Return the Pinocchio model; of several joints of a body only the last has a body's frame."""
     model = pin.Model()
     title = m.names.partition(b"\0")[0].decode()
     model.name = "" if title == _UNNAMED else title
-    model.addBodyFrame(m.body(0).name, 0, pin.SE3.Identity(), 0)
-    places: list[Place] = [(0, pin.SE3.Identity())]
-    names: dict[int, tuple[str, ...]] = {}
-    behind: dict[int, str] = {}
-    welded: dict[str, Array] = {}
-    for b in range(1, m.nbody):
-        parent = int(m.body_parentid[b])
-        name, (above, frame) = m.body(b).name, places[parent]
-        at = frame * pin.SE3(_rotation(m.body_quat[b]), np.array(m.body_pos[b]))
-        joints = range(int(m.body_jntadr[b]), int(m.body_jntadr[b]) + int(m.body_jntnum[b]))
-        before, index = 0, above
-        moving = tuple(m.joint(j).name for j in joints if m.joint(j).name not in locked)
-        if joints:
-            index, at = _add_joints(model, m, above, at, joints, locked)
-        if moving:
-            names[index] = moving
-            before = model.addJointFrame(index)
-        elif joints or parent in behind:
-            behind[b] = name if joints else behind[parent]
-        places.append((index, at))
-        model.addBodyFrame(name, index, at, before)
-        R, mass = _rotation(m.body_iquat[b]), float(m.body_mass[b])
-        inertia = R @ np.diag(m.body_inertia[b]) @ R.T
-        given = pin.Inertia(mass, np.array(m.body_ipos[b]), inertia)
-        if index:
-            model.appendBodyToJoint(index, given, at)
-        if b in behind:
-            theta = np.array(at.act(given).toDynamicParameters())
-            welded[behind[b]] = welded.get(behind[b], 0.0) + theta
-    return model, places, names, welded
-
-
-def _add_joints(
-    model: Any, m: Any, above: int, at: Any, joints: range, locked: Mapping[str, float]
-) -> tuple[int, Any]:
-    """Add the joints of one body; return the index, and the body in the last one's frame."""
-    parts, places, names, last = [], [], [], np.zeros(3)
-    before = pin.SE3.Identity()  # what locked joints put between the one before and the next
-    for j in joints:
-        name, kind = m.joint(j).name, int(m.jnt_type[j])
-        axis, anchor = np.array(m.jnt_axis[j]), np.array(m.jnt_pos[j])
-        ref = float(m.qpos0[m.jnt_qposadr[j]])
-        place = before * pin.SE3(np.eye(3), anchor - last)
-        if kind in _ALIGNED:
-            place = place * _moved(kind, axis, -ref)
-            along = np.flatnonzero(axis == 1.0)
-            part = _ALIGNED[kind][along[0]]() if len(along) else _ALIGNED[kind][3](axis)
-        else:  # a free joint's position is the body's place in the world
-            place = place if kind == BALL else at.inverse()
-            part = pin.JointModelSpherical() if kind == BALL else pin.JointModelFreeFlyer()
-        last, before = anchor, pin.SE3.Identity()
-        if name in locked:
-            before = place * _moved(kind, axis, locked[name])
-            continue
-        parts.append(part)
-        places.append(place)
-        names.append(name)
-    end = before * pin.SE3(np.eye(3), -last)
-    if not parts:
-        return above, at * end
-    joint, first = parts[0], at * places[0]
-    if len(parts) > 1:
-        joint = pin.JointModelComposite()
-        for k, (part, place) in enumerate(zip(parts, places, strict=True)):
-            joint.addJoint(part, place if k else pin.SE3.Identity())
-    return model.addJoint(above, joint, first, "+".join(names)), end
+    places: list[Place] = []
+    for b in range(m.nbody):
+        joint, at = places[int(m.body_parentid[b])] if b else (0, pin.SE3.Identity())
+        at = at * pin.SE3(_rotation(m.body_quat[b]), np.array(m.body_pos[b]))
+        before, last = 0, np.zeros(3)
+        for j in range(int(m.body_jntadr[b]), int(m.body_jntadr[b]) + int(m.body_jntnum[b])):
+            kind, axis, anchor = int(m.jnt_type[j]), np.array(m.jnt_axis[j]), np.array(m.jnt_pos[j])
+            at = at * pin.SE3(np.eye(3), anchor - last)
+            part: Any = pin.JointModelSpherical()
+            if kind == FREE:  # its position is the body's place in the world
+                part, at = pin.JointModelFreeFlyer(), pin.SE3.Identity()
+            elif kind in _ALIGNED:
+                at = at * _moved(kind, axis, -float(m.qpos0[m.jnt_qposadr[j]]))
+                along = np.flatnonzero(axis == 1.0)
+                part = _ALIGNED[kind][along[0]]() if len(along) else _ALIGNED[kind][3](axis)
+            joint = model.addJoint(joint, part, at, m.joint(j).name)
+            before, last, at = model.addJointFrame(joint), anchor, pin.SE3.Identity()
+        at = at * pin.SE3(np.eye(3), -last)
+        places.append((joint, at))
+        model.addBodyFrame(m.body(b).name, joint, at, before)
+        Q = _rotation(m.body_iquat[b])
+        inertia = Q @ np.diag(m.body_inertia[b]) @ Q.T
+        given = pin.Inertia(float(m.body_mass[b]), np.array(m.body_ipos[b]), inertia)
+        if joint:
+            model.appendBodyToJoint(joint, given, at)
+    lower, upper = np.full(m.nq, -np.inf), np.full(m.nq, np.inf)
+    for j in np.flatnonzero(m.jnt_limited).tolist():
+        if int(m.jnt_type[j]) in _ALIGNED:
+            lower[m.jnt_qposadr[j]], upper[m.jnt_qposadr[j]] = m.jnt_range[j]
+    model.lowerPositionLimit, model.upperPositionLimit = lower, upper
+    return model
 
 
 def _moved(kind: int, axis: Array, by: float) -> Any:
@@ -499,14 +460,6 @@ def _rotation(quat: Array) -> Array:
     out = np.zeros(9)
     mujoco.mju_quat2Mat(out, quat)
     return out.reshape(3, 3)
-
-
-def _set_limits(model: Any, m: Any, kept: np.ndarray) -> None:
-    lower, upper = np.full(m.nq, -np.inf), np.full(m.nq, np.inf)
-    for j in np.flatnonzero(m.jnt_limited):
-        if int(m.jnt_type[j]) in _ALIGNED:
-            lower[m.jnt_qposadr[j]], upper[m.jnt_qposadr[j]] = m.jnt_range[j]
-    model.lowerPositionLimit, model.upperPositionLimit = lower[kept], upper[kept]
 
 
 def _home(m: Any) -> Array:

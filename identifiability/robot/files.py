@@ -28,98 +28,42 @@ from identifiability.robot.description import Description
 from identifiability.robot.floating import BASE_JOINTS
 from identifiability.robot.kinematics import body_names, read_tree
 from identifiability.robot.locate import find_sidecar, locate_robot
-from identifiability.robot.locking import LockOption, add_couplings, read_locks, settle_locks, weld
+from identifiability.robot.locking import (
+    LockOption,
+    add_couplings,
+    merge_axes,
+    read_locks,
+    settle_locks,
+    weld,
+)
 from identifiability.robot.markup import check_magnitudes, check_regular, check_weight, read_markup
 from identifiability.robot.parts import Coupling, Stated
 from identifiability.robot.sidecar import Sidecar, check_known, read_sidecar
-
-# Links without mass between the axes of one joint, which a URDF needs for a universal joint.
-
 
 #: Simulators refuse links without any mass: this one is none [kg].
 PLACEHOLDER: Tolerance = 1e-12
 
 
-def merge_axes(
-    path: Path, model: Any, massless: Collection[str]
-) -> tuple[Any, dict[int, tuple[str, ...]]]:
-    """Return a Pinocchio model in which links without mass are part of the joint behind them.
-
-    Parameters
-    ----------
-    path : Path
-        The robot file, for sentences.
-    model : pinocchio.Model
-        With joints of one axis before these links.
-    massless : collection of str
-
-    Returns
-    -------
-    model : pinocchio.Model
-    names : dict
-        Joints of the file in each joint of several axes.
+def _find_massless(path: Path, model: Any, massless: Collection[str]) -> set[int]:
+    """Return the joints before links without mass, which a universal joint needs in a URDF.
 
     Raises
     ------
     RobotError
         If a link is not there, has a mass, or does not carry exactly one joint.
     """
-    if not massless:
-        return model, {}
     bodies = body_names(model)
-    for link in massless:
-        _check(path, model, bodies, link)
-    gone = {k for k in range(1, model.njoints) if bodies[k - 1] in massless}
-    out = pin.Model()
-    out.name, out.gravity = model.name, model.gravity
-    index, names, parts = {0: 0}, {}, []
-    for k in range(1, model.njoints):
-        parts.append(k)
-        if k in gone:  # the joint that it carries comes next
-            continue
-        joint, above = model.joints[k], index[model.parents[parts[0]]]
-        if len(parts) > 1:
-            joint = pin.JointModelComposite()
-            for n, part in enumerate(parts):
-                place = model.jointPlacements[part] if n else pin.SE3.Identity()
-                joint.addJoint(model.joints[part], place)
-        title = "+".join(model.names[part] for part in parts)
-        index[k] = out.addJoint(above, joint, model.jointPlacements[parts[0]], title)
-        if len(parts) > 1:
-            names[index[k]] = tuple(model.names[part] for part in parts)
-        out.appendBodyToJoint(index[k], model.inertias[k], pin.SE3.Identity())
-        parts = []
-    _copy_frames(model, out, index)
-    for limits in ("lowerPositionLimit", "upperPositionLimit", "velocityLimit", "damping",
-                   "armature", "upperDryFrictionLimit", "lowerDryFrictionLimit"):  # fmt: skip
-        setattr(out, limits, np.array(getattr(model, limits)))
-    return out, names
-
-
-def _check(path: Path, model: Any, bodies: tuple[str, ...], link: str) -> None:
-    check_known(path, "massless", [link], bodies)
-    index = bodies.index(link) + 1
-    mass = float(model.inertias[index].mass)
-    carried = [k for k in range(1, model.njoints) if model.parents[k] == index]
-    if mass > PLACEHOLDER or len(carried) != 1 or model.joints[index].nv != 1:
-        raise RobotError(
-            f"The sidecar of {path}: 'massless' names '{link}', which has a mass of {mass:g} kg "
-            f"and carries {len(carried)} joints; it is for links without mass that carry one."
-        )
-
-
-def _copy_frames(model: Any, out: Any, index: dict[int, int]) -> None:
-    """Add the frames of a model to another one, but those of joints that are not there."""
-    at = {0: 0}
-    for k, frame in enumerate(model.frames):
-        if not k or frame.parentJoint not in index:
-            continue
-        joint = index[frame.parentJoint]
-        if frame.type == pin.FrameType.JOINT:
-            at[k] = out.addJointFrame(joint)
-            continue
-        before = at.get(frame.parentFrame, 0)
-        at[k] = out.addFrame(pin.Frame(frame.name, joint, before, frame.placement, frame.type))
+    check_known(path, "massless", massless, bodies)
+    gone = {bodies.index(link) + 1 for link in massless}
+    for k in gone:
+        mass, carried = float(model.inertias[k].mass), list(model.parents).count(k)
+        if mass > PLACEHOLDER or carried != 1 or model.joints[k].nv != 1:
+            raise RobotError(
+                f"The sidecar of {path}: 'massless' names '{bodies[k - 1]}', which has a mass of "
+                f"{mass:g} kg and carries {carried} joints; it is for links without mass that "
+                "carry one."
+            )
+    return gone
 
 
 # Read robot files: MJCF as MuJoCo compiles it, URDF through Pinocchio.
@@ -197,7 +141,7 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     home = {name: extra.home.get(name, 0.0) for name in single}
     locked, couplings = settle_locks(path, wanted, home, couplings)
     model, welded = weld(model, locked)
-    model, names = merge_axes(path, model, extra.massless)
+    model, names = merge_axes(model, _find_massless(path, model, extra.massless))
     gravity = np.array(model.gravity.linear)
     if top:  # of a base that floats the proper acceleration is known, of which gravity is a part
         names[1], model.gravity.linear = BASE_JOINTS, np.zeros(3)

@@ -149,13 +149,73 @@ def weld(model: Any, locked: Mapping[str, float]) -> tuple[Any, dict[str, Array]
         place = data.oMi[_host(model, still, index)].actInv(data.oMi[index])
         theta = place.act(model.inertias[index]).toDynamicParameters()
         welded[bodies[index - 1]] = np.array(theta)
-    return pin.buildReducedModel(model, sorted(still), q), welded
+    reduced = pin.buildReducedModel(model, sorted(still), q)
+    moving = body_names(reduced)  # of a body on several joints some may be left
+    behind = {b: x for b, x in welded.items() if model.existBodyName(b) and b not in moving}
+    return reduced, behind
 
 
 def _host(model: Any, still: Collection[int], index: int) -> int:
     while index in still:
         index = model.parents[index]
     return index
+
+
+def merge_axes(model: Any, gone: Collection[int]) -> tuple[Any, dict[int, tuple[str, ...]]]:
+    """Return a Pinocchio model in which some joints are part of the joint behind them.
+
+    Parameters
+    ----------
+    model : pinocchio.Model
+    gone : collection of int
+        Joints that move nothing but the next one.
+
+    Returns
+    -------
+    model : pinocchio.Model
+    names : dict
+        Joints of the file in each joint of several axes.
+    """
+    if not gone:
+        return model, {}
+    out = pin.Model()
+    out.name, out.gravity = model.name, model.gravity
+    index, names, parts = {0: 0}, {}, []
+    for k in range(1, model.njoints):
+        parts.append(k)
+        if k in gone:  # the joint that it carries comes next
+            continue
+        joint, above = model.joints[k], index[model.parents[parts[0]]]
+        if len(parts) > 1:
+            joint = pin.JointModelComposite()
+            for n, part in enumerate(parts):
+                place = model.jointPlacements[part] if n else pin.SE3.Identity()
+                joint.addJoint(model.joints[part], place)
+        title = "+".join(model.names[part] for part in parts)
+        index[k] = out.addJoint(above, joint, model.jointPlacements[parts[0]], title)
+        if len(parts) > 1:
+            names[index[k]] = tuple(model.names[part] for part in parts)
+        out.appendBodyToJoint(index[k], model.inertias[k], pin.SE3.Identity())
+        parts = []
+    _copy_frames(model, out, index)
+    for limits in ("lowerPositionLimit", "upperPositionLimit", "velocityLimit", "damping",
+                   "armature", "upperDryFrictionLimit", "lowerDryFrictionLimit"):  # fmt: skip
+        setattr(out, limits, np.array(getattr(model, limits)))
+    return out, names
+
+
+def _copy_frames(model: Any, out: Any, index: dict[int, int]) -> None:
+    """Add the frames of a model to another one, but those of joints that are not there."""
+    at = {0: 0}
+    for k, frame in enumerate(model.frames):
+        if not k or frame.parentJoint not in index:
+            continue
+        joint = index[frame.parentJoint]
+        if frame.type == pin.FrameType.JOINT:
+            at[k] = out.addJointFrame(joint)
+            continue
+        before = at.get(frame.parentFrame, 0)
+        at[k] = out.addFrame(pin.Frame(frame.name, joint, before, frame.placement, frame.type))
 
 
 def share_out(robot: Description, bodies: Mapping[str, Array]) -> dict[str, Array]:
