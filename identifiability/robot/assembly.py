@@ -570,7 +570,7 @@ def _scales(path: Path, extra: Sidecar, stated: Stated) -> dict[str, tuple[float
 def _known_torque(extra: Sidecar, stated: Stated) -> tuple[KnownTorque, ...]:
     """Return the torque that is known; along a locked joint it moves nothing."""
     return tuple(
-        KnownTorque.of_table(k.along, k.table, k.interpolation or "linear")
+        KnownTorque.of_table(k.along, k.table)
         if k.table
         else KnownTorque.of_polynomial(k.along, k.polynomial, k.range or (-np.inf, np.inf))
         for k in extra.known_torque

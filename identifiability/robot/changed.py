@@ -6,7 +6,6 @@ A body's ten parameters come from its mass, centre and moments of inertia.
 from __future__ import annotations
 
 import shutil
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import count
@@ -122,32 +121,10 @@ def write_copy(robot: Any, values: Mapping[str, float]) -> Path:
     if robot.path.stem == "robot":
         path = path.with_name(f"robot{ending}")
     write(robot, values, path)
-    _keep_geometry(path, robot.path.resolve().parent)
     ladder = robot.path.with_name("ladder.toml")
     if ladder.is_file():
         shutil.copy(ladder, path.with_name("ladder.toml"))
     return path
-
-
-def _keep_geometry(path: Path, home: Path) -> None:
-    """Let a copy find the meshes that its original names beside itself."""
-    document = ET.parse(path)
-    top = document.getroot()
-    named = [e for tag in ("mesh", "hfield", "texture") for e in top.iter(tag)]
-    files = [e for e in named if e.get("file") or e.get("filename")]
-    if not files:
-        return
-    for element in files if top.tag == "robot" else ():
-        name = str(element.get("filename"))
-        if "://" not in name:
-            element.set("filename", str(home / name))
-    if top.tag == "mujoco":
-        compiler = top.find("compiler")
-        compiler = ET.SubElement(top, "compiler") if compiler is None else compiler
-        for key in ("meshdir", "texturedir", "assetdir"):
-            if key in compiler.attrib or key == "meshdir":
-                compiler.set(key, str(home / compiler.get(key, compiler.get("assetdir", ""))))
-    document.write(path, encoding="unicode")
 
 
 def last_bodies(robot: Description) -> tuple[str, ...]:

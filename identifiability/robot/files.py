@@ -367,8 +367,6 @@ def _neighbours(robot: Description) -> set[frozenset[int]]:
 
 def _of_urdf(robot: Description, root: Any) -> Iterator[tuple[str, Any, Any, tuple[int, int]]]:
     """Give body, place, shape and mask of everything in `<collision>`."""
-    if not any(True for _ in root.iter("collision")):
-        return
     text = plain_urdf(root, robot.path.stem)
     model = pin.buildModelFromXML(text)
     folder = robot.path.resolve().parent
@@ -401,17 +399,10 @@ def _of_mjcf(robot: Description, root: Any) -> Iterator[tuple[str, Any, Any, tup
         geom = made.geom(k)
         kind = mujoco.mjtGeom(int(geom.type[0])).name.removeprefix("mjGEOM_").lower()
         mask = int(geom.contype[0]), int(geom.conaffinity[0])
-        at, place = int(geom.bodyid[0]), _pose(geom.pos, geom.quat)
-        while at and made.body(at).name not in known:
-            place, at = _pose(made.body_pos[at], made.body_quat[at]) * place, made.body_parentid[at]
-        if kind in _GROUND or not any(mask) or not at:
-            continue  # what stands on the ground beside the robot is no body of it
-        yield str(made.body(at).name), place, _solid(kind, geom.size, made, k), mask
-
-
-def _pose(position: Any, quaternion: Any) -> Any:
-    w, x, y, z = (float(v) for v in quaternion)
-    return pin.SE3(pin.Quaternion(w, x, y, z).matrix(), np.array(position, float))
+        body = str(made.body(int(geom.bodyid[0])).name)
+        if kind not in _GROUND and any(mask) and body in known - {made.body(0).name}:
+            place = pin.SE3(pin.Quaternion(*map(float, geom.quat)).matrix(), np.array(geom.pos))
+            yield body, place, _solid(kind, geom.size, made, k), mask
 
 
 def _solid(kind: str, size: Any, made: Any, k: int) -> Any:
@@ -419,22 +410,17 @@ def _solid(kind: str, size: Any, made: Any, k: int) -> Any:
     import coal  # noqa: PLC0415 - only where there are shapes
 
     a, b, c = (float(x) for x in size)
-    plain = {
-        "sphere": lambda: coal.Sphere(a),
-        "capsule": lambda: coal.Capsule(a, 2 * b),
-        "cylinder": lambda: coal.Cylinder(a, 2 * b),
-        "ellipsoid": lambda: coal.Ellipsoid(a, b, c),
-        "box": lambda: coal.Box(2 * a, 2 * b, 2 * c),
-    }
-    if kind in plain:
-        return plain[kind]()
+    if kind == "sphere":
+        return coal.Sphere(a)
+    if kind == "capsule":
+        return coal.Capsule(a, 2 * b)
+    if kind == "cylinder":
+        return coal.Cylinder(a, 2 * b)
+    if kind == "ellipsoid":
+        return coal.Ellipsoid(a, b, c)
+    if kind == "box":
+        return coal.Box(2 * a, 2 * b, 2 * c)
     mesh = int(made.geom_dataid[k])
     start, count = int(made.mesh_vertadr[mesh]), int(made.mesh_vertnum[mesh])
-    first, faces = int(made.mesh_faceadr[mesh]), int(made.mesh_facenum[mesh])
-    hull = coal.BVHModelOBBRSS()
-    hull.beginModel(faces, count)
-    hull.addVertices(np.array(made.mesh_vert[start : start + count], float))
-    hull.addTriangles(np.array(made.mesh_face[first : first + faces], np.int32))
-    hull.endModel()
-    hull.buildConvexHull(True, "Qt")
-    return hull.convex
+    points = np.array(made.mesh_vert[start : start + count], float)
+    return coal.ConvexBase.convexHull(points, True, "Qt")

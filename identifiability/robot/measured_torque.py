@@ -5,13 +5,11 @@ Torque columns are in a unit, of a side and sign; known torque is a function of 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import field
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
-import scipy
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
@@ -92,11 +90,6 @@ class MeasuredTorque:
 # it.
 
 
-#: How a table is read between its points: straight lines, monotone cubics [Fritsch & Carlson 1980]
-#: that never overshoot them, or the cubic spline whose second derivative has no steps.
-Interpolation = Literal["linear", "monotone", "cubic"]
-
-
 @frozen
 class KnownTorque:
     """Torque along one axis as a function of its position; the motors supply it beside all else.
@@ -107,8 +100,6 @@ class KnownTorque:
         Actuated or passive joint, or motor that mixes joints (then position is ``coupling · q``).
     positions, torques : (k,) [rad or m], [N·m or N]
         The points of a table; empty for a polynomial.
-    interpolation : {"linear", "monotone", "cubic"}
-        Between the points of the table.
     polynomial : (d,)
         ``c0 + c1 q + c2 q² + …`` [N·m or N, q in rad or m]; empty for a table.
     span : (float, float) [rad or m]
@@ -118,19 +109,14 @@ class KnownTorque:
     along: str
     positions: Array
     torques: Array
-    interpolation: Interpolation
     polynomial: Array
     span: tuple[float, float] = (-np.inf, np.inf)
 
     @staticmethod
-    def of_table(
-        along: str, table: Sequence[Sequence[float]], interpolation: Interpolation = "linear"
-    ) -> KnownTorque:
-        """Return the torque of a table of (position, torque), which is known between its ends."""
-        points = np.array(sorted(map(tuple, table)), float)
-        x, y = points[:, 0], points[:, 1]
-        ends = float(x[0]), float(x[-1])
-        return KnownTorque(along, x, y, interpolation, np.empty(0), ends)
+    def of_table(along: str, table: Sequence[Sequence[float]]) -> KnownTorque:
+        """Return the torque of a table of (position, torque), straight between its points."""
+        x, y = np.array(sorted(map(tuple, table)), float).T
+        return KnownTorque(along, x, y, np.empty(0), (float(x[0]), float(x[-1])))
 
     @staticmethod
     def of_polynomial(
@@ -140,27 +126,7 @@ class KnownTorque:
     ) -> KnownTorque:
         """Return ``c0 + c1 q + c2 q² + …``, known within `span` [rad or m]."""
         none = np.empty(0)
-        return KnownTorque(along, none, none, "linear", np.array(coefficients, float), span)
-
-    @cached_property
-    def _curve(self) -> Callable[[Array], Array]:
-        x, y = self.positions, self.torques
-        if not len(x):
-            c = self.polynomial
-            return lambda q: np.polynomial.polynomial.polyval(q, c)
-        if self.interpolation == "linear":
-            return lambda q: np.interp(q, x, y)
-        curve = (
-            scipy.interpolate.CubicSpline
-            if self.interpolation == "cubic"
-            else scipy.interpolate.PchipInterpolator
-        )
-        through: Callable[[Array], Array] = curve(x, y)
-        return through
-
-    def __getstate__(self) -> dict[str, object]:
-        """Return what is pickled, without the curve that was made of it meanwhile."""
-        return {name: value for name, value in vars(self).items() if name != "_curve"}
+        return KnownTorque(along, none, none, np.array(coefficients, float), span)
 
     def force(self, position: Array) -> Array:
         """Return the torque at some positions (N,) [rad or m], (N,) [N·m or N].
@@ -180,18 +146,18 @@ class KnownTorque:
                 f"{low:.4g} to {high:.4g}: {len(outside)} of {len(position)} samples lie outside, "
                 "and nothing is extrapolated; measure it there too, or leave these samples out."
             )
-        found: Array = self._curve(position)
+        if len(self.positions):
+            return np.interp(position, self.positions, self.torques)
+        found: Array = np.polynomial.polynomial.polyval(position, self.polynomial)
         return found
 
     @property
     def text(self) -> str:
         """What it is, in a few words."""
         if len(self.positions):
-            words = {"linear": "straight lines", "monotone": "monotone cubics"}
-            between = words.get(self.interpolation, "a cubic spline")
             return (
                 f"along {self.along} by a table of {len(self.positions)} points from "
-                f"{self.span[0]:.4g} to {self.span[1]:.4g}, {between} between them"
+                f"{self.span[0]:.4g} to {self.span[1]:.4g}, straight lines between them"
             )
         within = ""
         if np.isfinite(self.span).any():

@@ -27,7 +27,7 @@ from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Renames, find_named, is_pattern
 from identifiability.foundation.values import frozen
 from identifiability.robot.markup import LARGEST, LONGEST_NAME
-from identifiability.robot.measured_torque import Interpolation, Side
+from identifiability.robot.measured_torque import Side
 
 Triple = tuple[float, float, float]
 
@@ -285,9 +285,7 @@ class _KnownTorqueEntry(_Strict):
     along = "joint2"
         A joint, passive or not, or a coupled motor.
     table = [[-1, 0.2], [0, 0], [1, -3]]
-        Points (position [rad or m], torque [N·m or N]).
-    interpolation = "linear"
-        Between points: linear, monotone or cubic, and never beyond the ends.
+        Points (position [rad or m], torque [N·m or N]), and straight lines between them.
     polynomial = [0, -2.5]
         In place of a table: c0 + c1 q + …
     range = [-1, 1]
@@ -296,7 +294,6 @@ class _KnownTorqueEntry(_Strict):
 
     along: str
     table: list[tuple[float, float]] = []
-    interpolation: Interpolation | None = None
     polynomial: list[float] = Field(default=[], max_length=DEGREE)
     range: Span | None = None
 
@@ -310,8 +307,6 @@ class _KnownTorqueEntry(_Strict):
                 raise ValueError("a table needs two points or more, each at another position")
             if self.range is not None:
                 raise ValueError("a table ends where its points end; leave out the range")
-        elif self.interpolation is not None:
-            raise ValueError("a polynomial needs no interpolation; leave it out")
         return self
 
 
