@@ -256,13 +256,18 @@ class WeightedLeastSquares(OrdinaryLeastSquares):
     )
 
     def fit(self, information: Information) -> Estimate:
-        """Return the estimate with weights from what the ordinary one leaves."""
-        noise = self.noise
-        if noise is None:
-            plain = _solve(information, np.ones(information.actuators), self)
-            noise = measure_noise(information, plain)
-        fit = _solve(information, weigh(information, noise), self, noise.times)
-        return replace(fit, variance=noise.variance)
+        """Return the estimate with weights from what the ordinary one leaves.
+
+        What a model leaves out is no noise, but an error of its equations all the same: an actuator
+        whose torque it cannot explain must not decide what others need, however quiet that is.
+        """
+        plain = _solve(information, np.ones(information.actuators), self)
+        noise = self.noise or measure_noise(information, plain)
+        left = np.maximum(noise.variance, plain.rss / information.rows_each)
+        fit = _solve(
+            information, weigh(information, replace(noise, variance=left)), self, noise.times
+        )
+        return replace(fit, variance=left)
 
 
 def measure_noise(information: Information, plain: Estimate) -> Noise:

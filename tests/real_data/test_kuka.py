@@ -49,7 +49,7 @@ FRICTION = "with friction and offsets"
 @pytest.mark.parametrize("processing", ["ours", "the file's"])
 @pytest.mark.parametrize(
     ("train", "validate", "low", "high"),
-    [(1, 2, 1.4, 2.1), (1, 3, 10.0, 17.0), (3, 1, 5.5, 8.5)],  # known: 1.7, 13-15, 7
+    [(1, 2, 1.4, 2.1), (1, 3, 10.0, 16.0), (3, 1, 5.5, 8.5)],  # known: 1.7, 13-15, 7
 )
 def test_known_relative_errors_come_out(errors, train, validate, low, high, processing, method):
     found = errors(train, validate, FRICTION, processing, method)["relative"]
@@ -58,7 +58,7 @@ def test_known_relative_errors_come_out(errors, train, validate, low, high, proc
 
 @pytest.mark.parametrize("method", ["ols", "wls"])
 @pytest.mark.parametrize(
-    ("train", "validate", "low", "high"), [(1, 2, 2.2, 3.0), (1, 3, 16, 25), (3, 1, 7.0, 9.5)]
+    ("train", "validate", "low", "high"), [(1, 2, 2.2, 3.0), (1, 3, 16, 23), (3, 1, 7.0, 9.5)]
 )
 def test_errors_by_eq_18_are_the_same_predictions_in_another_measure(
     errors, train, validate, low, high, method
@@ -78,7 +78,7 @@ def test_weighting_the_actuators_does_not_help_here(errors):
     # The wrist joints, small but odd, get the most weight.
     for pair in [(1, 3), (3, 1)]:
         ols, wls = (errors(*pair, method=m)["relative"] for m in ("ols", "wls"))
-        assert 0.97 * ols < wls < 1.4 * ols
+        assert 0.97 * ols < wls < 1.25 * ols
 
 
 @pytest.fixture(scope="module")
