@@ -13,7 +13,6 @@ import io
 import runpy
 import sys
 import textwrap
-import tomllib
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -85,40 +84,21 @@ def _cell(text: str) -> str:
     return " ".join(text.replace("``", "`").split()).replace("|", "\\|")
 
 
-def keys_of(schema: type[BaseModel]) -> tuple[str, dict[str, tuple[Any, str]]]:
-    """Return what a table is, and of each key in its docstring an example and a sentence.
-
-    They stand there under ``Keys``, each as a file writes it, with the sentence indented below.
-    """
-    text, _, listed = (inspect.getdoc(schema) or "").partition("\n\nKeys\n----\n")
-    found: dict[str, tuple[Any, str]] = {}
-    key = ""
-    for line in listed.splitlines():
-        if line.startswith(" "):
-            example, said = found[key]
-            found[key] = example, f"{said} {line.strip()}".strip()
-        else:
-            [(key, example)] = tomllib.loads(line).items()
-            found[key] = example, ""
-    return text, found
-
-
 def rows_of(schema: type[BaseModel]) -> list[str]:
     """Return a table's keys as rows; those that are only tables have their own heading."""
-    rows, (_, documented) = [], keys_of(schema)
+    rows = []
     for name, field in schema.model_fields.items():
-        key = field.alias or name
-        if key not in documented and any(True for _ in _inner(field.annotation)):
+        if field.description is None and any(True for _ in _inner(field.annotation)):
             continue
         default = field.get_default(call_default_factory=True)
-        stated = "" if default in (None, PydanticUndefined, "", [], {}) else f"`{toml_of(default)}`"
+        said = "" if default in (None, PydanticUndefined, "", [], {}) else f"`{toml_of(default)}`"
         if default is PydanticUndefined:
-            stated = "must be given"
-        assert key in documented, f"{schema.__name__} does not say what {key} is"
-        example, said = documented.pop(key)
-        cells = (f"`{key} = {toml_of(example)}`", kind_of(field.annotation), stated, said)
-        rows.append(f"| {' | '.join(_cell(c) for c in cells)} |")
-    assert not documented, f"{schema.__name__} has no {', '.join(documented)}"
+            said = "must be given"
+        assert field.description, f"{schema.__name__}.{name} does not say what it is"
+        key = field.alias or name
+        shown = [f"{key} = {toml_of(example)}" for example in field.examples or ()] or [key]
+        cells = (f"`{shown[0]}`", kind_of(field.annotation), said)
+        rows.append(f"| {' | '.join(_cell(c) for c in (*cells, field.description))} |")
     return rows
 
 
@@ -141,10 +121,10 @@ def write_schema(schema: type[BaseModel]) -> str:
     for heading, table in tables(schema):
         rows = rows_of(table)
         if heading:
-            said, _ = keys_of(table)
+            said = inspect.getdoc(table) or ""
             out += [f"## `[{heading}]`", "", said.replace("``", "`"), ""]
         if rows:
-            out += ["| key, as an example | value | default | what it is |", "|---|---|---|---|"]
+            out += ["| key | value | default | what it is |", "|---|---|---|---|"]
             out += [*rows, ""]
     return "\n".join(out)
 

@@ -36,13 +36,11 @@ def test_every_number_of_an_algorithm_is_on_the_page_and_there_are_not_more():
 @pytest.mark.parametrize("document", [Sidecar, LadderEntry])
 def test_every_key_has_an_example_that_its_table_takes_and_that_toml_reads_back(document):
     for _, table in WRITTEN["tables"](document):
-        _, documented = WRITTEN["keys_of"](table)
         for name, field in table.model_fields.items():
-            if (key := field.alias or name) in documented:
-                example, said = documented[key]
+            for example in field.examples or ():
                 TypeAdapter(field.annotation).validate_python(example)
                 read = tomllib.loads(f"x = {WRITTEN['toml_of'](example)}")["x"]
-                assert (read, bool(said)) == (example, True), name
+                assert read == example, name
 
 
 def sentences(declared):

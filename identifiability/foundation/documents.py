@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
 
@@ -34,6 +34,24 @@ DEEPEST = 64
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
 # It begins where a part does: looked for in the middle, long words would take their square in time.
 _DEEP_KEY = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{{DEEPEST},}}")
+
+
+def key(said: str, default: Any = ..., example: Any = None, **limits: Any) -> Any:
+    """Return a key of a schema with what it is, in words.
+
+    Parameters
+    ----------
+    said : str
+        A sentence, with the unit.
+    default : any
+        Without it the key must stand in the file.
+    example : any
+        A value as a file writes it, where its type does not show it.
+    **limits
+        Of the value, and an alias, as `pydantic.Field` takes them.
+    """
+    examples = None if example is None else [example]
+    return Field(default, description=said, examples=examples, **limits)
 
 
 def read_document(

@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from identifiability.effects import FAMILIES, default_effects
-from identifiability.foundation.documents import read_document
+from identifiability.foundation.documents import key, read_document
 from identifiability.foundation.errors import ModelError, listing, near_match
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array, find_named, is_pattern
@@ -52,39 +52,29 @@ FixedValue = Annotated[float | Literal["nominal"], BeforeValidator(_held)]
 
 
 class ModelEntry(BaseModel):
-    """A model.
-
-    Keys
-    ----
-    name = "Model 2"
-        Its name.
-    description = "equal legs"
-        A sentence on it.
-    effects = ["rigid_body", "viscous_friction", "stribeck_friction@slider1:0.02"]
-        What its torque is made of, for the first model: an effect everywhere, in some joints
-        (`@slider1+slider2`, `@leg*`), with its shape behind a colon.
-    from = "Model 1"
-        The model that it starts from; without it the one before.
-    zero = ["leg1_lower.mx"]
-        Left out: held at 0.
-    hold = {"platform.mz" = "nominal"}
-        Held at a value [SI], or at the robot file's (nominal).
-    tie = {"slider1.Fc" = ["slider1.Fc+", "slider1.Fc-"]}
-        Columns added: equal values.
-    keep = ["slider1.Fv"]
-        Everything else is left out.
-    """
+    """A model."""
 
     model_config = ConfigDict(extra="forbid", populate_by_name=True, allow_inf_nan=False)
 
-    name: str = Field(min_length=1)
-    description: str = ""
-    effects: list[str] | None = None
-    start: str | None = Field(default=None, alias="from")
-    zero: list[str] = []
-    hold: dict[str, FixedValue] = {}
-    tie: dict[str, list[str]] = {}
-    keep: list[str] | None = None
+    name: str = key("Its name.", min_length=1)
+    description: str = key("A sentence on it.", "")
+    effects: list[str] | None = key(
+        "What its torque is made of, for the first model: an effect everywhere, in some joints "
+        "(`@slider1+slider2`, `@leg*`), with its shape behind a colon.",
+        None,
+        ["rigid_body", "viscous_friction", "stribeck_friction@slider1:0.02"],
+    )
+    start: str | None = key(
+        "That it starts from; else the one before.", None, "Model 1", alias="from"
+    )
+    zero: list[str] = key("Left out: held at 0.", [], ["leg1_lower.mx"])
+    hold: dict[str, FixedValue] = key(
+        "Held at [SI], or as nominal.", {}, {"platform.mz": "nominal"}
+    )
+    tie: dict[str, list[str]] = key(
+        "Equal values.", {}, {"slider1.Fc": ["slider1.Fc+", "slider1.Fc-"]}
+    )
+    keep: list[str] | None = key("Everything else is left out.", None, ["slider1.Fv"])
 
 
 class LadderEntry(BaseModel):

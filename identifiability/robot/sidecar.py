@@ -1,16 +1,17 @@
 """The sidecar: a TOML file beside the robot file with what the robot file cannot say.
 
-Docstrings show every key as a file writes it, and docs/reference/sidecar.md is written from them.
-In [nominal], [prior], [shapes], [reference], [limits] and the sums of [[symmetry]] a pattern such
-as ``wrist_*.Fv`` or ``leg?.my`` stands for all names that fit (passive joints too), ``*`` being any
-letters and ``?`` one. A name goes before a pattern, and of two patterns the one that stands last.
+Every key is optional; each says here what it is, and ``docs/reference/sidecar.md`` is written from
+that. In [nominal], [prior], [shapes], [reference], [limits] and the sums of [[symmetry]] a pattern
+such as ``wrist_*.Fv`` or ``leg?.my`` stands for all names that fit (passive joints too), ``*``
+being any letters and ``?`` one. A name goes before a pattern, and of two patterns the one that
+stands last.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal, TypeAlias, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -22,7 +23,7 @@ from pydantic import (
     model_validator,
 )
 
-from identifiability.foundation.documents import read_document
+from identifiability.foundation.documents import key, read_document
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Renames, find_named, is_pattern
 from identifiability.foundation.values import frozen
@@ -30,6 +31,7 @@ from identifiability.robot.markup import LARGEST, LONGEST_NAME
 from identifiability.robot.measured_torque import Side
 
 Triple = tuple[float, float, float]
+T = TypeVar("T")
 
 
 class _Strict(BaseModel):
@@ -63,26 +65,30 @@ Gain = Annotated[float, Field(ge=0)]
 Fitted = Gain | Literal["fit"]
 #: No value of a robot in SI units is larger.
 Value = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
-#: Coefficients of a polynomial.
+#: Coefficients of a polynomial, and letters of a description.
 DEGREE = 50
+LONGEST_TEXT = 20 * LONGEST_NAME
+Polynomial = Annotated[list[float], Field(max_length=DEGREE)]
+Powers = Annotated[Polynomial, Field(min_length=1)]
+Delay = Annotated[float, Field(ge=0, le=1)]
+Share = Annotated[float, Field(gt=0, le=1)]
+Axes = Annotated[list[Literal["x", "y", "z"]], Field(min_length=1)]
+Named = Annotated[str, Field(min_length=1)]
+Kinds = Annotated[Names, Field(min_length=1)]
+Weights = Annotated[dict[str, Factor], Field(min_length=1)]
+Mounting = Literal["rotation", "place", "acc_bias", "gyro_bias"]
+Locked = Names | dict[str, float | None]
+Numbers = dict[str, Value]
+#: One value for all joints, or one by joint.
+ByJoint: TypeAlias = T | dict[str, T] | None
 
 
 class ColumnEntry(_Strict):
-    """Positions and commands of a joint in the logs, in ticks, degrees or normalised units.
+    """Positions and commands of a joint in the logs, in ticks, degrees or normalised units."""
 
-    Keys
-    ----
-    name = "elbow"
-        The joint here, where the key is what logs call it.
-    scale = 0.00153
-        What one is [rad or m].
-    offset = -3.14
-        Position where the log holds zero [rad or m].
-    """
-
-    name: str | None = None
-    scale: Factor = 1.0
-    offset: float = Field(default=0.0, ge=-LARGEST, le=LARGEST)
+    name: str | None = key("The joint here, where the key is what logs call it.", None)
+    scale: Factor = key("What one is [rad or m].", 1.0)
+    offset: Value = key("Position where the log holds zero [rad or m].", 0.0)
 
 
 _ColumnRule = Annotated[
@@ -103,57 +109,25 @@ def _checked(rules: dict[str, str | ColumnEntry]) -> dict[str, str | ColumnEntry
 
 
 class LoopEntry(_Strict):
-    """A point of one body that coincides with a point of another: a closed chain.
+    """A point of one body that coincides with a point of another: a closed chain."""
 
-    Keys
-    ----
-    name = "tip"
-        Its name in reports.
-    body1 = "left_tip"
-        The one body.
-    point1 = [0.3, 0, 0]
-        The point in its frame [m].
-    body2 = "right_tip"
-        The other body.
-    point2 = [0.3, 0, 0]
-        The point in its frame [m].
-    axes = ["x", "z"]
-        Directions in which it is demanded; a planar loop may have all, at any yaw.
-    frame = "table"
-        The body whose axes they are, as a slot turns with its body; without it the world's.
-    """
-
-    name: str = ""
-    body1: str
-    point1: Triple = (0.0, 0.0, 0.0)
-    body2: str
-    point2: Triple = (0.0, 0.0, 0.0)
-    axes: list[Literal["x", "y", "z"]] = Field(default=["x", "y", "z"], min_length=1)
-    frame: str | None = None
+    name: str = key("Its name in reports.", "")
+    body1: str = key("The one body.")
+    point1: Triple = key("The point in its frame [m].", (0.0, 0.0, 0.0))
+    body2: str = key("The other body.")
+    point2: Triple = key("The point in its frame [m].", (0.0, 0.0, 0.0))
+    axes: Axes = key("Directions of the world in which it is demanded.", ["x", "y", "z"])
+    frame: str | None = key("The body whose axes these are, as a slot turns with it.", None)
 
 
 class _CouplingEntry(_Strict):
-    """A joint that moves as a polynomial of others, beside what the robot file says.
+    """A joint that moves as a polynomial of others, beside what the robot file says."""
 
-    Keys
-    ----
-    name = "parallelogram"
-        Its name in reports.
-    joint = "joint3"
-        The joint that follows.
-    of = "joint2"
-        The joint that it follows.
-    polynomial = [0, -1]
-        ``joint = c0 + c1 of + c2 of² + …``
-    terms = {joint1 = [0, 0.5, 0.1]}
-        Further joints that are added, a polynomial each.
-    """
-
-    name: str = ""
-    joint: str
-    of: str | None = None
-    polynomial: list[float] = Field(default=[0.0, 1.0], min_length=1, max_length=DEGREE)
-    terms: dict[str, Annotated[list[float], Field(min_length=1, max_length=DEGREE)]] = {}
+    name: str = key("Its name in reports.", "")
+    joint: str = key("The joint that follows.")
+    of: str | None = key("The joint that it follows.", None)
+    polynomial: Powers = key("``joint = c0 + c1 of + c2 of² + …``", [0.0, 1.0])
+    terms: dict[str, Powers] = key("Further joints that are added.", {}, {"joint1": [0, 0.5, 0.1]})
 
     @model_validator(mode="after")
     def _two_joints(self) -> _CouplingEntry:
@@ -163,139 +137,70 @@ class _CouplingEntry(_Strict):
 
 
 class _TransmissionEntry(_Strict):
-    """Motors that are coupled: motor = ratio ∘ (coupling · (q − offset)).
+    """Motors that are coupled: motor = ratio ∘ (coupling · (q − offset))."""
 
-    Keys
-    ----
-    motors = ["m1", "m2"]
-        Their names, also more than there are joints.
-    coupling = [[1, 0], [1, 1]]
-        What each motor turns by per joint, before its gear.
-    ratio = [45, 32]
-        Ratios of the gears.
-    offset = [0, 0]
-        Joint positions where motors are at zero.
-    """
-
-    motors: Names
-    coupling: list[list[float]]
-    ratio: list[float] | None = None
-    offset: list[float] | None = None
+    motors: Names = key("Their names, also more than there are joints.")
+    coupling: list[list[float]] = key("What a motor turns by per joint.", ..., [[1, 0], [1, 1]])
+    ratio: list[float] | None = key("Ratios of the gears behind that.", None)
+    offset: list[float] | None = key("Joint positions where motors are at zero.", None)
 
 
 class AxisEntry(_Strict):
     """A combination of joints on which effects can be (jaws.Fv, jaws.K …).
 
     Fixed tendons of an MJCF along several joints are axes by their own names.
-
-    Keys
-    ----
-    name = "jaws"
-        Its name.
-    joints = {jaw2 = 1, jaw1 = -1}
-        By how much each joint moves it.
-    rest = 0.1
-        Where a spring on it is relaxed; without it at home.
     """
 
-    name: str = Field(min_length=1)
-    joints: dict[str, Factor] = Field(min_length=1)
-    rest: float | None = None
+    name: Named = key("Its name.")
+    joints: Weights = key("By how much each joint moves it.", ..., {"jaw2": 1, "jaw1": -1})
+    rest: float | None = key("Where a spring on it is relaxed; without it at home.", None)
 
 
 class _BaseParametersEntry(_Strict):
-    """How dependent columns are grouped.
+    """How dependent columns are grouped."""
 
-    Keys
-    ----
-    bodies = ["arm2", "arm1"]
-        Bodies whose columns are kept first when columns are grouped.
-    """
-
-    bodies: Names = []
+    bodies: Names = key("Bodies whose columns are kept first when columns are grouped.", [])
 
 
 class LimitEntry(_Strict):
-    """Motion limits of an actuated joint, for motions that are designed.
+    """Motion limits of an actuated joint, for motions that are designed."""
 
-    Keys
-    ----
-    q = [-1, 1]
-        Position [rad or m].
-    v = 2
-        Speed [rad/s or m/s].
-    a = 10
-        Acceleration [rad/s² or m/s²].
-    tau = 40
-        Torque [N·m or N].
-    power = 200
-        Power [W].
-    """
-
-    q: Span | None = None
-    v: float | None = Field(default=None, gt=0)
-    a: float | None = Field(default=None, gt=0)
-    tau: float | None = Field(default=None, gt=0)
-    power: float | None = Field(default=None, gt=0)
+    q: Span | None = key("Position [rad or m].", None)
+    v: Length | None = key("Speed [rad/s or m/s].", None)
+    a: Length | None = key("Acceleration [rad/s² or m/s²].", None)
+    tau: Length | None = key("Torque [N·m or N].", None)
+    power: Length | None = key("Power [W].", None)
 
 
 class _TimeEntry(_Strict):
-    """The clock of logs.
+    """The clock of logs."""
 
-    Keys
-    ----
-    unit = "ms"
-        Unit of `t`; without it s, or what can only be meant.
-    """
-
-    unit: Literal["s", "ms", "us", "ns"] | None = None
+    unit: Literal["s", "ms", "us", "ns"] | None = key("Of `t`; else what can only be meant.", None)
 
 
 class _TorqueEntry(_Strict):
     """What torque columns hold: τ = sign · gain · ratio · value.
 
-    Keys
-    ----
-    side = "motor"
-        Where it was measured: at the joint with all of its rotor, at the `motor`'s rotor, or at
-        the `link` behind the gear, where no rotor inertia is seen.
-    gain = {joint1 = 0.11}
-        Torque constants of currents [N·m/A]; one number, or by joint.
-    ratio = {joint1 = 100}
-        Of the gears.
-    sign = {joint1 = -1}
-        −1 where a column counts the other way.
-    compensated = true
-        Whether the driver took off what holds the weight (or of which joints): the file's is added
-        again.
+    Measured at the `joint` with all of its rotor, at the `motor`'s rotor, or at the `link` behind
+    the gear, where no rotor inertia is seen. One number is of all joints, a table by joint.
     """
 
-    side: Side = "joint"
-    gain: Factor | dict[str, Factor] | None = None
-    ratio: Factor | dict[str, Factor] | None = None
-    sign: Literal[1, -1] | dict[str, Literal[1, -1]] | None = None
-    compensated: bool | Names | None = None
+    side: Side = key("Where it was measured.", "joint")
+    gain: ByJoint[Factor] = key("Torque constants of currents [N·m/A].", None, {"joint1": 0.11})
+    ratio: ByJoint[Factor] = key("Of the gears.", None, {"joint1": 100})
+    sign: ByJoint[Literal[1, -1]] = key("−1 where a column counts the other way.", None, -1)
+    compensated: bool | Names | None = key("Whether (where) drivers took the weight off.", None)
 
 
 class _KnownTorqueEntry(_Strict):
-    """Torque that is supplied beside the motor's, and taken off the measured one.
+    """Torque that is supplied beside the motor's, and taken off the measured one."""
 
-    Keys
-    ----
-    along = "joint2"
-        A joint, passive or not, or a coupled motor.
-    table = [[-1, 0.2], [0, 0], [1, -3]]
-        Points (position [rad or m], torque [N·m or N]), and straight lines between them.
-    polynomial = [0, -2.5]
-        In place of a table: c0 + c1 q + …
-    range = [-1, 1]
-        Positions between which the polynomial holds.
-    """
-
-    along: str
-    table: list[tuple[float, float]] = []
-    polynomial: list[float] = Field(default=[], max_length=DEGREE)
-    range: Span | None = None
+    along: str = key("A joint, passive or not, or a coupled motor.")
+    table: list[tuple[float, float]] = key(
+        "Lines through (position, torque).", [], [[0, 0], [1, -3]]
+    )
+    polynomial: Polynomial = key("In place of a table: c0 + c1 q + …", [])
+    range: Span | None = key("Positions between which the polynomial holds.", None)
 
     @model_validator(mode="after")
     def _one_of_both(self) -> _KnownTorqueEntry:
@@ -313,90 +218,44 @@ class _KnownTorqueEntry(_Strict):
 class ServoEntry(_Strict):
     """Position servos, where logs hold commands and no torque.
 
-    τ = kp (q_cmd − q) + kv (dq_cmd − dq) + τ_ff
-
-    Keys
-    ----
-    kp = 40
-        [N·m/rad or N/m]; one number, or by joint; "fit" where logs shall tell it, as they do where
-        nobody states any gain.
-    kv = {"*_knee" = 2, "*" = 1}
-        [N·m·s/rad or N·s/m]; one number, or by joint, or "fit".
-    limit = 30
-        Torque beyond which it is saturated [N·m or N]; where none is stated logs tell it.
-    delay = 0.004
-        Of commands [s]; auto: logs tell it.
-    rate = 500
-        At which the servo measures and acts [Hz]; 1000 where nobody says it.
+    τ = kp (q_cmd − q) + kv (dq_cmd − dq) + τ_ff. One number is of all joints, a table by joint;
+    `fit` lets logs tell a gain, as they do where nobody states any.
     """
 
-    kp: Fitted | dict[str, Fitted] | None = None
-    kv: Fitted | dict[str, Fitted] | None = None
-    limit: Length | dict[str, Length] | None = None
-    delay: Literal["auto"] | Annotated[float, Field(ge=0, le=1)] = "auto"
-    rate: Length | None = None
+    kp: ByJoint[Fitted] = key("[N·m/rad or N/m]", None, 40)
+    kv: ByJoint[Fitted] = key("[N·m·s/rad or N·s/m]", None, {"*_knee": 2, "*": 1})
+    limit: ByJoint[Length] = key("Torque at saturation [N·m or N]; else logs tell it.", None, 30)
+    delay: Literal["auto"] | Delay = key("Of commands [s]; auto: logs tell it.", "auto")
+    rate: Length | None = key("At which it measures and acts [Hz]; 1000 if nobody says it.", None)
 
 
 class ImuEntry(_Strict):
     """How an inertial sensor is mounted on a base that floats.
 
     It reads a = R (a₀ + dω/dt × r + ω × (ω × r)) + b where the base's origin accelerates by a₀.
-
-    Keys
-    ----
-    rotation = [0, 0, 1.57]
-        Roll, pitch and yaw of the sensor on the base [rad].
-    place = [0, 0, 0.05]
-        Where it is on the base [m].
-    acc_bias = [0.1, 0, -0.05]
-        What the accelerometer reads too much [m/s²].
-    gyro_bias = [0.002, 0, 0]
-        What the gyroscope reads too much [rad/s].
-    fit = ["place", "acc_bias"]
-        Those of these that are known roughly: corrections of them are fitted (the effect
-        `imu_mounting`).
     """
 
-    rotation: Triple = (0.0, 0.0, 0.0)
-    place: Triple = (0.0, 0.0, 0.0)
-    acc_bias: Triple = (0.0, 0.0, 0.0)
-    gyro_bias: Triple = (0.0, 0.0, 0.0)
-    fit: list[Literal["rotation", "place", "acc_bias", "gyro_bias"]] = []
+    rotation: Triple = key("Roll, pitch and yaw on the base [rad].", (0.0, 0.0, 0.0))
+    place: Triple = key("Where it is on the base [m].", (0.0, 0.0, 0.0))
+    acc_bias: Triple = key("What the accelerometer reads too much [m/s²].", (0.0, 0.0, 0.0))
+    gyro_bias: Triple = key("What the gyroscope reads too much [rad/s].", (0.0, 0.0, 0.0))
+    fit: list[Mounting] = key("Those that are corrected by a fit (effect `imu_mounting`).", [])
 
 
 class ContactEntry(_Strict):
     """Where the ground presses on a robot that floats, with a force that nobody measures.
 
     Without flag and schedule the contact never opens.
-
-    Keys
-    ----
-    frame = "FL_foot"
-        A body, or a site or geom of an MJCF.
-    kind = "point"
-        Whether it transmits a force alone, or a moment, too.
-    point = [0, 0, -0.2]
-        Its middle in that frame [m].
-    radius = 0.02
-        Of a round foot [m]; without it that of a sphere of the file is its own.
-    flag = "FL_contact"
-        Column of logs that says when it is closed.
-    threshold = 10
-        Of that column, above which it is.
-    schedule = [[0, 1.5], [2, 4]]
-        Or between which times it is closed [s].
-    margin = 0.02
-        How much longer on both sides it may be [s].
     """
 
-    frame: str
-    kind: Literal["point", "surface"] = "point"
-    point: Triple = (0.0, 0.0, 0.0)
-    radius: Gain | None = None
-    flag: str = ""
-    threshold: float = 0.5
-    schedule: list[Span] | None = None
-    margin: Gain = 0.02
+    frame: str = key("A body, or a site or geom of an MJCF.")
+    kind: Literal["point", "surface"] = key("A surface transmits a moment, too.", "point")
+    point: Triple = key("Its middle in that frame [m].", (0.0, 0.0, 0.0))
+    radius: Gain | None = key("Of a round foot [m]; else that of the file's sphere.", None)
+    flag: str = key("Column of logs that says when it is closed.", "")
+    threshold: float = key("Of that column, above which it is.", 0.5)
+    schedule: list[Span] | None = key("Or between which times it is [s].", None, [[0, 1.5], [2, 4]])
+    margin: Gain = key("How much longer on both sides it may be [s].", 0.02)
 
     @model_validator(mode="after")
     def _one_of_both(self) -> ContactEntry:
@@ -406,18 +265,10 @@ class ContactEntry(_Strict):
 
 
 class WrenchEntry(_Strict):
-    """A force, and a moment, on a robot that floats which is measured.
+    """A force, and a moment, on a robot that floats which is measured."""
 
-    Keys
-    ----
-    frame = "FL_foot"
-        A body, site or geom, along whose axes it is.
-    columns = ["FL_fx", "FL_fy", "FL_fz"]
-        Columns of logs: three [N], or six [N, N·m].
-    """
-
-    frame: str
-    columns: Names
+    frame: str = key("A body, site or geom, along whose axes it is.")
+    columns: Names = key("Columns of logs: three [N], or six [N, N·m].")
 
     @model_validator(mode="after")
     def _three_or_six(self) -> WrenchEntry:
@@ -427,158 +278,76 @@ class WrenchEntry(_Strict):
 
 
 class _SymmetryEntry(_Strict):
-    """Columns that equal parts let us add.
+    """Columns that equal parts let us add."""
 
-    Keys
-    ----
-    name = "equal legs"
-        Its name in reports.
-    tie = {"leg.my" = ["leg1.my", "leg2.my"]}
-        The parameter, and those that are equal to it.
-    """
-
-    name: str = ""
-    tie: dict[str, list[str]]
+    name: str = key("Its name in reports.", "")
+    tie: dict[str, list[str]] = key("What is equal.", ..., {"leg.my": ["leg1.my", "leg2.my"]})
 
 
 class _EllipsoidEntry(_Strict):
-    """Where a centre of mass is.
+    """Where a centre of mass is."""
 
-    Keys
-    ----
-    centre = [0, 0, 0.2]
-        In the body's frame [m].
-    radii = [0.1, 0.1, 0.3]
-        Along its axes [m].
-    """
-
-    centre: Triple = (0.0, 0.0, 0.0)
-    radii: tuple[Length, Length, Length]
+    centre: Triple = key("In the body's frame [m].", (0.0, 0.0, 0.0))
+    radii: tuple[Length, Length, Length] = key("Along its axes [m].")
 
 
 class BodyBoundsEntry(_Strict):
-    """What is known of a body, or of all whose names fit.
+    """What is known of a body, or of all whose names fit."""
 
-    Keys
-    ----
-    mass = [0.5, 2.0]
-        Least and largest mass [kg].
-    box = [[-0.1, 0.1], [-0.1, 0.1], [0.0, 0.4]]
-        Where its centre of mass is, along the axes of the body's frame in the robot file [m].
-    """
-
-    mass: Masses | None = None
-    box: tuple[Span, Span, Span] | None = None
+    mass: Masses | None = key("Least and largest mass [kg].", None)
+    box: tuple[Span, Span, Span] | None = key("Of its centre, along its frame's axes [m].", None)
     ellipsoid: _EllipsoidEntry | None = None
 
 
 class BoundsEntry(_Strict):
-    """What a real robot of this kind can have.
+    """What a real robot of this kind can have."""
 
-    Keys
-    ----
-    total_mass = [8.0, 12.0]
-        Least and largest mass of all moving bodies, without payload [kg].
-    """
-
-    total_mass: Masses | None = None
+    total_mass: Masses | None = key("Of all moving bodies, without payload [kg].", None)
     bodies: dict[str, BodyBoundsEntry] = {}
 
 
 class _PriorEntry(_Strict):
-    """A normal prior of a standard parameter; others are nominal ± prior_relative × their size.
+    """A normal prior of a standard parameter; others are nominal ± prior_relative × their size."""
 
-    Keys
-    ----
-    mean = 3.0
-        In SI units.
-    sd = 0.3
-        In SI units.
-    """
-
-    mean: float
-    sd: float = Field(gt=0)
+    mean: float = key("In SI units.")
+    sd: Length = key("In SI units.")
 
 
 class Sidecar(_Strict):
-    r"""What the robot file cannot say.
+    """What the robot file cannot say."""
 
-    Keys
-    ----
-    name = "3-RPS parallel robot"
-        The robot's name.
-    description = "Three legs carry a platform."
-        A sentence on it.
-    base = "fixed"
-        Whether the root of a legged robot, or of one that floats in its file, was bolted down
-        (`fixed`), or nothing held it (`floating`).
-    stand = [0, 1.57, 0]
-        Roll, pitch and yaw [rad] at which the root stood in the world where it was bolted down or
-        hung up; without it as the file draws it.
-    actuated = ["joint1", "joint2"]
-        Which joints have a motor; without it those of <actuator>, or all.
-    locked = {finger = 0.02}
-        Joints that do not move, or a table with where they stand.
-    angles = "deg"
-        Unit of angles in logs; without it rad, and what looks like degrees is refused.
-    effects = ["joint_stiffness@roll"]
-        Effects of default models that are at some places only, as a ladder writes them.
-    massless = ["cross"]
-        Links of a URDF between the axes of one joint (universal, ball), each carrying one joint:
-        they are no bodies.
-    guessed = ["forearm"]
-        Bodies whose masses and inertias in the file are guesses, as those that a table leaves out:
-        no torque is compared with what they ask for.
-    inertia_parts = ["Jr", "Js"]
-        What an actuator's inertia is made of.
-    home = {joint1 = 0.3}
-        Joint positions; they select the assembly of a closed chain.
-    symbols = {platform = "3"}
-        Short forms of bodies and joints in labels.
-    nominal = {"joint1.Fv" = 3.0}
-        Values of parameters beside those of the robot file.
-    rest = {joint2 = 0.4}
-        Where the spring of a joint (joint2.K) is relaxed [rad or m]; without it as the robot file
-        says, or at home.
-    shapes = {"joint1.stribeck_friction" = 0.05}
-        Shapes by joint and effect: a Stribeck velocity [rad/s or m/s], the period of a ripple.
-    reference = {"arm1.m" = 3.0}
-        Values by which the loads of load-dependent friction, a tilted base and a delay are known;
-        without them nominal ones.
-    columns = {"fer_joint(\\d)" = "panda_joint\\1", elbow = {scale = 0.00153, offset = -3.14}}
-        Column or joint in the logs = column or joint here; or a regular expression for the whole
-        name. Or joint (or pattern) = scale and offset of its positions and commands.
-    prior_relative = 0.5
-        Width of the priors that [prior] does not state, as a share of their size.
-    prior_share = {hand = 0.02, "link*" = 0.1}
-        Bodies (or patterns) to the share within which each is the robot file's; of the others
-        --prior is.
-    """
-
-    name: str = Field(default="", max_length=LONGEST_NAME)
-    description: str = Field(default="", max_length=20 * LONGEST_NAME)
-    base: Literal["fixed", "floating"] | None = None
-    stand: Triple | None = None
-    actuated: list[str] | None = None
-    locked: Names | dict[str, float | None] = []
-    angles: Literal["rad", "deg"] | None = None
-    effects: Names = []
-    massless: Names = []
-    guessed: Names = []
-    inertia_parts: Names = Field(default=["Ia"], min_length=1)
-    home: dict[str, float] = {}
+    name: Annotated[str, Field(max_length=LONGEST_NAME)] = key("The robot's name.", "")
+    description: Annotated[str, Field(max_length=LONGEST_TEXT)] = key("A sentence on it.", "")
+    base: Literal["fixed", "floating"] | None = key("Whether its root was bolted down.", None)
+    stand: Triple | None = key("Roll, pitch, yaw [rad] of a root that was; else as drawn.", None)
+    actuated: list[str] | None = key("Joints with a motor; else those of <actuator>, or all.", None)
+    locked: Locked = key("Joints that stand still, or a table of where.", [], {"finger": 0.02})
+    angles: Literal["rad", "deg"] | None = key("Unit of angles in logs; else rad.", None)
+    effects: Names = key("Effects that are at some places only.", [], ["joint_stiffness@roll"])
+    massless: Names = key("Links of a URDF between the axes of one joint, which are no bodies.", [])
+    guessed: Names = key("Bodies whose masses in the file are guesses, compared with nothing.", [])
+    inertia_parts: Kinds = key("What an actuator's inertia is made of.", ["Ia"], ["Jr", "Js"])
+    home: Numbers = key(
+        "Positions that select the assembly of a closed chain.", {}, {"joint1": 0.3}
+    )
     loops: list[LoopEntry] | None = None
     couplings: list[_CouplingEntry] = []
     transmission: _TransmissionEntry | None = None
     axes: list[AxisEntry] = []
-    symbols: dict[str, str] = {}
+    symbols: dict[str, str] = key("Short forms in labels.", {}, {"platform": "3"})
     base_parameters: _BaseParametersEntry = _BaseParametersEntry()
-    nominal: dict[str, Value] = {}
-    rest: dict[str, float] = {}
-    shapes: dict[str, Annotated[float, Field(gt=0)]] = {}
-    reference: dict[str, float] = {}
+    nominal: Numbers = key("Values that go before the robot file's.", {}, {"joint1.Fv": 3.0})
+    rest: Numbers = key(
+        "Where springs are relaxed; else as the file says, or at home.", {}, {"joint2": 0.4}
+    )
+    shapes: dict[str, Length] = key("As of Stribeck.", {}, {"joint1.stribeck_friction": 0.05})
+    reference: Numbers = key("Values by which loads are known; else nominal.", {}, {"arm1.m": 3.0})
     limits: dict[str, LimitEntry] = {}
-    columns: Annotated[dict[str, _ColumnRule], AfterValidator(_checked)] = {}
+    columns: Annotated[dict[str, _ColumnRule], AfterValidator(_checked)] = key(
+        "Name or regular expression in logs = name here, or scale and offset of positions.",
+        {},
+        {"fer_joint(\\d)": "panda_joint\\1", "elbow": {"scale": 0.00153, "offset": -3.14}},
+    )
     time: _TimeEntry = _TimeEntry()
     torque: _TorqueEntry = _TorqueEntry()
     servo: ServoEntry | None = None
@@ -587,9 +356,9 @@ class Sidecar(_Strict):
     contacts: list[ContactEntry] = []
     wrench: list[WrenchEntry] = []
     symmetry: list[_SymmetryEntry] = []
-    prior_relative: float = Field(default=1.0, gt=0)
+    prior_relative: Length = key("Width of priors that [prior] does not state.", 1.0)
     prior: dict[str, _PriorEntry] = {}
-    prior_share: dict[str, Annotated[float, Field(gt=0, le=1)]] = {}
+    prior_share: dict[str, Share] = key("Within which bodies are the file's.", {}, {"link*": 0.1})
     bounds: BoundsEntry = BoundsEntry()
 
 
@@ -607,9 +376,6 @@ def read_sidecar(path: Path | None) -> Sidecar:
 
 
 # Names and patterns in a sidecar's tables: ``wrist_*.Fv`` for every joint or axis that fits.
-
-
-V = TypeVar("V")
 
 
 def check_known(path: Path, key: str, given: Iterable[str], known: Iterable[str]) -> None:
@@ -638,8 +404,8 @@ def check_known(path: Path, key: str, given: Iterable[str], known: Iterable[str]
 
 
 def by_name(
-    path: Path, key: str, table: Mapping[str, V], known: Collection[str], gone: Collection[str] = ()
-) -> dict[str, V]:
+    path: Path, key: str, table: Mapping[str, T], known: Collection[str], gone: Collection[str] = ()
+) -> dict[str, T]:
     """Return what a table says of every name that its names and patterns stand for.
 
     A name goes before a pattern, and of two patterns the one that stands last.
@@ -660,7 +426,7 @@ def by_name(
     RobotError
         If nothing fits a name or pattern.
     """
-    out: dict[str, V] = {}
+    out: dict[str, T] = {}
     for text in sorted(table, key=is_pattern, reverse=True):
         found = find_named(text, known)
         if not found and not find_named(text, gone):
@@ -689,7 +455,7 @@ class Owners:
     locked: tuple[str, ...] = ()
     welded: tuple[str, ...] = ()
 
-    def parameters(self, path: Path, key: str, table: Mapping[str, V]) -> dict[str, V]:
+    def parameters(self, path: Path, key: str, table: Mapping[str, T]) -> dict[str, T]:
         """Return a table of parameters by name; kinds of inertia are bodies'.
 
         Raises
@@ -697,7 +463,7 @@ class Owners:
         RobotError
             If the robot has no such body, joint, motor or axis.
         """
-        out: dict[str, V] = {}
+        out: dict[str, T] = {}
         for text in sorted(table, key=is_pattern, reverse=True):
             owner, _, kind = text.rpartition(".")
             kinds = find_named(kind, INERTIAL_KINDS) if is_pattern(kind) else [kind]
