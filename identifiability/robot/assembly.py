@@ -25,14 +25,7 @@ from identifiability.robot.floating import BASE_JOINTS, Base, Contact, Imu, Wren
 from identifiability.robot.kinematics import Point, body_names
 from identifiability.robot.markup import check_nominal
 from identifiability.robot.measured_torque import KnownTorque, MeasuredTorque
-from identifiability.robot.parts import (
-    Combination,
-    Loop,
-    LoopFrame,
-    Stated,
-    Transmission,
-    name_numbers,
-)
+from identifiability.robot.parts import Combination, Loop, Stated, Transmission, name_numbers
 from identifiability.robot.rules import RULES
 from identifiability.robot.servo import read_servo
 from identifiability.robot.sidecar import (
@@ -429,13 +422,8 @@ def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
     places = ((entry.body1, entry.point1), (entry.body2, entry.point2))
     only = (pin.FrameType.BODY,)
     ends = [_find_frame(path, "loops", body, at, stated, only)[0] for body, at in places]
-    frame = None
-    if entry.frame is not None:
-        origin, rotation = _find_frame(path, "loops", entry.frame, (0, 0, 0), stated, only)
-        frame = LoopFrame(entry.frame, origin.joint, rotation)
-    axes = tuple("xyz".index(a) for a in entry.axes)
     name = entry.name or f"{entry.body1}-{entry.body2}"
-    return Loop(name, ends[0], ends[1], axes, places, frame)
+    return Loop(name, ends[0], ends[1], places)
 
 
 def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ...]) -> Base | None:

@@ -327,8 +327,7 @@ class Description:
     @cached_property
     def equations(self) -> int:
         """Number of loop equations, those included that follow from others."""
-        points = sum(len(loop.axes) for loop in self.loops)
-        return points + len(self.couplings) + len(self.cables)
+        return 3 * len(self.loops) + len(self.couplings) + len(self.cables)
 
     @property
     def nv(self) -> int:

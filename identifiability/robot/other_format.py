@@ -212,9 +212,12 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
         if robot.home.any():
             places = {name: j.iq for name, j in robot.tree.single.items()}
             new["home"] = {name: float(robot.home[at]) for name, at in places.items()}
-    whole = all(len(loop.axes) == 3 for loop in robot.loops)
-    ground = GROUND if mjcf else ground_of(robot)
-    new["loops"] = [] if mjcf and whole else _loops(robot, ground)
+        new["loops"] = [
+            {"name": loop.name}
+            | {f"body{k}": body for k, (body, _) in enumerate(ends, 1)}
+            | {f"point{k}": point.tolist() for k, (_, point) in enumerate(ends, 1)}
+            for loop, ends in zip(robot.loops, ends_of(robot, ground_of(robot)), strict=True)
+        ]
     most = MOST_MJCF if mjcf else MOST_URDF
     left = [c for c in robot.couplings if not stated_in_file(c, most)]
     new["couplings"] = [
@@ -258,26 +261,6 @@ def _is_of(text: Any, gone: Collection[str]) -> bool:
     if not isinstance(text, str):
         return False
     return bool({text, text.rpartition(".")[0], text.partition("@")[2]} & {*gone})
-
-
-def _loops(robot: Description, ground: str) -> list[dict[str, Any]]:
-    out = []
-    for loop, ends in zip(robot.loops, ends_of(robot, ground), strict=True):
-        entry: dict[str, Any] = {"name": loop.name}
-        for k, (body, point) in enumerate(ends, 1):
-            entry |= {f"body{k}": body, f"point{k}": point.tolist()}
-        if len(loop.axes) < 3:
-            entry["axes"] = ["xyz"[axis] for axis in loop.axes]
-        if loop.frame is not None:
-            if not np.allclose(loop.frame.rotation, np.eye(3), atol=1e-9):
-                raise RobotError(
-                    f"The frame of '{loop.frame.body}' in {robot.path} is turned against "
-                    f"its joint, so the axes of the loop '{loop.name}' cannot be said in the other "
-                    "format: export it in its own, or as JSON."
-                )
-            entry |= {} if loop.frame.joint == WORLD else {"frame": loop.frame.body}
-        out.append(entry)
-    return out
 
 
 def _bounds(robot: Description) -> dict[str, Any]:

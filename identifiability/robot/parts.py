@@ -96,37 +96,16 @@ class Axis:
 
 
 @frozen
-class LoopFrame:
-    """A body whose axes a closure is written in, as a slot turns with its body.
-
-    Attributes
-    ----------
-    body : str
-    joint : int
-        The joint of the tree that it is behind, or ``WORLD``.
-    rotation : (3, 3)
-        Of its frame in that of the joint.
-    """
-
-    body: str
-    joint: int
-    rotation: Array
-
-
-@frozen
 class Loop:
     """A point closure: a point of one body coincides with a point of another.
 
-    `axes` are the directions in which the closure is demanded (a planar loop needs two), those of
-    the world or of `frame`; `stated` is the entry of a sidecar: bodies, and points in their frames.
+    `stated` is the entry of a sidecar: bodies, and points in their frames.
     """
 
     name: str
     first: Point
     second: Point
-    axes: tuple[int, ...] = (0, 1, 2)
     stated: tuple[tuple[str, tuple[float, ...]], tuple[str, tuple[float, ...]]] | None = None
-    frame: LoopFrame | None = None
 
 
 @frozen

@@ -72,9 +72,8 @@ Polynomial = Annotated[list[float], Field(max_length=DEGREE)]
 Powers = Annotated[Polynomial, Field(min_length=1)]
 Delay = Annotated[float, Field(ge=0, le=1)]
 Share = Annotated[float, Field(gt=0, le=1)]
-Axes = Annotated[list[Literal["x", "y", "z"]], Field(min_length=1)]
 Named = Annotated[str, Field(min_length=1)]
-Kinds = Annotated[Names, Field(min_length=1)]
+Kinds = Annotated[list[str], Field(min_length=1), AfterValidator(_unique)]
 Weights = Annotated[dict[str, Factor], Field(min_length=1)]
 Mounting = Literal["rotation", "place", "acc_bias", "gyro_bias"]
 Locked = Names | dict[str, float | None]
@@ -116,8 +115,6 @@ class LoopEntry(_Strict):
     point1: Triple = key("The point in its frame [m].", (0.0, 0.0, 0.0))
     body2: str = key("The other body.")
     point2: Triple = key("The point in its frame [m].", (0.0, 0.0, 0.0))
-    axes: Axes = key("Directions of the world in which it is demanded.", ["x", "y", "z"])
-    frame: str | None = key("The body whose axes these are, as a slot turns with it.", None)
 
 
 class _CouplingEntry(_Strict):

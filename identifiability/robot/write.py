@@ -246,20 +246,10 @@ def _turn_base(top: ET.Element, robot: Description) -> None:
     """Let a URDF stand so that gravity, which is down in every one, is along the robot's.
 
     Its first link hangs on another one by a joint whose origin turns the whole robot.
-
-    Raises
-    ------
-    RobotError
-        If loops are closed along some axes of the world, which would not turn.
     """
     step = shortest_turn(robot.gravity, DOWN) if robot.gravity.any() else np.zeros(3)
     if np.linalg.norm(step) < TINY:
         return
-    if any(len(loop.axes) < 3 and loop.frame is None for loop in robot.loops):
-        raise RobotError(
-            f"{robot.path} closes loops along axes of the world, which a URDF cannot turn with the "
-            "robot: export it as MJCF, or as JSON."
-        )
     children = {e.get("link") for joint in top.findall("joint") for e in joint.findall("child")}
     links = [str(link.get("name")) for link in top.findall("link")]
     first = next(name for name in links if name not in children)

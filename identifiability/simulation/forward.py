@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError
@@ -22,8 +20,6 @@ from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.output import temporary_folder
 from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Robot
-from identifiability.robot.closure import count_independent
-from identifiability.robot.kinematics import Point
 from identifiability.robot.mjcf import leave_out, quiet, replace_free_joints
 from identifiability.robot.servo import UNLIMITED, Servo
 from identifiability.robot.write import write_robot
@@ -154,7 +150,7 @@ def _add_closures(spec: Any, robot: Robot) -> None:
         if loop.stated is None:
             continue
         names = [f"closure {index} {end}" for end in (0, 1)]
-        for name, (body, point) in zip(names, _whole_closure(robot, index), strict=True):
+        for name, (body, point) in zip(names, loop.stated, strict=True):
             spec.body(body).add_site(name=name, pos=list(point))
         _equate(spec, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE, names)
     present = {e.name1 for e in spec.equalities if e.type == mujoco.mjtEq.mjEQ_JOINT}
@@ -176,34 +172,6 @@ def _set_couplings(model: Any, robot: Robot) -> None:
             curve = Polynomial(c.polynomial)(Polynomial([*drawn[1:], 1.0])) - drawn[0]
             model.eq_data[model.equality(own).id, :POWERS] = 0.0
             model.eq_data[model.equality(own).id, : len(curve.coef)] = curve.coef
-
-
-def _whole_closure(robot: Robot, index: int) -> list[tuple[str, Array]]:
-    """Return bodies and points of a closure that is demanded in all directions, as MuJoCo's are.
-
-    Raises
-    ------
-    RobotError
-        If it would hold what the loop leaves free.
-    """
-    loop = robot.loops[index]
-    assert loop.stated is not None
-    (first, at), (second, there) = loop.stated
-    frames = robot.tree.frames(robot.home[None], [loop.first.joint, loop.second.joint])
-    apart = robot.tree.world_point(frames, loop.first) - robot.tree.world_point(frames, loop.second)
-    if len(loop.axes) == 3:
-        return [(first, np.array(at)), (second, np.array(there))]
-    by = robot.tree.world_axes(frames, loop.second.joint, np.eye(3))[:, :, 0] @ apart[:, 0]
-    meeting = Point(loop.second.joint, loop.second.position + by)
-    held = replace(loop, second=meeting, axes=(0, 1, 2), frame=None)
-    loops = (*robot.loops[:index], held, *robot.loops[index + 1 :])
-    if count_independent(replace(robot, loops=loops)) > len(robot.dependent):
-        raise RobotError(
-            f"The loop '{loop.name}' of {robot.name} leaves a direction free, as a slot does, and "
-            "MuJoCo's closures hold all three: it is not simulated forward."
-        )
-    body = robot.model.frames[robot.model.getFrameId(second, pin.FrameType.BODY)].placement
-    return [(first, np.array(at)), (second, np.array(there) + np.array(body.rotation).T @ by)]
 
 
 def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
@@ -296,7 +264,8 @@ class Drives:
         a[:, self.joints] = np.array([data.qacc for data in copies])[:, self.dofs]
         for k, line in zip(self.tendons, self._lines, strict=True):
             for row, data in enumerate(copies):
-                slope, bent = (line.slope(self.model, data, dot=dot) for dot in (False, True))
+                slope = -line.apart(self.model, data)[1][0]
+                bent = -line.rate(self.model, data)[0]
                 v[row, k], a[row, k] = slope @ data.qvel, slope @ data.qacc + bent @ data.qvel
         return v, a
 

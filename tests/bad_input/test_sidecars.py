@@ -51,7 +51,6 @@ BAD = {
         LOOP + '"link2"',
         "only 0 independent equations; name the missing actuated",
     ),
-    "unknown axis": (LOOP + '"base"\naxes = ["w"]', "should be 'x', 'y' or 'z'"),
     "unknown coupled joint": (COUPLING + 'of = "sholder"', "'sholder', did you mean 'shoulder'"),
     "coupled to itself": (COUPLING + 'of = "elbow"', "cannot be coupled to itself"),
     "no polynomial": (COUPLING + "polynomial = []", "list should have at least 1 item"),
