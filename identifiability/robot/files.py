@@ -83,7 +83,7 @@ def read_robot(
     extra = extra if base is None else extra.model_copy(update={"base": base})
     root = read_markup(path)
     if root.tag == "mujoco":  # who has a URDF does not wait for MuJoCo
-        from identifiability.robot.compiled import state_robot  # noqa: PLC0415
+        from identifiability.robot.mjcf import state_robot  # noqa: PLC0415
 
         stated = state_robot(path, root, extra)
     else:
