@@ -126,15 +126,13 @@ JOINT = (
     ),
     Entry(
         "joint free",
-        arm(world=f'<body name="stone"><joint name="float" type="free"/>{GEOM}</body>'),
-        unreadable=True,
-        refusal="free",
+        arm(world=f'[[<body name="stone"><joint name="float" type="free"/>{GEOM}</body>]]'),
+        inert=True,
     ),
     Entry(
         "joint freejoint",
-        arm(world=f'<body name="stone"><freejoint name="float" align="true"/>{GEOM}</body>'),
-        unreadable=True,
-        refusal="free",
+        arm(world=f'[[<body name="stone"><freejoint name="float" align="true"/>{GEOM}</body>]]'),
+        inert=True,
     ),
 )
 
