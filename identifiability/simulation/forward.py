@@ -20,6 +20,7 @@ from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.output import temporary_folder
 from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Robot
+from identifiability.robot.along import rest_along
 from identifiability.robot.mjcf import leave_out, quiet, replace_free_joints
 from identifiability.robot.servo import UNLIMITED, Servo
 from identifiability.robot.write import write_robot
@@ -357,14 +358,11 @@ class ForwardRobot:
 
     def _rest(self, name: str) -> float:
         """Return where a spring on a joint, tendon, motor or axis is relaxed [rad or m]."""
-        robot = self.robot
-        if name in robot.rest:
-            return robot.rest[name]
-        weights = self._axes.get(name, {name: 1.0})
-        at = {j: float(robot.dof_position(robot.home[None], j)[0]) for j in weights}
-        if name not in robot.combinations:  # a motor's is so where those of its joints are
-            at |= {j: robot.rest[j] for j in weights if j in robot.rest}
-        return sum(c * at[j] for j, c in weights.items())
+        axes = {a.name: a for a in (*self.robot.axes, *self.robot.passive_axes)}
+        if name in axes:
+            return rest_along(self.robot, axes[name])
+        at_home = float(self.robot.dof_position(self.robot.home[None], name)[0])
+        return self.robot.rest.get(name, at_home)
 
     def _set_tendon(self, t: int, numbers: Mapping[str, float], rest: float) -> None:
         for word, value in numbers.items():

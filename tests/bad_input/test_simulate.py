@@ -131,7 +131,9 @@ def test_a_bad_trajectory_file_is_refused(content, sentence, simulates, write):
 
 def test_an_unknown_trajectory_in_a_file_is_refused(simulates, write):
     path = write("motion.json", edited())
-    assert f"{path} has no trajectory 'd'. It has a, b, c." in simulates("two-link", f"{path}:d")
+    assert f"trajectory 'd' in {path}. It has a, b, c; 'random'" in simulates(
+        "two-link", f"{path}:d"
+    )
 
 
 def test_lost_samples_that_a_fit_bridges_are_bridged_in_a_motion(tmp_path):
