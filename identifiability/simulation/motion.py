@@ -177,7 +177,7 @@ def shipped_trajectory(robot: Robot, name: str) -> Trajectory:
 def _chosen(known: Mapping[str, Trajectory], name: str, where: str) -> Trajectory:
     """Return a trajectory of a file by name, the first without one."""
     if not known:
-        raise LogError(f"There is no trajectory {where}: it holds no trajectory; give one under 'trajectories'.")
+        raise LogError("The file holds no trajectory; give one under 'trajectories'.")
     if name and name not in known:
         raise LogError(
             f"There is no motion file or trajectory '{name}' {where}{near_match(name, known)} It "
