@@ -47,13 +47,9 @@ def solve(A: Array, b: Array) -> Array:
     try:
         return np.linalg.solve(A, b[..., None])[..., 0]
     except np.linalg.LinAlgError:
-        out = np.full(b.shape, np.nan)
-        for k in range(len(A)):
-            try:
-                out[k] = np.linalg.solve(A[k], b[k])
-            except np.linalg.LinAlgError:
-                continue
-        return out
+        inverse, condition = invert(A)
+        inverse[np.isinf(condition)] = np.nan
+        return (inverse @ b[..., None])[..., 0]
 
 
 def invert(A: Array) -> tuple[Array, Array]:
@@ -254,21 +250,13 @@ def close_loops(robot: Description, q: Array) -> Closed:
     count = min(n, max(64, n // 32))
     chosen = np.unique(np.linspace(0, n - 1, count).astype(int))
     seeds = follow_from_home(robot, q[chosen], _HOMOTOPY_STEPS)
-    good = seeds.error < ACCEPTED
-    if not good.any():
+    if not (seeds.error < ACCEPTED).any():
         seeds = follow_from_home(robot, q[chosen], 6 * _HOMOTOPY_STEPS)
-        good = seeds.error < ACCEPTED
-        if not good.any():
-            # Of longer motions that seem to close nowhere, only some samples are
-            # tried.
-            left = q if n <= 2000 else q[chosen]  # the rest is not worth minutes
-            tried = follow_from_home(robot, left, 2 * _HOMOTOPY_STEPS)
-            if len(left) == n:
-                return tried
-            error = np.full(n, np.inf)
-            error[chosen] = tried.error
-            rows = np.zeros(n, int)
-            return Closed(tried.q[rows], error, tried.A[rows])
+    good = seeds.error < ACCEPTED
+    if not good.any():  # what closes nowhere on the way is not worth minutes
+        return Closed(
+            seeds.q[np.zeros(n, int)], np.full(n, seeds.error.min()), seeds.A[np.zeros(n, int)]
+        )
     guess = _predict(robot, q, q[chosen[good]], seeds.q[good], seeds.A[good])
     closed = newton(robot, guess)
     moved = np.abs(closed.q - guess).max(1)
