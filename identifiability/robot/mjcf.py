@@ -84,11 +84,25 @@ def compile_mjcf(
         With MuJoCo's reason, and the near match of a name that is not there.
     """
     with _refused(path, root):
-        spec = _parse(path, root)
-        if fixed or floating is not None:
-            replace_free_joints(spec, floating)
-        leave_out(spec, outside)
-        return spec.compile()
+        return read_spec(path, root, outside, fixed=fixed, floating=floating).compile()
+
+
+def read_spec(
+    path: Path,
+    root: ET.Element,
+    outside: Collection[str] = (),
+    *,
+    fixed: bool = False,
+    floating: int | None = None,
+) -> Any:
+    """Return an MJCF as `compile_mjcf` compiles it (mujoco.MjSpec)."""
+    spec = _parse(path, root)
+    if fixed or floating is not None:
+        replace_free_joints(spec, floating)
+    _name_all(spec)
+    for name in outside:
+        spec.delete(spec.body(name))
+    return spec
 
 
 def replace_free_joints(spec: Any, floating: int | None = None) -> None:
@@ -150,13 +164,6 @@ def find_floating(path: Path, m: Any, outside: Collection[str], extra: Sidecar) 
             "joints with one axis can, and what pushes a base is a measured wrench of the sidecar."
         )
     return found[0] if found else None
-
-
-def leave_out(spec: Any, outside: Collection[str]) -> None:
-    """Name all bodies and joints, and delete some bodies with all that refers to them."""
-    _name_all(spec)
-    for name in outside:
-        spec.delete(spec.body(name))
 
 
 def weighing_files(path: Path) -> tuple[Path, ...]:

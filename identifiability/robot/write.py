@@ -133,7 +133,8 @@ def write_robot(
     if not robot.mjcf:
         drop_repeated(top)
     for body, theta in share_out(robot, bodies).items():
-        _write_body(top, robot, body, theta)
+        write_body = write_inertial if robot.mjcf else _write_urdf_inertial
+        write_body(top, body, *own_inertial(robot, body, theta))
     elements = {e.get("name"): e for e in _joints(top)}
     degrees = robot.mjcf and not in_radians(top)
     slides = {cable.name for cable in robot.cables}
@@ -200,8 +201,14 @@ def _joints(top: ET.Element) -> list[ET.Element]:
     return [e for w in worlds for e in w.iter("joint")] if worlds else top.findall("joint")
 
 
-def _write_body(top: ET.Element, robot: Description, body: str, theta: Array) -> None:
-    """Write ten parameters of a body, given in the frame of the joint that moves it."""
+def own_inertial(robot: Description, body: str, theta: Array) -> tuple[float, Array, Array]:
+    """Return mass, centre (3,) and inertia (3, 3) about it in the frame that a file gives a body.
+
+    Parameters
+    ----------
+    theta : (10,)
+        In the frame of the joint that moves it.
+    """
     mass = float(theta[0])
     if mass <= 0:
         raise RobotError(
@@ -213,11 +220,7 @@ def _write_body(top: ET.Element, robot: Description, body: str, theta: Array) ->
     # The library's frame is the joint's; the file's may be shifted or turned against it.
     frame = robot.model.frames[robot.model.getFrameId(body, pin.FrameType.BODY)].placement
     R, p = np.array(frame.rotation), np.array(frame.translation)
-    centre, inertia = R.T @ (centre - p), thicken(R.T @ inertia @ R)
-    if robot.mjcf:
-        write_inertial(top, body, mass, centre, inertia)
-    else:
-        _write_urdf_inertial(top, body, mass, centre, inertia)
+    return mass, R.T @ (centre - p), thicken(R.T @ inertia @ R)
 
 
 def _write_urdf_inertial(

@@ -6,9 +6,7 @@ straight tendons.
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
-from collections.abc import Callable, Collection, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -17,15 +15,15 @@ from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import INERTIAL_KINDS, Array
-from identifiability.foundation.output import temporary_folder
 from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Robot
 from identifiability.robot.along import rest_along
-from identifiability.robot.mjcf import leave_out, quiet, replace_free_joints
+from identifiability.robot.locking import share_out
+from identifiability.robot.mjcf import quiet
 from identifiability.robot.servo import UNLIMITED, Servo
-from identifiability.robot.write import write_robot
+from identifiability.robot.write import own_inertial
 from identifiability.simulation.forces import JointTerms, both_directions
-from identifiability.simulation.mujoco_robot import MujocoRobot, bare_urdf, reason_of
+from identifiability.simulation.mujoco_robot import MujocoRobot, compile_robot, robot_spec
 from identifiability.simulation.rules import RULES
 
 # The MuJoCo model that is simulated forward: the robot file with other values, and its sidecar.
@@ -33,9 +31,6 @@ from identifiability.simulation.rules import RULES
 # Axes that mix joints and motors that do are fixed tendons in it; a tendon that drives the robot
 # has a motor of unit gain.
 
-
-#: Parts of an MJCF file that have no share in the free motion of the bodies.
-_IDLE = ("asset", "actuator", "sensor", "contact", "visual", "statistic", "custom")
 
 #: Coefficients of a coupling of MuJoCo.
 POWERS = 5
@@ -60,7 +55,6 @@ def mixed_axes(robot: Robot) -> dict[str, dict[str, float]]:
 def compile_forward(
     robot: Robot,
     values: Mapping[str, float],
-    joints: Mapping[str, Mapping[str, float]],
     servo: Servo | None = None,
 ) -> Any:
     """Return the MuJoCo model of a robot with other bodies, without looks and contacts.
@@ -70,8 +64,6 @@ def compile_forward(
     robot : Robot
     values : mapping
         Parameters of the bodies by name.
-    joints : mapping
-        What a file states of each joint.
     servo : Servo, optional
         That drives the actuated joints, an actuator of each joint's name.
 
@@ -87,62 +79,42 @@ def compile_forward(
                 f"MuJoCo's couplings have one, up to the power {POWERS - 1}: it is not simulated "
                 "forward."
             )
-    with temporary_folder() as folder:
-        path = Path(folder) / f"robot{robot.path.suffix}"
-        bodies = {b: np.array([values[f"{b}.{k}"] for k in INERTIAL_KINDS]) for b in robot.bodies}
-        write_robot(robot, path, bodies, joints, {})
-        top = ET.parse(path).getroot()
-    text = (
-        bare_urdf(top, balance="true")
-        if top.tag == "robot"
-        else _bare_mjcf(top, {cable.name for cable in robot.cables})
-    )
-    try:
-        spec = mujoco.MjSpec.from_string(text)
-        if robot.bolted:
-            replace_free_joints(spec)
-        if robot.outside:
-            leave_out(spec, robot.outside)
-        _add_closures(spec, robot)
-        for name, weights in mixed_axes(robot).items():
-            _add_tendon(spec, name, weights)
-        for cable in robot.cables:
-            spec.add_actuator(
-                name=cable.name, target=cable.name, trntype=mujoco.mjtTrn.mjTRN_TENDON, **_MOTOR
-            )
-        if servo is not None:
-            for k, joint in enumerate(robot.joints):
-                _add_servo(spec, joint, servo, k)
-        model = spec.compile()
-    except ValueError as error:
-        raise RobotError(
-            f"MuJoCo cannot simulate {robot.path} with these values: {reason_of(error)}."
-        ) from None
+    spec = robot_spec(robot, balance="true")
+    for k, tendon in enumerate(spec.tendons):
+        tendon.name = tendon.name or f"tendon{k + 1}"
+    cables = {cable.name for cable in robot.cables}
+    gone = [*spec.actuators, *(e for e in spec.equalities if e.type == mujoco.mjtEq.mjEQ_TENDON)]
+    for element in (*gone, *(t for t in spec.tendons if t.name not in cables)):
+        spec.delete(element)
+    _add_closures(spec, robot)
+    for name, weights in mixed_axes(robot).items():
+        tendon = spec.add_tendon(name=name)
+        for joint, coefficient in weights.items():
+            tendon.wrap_joint(joint, coefficient)
+    for name in (cable.name for cable in robot.cables):
+        spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON, **_MOTOR)
+    if servo is not None:
+        for k, joint in enumerate(robot.joints):
+            _add_servo(spec, joint, servo, k)
+    model = compile_robot(robot, spec)
     _set_couplings(model, robot)
+    _set_bodies(model, robot, values)
     model.jnt_actfrclimited[:] = 0  # logged torque acted as it is, and servos have limits of theirs
     return model
 
 
-def _bare_mjcf(top: ET.Element, tendons: Collection[str]) -> str:
-    """Return an MJCF file without looks, contacts and what else no free motion needs."""
-    for part in [c for c in top if c.tag in _IDLE]:
-        top.remove(part)
-    for group in top.findall("tendon"):
-        for tendon in [c for c in group if c.get("name") not in tendons]:
-            group.remove(tendon)
-    for group in top.findall("equality"):
-        for tendon in group.findall("tendon"):
-            group.remove(tendon)
-    for parent in list(top.iter()):
-        for child in [c for c in parent if c.tag in ("geom", "light", "camera")]:
-            parent.remove(child)
-    for key in top.iter("key"):
-        for name in ("ctrl", "act", "mpos", "mquat"):
-            key.attrib.pop(name, None)
-    compiler = top.find("compiler")
-    compiler = ET.SubElement(top, "compiler") if compiler is None else compiler
-    compiler.set("balanceinertia", "true")
-    return ET.tostring(top, encoding="unicode")
+def _set_bodies(model: Any, robot: Robot, values: Mapping[str, float]) -> None:
+    """Set the bodies that move; what is fixed to one is part of it."""
+    bodies = {b: np.array([values[f"{b}.{k}"] for k in INERTIAL_KINDS]) for b in robot.bodies}
+    for body, theta in share_out(robot, bodies).items():
+        b = model.body(body).id
+        whole = np.flatnonzero(model.body_weldid == model.body_weldid[b])
+        model.body_mass[whole], model.body_inertia[whole] = 0.0, 0.0
+        mass, centre, inertia = own_inertial(robot, body, theta)
+        moments, axes = np.linalg.eigh(inertia)
+        axes[:, 0] *= np.linalg.det(axes)
+        model.body_mass[b], model.body_ipos[b], model.body_inertia[b] = mass, centre, moments
+        mujoco.mju_mat2Quat(model.body_iquat[b], axes.ravel())
 
 
 def _add_closures(spec: Any, robot: Robot) -> None:
@@ -193,12 +165,6 @@ def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
 def _equate(spec: Any, kind: Any, of: Any, names: list[str], **options: Any) -> None:
     ends = {"name1": names[0], "name2": names[1]}
     spec.add_equality(type=kind, objtype=of, active=True, **ends, **options)
-
-
-def _add_tendon(spec: Any, name: str, weights: Mapping[str, float]) -> None:
-    tendon = spec.add_tendon(name=name)
-    for joint, coefficient in weights.items():
-        tendon.wrap_joint(joint, coefficient)
 
 
 # Where motors of a robot that is simulated forward act: at joints, or along straight tendons.
@@ -317,15 +283,16 @@ class ForwardRobot:
         places = (*robot.tree.single, *self._axes)
         terms = {n: JointTerms.of(values, n, parts) for n in places}
         numbers = {name: stated_numbers(of) for name, of in terms.items()}
-        joints = {name: numbers[name] for name in (*robot.tree.single, *robot.tendons)}
-        self._kinematics = MujocoRobot(robot, compile_forward(robot, values, joints, servo))
+        self._kinematics = MujocoRobot(robot, compile_forward(robot, values, servo))
         self.model = self._kinematics.model
         self._set_joints(numbers)
         self._bias = self._constant(terms)
         self._drives = Drives(self._kinematics)
         options = self.model.opt
         disabled = mujoco.mjtDisableBit
-        options.disableflags &= ~int(disabled.mjDSBL_CONSTRAINT | disabled.mjDSBL_ACTUATION)
+        # What the file switches off is in no value that is given.
+        on = disabled.mjDSBL_SPRING | disabled.mjDSBL_DAMPER | disabled.mjDSBL_FRICTIONLOSS
+        options.disableflags &= ~int(disabled.mjDSBL_CONSTRAINT | disabled.mjDSBL_ACTUATION | on)
         options.disableflags |= int(disabled.mjDSBL_LIMIT | disabled.mjDSBL_CONTACT)
         options.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 

@@ -21,40 +21,56 @@ from identifiability.robot import Robot
 from identifiability.robot.files import release_root
 from identifiability.robot.floating import BASE_JOINTS
 from identifiability.robot.markup import drop_repeated, read_markup
-from identifiability.robot.mjcf import AXES, compile_mjcf, quiet
+from identifiability.robot.mjcf import AXES, quiet, read_spec
 
 # A robot file as MuJoCo compiles it, and its loops and couplings in MuJoCo's terms.
 
 
 def load_file(robot: Robot) -> Any:
     """Load the robot file; a URDF loses its meshes, which have no part in the dynamics."""
+    return compile_robot(robot, robot_spec(robot))
+
+
+def robot_spec(robot: Robot, *, balance: str = "false") -> Any:
+    """Return the robot file before it is compiled (mujoco.MjSpec); what floats has six joints.
+
+    Raises
+    ------
+    RobotError
+    """
     try:
-        root = ET.parse(robot.path).getroot()
-        if robot.path.suffix.lower() == ".urdf" or root.tag == "robot":
-            model = _load_urdf(robot, root)
-        else:
-            root = read_markup(robot.path)
+        if robot.mjcf:
             which = None if robot.base is None else robot.base.which
             how: dict[str, Any] = {"fixed": robot.bolted, "floating": which}
-            model = compile_mjcf(robot.path, root, robot.outside, **how)
+            return read_spec(robot.path, read_markup(robot.path), robot.outside, **how)
+        said = "floating" if robot.base is not None else "fixed" if robot.bolted else None
+        root, _ = release_root(ET.parse(robot.path).getroot(), said)
+        spec = mujoco.MjSpec.from_string(bare_urdf(root, balance))
+    except (ValueError, OSError) as error:
+        raise RobotError(f"MuJoCo cannot load {robot.path}: {reason_of(error)}.") from None
+    if robot.base is not None:
+        top = spec.worldbody.bodies[0]
+        for k, name in enumerate(BASE_JOINTS):
+            kind = mujoco.mjtJoint.mjJNT_SLIDE if k < len(AXES) else mujoco.mjtJoint.mjJNT_HINGE
+            top.add_joint(name=name, type=kind, axis=AXES[k % len(AXES)])
+    return spec
+
+
+def compile_robot(robot: Robot, spec: Any) -> Any:
+    """Return the model of a spec, in which gravity is that of the robot.
+
+    Raises
+    ------
+    RobotError
+    """
+    try:
+        with quiet():
+            model = spec.compile()
     except (ValueError, OSError) as error:
         raise RobotError(f"MuJoCo cannot load {robot.path}: {reason_of(error)}.") from None
     if robot.upright is not None or robot.base is not None:
         model.opt.gravity[:] = robot.gravity
     return model
-
-
-def _load_urdf(robot: Robot, root: ET.Element) -> Any:
-    """Load a URDF; what floats hangs on six joints."""
-    if robot.base is None:
-        said = "fixed" if robot.bolted else None
-        return mujoco.MjModel.from_xml_string(bare_urdf(release_root(root, said)[0], "false"))
-    spec = mujoco.MjSpec.from_string(bare_urdf(release_root(root, "floating")[0], "false"))
-    top = spec.worldbody.bodies[0]
-    for k, name in enumerate(BASE_JOINTS):
-        kind = mujoco.mjtJoint.mjJNT_SLIDE if k < len(AXES) else mujoco.mjtJoint.mjJNT_HINGE
-        top.add_joint(name=name, type=kind, axis=AXES[k % len(AXES)])
-    return spec.compile()
 
 
 def bare_urdf(root: ET.Element, balance: str) -> str:
