@@ -86,7 +86,7 @@ def compile_forward(
     gone = [*spec.actuators, *(e for e in spec.equalities if e.type == mujoco.mjtEq.mjEQ_TENDON)]
     for element in (*gone, *(t for t in spec.tendons if t.name not in cables)):
         spec.delete(element)
-    _add_closures(spec, robot)
+    _add_couplings(spec, robot)
     for name, weights in mixed_axes(robot).items():
         tendon = spec.add_tendon(name=name)
         for joint, coefficient in weights.items():
@@ -117,22 +117,14 @@ def _set_bodies(model: Any, robot: Robot, values: Mapping[str, float]) -> None:
         mujoco.mju_mat2Quat(model.body_iquat[b], axes.ravel())
 
 
-def _add_closures(spec: Any, robot: Robot) -> None:
-    """Add the closures that the sidecar states, and couplings that the format does not carry."""
-    for index, loop in enumerate(robot.loops):
-        if loop.stated is None:
-            continue
-        names = [f"closure {index} {end}" for end in (0, 1)]
-        for name, (body, point) in zip(names, loop.stated, strict=True):
-            spec.body(body).add_site(name=name, pos=list(point))
-        _equate(spec, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE, names)
+def _add_couplings(spec: Any, robot: Robot) -> None:
+    """Add the couplings that the robot file does not state, or not so."""
     present = {e.name1 for e in spec.equalities if e.type == mujoco.mjtEq.mjEQ_JOINT}
-    for coupling in robot.couplings:
-        if coupling.joint in present:
-            continue
-        names = [coupling.joint, next(iter(coupling.terms), "")]
-        own = f"coupling of {coupling.joint}"
-        _equate(spec, mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT, names, name=own)
+    for c in robot.couplings:
+        if c.joint not in present:
+            kind = {"type": mujoco.mjtEq.mjEQ_JOINT, "objtype": mujoco.mjtObj.mjOBJ_JOINT}
+            own, of = f"coupling of {c.joint}", next(iter(c.terms), "")
+            spec.add_equality(name=own, name1=c.joint, name2=of, active=True, **kind)
 
 
 def _set_couplings(model: Any, robot: Robot) -> None:
@@ -160,11 +152,6 @@ def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
         ),
     }
     spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT, **options)
-
-
-def _equate(spec: Any, kind: Any, of: Any, names: list[str], **options: Any) -> None:
-    ends = {"name1": names[0], "name2": names[1]}
-    spec.add_equality(type=kind, objtype=of, active=True, **ends, **options)
 
 
 # Where motors of a robot that is simulated forward act: at joints, or along straight tendons.

@@ -26,6 +26,9 @@ from identifiability.robot.mjcf import AXES, quiet, read_spec
 # A robot file as MuJoCo compiles it, and its loops and couplings in MuJoCo's terms.
 
 
+_EQ = mujoco.mjtEq
+
+
 def load_file(robot: Robot) -> Any:
     """Load the robot file; a URDF loses its meshes, which have no part in the dynamics."""
     return compile_robot(robot, robot_spec(robot))
@@ -33,6 +36,8 @@ def load_file(robot: Robot) -> Any:
 
 def robot_spec(robot: Robot, *, balance: str = "false") -> Any:
     """Return the robot file before it is compiled (mujoco.MjSpec); what floats has six joints.
+
+    Loops of the sidecar, which go before those of the file, are connections of sites.
 
     Raises
     ------
@@ -42,7 +47,8 @@ def robot_spec(robot: Robot, *, balance: str = "false") -> Any:
         if robot.mjcf:
             which = None if robot.base is None else robot.base.which
             how: dict[str, Any] = {"fixed": robot.bolted, "floating": which}
-            return read_spec(robot.path, read_markup(robot.path), robot.outside, **how)
+            spec = read_spec(robot.path, read_markup(robot.path), robot.outside, **how)
+            return _with_loops(spec, robot)
         said = "floating" if robot.base is not None else "fixed" if robot.bolted else None
         root, _ = release_root(ET.parse(robot.path).getroot(), said)
         spec = mujoco.MjSpec.from_string(bare_urdf(root, balance))
@@ -53,6 +59,20 @@ def robot_spec(robot: Robot, *, balance: str = "false") -> Any:
         for k, name in enumerate(BASE_JOINTS):
             kind = mujoco.mjtJoint.mjJNT_SLIDE if k < len(AXES) else mujoco.mjtJoint.mjJNT_HINGE
             top.add_joint(name=name, type=kind, axis=AXES[k % len(AXES)])
+    return _with_loops(spec, robot)
+
+
+def _with_loops(spec: Any, robot: Robot) -> Any:
+    stated = [loop.stated for loop in robot.loops if loop.stated is not None]
+    own = (_EQ.mjEQ_CONNECT, _EQ.mjEQ_WELD)
+    for element in [e for e in spec.equalities if stated and e.type in own]:
+        spec.delete(element)
+    for index, ends in enumerate(stated):
+        names = [f"closure {index} {end}" for end in (0, 1)]
+        for name, (body, point) in zip(names, ends, strict=True):
+            spec.body(body).add_site(name=name, pos=list(point))
+        kind = {"type": _EQ.mjEQ_CONNECT, "objtype": mujoco.mjtObj.mjOBJ_SITE}
+        spec.add_equality(name1=names[0], name2=names[1], active=True, **kind)
     return spec
 
 
@@ -123,20 +143,11 @@ class PointClosure:
 
 
 def find_closures(model: Any, robot: Robot) -> list[PointClosure]:
-    """Return the point closures of the MJCF, or of the sidecar where it has its own."""
-    stated = [loop.stated for loop in robot.loops if loop.stated is not None]
-    if stated:
-        return [
-            PointClosure(
-                (int(model.body(first).id), int(model.body(second).id)),
-                (np.array(at), np.array(there)),
-            )
-            for (first, at), (second, there) in stated
-        ]
+    """Return the point closures of a model that `robot_spec` has made."""
     out = []
     for k in range(model.neq if robot.loops else 0):  # a flag of the file may open them all
-        weld = model.eq_type[k] == mujoco.mjtEq.mjEQ_WELD
-        if not (weld or model.eq_type[k] == mujoco.mjtEq.mjEQ_CONNECT) or not model.eq_active0[k]:
+        weld = model.eq_type[k] == _EQ.mjEQ_WELD
+        if not (weld or model.eq_type[k] == _EQ.mjEQ_CONNECT) or not model.eq_active0[k]:
             continue
         bodies, data = [int(model.eq_obj1id[k]), int(model.eq_obj2id[k])], model.eq_data[k]
         points, turns = [data[:3], data[3:6]], np.eye(4)[[0, 0]]
