@@ -8,9 +8,9 @@ import stat
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
 from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
 
@@ -34,6 +34,17 @@ DEEPEST = 64
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
 # It begins where a part does: looked for in the middle, long words would take their square in time.
 _DEEP_KEY = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{{DEEPEST},}}")
+
+
+def rising(span: tuple[float, float]) -> tuple[float, float]:
+    """Check that a lower limit is below an upper one."""
+    if not span[0] < span[1]:
+        raise ValueError("the lower limit must be below the upper one")
+    return span
+
+
+#: A lower and an upper limit.
+Span = Annotated[tuple[float, float], AfterValidator(rising)]
 
 
 def key(said: str, default: Any = ..., example: Any = None, **limits: Any) -> Any:

@@ -24,7 +24,7 @@ from identifiability.robot.description import ENDLESS, Bound, Description, Ellip
 from identifiability.robot.floating import BASE_JOINTS, Base, Contact, Imu, Wrench
 from identifiability.robot.kinematics import Point, body_names
 from identifiability.robot.markup import check_nominal
-from identifiability.robot.measured_torque import KnownTorque, MeasuredTorque
+from identifiability.robot.measured_torque import MeasuredTorque
 from identifiability.robot.parts import Combination, Loop, Stated, Transmission, name_numbers
 from identifiability.robot.rules import RULES
 from identifiability.robot.servo import read_servo
@@ -273,6 +273,15 @@ def position_limits(
     return out
 
 
+def _speed_limits(robot: Description, given: Sequence[LimitEntry]) -> Array:
+    """Return limits of speed, (n,) [rad/s or m/s]: the sidecar's, else the velocities of a URDF."""
+    own = [] if robot.mjcf else robot.model.velocityLimit.tolist()
+    of_file = {name: own[j.iv] for name, j in robot.tree.single.items() if j.iv < len(own)}
+    pairs = zip(robot.joints, given, strict=True)
+    speeds = [of_file.get(joint, 0.0) if entry.v is None else entry.v for joint, entry in pairs]
+    return np.array([speed if 0 < speed < ENDLESS else np.inf for speed in speeds])
+
+
 def _assemble_nearest(robot: Description, extra: Sidecar) -> Description:
     """Return a robot of which nothing states a home, closed near where its file draws it."""
     if robot.equations < max(len(robot.dependent), 1):
@@ -376,7 +385,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         scales=_scales(path, extra, stated),
         time_unit=extra.time.unit or "",
         torque=_measured_torque(extra, stated),
-        known_torque=_known_torque(extra, stated),
+        known_torque=tuple(k for k in extra.known_torque if k.along not in stated.locked),
         angles=extra.angles,
         locked=dict(stated.locked),
         welded=dict(stated.welded),
@@ -399,7 +408,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         robot,
         nominal=_nominal(robot, extra, stated, {**axes, **driven}),
         limits=position_limits(robot, robot.joints, extra.limits),
-        speed_limits=np.array([np.inf if limit.v is None else limit.v for limit in limits]),
+        speed_limits=_speed_limits(robot, limits),
         acceleration_limits=np.array([np.inf if limit.a is None else limit.a for limit in limits]),
         transmission=_transmission(robot, extra),
     )
@@ -553,17 +562,6 @@ def _scales(path: Path, extra: Sidecar, stated: Stated) -> dict[str, tuple[float
         rule.name or key: rule for key, rule in extra.columns.items() if not isinstance(rule, str)
     }
     return by_name(path, "columns", {k: (r.scale, r.offset) for k, r in given.items()}, lines)
-
-
-def _known_torque(extra: Sidecar, stated: Stated) -> tuple[KnownTorque, ...]:
-    """Return the torque that is known; along a locked joint it moves nothing."""
-    return tuple(
-        KnownTorque.of_table(k.along, k.table)
-        if k.table
-        else KnownTorque.of_polynomial(k.along, k.polynomial, k.range or (-np.inf, np.inf))
-        for k in extra.known_torque
-        if k.along not in stated.locked
-    )
 
 
 def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:

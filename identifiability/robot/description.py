@@ -510,21 +510,5 @@ class Description:
         return sorted(range(len(names)), key=lambda k: rank.get(names[k], len(rank)))
 
 
-# Limits of speed that files of a robot state: the sidecar, else the velocities of a URDF.
-
-
 #: A position or speed from which on a file means that there is no limit [rad or m, and per s].
 ENDLESS: Tolerance = 1e6
-
-
-def stated_speeds(robot: Description) -> Array:
-    """Return limits of speed, (n,) [rad/s or m/s]; infinite where no file states one."""
-    speeds = robot.speed_limits.copy()
-    of_file = np.asarray(() if robot.mjcf else robot.model.velocityLimit, float)
-    for k, name in enumerate(robot.joints):
-        joint = robot.tree.single.get(name)
-        if joint is None or not np.isinf(speeds[k]) or joint.iv >= len(of_file):
-            continue
-        if 0 < of_file[joint.iv] < ENDLESS:  # zero where the file is silent
-            speeds[k] = of_file[joint.iv]
-    return speeds

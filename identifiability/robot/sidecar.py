@@ -23,12 +23,12 @@ from pydantic import (
     model_validator,
 )
 
-from identifiability.foundation.documents import key, read_document
+from identifiability.foundation.documents import Span, key, read_document, rising
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Renames, find_named, is_pattern
 from identifiability.foundation.values import frozen
 from identifiability.robot.markup import LARGEST, LONGEST_NAME
-from identifiability.robot.measured_torque import Side
+from identifiability.robot.measured_torque import KnownTorque, Polynomial, Side
 
 Triple = tuple[float, float, float]
 T = TypeVar("T")
@@ -44,12 +44,6 @@ def _unique(names: list[str]) -> list[str]:
     return names
 
 
-def _rising(span: tuple[float, float]) -> tuple[float, float]:
-    if not span[0] < span[1]:
-        raise ValueError("the lower limit must be below the upper one")
-    return span
-
-
 def _not_zero(value: float) -> float:
     if not value:
         raise ValueError("zero would leave nothing; give another number")
@@ -58,17 +52,14 @@ def _not_zero(value: float) -> float:
 
 Factor = Annotated[float, AfterValidator(_not_zero)]
 Names = Annotated[list[str], AfterValidator(_unique)]
-Span = Annotated[tuple[float, float], AfterValidator(_rising)]
-Masses = Annotated[tuple[Annotated[float, Field(ge=0)], float], AfterValidator(_rising)]
+Masses = Annotated[tuple[Annotated[float, Field(ge=0)], float], AfterValidator(rising)]
 Length = Annotated[float, Field(gt=0)]
 Gain = Annotated[float, Field(ge=0)]
 Fitted = Gain | Literal["fit"]
 #: No value of a robot in SI units is larger.
 Value = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
-#: Coefficients of a polynomial, and letters of a description.
-DEGREE = 50
+#: Letters of a description.
 LONGEST_TEXT = 20 * LONGEST_NAME
-Polynomial = Annotated[list[float], Field(max_length=DEGREE)]
 Powers = Annotated[Polynomial, Field(min_length=1)]
 Delay = Annotated[float, Field(ge=0, le=1)]
 Share = Annotated[float, Field(gt=0, le=1)]
@@ -187,29 +178,6 @@ class _TorqueEntry(_Strict):
     ratio: ByJoint[Factor] = key("Of the gears.", None, {"joint1": 100})
     sign: ByJoint[Literal[1, -1]] = key("−1 where a column counts the other way.", None, -1)
     compensated: bool | Names | None = key("Whether (where) drivers took the weight off.", None)
-
-
-class _KnownTorqueEntry(_Strict):
-    """Torque that is supplied beside the motor's, and taken off the measured one."""
-
-    along: str = key("A joint, passive or not, or a coupled motor.")
-    table: list[tuple[float, float]] = key(
-        "Lines through (position, torque).", [], [[0, 0], [1, -3]]
-    )
-    polynomial: Polynomial = key("In place of a table: c0 + c1 q + …", [])
-    range: Span | None = key("Positions between which the polynomial holds.", None)
-
-    @model_validator(mode="after")
-    def _one_of_both(self) -> _KnownTorqueEntry:
-        if bool(self.table) == bool(self.polynomial):
-            raise ValueError("give either a table or a polynomial")
-        if self.table:
-            positions = {position for position, _ in self.table}
-            if len(positions) < max(len(self.table), 2):
-                raise ValueError("a table needs two points or more, each at another position")
-            if self.range is not None:
-                raise ValueError("a table ends where its points end; leave out the range")
-        return self
 
 
 class ServoEntry(_Strict):
@@ -348,7 +316,7 @@ class Sidecar(_Strict):
     time: _TimeEntry = _TimeEntry()
     torque: _TorqueEntry = _TorqueEntry()
     servo: ServoEntry | None = None
-    known_torque: list[_KnownTorqueEntry] = []
+    known_torque: list[KnownTorque] = []
     imu: ImuEntry | None = None
     contacts: list[ContactEntry] = []
     wrench: list[WrenchEntry] = []

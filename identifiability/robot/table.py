@@ -42,12 +42,12 @@ import numpy as np
 import pinocchio as pin
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from identifiability.foundation.documents import first_problem, read_document, toml_text
+from identifiability.foundation.documents import Span, first_problem, read_document, toml_text
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.output import check_apart, check_ending, write_together
 from identifiability.robot.kinematics import shortest_turn
 from identifiability.robot.markup import numbers, urdf_inertial, urdf_joint
-from identifiability.robot.sidecar import Sidecar, Span, Triple
+from identifiability.robot.sidecar import Sidecar, Triple
 
 #: The link on which the first ones stand.
 BASE = "base"

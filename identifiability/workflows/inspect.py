@@ -48,7 +48,6 @@ from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.regression.reduction import ModelLike, choose_model, find_ladder, ladder_model
 from identifiability.regression.structure import OfStructure, Structure, group_columns
 from identifiability.robot import Robot, RobotLike
-from identifiability.robot.description import stated_speeds
 from identifiability.robot.parts import Coupling
 from identifiability.robot.sidecar import read_sidecar
 from identifiability.workflows.alternatives import find_alternative
@@ -139,7 +138,7 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
     actuated = {int(dof): k for k, dof in enumerate(robot.actuated)}
     kinds: dict[str, str] = {d: j.kind for j in robot.tree.joints for d in j.dofs}
     kinds |= dict.fromkeys((t.name for t in robot.cables), "tendon")
-    facts, speeds = [], stated_speeds(robot)
+    facts, speeds = [], robot.speed_limits
     for dof, name in enumerate(robot.dofs):
         unit = "m" if robot.is_prismatic(dof) else "rad"
         if dof in actuated:
@@ -252,7 +251,7 @@ def _missing_numbers(robot: Robot) -> list[Need]:
     driven = np.isin(robot.joints, robot.motor_joints)
     joint = (*robot.motor_joints, *robot.joints)[0]
     open_ends = [j for j in robot.motor_joints if np.isinf(limited[j]).any()]
-    fast = np.isinf(stated_speeds(robot)[driven]).any()
+    fast = np.isinf(robot.speed_limits[driven]).any()
     jerky = np.isinf(robot.acceleration_limits[driven]).any()
     if open_ends or fast or jerky:
         open_ = {"position": open_ends, "speed": fast, "acceleration": jerky}

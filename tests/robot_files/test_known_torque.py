@@ -40,13 +40,13 @@ def log_of(robot, samples=200):
 
 def test_a_table_is_read_between_its_points_as_it_says():
     x = np.linspace(-1, 2, 40)
-    line = KnownTorque.of_table("j", [(1, 3), (0, 1), (3, -1)])
+    line = KnownTorque(along="j", table=[(1, 3), (0, 1), (3, -1)])
     np.testing.assert_allclose(line.force(np.array([0.25, 2.0, 3.0])), [1.5, 1.0, -1.0])
-    np.testing.assert_allclose(KnownTorque.of_polynomial("j", [1, 0, 2]).force(x), 1 + 2 * x**2)
+    np.testing.assert_allclose(KnownTorque(along="j", polynomial=[1, 0, 2]).force(x), 1 + 2 * x**2)
 
 
 def test_a_curve_that_was_used_can_be_sent_to_a_worker():
-    known = KnownTorque.of_polynomial("j", [1, 2])
+    known = KnownTorque(along="j", polynomial=[1, 2])
     known.force(np.zeros(2))
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(known)).force(np.ones(2)), [3, 3])
 
@@ -55,7 +55,7 @@ def test_a_known_torque_is_simulated_and_taken_off_again(tmp_path):
     """What is left is the torque of the robot without it, and its values come back."""
     robot, plain = with_sidecar(tmp_path, "two-link", CABLE), Robot.load("two-link")
     log, bare = log_of(robot), log_of(plain)
-    table = KnownTorque.of_table("elbow", [[2, -1.5], [-4, 0.4], [0.3, 0.9], [4, 2]])
+    table = KnownTorque(along="elbow", table=[[2, -1.5], [-4, 0.4], [0.3, 0.9], [4, 2]])
     elbow = list(robot.joints).index("elbow")
     added = np.zeros_like(bare.tau)
     added[:, elbow] = table.force(bare.q[:, elbow])
@@ -108,7 +108,7 @@ def test_nothing_is_extrapolated(tmp_path):
         prepare_samples(robot, log)
     with pytest.raises(RobotError, match="nothing is extrapolated"):
         log_of(robot)
-    edge = KnownTorque.of_table("j", [(0, 1), (1, 2)])
+    edge = KnownTorque(along="j", table=[(0, 1), (1, 2)])
     np.testing.assert_allclose(edge.force(np.array([0.0, 1.0])), [1, 2])
     for outside in (-1e-9, 1 + 1e-9):
         with pytest.raises(RobotError):
