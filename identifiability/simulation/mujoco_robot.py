@@ -308,13 +308,20 @@ class MujocoRobot:
         self.model.tendon_stiffness[:] = 0
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self.model.opt.enableflags = 0
-        #: Coordinates are those of the model, and the lengths of its straight tendons.
-        self.size = self.model.nv + len(robot.cables)
-        self.actuated = np.array([self._dof(j) for j in robot.joints], int)
-        self.positions = np.array([self._address(j) for j in robot.joints], int)
+        m = self.model
+        #: Where joints are in velocities and positions, which lengths of straight tendons follow.
+        self.places = {
+            m.joint(j).name: (int(m.jnt_dofadr[j]), int(m.jnt_qposadr[j])) for j in range(m.njnt)
+        }
+        self.places |= {c.name: (m.nv + k, m.nq + k) for k, c in enumerate(robot.cables)}
+        missing = [j for j in (*robot.joints, *robot.locked) if j not in self.places]
+        if missing:
+            raise RobotError(f"MuJoCo does not find the joint '{missing[0]}' in {robot.path}.")
+        self.size = m.nv + len(robot.cables)
+        self.actuated, self.positions = np.array([self.places[j] for j in robot.joints], int).T
         self.cables = find_cables(self.model, robot)
         #: Locked joints are in the file; prescribed to stand still, they need not be welded.
-        self.locked = np.array([self._dof(j) for j in robot.locked], int)
+        self.locked = np.array([self.places[j][0] for j in robot.locked], int)
         self.passive = np.setdiff1d(np.arange(self.size), [*self.actuated, *self.locked])
         couplings = [
             JointCoupling(
@@ -326,26 +333,6 @@ class MujocoRobot:
         self.ties: list[Any] = [*find_closures(self.model, robot), *couplings, *self.cables]
         self._A = np.zeros((0, self.size))
 
-    def _joint(self, name: str) -> Any:
-        try:
-            return self.model.joint(name)
-        except KeyError:
-            raise RobotError(
-                f"MuJoCo does not find the joint '{name}' in {self.robot.path}."
-            ) from None
-
-    def _dof(self, name: str) -> int:
-        at = self._cable(name)
-        return int(self._joint(name).dofadr[0]) if at is None else self.model.nv + at
-
-    def _address(self, name: str) -> int:
-        at = self._cable(name)
-        return int(self._joint(name).qposadr[0]) if at is None else self.model.nq + at
-
-    def _cable(self, name: str) -> int | None:
-        names = [cable.name for cable in self.robot.cables]
-        return names.index(name) if name in names else None
-
     @quiet()
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> RigidTorque:
         """Return rigid-body torques for a motion of the actuated joints, each (N, n).
@@ -355,9 +342,10 @@ class MujocoRobot:
         ClosureError
             If the loops do not close at some sample.
         """
-        named = self._named()
-        columns, dofs = [k for k, _ in named], [self._dof(d) for _, d in named]
-        at, rows = [self._address(d) for _, d in named], np.searchsorted(self.passive, dofs)
+        columns = [k for k, d in enumerate(self.robot.passive) if d in self.places]
+        own = [self.places[self.robot.passive[k]] for k in columns]
+        dofs, at = [dof for dof, _ in own], [address for _, address in own]
+        rows = np.searchsorted(self.passive, dofs)
         n, m = q.shape[1], len(self.robot.dependent)
         tau, slope = np.zeros_like(q), np.zeros((len(q), m, n))
         passive = np.zeros((3, len(q), m))
@@ -378,21 +366,15 @@ class MujocoRobot:
             slope[k, columns] = X[rows]
         return RigidTorque(tau, passive[0], passive[1], passive[2], slope)
 
-    def _named(self) -> list[tuple[int, str]]:
-        """Return the passive one-dof joints with their place among the robot's passive ones."""
-        names = {self.model.joint(j).name for j in range(self.model.njnt)}
-        names |= {cable.name for cable in self.robot.cables}
-        return [(k, d) for k, d in enumerate(self.robot.passive) if d in names]
-
     def home(self) -> Array:
         """Return the configuration that selects the assembly, (nq,)."""
         home = np.append(self.model.qpos0, np.zeros(len(self.cables)))
         q = self.robot.home
         for name, position in self.robot.locked.items():
-            home[int(self._joint(name).qposadr[0])] = position
+            home[self.places[name][1]] = position
         for j in self.robot.tree.joints:
             name = j.dofs[0] if j.nv == 1 else j.dofs[0].rpartition(".")[0]
-            at = self._address(name)
+            at = self.places[name][1]
             if j.nv == 1:
                 home[at] = self.robot.dof_position(q[None], name)[0]
             else:  # a quaternion begins with its real part there
