@@ -392,6 +392,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         bounds=read_bounds(path, extra, bodies, stated),
         cables=stated.cables,
         outside=stated.outside,
+        meshes=stated.meshes,
         entries=stated.entries,
         bolted=extra.base == "fixed",
         base=_read_base(path, extra, stated, bodies),

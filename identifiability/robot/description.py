@@ -187,6 +187,8 @@ class Description:
         Straight tendons with a force or a motor, slides of `tree` that Pinocchio does not have.
     outside : tuple of str
         Bodies of a scene that no actuated joint reaches; they and what they carry are left out.
+    meshes : tuple of Path
+        From which the file takes inertias.
     entries : mapping
         Entries of arrays that MuJoCo keeps of its joints, by array, then index or name.
     upright : (3,) [m/s²] or None
@@ -246,6 +248,7 @@ class Description:
     cables: tuple[Cable, ...] = ()
     outside: tuple[str, ...] = ()
     assembled: bool = False
+    meshes: tuple[Path, ...] = ()
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
     upright: Array | None = None
     servo: Servo | None = None
@@ -260,11 +263,7 @@ class Description:
     @cached_property
     def sha256(self) -> str:
         """Hash of the robot file, what it includes, meshes that weigh, and its sidecar."""
-        files = (self.path, *included_files(self.path))
-        if self.mjcf:
-            from identifiability.robot.mjcf import weighing_files  # noqa: PLC0415 - MuJoCo is large
-
-            files += weighing_files(self.path)
+        files = (self.path, *included_files(self.path), *self.meshes)
         digest = hashlib.sha256()
         for file in (*files, self.sidecar) if self.sidecar is not None else files:
             digest.update(file.read_bytes())

@@ -27,7 +27,7 @@ from identifiability.robot.cables import add_slides, cable_name, read_cables
 from identifiability.robot.floating import BASE_JOINTS, SIX
 from identifiability.robot.kinematics import Point, read_tree
 from identifiability.robot.locking import add_couplings, merge_axes, read_locks, settle_locks, weld
-from identifiability.robot.markup import check_regular, check_weight, file_text, read_markup
+from identifiability.robot.markup import check_regular, check_weight, file_text
 from identifiability.robot.parts import (
     Combination,
     Coupling,
@@ -166,19 +166,8 @@ def find_floating(path: Path, m: Any, outside: Collection[str], extra: Sidecar) 
     return found[0] if found else None
 
 
-def weighing_files(path: Path) -> tuple[Path, ...]:
-    """Return the files of meshes from which an MJCF takes inertias.
-
-    Raises
-    ------
-    RobotError
-    """
-    root = read_markup(path)
-    with _refused(path, root):
-        return _mesh_files(path, _parse(path, root))
-
-
 def _mesh_files(path: Path, spec: Any) -> tuple[Path, ...]:
+    """Return the files of meshes from which an MJCF takes inertias."""
     folder = path.parent / (spec.compiler.meshdir or "")
     return tuple(folder / mesh.file for mesh in spec.meshes if mesh.file)
 
@@ -887,6 +876,7 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         combinations=forces.combinations,
         cables=cables,
         outside=outside,
+        meshes=_mesh_files(path, _parse(path, root)),
         entries=read_entries(scene, compile_mjcf(path, root) if fixed else None),
         servos=find_servos(m),
         **_floating(scene, which, gravity),

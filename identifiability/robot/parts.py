@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -254,6 +255,8 @@ class Stated:
         The last joints of `tree` are their slides, the last coordinates of `home` their lengths.
     outside : tuple of str
         Bodies of a scene that no actuated joint reaches, at which what is left out begins.
+    meshes : tuple of Path
+        From which an MJCF takes inertias.
     entries : mapping
         Of arrays that MuJoCo keeps, by array, then index or name.
     servos : mapping
@@ -287,6 +290,7 @@ class Stated:
     combinations: Mapping[str, Combination] = field(default_factory=dict)
     cables: tuple[Cable, ...] = ()
     outside: tuple[str, ...] = ()
+    meshes: tuple[Path, ...] = ()
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
     servos: Mapping[str, JointServo] = field(default_factory=dict)
     floating: str | None = None

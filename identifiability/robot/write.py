@@ -16,7 +16,7 @@ from identifiability.foundation.errors import OutputError, RobotError
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_together
-from identifiability.robot.along import rest_along
+from identifiability.robot.closure import rest_along
 from identifiability.robot.description import Description
 from identifiability.robot.floating import BASE_JOINTS
 from identifiability.robot.kinematics import shortest_turn

@@ -15,7 +15,7 @@ from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Robot
-from identifiability.robot.along import rest_along
+from identifiability.robot.closure import rest_along
 from identifiability.simulation.motion import PrescribedMotion
 from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
 from identifiability.simulation.rules import RULES

@@ -17,7 +17,7 @@ from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Robot
-from identifiability.robot.along import rest_along
+from identifiability.robot.closure import rest_along
 from identifiability.robot.locking import share_out
 from identifiability.robot.mjcf import quiet
 from identifiability.robot.servo import UNLIMITED, Servo

@@ -16,7 +16,7 @@ from identifiability.foundation.errors import RobotError
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.regression.regression import Model
 from identifiability.robot import complete_motion
-from identifiability.robot.along import known_torque
+from identifiability.robot.closure import known_torque
 from identifiability.simulation import (
     PAPER_NOISE,
     PrescribedMotion,
