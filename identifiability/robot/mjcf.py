@@ -56,7 +56,19 @@ _GEOM, _FROM = mujoco.mjtGeom, mujoco.mjtInertiaFromGeom
 _FILED = (int(_GEOM.mjGEOM_MESH), int(_GEOM.mjGEOM_HFIELD), int(_GEOM.mjGEOM_SDF))
 
 
-def compile_mjcf(
+def compile_mjcf(path: Path, root: ET.Element, outside: Collection[str] = (), **how: Any) -> Any:
+    """Return the compiled model (mujoco.MjModel) of an MJCF, as `read_spec` reads it.
+
+    Raises
+    ------
+    RobotError
+        With MuJoCo's reason, and the near match of a name that is not there.
+    """
+    with _refused(path, root):
+        return read_spec(path, root, outside, **how).compile()
+
+
+def read_spec(
     path: Path,
     root: ET.Element,
     outside: Collection[str] = (),
@@ -64,7 +76,7 @@ def compile_mjcf(
     fixed: bool = False,
     floating: int | None = None,
 ) -> Any:
-    """Return the compiled model (mujoco.MjModel) of an MJCF; what has no name is given one.
+    """Return an MJCF before it is compiled (mujoco.MjSpec); what has no name is given one.
 
     Parameters
     ----------
@@ -77,25 +89,7 @@ def compile_mjcf(
         Whether what floats by its file stands where that draws it.
     floating : int, optional
         Which of its free joints six joints stand for.
-
-    Raises
-    ------
-    RobotError
-        With MuJoCo's reason, and the near match of a name that is not there.
     """
-    with _refused(path, root):
-        return read_spec(path, root, outside, fixed=fixed, floating=floating).compile()
-
-
-def read_spec(
-    path: Path,
-    root: ET.Element,
-    outside: Collection[str] = (),
-    *,
-    fixed: bool = False,
-    floating: int | None = None,
-) -> Any:
-    """Return an MJCF as `compile_mjcf` compiles it (mujoco.MjSpec)."""
     spec = _parse(path, root)
     if fixed or floating is not None:
         replace_free_joints(spec, floating)

@@ -166,61 +166,53 @@ class Drives:
     """
 
     def __init__(self, kinematics: MujocoRobot) -> None:
-        self.model = kinematics.model
-        inside = kinematics.actuated < self.model.nv
-        #: Which actuated joints are joints of the model, and which are tendons.
-        self.joints, self.tendons = np.flatnonzero(inside), np.flatnonzero(~inside)
-        self.dofs = kinematics.actuated[inside]
-        self.addresses = kinematics.positions[inside]
-        #: Their tendons among those of the robot, which are in the order of the actuators.
-        self.cables = kinematics.actuated[~inside] - self.model.nv
-        self._lines = [kinematics.cables[k] for k in self.cables]
-        names = [kinematics.robot.cables[k].name for k in self.cables]
-        self._at = np.array([self.model.tendon(name).id for name in names], int)
+        self.model, self._lines = kinematics.model, kinematics.cables
+        #: Where they are in velocities and positions, which lengths of tendons follow.
+        self._dofs, self._at = kinematics.actuated, kinematics.positions
+        names = [cable.name for cable in kinematics.robot.cables]
+        self._tendons = np.array([self.model.tendon(name).id for name in names], int)
 
     def forces(self, force: Array, bias: tuple[Array, Array]) -> tuple[Array, Array]:
         """Return forces (K, n) of K copies as the model takes them, at joints and actuators.
 
         Less what is always taken off at joints (nv,) and cables (c,).
         """
-        joints, cables = (np.tile(-always, (len(force), 1)) for always in bias)
-        joints[:, self.dofs] += force[:, self.joints]
-        cables[:, self.cables] += force[:, self.tendons]
-        return joints, cables
+        full = np.zeros((len(force), self.model.nv + len(self._lines)))
+        full[:, self._dofs] = force
+        return full[:, : self.model.nv] - bias[0], full[:, self.model.nv :] - bias[1]
 
     @property
     def dry(self) -> Array:
         """Levels of dry friction, (n,)."""
-        out = np.empty(len(self.joints) + len(self.tendons))
-        out[self.joints] = self.model.dof_frictionloss[self.dofs]
-        out[self.tendons] = self.model.tendon_frictionloss[self._at]
-        return out
+        lines = self.model.tendon_frictionloss[self._tendons]
+        levels: Array = np.append(self.model.dof_frictionloss, lines)[self._dofs]
+        return levels
 
     @dry.setter
     def dry(self, levels: Array) -> None:
-        self.model.dof_frictionloss[self.dofs] = levels[self.joints]
-        self.model.tendon_frictionloss[self._at] = levels[self.tendons]
+        inside = self._dofs < self.model.nv
+        self.model.dof_frictionloss[self._dofs[inside]] = levels[inside]
+        lines = self._tendons[self._dofs[~inside] - self.model.nv]
+        self.model.tendon_frictionloss[lines] = levels[~inside]
 
     def positions(self, copies: Sequence[Any]) -> Array:
         """Return positions of K copies, (K, n)."""
-        out = np.empty((len(copies), len(self.joints) + len(self.tendons)))
-        out[:, self.joints] = np.array([data.qpos for data in copies])[:, self.addresses]
-        if self._lines:
-            for row, data in zip(out, copies, strict=True):
+        out = []
+        for data in copies:
+            if self._lines:
                 mujoco.mj_kinematics(self.model, data)
-                row[self.tendons] = [line.length(data) for line in self._lines]
-        return out
+            out.append(np.append(data.qpos, [c.length(data) for c in self._lines])[self._at])
+        return np.array(out)
 
     def rates(self, copies: Sequence[Any]) -> tuple[Array, Array]:
         """Return velocities and accelerations of K copies, (K, n) each."""
-        v, a = np.empty((2, len(copies), len(self.joints) + len(self.tendons)))
-        v[:, self.joints] = np.array([data.qvel for data in copies])[:, self.dofs]
-        a[:, self.joints] = np.array([data.qacc for data in copies])[:, self.dofs]
-        for k, line in zip(self.tendons, self._lines, strict=True):
-            for row, data in enumerate(copies):
-                slope = -line.apart(self.model, data)[1][0]
-                bent = -line.rate(self.model, data)[0]
-                v[row, k], a[row, k] = slope @ data.qvel, slope @ data.qacc + bent @ data.qvel
+        v, a = np.empty((2, len(copies), len(self._dofs)))
+        for k, data in enumerate(copies):
+            slopes = [-c.apart(self.model, data)[1][0] for c in self._lines]
+            bent = [-float(c.rate(self.model, data)[0] @ data.qvel) for c in self._lines]
+            v[k] = np.append(data.qvel, [x @ data.qvel for x in slopes])[self._dofs]
+            pulled = [x @ data.qacc + y for x, y in zip(slopes, bent, strict=True)]
+            a[k] = np.append(data.qacc, pulled)[self._dofs]
         return v, a
 
 

@@ -34,6 +34,7 @@ def load_file(robot: Robot) -> Any:
     return compile_robot(robot, robot_spec(robot))
 
 
+@quiet()
 def robot_spec(robot: Robot, *, balance: str = "false") -> Any:
     """Return the robot file before it is compiled (mujoco.MjSpec); what floats has six joints.
 
@@ -76,6 +77,7 @@ def _with_loops(spec: Any, robot: Robot) -> Any:
     return spec
 
 
+@quiet()
 def compile_robot(robot: Robot, spec: Any) -> Any:
     """Return the model of a spec, in which gravity is that of the robot.
 
@@ -84,8 +86,7 @@ def compile_robot(robot: Robot, spec: Any) -> Any:
     RobotError
     """
     try:
-        with quiet():
-            model = spec.compile()
+        model = spec.compile()
     except (ValueError, OSError) as error:
         raise RobotError(f"MuJoCo cannot load {robot.path}: {reason_of(error)}.") from None
     if robot.upright is not None or robot.base is not None:
