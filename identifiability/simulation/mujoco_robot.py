@@ -66,7 +66,8 @@ def robot_spec(robot: Robot, *, balance: str = "false") -> Any:
 def _with_loops(spec: Any, robot: Robot) -> Any:
     stated = [loop.stated for loop in robot.loops if loop.stated is not None]
     own = (_EQ.mjEQ_CONNECT, _EQ.mjEQ_WELD)
-    for element in [e for e in spec.equalities if stated and e.type in own]:
+    idle = bool(stated) or not robot.loops  # a flag of the file may open them all
+    for element in [e for e in spec.equalities if idle and e.type in own]:
         spec.delete(element)
     for index, ends in enumerate(stated):
         names = [f"closure {index} {end}" for end in (0, 1)]
