@@ -57,14 +57,6 @@ def arm(inside="", head="", name="j", mass="1"):
     return f"<mujoco>{head}<worldbody>{body}</worldbody></mujoco>"
 
 
-def followers(count):
-    """Return a joint that follows another one so many times."""
-    body = '<body><joint name="k"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>'
-    told = "<equality>" + '<joint joint1="k" joint2="j"/>' * count + "</equality>"
-    told += '<actuator><motor joint="j"/></actuator>'
-    return arm(body).replace("</mujoco>", f"{told}</mujoco>")
-
-
 def ring(count):
     """Return so many joints of which each follows the next one and the last the first."""
     weighs = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'

@@ -88,7 +88,7 @@ def test_file_and_sidecar_are_what_was_fitted(name, given, tmp_path):
     # Among what is beside the file are the spring that pushes on, and what goes with a sine.
     held = values_in_file(robot, values)
     assert {n for n in PLANTED[name] if held[n] == 0} == set(written.beside)
-    assert copy.known_torque[0].torques.tolist() == [1.0, 0.2, -2.0]
+    assert [torque for _, torque in copy.known_torque[0].table] == [1.0, 0.2, -2.0]
 
 
 def test_mujoco_has_the_springs_of_the_file_and_its_error_is_the_stated_one(replayed, tmp_path):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_robots import CLOSURES, arm, parallelogram
+from made_robots import CLOSURES, arm, coupled, parallelogram
 
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion

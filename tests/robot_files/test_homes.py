@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.foundation.errors import RobotError
-from identifiability.robot import Robot, complete_motion
+from identifiability.robot import complete_motion
 from identifiability.robot.locate import locate_robot
 from identifiability.workflows.inspect import inspect
 
@@ -25,8 +25,8 @@ def shipped_without_home(name):
     return homeless(path.read_text()), path.with_suffix(".toml").read_text()
 
 
-@pytest.mark.parametrize("name", ["3-rps", "six-ups"])
-def test_without_its_home_a_robot_whose_limits_leave_one_assembly_is_the_same(name, load_text, rng):
+@pytest.mark.parametrize("name", ["five-bar", "3-rrr", "delta"])
+def test_without_its_home_a_robot_that_is_drawn_open_is_asked_for_one(name, load_text):
     text, side = shipped_without_home(name)
     robot, other = Robot.load(name), load_text(text, sidecar=side)
     q = rng.uniform(*robot.limits.T, (200, len(robot.joints)))

@@ -80,7 +80,7 @@ def test_a_floating_robot_with_loops_of_its_own_floats_and_a_free_platform_lacks
         "<worldbody>", f"<worldbody>{plate}"
     )
     with pytest.raises(
-        RobotError, match=r"The free joint 'f' can only be passive in a closed loop"
+        RobotError, match=r"Ball and floating joints \(f\) can only be passive in a closed loop"
     ):
         load_text(text)
     # Tied to nothing that a motor moves it is an object beside the robot.
