@@ -11,7 +11,7 @@ from identifiability.effects.vocabulary import values_in_file
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.regression.regression import Model
 from identifiability.robot import complete_motion
-from identifiability.robot.along import known_torque
+from identifiability.robot.closure import known_torque
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory
 from identifiability.simulation.forces import left_out
 from identifiability.workflows.export import write_parameters
