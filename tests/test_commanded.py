@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability import Log, Robot, analyze, diagnose, export, prune
+from identifiability import Log, Robot, analyze, diagnose, export, predict, prune
 from identifiability.estimation.rollouts import (
     KINDS,
     Gains,
@@ -24,7 +24,7 @@ from identifiability.estimation.rollouts import (
     share_missed,
 )
 from identifiability.foundation.documents import toml_text
-from identifiability.foundation.errors import LogError, RobotError
+from identifiability.foundation.errors import IdentifiabilityError, LogError, RobotError
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.foundation.options import OptionError
 from identifiability.logs.aliases import take_joint
@@ -43,9 +43,7 @@ from identifiability.workflows import servo_gains
 from identifiability.workflows.commanded import check_found, state_drift
 from identifiability.workflows.diagnose.problem import know_share
 from identifiability.workflows.opening import read_recordings
-from identifiability.workflows.rollout import rollout
 from identifiability.workflows.servo_gains import Bodies, learn_gains, state_gains
-from identifiability.workflows.servo_limits import learn_limits
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 sys.path.insert(0, str(MODELS.parent / "studies"))
@@ -257,15 +255,15 @@ def test_measured_torque_goes_before_commands(arm, frames):
 def test_commands_of_other_joints_are_refused(arm, frames):
     other = {"shoulder.cmd": "elbow.cmd", "elbow.cmd": "shoulder.cmd"}
     with pytest.raises(LogError, match="does not follow its command") as error:
-        rollout(arm, frames[1].rename(columns=other))
+        move(arm, frames[1].rename(columns=other))
     assert "'elbow' does" in str(error.value)
     degrees = frames[1].copy()
     degrees[["shoulder.cmd", "elbow.cmd"]] *= 180 / np.pi
     with pytest.raises(LogError, match="looks like degrees"):
-        rollout(arm, degrees)
+        move(arm, degrees)
     still = frames[1].assign(**{"elbow.cmd": 0.3})
     with pytest.raises(LogError, match="'elbow' does not follow its command, which never changes"):
-        rollout(arm, still)
+        move(arm, still)
 
 
 def test_means_of_a_staircase_are_its_integrals():
@@ -295,38 +293,6 @@ def test_torque_is_the_servos_law_and_saturated_torque_no_data():
     assert 0.2 < inside.mean() < 0.95
     np.testing.assert_allclose(made.tau[inside], raw[inside], atol=1e-6)
     np.testing.assert_array_equal(made.unmeasured, ~inside)
-
-
-def open_limits(robot):
-    endless = np.full(len(robot.joints), np.inf)
-    servo = replace(robot.servo, low=-endless, high=endless, limit_open=np.isinf(endless))
-    return replace(robot, servo=servo)
-
-
-def test_a_limit_that_nobody_states_is_found_where_the_drive_reaches_it(arm, frames):
-    anyone = open_limits(arm)
-    assert learn_limits(anyone, [read(arm, frames[0])]) is anyone
-    limit = np.array([220.0, np.inf])
-    rng = np.random.default_rng(8)
-    how = servos.Recorder(rate=200.0, delay=0.007, bits=14)
-    commands = servos.draw_commands(arm, 6.0, how.command_rate, 0.5, rng)
-    limited = replace(anyone.servo, low=-limit, high=limit)
-    log = read(arm, servos.record(arm, TRUTH, commands, 6.0, how, rng, limited))
-    found = learn_limits(anyone, [log]).servo
-    np.testing.assert_allclose(found.high, limit, rtol=0.03)
-    assert "at one: shoulder 2" in found.found
-    assert learn_limits(arm, [log]) is arm  # which is stated
-
-
-def test_a_stated_limit_that_is_another_to_either_side_stays_when_logs_tell_one(arm):
-    low, high = np.array([-np.inf, -35.0]), np.array([np.inf, 10.0])
-    servo = replace(arm.servo, low=low, high=high, limit_open=np.array([True, False]))
-    told = servo.at_most(np.array([20.0, 10.0]))
-    assert told.low.tolist() == [-20.0, -35.0]
-    assert told.high.tolist() == [20.0, 10.0]
-    again = servo.having({"limit": np.array([20.0, np.inf])})  # as a result's JSON holds it
-    assert (again.low == told.low).all()
-    assert (again.high == told.high).all()
 
 
 def test_a_torque_limit_that_a_urdf_states_of_a_joint_does_not_act_unsaid(tmp_path):
@@ -386,6 +352,12 @@ def test_intervals_hold_where_servos_measure_half_as_often_as_is_assumed(arm):
 
 
 # Rollouts.
+
+
+def move(robot, logs):
+    """Positions of the robot of the file alone."""
+    robot = Robot.of(robot)
+    return predict(robot, robot, logs, forward=True)
 
 
 def test_a_rollout_does_not_depend_on_the_integrators_step(arm, frames, monkeypatch):
@@ -484,8 +456,8 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
         low, high = row["interval95"]
         assert abs(row["value"] - true[name]) < 0.6 * (high - low), name
     path = result.to_json(tmp_path / "result.json")
-    found = rollout(arm, frames[1], against=result)
-    np.testing.assert_allclose(found.errors, rollout(arm, frames[1], against=path).errors)
+    found = predict(arm, result, frames[1], forward=True)
+    np.testing.assert_allclose(found.errors, predict(arm, path, frames[1], forward=True).errors)
     assert found.totals[1] < 0.2 * found.totals[0]
     assert found.window_totals[1] < 0.2 * found.window_totals[0]
     assert list(found.to_frame()["joint"]) == list(arm.joints)
@@ -757,7 +729,7 @@ def test_gains_that_nobody_states_are_found_and_one_known_body_fixes_their_scale
 ):
     assert unstated.servo.unknown.all()
     with pytest.raises(RobotError, match="logs of commands shall tell"):
-        rollout(unstated, frames[1])
+        move(unstated, frames[1])
     log = read(arm, frames[0])
     found = fit_gains(unstated, [log], Bodies(unstated))
     true = {k: np.array([TRUTH[f"{j}.{k}"] for j in arm.joints]) for k in ("Fv", "Fc")}
@@ -846,31 +818,15 @@ def test_a_log_of_unstated_gains_is_analysed_exported_and_rolled_out(
     path = result.to_json(tmp_path / "result.json")
     export(unstated, path, tmp_path / "out.xml")
     np.testing.assert_allclose(Robot.load(tmp_path / "out.xml").servo.kp, arm.servo.kp, rtol=0.01)
-    for found in (
-        rollout(unstated, frames[1], against=path),
-        rollout(unstated, frames[1], fit=frames[0]),
-    ):
-        assert found.totals[1] < 0.05 * found.totals[0]
+    found = predict(unstated, path, frames[1], forward=True)
+    assert found.totals[1] < 0.05 * found.totals[0]
 
 
-def test_joints_are_fitted_to_rollouts_and_written_in_one_go(arm, frames, tmp_path):
-    found = rollout(arm, frames[1], fit=frames[0])
-    assert found.totals[1] < 0.15 * found.totals[0]
-    path = found.fitted.save(tmp_path / "fitted.xml")
-    again = rollout(path, frames[1])
-    np.testing.assert_allclose(again.totals[0], found.totals[1], rtol=1e-3)
-    with pytest.raises(LogError, match="is fitted and rolled out"):
-        rollout(arm, frames[1], fit=frames[1])
-
-
-def test_a_rollout_needs_commands_and_joints_alike(arm, frames):
-    frame = frames[1].rename(columns={"shoulder.cmd": "shoulder.tau", "elbow.cmd": "elbow.tau"})
-    with pytest.raises(LogError, match="has no commands"):
-        rollout(arm, frame)
-    with pytest.raises(RobotError, match="states no gains"):
-        rollout("two-link", frames[1])
+def test_positions_need_joints_alike_and_servos_for_commands(arm, frames):
+    with pytest.raises(IdentifiabilityError, match="states the gains"):
+        move("two-link", frames[1])
     with pytest.raises(RobotError, match="the same joints"):
-        rollout(arm, frames[1], against="quadruped")
+        predict(arm, Robot.load("quadruped"), frames[1], forward=True)
 
 
 def test_the_time_step_is_part_of_the_model_and_taken_off():

@@ -21,7 +21,7 @@ SHARED = ("derivatives", "cutoff", "period", "harmonics", "decimate", "engine", 
           "scheduler", "resume", "time_unit", "seed", "lock", "sidecar", "plugin")  # fmt: skip
 #: Verbs whose options are those of the function of their name.
 OPTIONS = ("analyze", "prune", "diagnose", "excite", "calibrate", "simulate", "inspect", "payload",
-           "compare", "rollout")  # fmt: skip
+           "compare", "predict")  # fmt: skip
 
 
 @pytest.fixture(scope="module")

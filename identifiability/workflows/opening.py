@@ -327,7 +327,8 @@ def read_recordings(
     if alone and not commands:
         raise LogError(
             f"{listing(alone, 4)} {'holds' if len(alone) == 1 else 'hold'} commands and no torque, "
-            "which analyze, prune, diagnose, calibrate, inspect and rollout take; here give logs "
+            "which analyze, prune, diagnose, calibrate, inspect and predict --forward take; here "
+            "give logs "
             "of measured torque."
         )
     if learns:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from identifiability import predict
 from identifiability.estimation.estimate import estimate
 from identifiability.foundation.errors import ClosureError, IdentifiabilityError, RobotError
 from identifiability.logs import Log
@@ -21,7 +22,6 @@ from identifiability.simulation import (
 )
 from identifiability.workflows.excite import excite, find_limits
 from identifiability.workflows.excite.search import DRAWS
-from identifiability.workflows.rollout import rollout
 
 from .conftest import condition, regressor
 
@@ -252,7 +252,9 @@ def test_logs_may_be_frames(simulated, two_link, find):
     assert result.logs == ("log 1",)
 
 
-@pytest.mark.parametrize("verb", [excite, lambda robot: rollout(robot, "walk.csv")])
+@pytest.mark.parametrize(
+    "verb", [excite, lambda robot: predict(robot, robot, "walk.csv", forward=True)]
+)
 def test_a_robot_on_its_feet_is_put_on_a_stand(verb):
     with pytest.raises(RobotError, match=r"floats, and .* is not supported: put it on a stand"):
         verb("walking-quadruped")

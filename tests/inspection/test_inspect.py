@@ -135,7 +135,7 @@ def test_motors_that_mix_joints_name_what_is_theirs():
     gear = Transmission(("m1", "m2"), np.array([[1.0, 0.0], [1.0, 1.0]]), np.ones(2), np.zeros(2))
     found = inspect(replace(robot, transmission=gear))
     assert found.to_dict()["columns"]["instead"] == ["t", "m1.q", "m1.tau", "m2.q", "m2.tau"]
-    assert "the motors m2 drive several joints each" in found.naming
+    assert "m2 moves several joints" in found.naming
     assert "m1" not in found.naming
 
 
@@ -144,10 +144,10 @@ def test_a_good_log_is_told_as_it_is(run):
     (record,) = found.records
     assert not found.hints
     assert "nothing is odd" in found.statement
-    assert record.samples == 1200
-    assert record.rate == pytest.approx(1 / (run.t[1] - run.t[0]))
-    assert (record.gaps, record.repeated, record.refused) == (0, 0.0, "")
-    for k, joint in enumerate(record.joints):
+    assert record.clock["samples"] == 1200
+    assert record.clock["rate"] == pytest.approx(1 / (run.t[1] - run.t[0]))
+    assert (record.clock["gaps"], record.clock["repeated"], record.refused) == (0, 0.0, "")
+    for k, joint in enumerate(record.joints.itertuples()):
         assert (joint.low, joint.high) == (run.q[:, k].min(), run.q[:, k].max())
         assert joint.scale == pytest.approx(1.0, abs=0.02)
         assert (joint.saturated, joint.frozen, joint.step) == (0.0, 0, 0.0)
@@ -166,12 +166,12 @@ def test_resolution_gaps_saturation_and_scale_are_those_that_were_put_in(run):
     frame = run.to_frame().assign(**{k.replace("__", "."): v for k, v in columns.items()})
     found = inspect("two-link", frame.drop(index=range(600, 605)))
     (record,) = found.records
-    shoulder, elbow = record.joints
+    shoulder, elbow = record.joints.itertuples()
     assert elbow.step == pytest.approx(1e-3)
     assert elbow.scale == pytest.approx(1000.0, rel=0.05)
     assert shoulder.saturated == pytest.approx(0.2, abs=0.02)
-    assert (record.gaps, record.lost) == (1, 5)
-    assert record.longest == pytest.approx(6 * (run.t[1] - run.t[0]))
+    assert (record.clock["gaps"], record.clock["lost"]) == (1, 5)
+    assert record.clock["longest"] == pytest.approx(6 * (run.t[1] - run.t[0]))
     assert any("stops at an extreme value" in hint for hint in found.hints)
 
 
