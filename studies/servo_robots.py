@@ -475,8 +475,8 @@ def summarise(judged: list[Judged]) -> str:
 
 
 #: What is hidden, by kind: the names that say it, and sizes from clear to half as clear; kp is off
-#: by a share; plays and zeros are angles [rad]; commands act later [s]; friction grows with what the
-#: gear carries.
+#: by a share; plays and zeros are angles [rad]; commands act later [s]; friction grows with what
+#: the gear carries.
 FAULTS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
     "": ((), (0.0, 0.0)),
     "play": (("backlash",), (0.03, 0.015)),

@@ -354,13 +354,6 @@ class _SymmetryEntry(_Strict):
     )
 
 
-class _EllipsoidEntry(_Strict):
-    """Where a centre of mass is."""
-
-    centre: Triple = described("In the body's frame [m].", [0, 0, 0.2], (0.0, 0.0, 0.0))
-    radii: tuple[Length, Length, Length] = described("Along its axes [m].", [0.1, 0.1, 0.3])
-
-
 class BodyBoundsEntry(_Strict):
     """What is known of a body, or of all whose names fit."""
 
@@ -370,7 +363,6 @@ class BodyBoundsEntry(_Strict):
         [[-0.1, 0.1], [-0.1, 0.1], [0.0, 0.4]],
         None,
     )
-    ellipsoid: _EllipsoidEntry | None = None
 
 
 class BoundsEntry(_Strict):

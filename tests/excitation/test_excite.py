@@ -12,7 +12,6 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import find_base_parameters
 from identifiability.robot import Robot, complete_motion
-from identifiability.robot.kinematics import Point
 from identifiability.simulation import (
     Noise,
     PrescribedMotion,
@@ -164,27 +163,6 @@ def test_effects_that_the_model_contains_cannot_be_seen(two_link, find):
     result = find(two_link, separate=["payload", "joint_stiffness"], evaluations=500)
     assert result.after.visible[0] < 0.01
     assert "payload leaves only" in result.statement
-
-
-def test_a_point_stays_in_its_box(find):
-    robot = Robot.load("two-link")
-    free = find(robot, evaluations=500)
-    box = {"workspace": {"link2": {"z": [-0.1, 2.0]}}}
-    result = find(robot, evaluations=500, limits=box)
-    heights = []
-    for path in (free.trajectory, result.trajectory):
-        t = path.times()
-        motion = complete_motion(robot, t, *path.motion(t))
-        joint = Point(1, np.zeros(3))
-        heights.append(robot.tree.positions(motion.q, joint)[:, 2].min())
-    assert heights[0] < -0.1 <= heights[1]
-    assert result.room >= 0
-
-
-def test_a_box_that_nothing_reaches_is_refused(two_link, find):
-    far = {"workspace": {"link2": {"z": [5.0, 6.0]}}}
-    with pytest.raises(ClosureError, match="link2 within the box"):
-        find(two_link, evaluations=1, limits=far)
 
 
 def test_a_bound_on_the_closure_is_kept_or_refused(find):

@@ -54,12 +54,11 @@ def test_the_trajectory_of_a_candidate_is_its_motion():
 def test_limits_come_from_the_robot_and_are_replaced_by_a_file(tmp_path):
     robot = Robot.load("3-rps")
     file = tmp_path / "limits.toml"
-    file.write_text("slider2 = {q = [0.65, 0.75], v = 0.1}\n[workspace.platform]\nz = [0.5, 0.9]\n")
+    file.write_text("slider2 = {q = [0.65, 0.75], v = 0.1}\n")
     limits = find_limits(robot, file)
     np.testing.assert_allclose(limits.low, [0.6, 0.65, 0.6])
     np.testing.assert_allclose(limits.speed, [0.16, 0.1, 0.16])
     np.testing.assert_allclose(limits.acceleration, 0.5)
-    assert limits.boxes[0].body == "platform"
     assert not limits.assumed
 
 
@@ -74,12 +73,11 @@ def test_limits_in_python_are_those_of_a_file():
     ("text", "sentence"),
     [
         ("slider4 = {v = 1}", "'slider4' is no actuated joint of the robot, did you mean"),
-        ("[workspace.platfrom]\nz = [0, 1]", "did you mean 'platform'"),
         ("slider1 = {w = 1}", "'limits.slider1.w' is not a key that is known here"),
         ("slider1 = {v = -1}", "'limits.slider1.v': input should be greater than 0"),
         ("slider1 = {q = [2, 1]}", "the lower limit must be below the upper one"),
         ("slider1 = 3", "'limits.slider1': input should be"),
-        ("workspace = 3", "'workspace': input should be"),
+        ("workspace = 3", "'limits.workspace': input should be"),
         ("limits = 3", "'limits': input should be"),
         ("slider1 = {", "is not valid TOML"),
     ],

@@ -164,7 +164,7 @@ def test_data_of_another_model_are_refused(pair, robot, rng):
 
 @pytest.mark.parametrize("prior", [None, 3.0])
 def test_a_program_that_is_compiled_once_is_that_of_each_data_set(pair, rng, prior, monkeypatch):
-    monkeypatch.setattr(Projection, "_pull", lambda *_: None)
+    monkeypatch.setattr(pulled, "pull", lambda *_: None)
     row = np.zeros((1, pair.phi.size))
     row[0, -2:] = 1.0
     options = {
@@ -179,28 +179,14 @@ def test_a_program_that_is_compiled_once_is_that_of_each_data_set(pair, rng, pri
         np.testing.assert_array_equal(found.phi, alone.phi)
 
 
-def test_multipliers_of_bodies_lead_to_the_same_optimum(monkeypatch, pair, rng):
+def test_newton_s_method_ends_where_the_general_solver_does(monkeypatch, pair, rng):
     data, prior = pair.data(rng, 0.3), CadPrior(pair.phi * 1.2, 0.01)
-    hasty = project(data, pair.region, prior=prior)
-    monkeypatch.setattr(pulled, "STEPS", (0, pulled.STEPS[1]))
-    monkeypatch.setattr("identifiability.physical.project._Program", None)
+    with monkeypatch.context() as only:
+        only.setattr(pulled, "_Program", None)
+        hasty = project(data, pair.region, prior=prior)
+    monkeypatch.setattr(pulled, "pull", lambda *_: None)
     patient = project(data, pair.region, prior=prior)
     np.testing.assert_allclose(patient.phi, hasty.phi, rtol=1e-4, atol=1e-6)
-
-
-@pytest.mark.parametrize("margin", [MARGIN, 1e-2])
-def test_without_a_prior_newton_s_method_ends_where_the_program_does(monkeypatch, pair, margin):
-    draws = [pair.data(np.random.default_rng(k), 0.05 + 0.05 * k) for k in range(8)]
-    program = Projection(pair.region, margin=margin)
-    with monkeypatch.context() as only:
-        only.setattr("identifiability.physical.project._Program", None)
-        found = [program.solve(data) for data in draws]
-    monkeypatch.setattr(Projection, "_pull", lambda *_: None)
-    for data, ours in zip(draws, found, strict=True):
-        theirs = program.solve(data)
-        assert ours.excess == pytest.approx(theirs.excess, abs=1e-5 + theirs.gap)
-        assert ours.gap < 1e-6
-        assert ours.margins.min() > 0.999 * margin
 
 
 def test_what_no_value_satisfies_is_refused_with_the_solver_s_word():

@@ -69,13 +69,10 @@ def test_every_model_below_the_first_has_a_move_a_reason_and_fewer_parameters(pr
     assert fitted[-1] > 0.9  # nothing predicts nothing
 
 
-def test_the_pruning_is_stable_and_says_so(pruned):
-    assert pruned.stability.replicates == 25
-    assert pruned.stability.same > 0.6
-    survives = dict(zip(pruned.stability.columns, pruned.stability.survives, strict=True))
-    assert survives["slider1.Fv"] == 1.0
-    assert survives["leg1_lower.mx"] < 0.05
-    assert "% lead to exactly this model" in pruned.stability.statement
+def test_what_the_chosen_model_weighs_among_all_is_said(pruned):
+    assert 0 < pruned.chosen.weight <= 1
+    said = [n.text for n in pruned.cautions()]
+    assert any("of the weight of all models of the path" in text for text in said)
 
 
 def test_the_chosen_model_is_a_ladder_that_analyze_reads(pruned, simulated, tmp_path):

@@ -51,7 +51,7 @@ from identifiability.workflows.commands import (
     on_file,
     source_name,
 )
-from identifiability.workflows.prune.elimination import Refusal, Stability, Step
+from identifiability.workflows.prune.elimination import Refusal, Step
 from identifiability.workflows.prune.moves import Partition
 
 # The models of the ladder: models on the way down, with what is said of each.
@@ -176,7 +176,6 @@ class Ladder(Laddered, Measured):
         The model to use, and the one with the least held-out error.
     refused : tuple of Refusal
         Suggested moves that the data contradict.
-    stability : Stability
     source : LadderSource
         Where the model that pruning started from came from.
     """
@@ -187,7 +186,6 @@ class Ladder(Laddered, Measured):
     start: Submodel
     least: int
     refused: tuple[Refusal, ...]
-    stability: Stability
     source: LadderSource
 
     @property
@@ -261,17 +259,12 @@ class Ladder(Laddered, Measured):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain values."""
-        told, stability = super().to_dict(), self.stability
-        survives = zip(stability.columns, stability.survives.tolist(), strict=True)
+        told = super().to_dict()
         return told | {
             "refused": [
                 {"move": r.move.text, "why": r.move.why, "reason": r.reason} for r in self.refused
             ],
-            "stability": {
-                "replicates": stability.replicates,
-                "same": stability.same,
-                "survives": dict(survives),
-            },
+            "stability": None,  # gone with the next release
             "absorption": [],  # gone with the next release
             "physical": {"sentence": self.result.physical.sentence, **told["physical"]},
             "ladder": self.model_text,
@@ -358,8 +351,8 @@ def _notes(ladder: Ladder) -> Iterator[Note]:
         yield note("mass", warning=ladder.mass_warning)
     if not ladder.nothing:
         yield from physics_notes(ladder.result)
-    kind = "stable" if ladder.stability.same > 0.5 else "unstable"
-    yield note(kind, statement=ladder.stability.statement)
+    kind = "stable" if ladder.chosen.weight > 0.5 else "unstable"
+    yield note(kind, weight=percent(ladder.chosen.weight, 2))
     yield from (note("hint", hint=hint) for hint in ladder.hints)
 
 
