@@ -5,12 +5,7 @@ from __future__ import annotations
 from identifiability.foundation.answers import Cell, Column, Table
 from identifiability.foundation.rounding import format_count, percent_text
 from identifiability.report import plot
-from identifiability.report.analysis_report import (
-    fold_verdicts,
-    mass_table,
-    section_budget,
-    section_correlated,
-)
+from identifiability.report.analysis_report import fold_verdicts, mass_table, section_correlated
 from identifiability.report.blocks import Fold, Prose, Section, Sketch, picture, section
 from identifiability.report.skeleton import sketch_verdicts
 from identifiability.workflows.analyze.result import label_note
@@ -50,7 +45,6 @@ def sections(ladder: Ladder) -> list[Section | None]:
     return [
         section_survivors(ladder),
         section_ladder(ladder),
-        section_budget(ladder.fit, ladder.samples) if some else None,
         section_correlated(ladder.fit) if some else None,
         section("pruning.bodies", masses, said=" ".join(said)),
         _refused(ladder),

@@ -149,7 +149,7 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
             role: Role = "actuated" if name in robot.motor_joints else "floats"
             facts.append(JointFact(name, kinds[name], role, unit, "", *limits))
         elif name in followed:
-            remark = f"= {_equation(followed[name])}"
+            remark = f"follows {listing(_leaders(followed[name]), 4)}"
             facts.append(JointFact(name, kinds[name], "coupled", unit, remark))
         else:
             facts.append(JointFact(name, kinds[name], "passive", unit))
@@ -166,18 +166,8 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
     return (*facts, *locked, *outside)
 
 
-def _equation(coupling: Coupling) -> str:
-    terms = []
-    for term in coupling.terms:
-        of = _sum_of(term.weights) if term.weights else ""
-        if list(term.weights.values()) == [1.0]:
-            (of,) = term.weights
-        elif (of and len(np.trim_zeros(term.polynomial, "b")) > 2) or len(term.weights) > 1:
-            of = f"({of})"
-        powers = ("", f"·{of}", *(f"·{of}^{k}" for k in range(2, 6)))
-        values = zip(term.polynomial, powers, strict=False)
-        terms += [f"{c:.4g}{power}" for c, power in values if c]
-    return " + ".join(terms) or "0"
+def _leaders(coupling: Coupling) -> list[str]:
+    return list(dict.fromkeys(joint for term in coupling.terms for joint in term.weights))
 
 
 def required_columns(names: Sequence[str]) -> tuple[str, ...]:
@@ -254,22 +244,6 @@ def _missing_numbers(robot: Robot) -> list[Need]:
                 '[[contacts]]\nframe = "foot"\nflag = "foot_contact"',
             )
         )
-    limited = dict(zip(robot.joints, robot.limits, strict=True))
-    driven = np.isin(robot.joints, robot.motor_joints)
-    joint = (*robot.motor_joints, *robot.joints)[0]
-    open_ends = [j for j in robot.motor_joints if np.isinf(limited[j]).any()]
-    fast = np.isinf(stated_speeds(robot)[driven]).any()
-    jerky = np.isinf(robot.acceleration_limits[driven]).any()
-    if open_ends or fast or jerky:
-        open_ = {"position": open_ends, "speed": fast, "acceleration": jerky}
-        what = [name for name, missing in open_.items() if missing]
-        needs.append(
-            Need(
-                f"Limits of {' and of '.join(what)} are not stated for every joint. Without them "
-                "excite assumes some, and no wrong unit of time or angle is found by them.",
-                f"[limits]\n{_key(joint)} = {{q = [-1, 1], v = 2, a = 10}}",
-            )
-        )
     return needs
 
 
@@ -294,12 +268,6 @@ def naming_sentence(robot: Robot) -> str:
             f"is theirs bears their name ({own[0]}.Fv)"
         )
     return f"{text}."
-
-
-def _sum_of(weights: Mapping[str, float]) -> str:
-    """Return a combination of joints as a formula."""
-    terms = [f"{'−' if c < 0 else '+'} {abs(c):.4g}·{joint}" for joint, c in weights.items()]
-    return " ".join(terms).removeprefix("+ ").replace("− ", "−", 1 if terms[0][0] == "−" else 0)
 
 
 # What is in a log: its clock, its columns joint by joint, and how it would be prepared.

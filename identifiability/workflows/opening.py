@@ -46,7 +46,6 @@ from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 from identifiability.workflows.alternatives import Alternative, find_alternative
-from identifiability.workflows.gravity import about_gravity
 from identifiability.workflows.oddities import (
     MeasuredLogs,
     Reading,
@@ -466,7 +465,6 @@ def open_logs(
     )
     if opening.silence:
         return replace(opening, validation=())
-    structure = about_gravity(structure, train)
     looked = MeasuredLogs(structure, recordings.fitted, train)
     other = find_alternative(looked) if seek else None
     odd = find_oddities(looked, explained=other is not None)
@@ -474,7 +472,7 @@ def open_logs(
     explained = odd.explains or other is not None
     why = MISREAD if odd.misread else ""
     said = () if other is None else (other.statement,)
-    known = replace(opening, structure=structure, explained=explained, misread=why)
+    known = replace(opening, explained=explained, misread=why)
     return replace(known, alternative=other, hints=(*said, *odd.hints, *hints))
 
 

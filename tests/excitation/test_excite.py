@@ -178,7 +178,7 @@ def test_a_bound_on_the_closure_is_kept_or_refused(find):
     result = find(robot, limits=strict, **short)
     assert result.closure <= 2.6 < free.closure
     impossible = type(limits)(**{**vars(limits), "closure_bound": 1.01})
-    with pytest.raises(ClosureError, match="No motion of five-bar was found that stays within"):
+    with pytest.raises(ClosureError, match="No motion of five-bar was found whose loops close"):
         find(robot, limits=impossible, **short)
 
 

@@ -102,8 +102,6 @@ class WhitenedRegression:
     variation : (n,) [torque²]
         Of the torque of each joint about its mean: the scale of its errors.
     folds : Folds
-    samples : int
-        Of the logs.
     refitter : Equations or Asked
         What refits: equations of the estimator, or the estimator itself.
     """
@@ -118,10 +116,9 @@ class WhitenedRegression:
     seen: Array
     variation: Array
     folds: Folds
-    samples: int
     refitter: Equations | Asked
 
-    def _see(self, tests: Sequence[Array], weights: Array) -> Array:
+    def _see(self, tests: Sequence[Array]) -> Array:
         """Return what densities are of, ``[Y, e]ᵀ [Y, e]`` of each fold, (F, k + 1, k + 1).
 
         Noise in the motion is in columns and errors alike: a model that fits it would predict the
@@ -133,26 +130,19 @@ class WhitenedRegression:
             return np.asarray(sum(basis.T @ test @ basis / noise for test, basis, noise in each))
         k, out = len(self.centre), []
         for f in range(self.folds.count):
-            own = np.tensordot((self.folds.test == f) * weights, self.seen, 1)
+            own = np.tensordot((self.folds.test == f).astype(float), self.seen, 1)
             values, vectors = np.linalg.eigh(own[:, :k])
             good = values > UNSEEN * values.max(initial=0.0)
             half = (vectors[:, good] / np.sqrt(values[good])).T @ own[:, k:]
             out.append(half.T @ half)
         return np.stack(out)
 
-    def fit(self, counts: Array | None = None) -> FoldFits:
-        """Return the fits of all columns to everything and to each fold's rest.
-
-        Parameters
-        ----------
-        counts : (B,), optional
-            How often each block counts, for a bootstrap replicate.
-        """
+    def fit(self) -> FoldFits:
+        """Return the fits of all columns to everything and to each fold's rest."""
         folds = self.folds
-        weights = np.ones(len(folds.test)) if counts is None else counts
-        tests = tuple(part.merge_weighted(folds.test, weights) for part in self.parts)
-        refits = self.refitter.start(folds.train, counts)
-        return FoldFits(self, tests, self._see(tests, weights), refits)
+        once = np.ones(len(folds.test))
+        tests = tuple(part.merge_weighted(folds.test, once) for part in self.parts)
+        return FoldFits(self, tests, self._see(tests), self.refitter.start(folds.train))
 
 
 @frozen
@@ -270,7 +260,6 @@ def whiten_regression(
         seen=seen,
         variation=squares if variation is None else variation,
         folds=Folds.of(information, float(np.max(full.times))),
-        samples=information.samples,
         refitter=equations or Asked(full.estimator, information, turned, centre),
     )
 
@@ -433,7 +422,6 @@ class Search:
     full : Estimate
         Of the starting model.
     whitened : WhitenedRegression
-    plan : Plan
     steps : tuple of Step
         Most parameters first.
     refused : tuple of Refusal
@@ -442,7 +430,6 @@ class Search:
 
     full: Estimate
     whitened: WhitenedRegression
-    plan: Plan
     steps: tuple[Step, ...]
     refused: tuple[Refusal, ...] = ()
 
@@ -490,7 +477,7 @@ def find_path(
         why = "The motion does not excite it, or only together with what is left"
         steps.insert(0, replace(first, move=Move(Kind.UNEXCITED, idle, why=why)))
         first = replace(first, partition=Partition.of(full.columns))
-    return Search(full, whitened, plan, (first, *steps), tuple(refused))
+    return Search(full, whitened, (first, *steps), tuple(refused))
 
 
 def first_allowed(steps: Sequence[Step]) -> int:

@@ -192,7 +192,7 @@ def test_refits_that_are_asked_for_prune_as_updates_do():
 
 
 def test_every_model_of_a_path_is_refitted_by_the_estimator_without_each_fold():
-    search, _ = pruned(method := Ridge(1.0))
+    search = pruned(method := Ridge(1.0))
     information = search.whitened.refitter.information
     counts = np.vstack([np.ones(64), search.whitened.folds.train])
     for step in search.steps[1:]:
@@ -210,7 +210,7 @@ def test_every_model_of_a_path_is_refitted_by_the_estimator_without_each_fold():
 
 
 def test_blocks_that_are_drawn_twice_curve_the_loss_of_asked_refits_twice():
-    search, _ = pruned(Plain())
+    search = pruned(Plain())
     once = np.ones(len(search.whitened.folds.test))
     for many in (1, 2):
         train = search.whitened.folds.train
@@ -219,7 +219,7 @@ def test_blocks_that_are_drawn_twice_curve_the_loss_of_asked_refits_twice():
 
 
 def test_who_inherits_from_least_squares_and_refits_otherwise_is_asked():
-    plain, halved = (pruned(m)[0].steps[0] for m in (OrdinaryLeastSquares(), Halved()))
+    plain, halved = (pruned(m).steps[0] for m in (OrdinaryLeastSquares(), Halved()))
     np.testing.assert_allclose(halved.values, plain.values / 2, rtol=1e-6)
     assert halved.score.squares.sum() > 2 * plain.score.squares.sum()
 
