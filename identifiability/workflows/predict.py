@@ -68,7 +68,6 @@ from identifiability.workflows.answers import (
 from identifiability.workflows.commands import given_paths, name_export, name_logs, source_name
 from identifiability.workflows.opening import Logs
 from identifiability.workflows.rules import RULES
-from identifiability.workflows.servo_gains import read_moving
 from identifiability.workflows.session import Session
 
 # `TorquePrediction`: the torque of a fitted model along logs, beside the measured one.
@@ -1104,6 +1103,8 @@ def predict(
         return find_fit(cast("FitLike", result), robot).predict(logs, engine=engine)
     with one_thread("blas"):
         robot.check_stands("predict --forward")
+        from identifiability.workflows.servo_gains import read_moving  # noqa: PLC0415 - MuJoCo
+
         read, hints = read_moving(robot, logs)
         runs = [(robot, _file_name(robot), dict[str, float]())]
         other = result if isinstance(result, Robot) else None
