@@ -411,11 +411,6 @@ class Fit(Covaries):
     missing: tuple[str, ...] = ()
 
     @property
-    def rung(self) -> Submodel:
-        """`submodel`, by the name of earlier releases."""
-        return self.submodel
-
-    @property
     def robot(self) -> Robot:
         """The robot."""
         return self.structure.robot
@@ -898,7 +893,7 @@ class Simulated:
     found : bool
         Whether they were found, as nothing states them.
     q : tuple of (N, n) [rad or m]
-        Positions along each log; NaN where they diverged.
+        Positions along each log, by torque begun anew at every window; NaN where they diverged.
     errors, window_errors : (n,) [rad or m]
         Of positions (rms) over whole logs, without the beginning, in which the speed of the start
         is forgotten, and over windows of a second; NaN where they diverged.
@@ -1033,16 +1028,17 @@ def _errors_told(whole: float, short: float) -> dict[str, float | None]:
 def _position_error(result: PositionPrediction) -> Answer:
     whole, short, unit = 1e3 * result.totals, 1e3 * result.window_totals, result.unit
     # Where torque moves a robot all that is wrong with it adds up.
-    totals = whole if any(map(has_commands, result.logs)) else short
+    driven = not any(map(has_commands, result.logs))
+    totals, last = short if driven else whole, result.runs[-1]
     texts = [f"{x:.3g} {unit}" if np.isfinite(x) else "it diverges" for x in totals]
     said = [
         f"{run.name}: {x:.3g} {unit} over whole logs, {w:.3g} over windows of {WINDOW:g} s."
         for run, x, w in zip(result.runs, whole, short, strict=True)
     ]
-    each = 1e3 * result.errors[-1, result.alike]
+    each = 1e3 * (last.window_errors if driven else last.errors)[result.alike]
     if hides_joints(each, np.inf):
         joints = [j for j, a in zip(result.robot.joints, result.alike, strict=True) if a]
-        said.append(f"By joint of {result.runs[-1].name}: {list_worst(joints, each, unit)}.")
+        said.append(f"By joint of {last.name}: {list_worst(joints, each, unit)}.")
     told = " → ".join(texts)
     better = len(totals) > 1 and totals[1] < totals[0]
     tone = "blue" if len(totals) == 1 else "green" if better else "amber"
@@ -1175,7 +1171,7 @@ def _move(robot: Robot, name: str, values: Mapping[str, float], logs: Sequence[L
         windows = [(a, a + rows) for a in range(0, len(log) - rows + 1, rows)] or [(0, len(log))]
         anew = machine.roll(driven, delay=delay, windows=windows)[0]
         first, last = forgotten(log), windows[-1][1]
-        whole.append(q)
+        whole.append(q if has_commands(log) else anew)
         apart.append((q - log.q)[first:])
         short.append((anew - log.q)[first:last])
     errors, each = (np.sqrt(np.mean(np.concatenate(x) ** 2, axis=0)) for x in (apart, short))
