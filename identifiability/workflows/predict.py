@@ -958,6 +958,12 @@ class PositionPrediction(Result):
         """Return by how much positions err, and what moved the robots, and when."""
         return _position_error(self), _driven(self)
 
+    def decided_by(self) -> tuple[RuleTable, ...]:
+        """Return the numbers by which it was decided, the verb's own first."""
+        from identifiability.simulation.rules import RULES as SIMULATION  # noqa: PLC0415 - MuJoCo
+
+        return (SIMULATION,)
+
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint, in mrad or mm."""
         table = frame_table(
