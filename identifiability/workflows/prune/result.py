@@ -52,7 +52,6 @@ from identifiability.workflows.commands import (
     source_name,
 )
 from identifiability.workflows.prune.elimination import Refusal, Step
-from identifiability.workflows.prune.moves import Partition
 
 # The models of the ladder: models on the way down, with what is said of each.
 
@@ -212,11 +211,6 @@ class Ladder(Laddered, Measured):
     def feasible(self) -> bool:
         """Whether a real robot can have the values of the model to use."""
         return self.result.feasible
-
-    @property
-    def partition(self) -> Partition:
-        """What became of each column of the starting model."""
-        return self.chosen.step.partition
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what to use, how good it is, whether to trust it, what to do next."""
