@@ -16,13 +16,7 @@ from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.output import write_text
-from identifiability.foundation.rounding import (
-    NONE,
-    digits,
-    error_text,
-    format_number,
-    percent_text,
-)
+from identifiability.foundation.rounding import digits, error_text, format_number, percent_text
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import (
@@ -355,10 +349,6 @@ def _move_cell(r: PrunedModel) -> Cell:
     return Cell(f"{move.kind.value}: {move.text}" if move is not None else r.name, note=r.reason)
 
 
-def _spread_cell(r: PrunedModel) -> Cell:
-    return Cell(f"± {percent(r.error_se, 2)}" if r.error_se > 0 else NONE, r.error_se)
-
-
 def _worst_cell(r: PrunedModel) -> Cell:
     condition = f"condition {format_number(r.estimate.condition, 3)}"
     return Cell(percent_text(r.worst_sigma_percent), r.worst_sigma_percent, condition)
@@ -377,7 +367,6 @@ MOVES = with_hints(
     Column("identifiable", "number", found_cell),
     Column("fitted", error_text, "error_ra"),
     Column("unseen", error_text, "error_ra_unseen"),
-    Column("± SE", "error", _spread_cell, detail=True),
     Column("density [nats]", digits(3), "density"),
     Column("weight", digits(2), "weight", detail=True),
     Column("worst σ%", "number", _worst_cell),
