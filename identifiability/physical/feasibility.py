@@ -206,6 +206,8 @@ def choose_prior(
         return None
     G, wider = structure.G, float(np.sqrt(fit.memory))  # a log counts as its independent samples
     with one_thread():
+        if len(weights) > 1:
+            weights = _within_reach(model, projection, weights)
         ways = []
         for row in held_out.folds.train:
             rest = model.whole.take(row)
@@ -251,6 +253,24 @@ def stands_elsewhere(model: FittedModel, base: Array) -> bool:
     share = np.where(scale > 0, 1.0, 0.0) / np.where(scale > 0, scale, 1.0)
     bias, own = (float(share @ x) for x in ((apart**2).sum(0), (errs**2).sum((0, 2))))
     return bias <= 2.0 * own
+
+
+def _within_reach(
+    model: FittedModel, projection: Projection, weights: Sequence[float]
+) -> Sequence[float]:
+    """Return the weights without those that are surely too heavy.
+
+    With the next lighter one the log likelihood of what is fitted rises by more than a nat a
+    parameter, and no more than that is a prior worth on what is not fitted.
+    """
+    data, before = _believe(model, weights[-1]), np.inf
+    nat = 2.0 * data.unit**2 * model.estimate.memory
+    for k, (phi, _) in enumerate(projection.follow(data, weights)):
+        misfit = float(data.rss(phi)) / nat
+        if before - misfit <= len(model.estimate.kept):
+            return weights[k - 1 :]
+        before = misfit
+    return weights  # the lightest that pays is not reached, and others only on the way to it
 
 
 def _projection(model: FittedModel, cad_weight: float) -> Projection:
