@@ -48,7 +48,6 @@ from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.regression.reduction import ModelLike, choose_model, find_ladder, ladder_model
 from identifiability.regression.structure import OfStructure, Structure, group_columns
 from identifiability.robot import Robot, RobotLike
-from identifiability.robot.description import stated_speeds
 from identifiability.robot.parts import Coupling
 from identifiability.robot.sidecar import read_sidecar
 from identifiability.workflows.alternatives import find_alternative
@@ -139,7 +138,7 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
     actuated = {int(dof): k for k, dof in enumerate(robot.actuated)}
     kinds: dict[str, str] = {d: j.kind for j in robot.tree.joints for d in j.dofs}
     kinds |= dict.fromkeys((t.name for t in robot.cables), "tendon")
-    facts, speeds = [], stated_speeds(robot)
+    facts, speeds = [], robot.speed_limits
     for dof, name in enumerate(robot.dofs):
         unit = "m" if robot.is_prismatic(dof) else "rad"
         if dof in actuated:
@@ -167,7 +166,7 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
 
 
 def _leaders(coupling: Coupling) -> list[str]:
-    return list(dict.fromkeys(joint for term in coupling.terms for joint in term.weights))
+    return list(coupling.terms)
 
 
 def required_columns(names: Sequence[str]) -> tuple[str, ...]:

@@ -28,7 +28,6 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
 from identifiability.robot.closure import invert, loop_jacobian, passes_singular
-from identifiability.robot.description import stated_speeds
 from identifiability.robot.files import body_of, read_geometry
 from identifiability.robot.rules import RULES as ROBOT_RULES
 from identifiability.robot.sidecar import LimitEntry
@@ -156,7 +155,7 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
     usual = usual_limits(robot)
     own = {
         "q": robot.limits,
-        "v": stated_speeds(robot),
+        "v": robot.speed_limits,
         "a": robot.acceleration_limits,
         "tau": np.full(len(robot.joints), np.inf),
         "power": np.full(len(robot.joints), np.inf),
