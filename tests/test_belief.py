@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from identifiability.cli.analyze import analyze as command
 
 from identifiability import analyze
 from identifiability.cli import options
-from identifiability.cli.analyze import analyze as command
-from identifiability.cli.demo import run_demo
+from identifiability.cli.verbs import run_demo
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import RobotError
 from identifiability.physical.feasibility import certify

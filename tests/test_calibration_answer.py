@@ -45,7 +45,7 @@ def test_no_where_the_motion_errs_and_instruments_mend_it(log):
     noisy = log(Noise(motion=0.1, torque=0.02))
     found = calibrate(analyze("two-link", noisy, estimator="ls", replicates=60), **FEW)
     assert found.word == "no"
-    assert "instruments (--estimator auto)" in found.statement
+    assert "instruments (--set estimator=auto)" in found.statement
     cell = found.cell
     mended = calibrate(analyze("two-link", noisy, replicates=60), **FEW).cell
     error = np.hypot(cell.coverage_se, mended.coverage_se)

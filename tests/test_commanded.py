@@ -243,7 +243,7 @@ def test_commands_of_a_robot_that_floats_by_its_file_are_refused_with_the_option
         "t": [0.0, 0.1],
         **{f"{j}.{k}": [0.0, 0.1] for j in robot.motor_joints for k in ("q", "cmd")},
     }
-    with pytest.raises(LogError, match=r"'trunk' floats.* add --base fixed"):
+    with pytest.raises(LogError, match=r"'trunk' floats.* add --set base=fixed"):
         Log.from_frame(pd.DataFrame(table), conventions=Conventions.of(robot))
 
 

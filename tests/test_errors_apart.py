@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from identifiability import analyze, prune
-from identifiability.cli.analyze import print_analysis
-from identifiability.cli.prune import print_pruning
+from identifiability.cli.verbs import print_analysis, print_pruning
 from identifiability.foundation.rounding import error_text
 from identifiability.simulation import Noise
 

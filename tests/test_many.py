@@ -51,7 +51,7 @@ def asked(start, tmp_path_factory):
     """What the command printed, and the folder of its answers."""
     out = tmp_path_factory.mktemp("out") / "results"
     words = [w for name in "abc" for w in ("--each", str(start / name))]
-    more = ["--out", str(out), "--replicates", "20", "--seed", "1", "--workers", "1"]
+    more = ["--out", str(out), "--replicates", "20", "--seed", "1", "--set", "workers=1"]
     return CliRunner().invoke(app, ["analyze", *words, *more]), out
 
 
@@ -148,7 +148,7 @@ def test_a_folder_that_is_not_for_answers_is_left_as_it_is(start, tmp_path):
         (["analyze", "two-link"], "Give a robot and its logs"),
         (["analyze", "--each", "a"], "give --out and how to fit beside it"),
         (["analyze", "two-link", "--each", "a", "--out", "r"], "--each takes robots, logs and"),
-        (["analyze", "--each", "a", "--out", "r", "--angles", "deg"], "--each takes robots"),
+        (["analyze", "--each", "a", "--out", "r", "--set", "angles=deg"], "--each takes robots"),
         (["batch", "fleet.toml"], "analyze --each FOLDER --each FOLDER --out RESULTS"),
     ],
 )

@@ -60,7 +60,7 @@ def logs():
 def call(words):
     """Run a command in this process, quickly; return what it says."""
     options = {o for p in COMMANDS[words[0]].params for o in p.opts}
-    more = [w for w in (["--engine", "serial"], ["--quick"]) if w[0] in options]
+    more = [w for w in (["--set", "engine=serial"], ["--quick"]) if w[0] in options]
     done = CliRunner().invoke(app, [*words, *(w for pair in more for w in pair)])
     assert done.exit_code == 0, f"{shlex.join(words)}\n{done.output}\n{done.exception}"
     return done.stdout

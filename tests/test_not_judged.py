@@ -74,7 +74,7 @@ def test_the_command_prints_the_word_in_its_table(slow, tmp_path):
     path = tmp_path / "run.csv"
     slow("two-link").to_frame().to_csv(path, index=False)
     done = CliRunner().invoke(
-        app, ["analyze", "two-link", str(path), "--cutoff", "1", "--quick"], terminal_width=200
+        app, ["analyze", "two-link", str(path), "--set", "cutoff=1", "--quick"], terminal_width=200
     )
     assert done.exit_code == 0
     assert "not judged" in done.output

@@ -62,7 +62,7 @@ def type_in(line: str, *, quick: bool) -> None:
         if quick and (words[0] in SLOW or any(w in AGAIN for w in words)):
             return
         options = {o for p in COMMANDS[words[0]].params for o in p.opts}
-        more = [["--engine", "serial"], ["--quick"]] if quick else []
+        more = [["--set", "engine=serial"], ["--quick"]] if quick else []
         words += [w for m in more if m[0] in options and m[0] not in words for w in m]
         if quick and words[0] == "analyze" and "--report" in words:  # its Python writes that page
             at = words.index("--report")

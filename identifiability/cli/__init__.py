@@ -1,63 +1,44 @@
-"""The command line: load, validate, call the function of the same name, print where results are.
-
-One file a command, which is found by itself; heavy imports stand inside the functions, so that
-``--help`` is quick.
-"""
+"""The command line: its verbs, each made when it is typed."""
 
 import io
 import signal
 import sys
 from collections.abc import Iterator, Mapping
-from importlib import import_module
-from pkgutil import iter_modules
 from typing import Annotated, Any, NoReturn
 
 import typer
 
-from identifiability.cli.options import Verb, helps
-
-#: Verbs in the order of the help; any other file here with a function of its name is one, too.
-FIRST = (
-    *("new", "demo", "inspect", "analyze", "prune", "diagnose", "simulate", "excite", "predict"),
-    *("export", "calibrate", "payload", "compare", "rollout", "paper"),
-)
-
-
-def _find(name: str) -> Verb | None:
-    found = getattr(import_module(f"{__name__}.{name}"), name, None)
-    return found if isinstance(found, Verb) else None
-
-
-class Verbs(Mapping[str, Any]):
-    """The commands by name, each made when it is asked for."""
-
-    def __init__(self) -> None:
-        here = sorted(module.name for module in iter_modules(__path__))
-        self.names = [n for n in FIRST if n in here]
-        self.names += [n for n in here if n not in FIRST and _find(n)]
-        self.made: dict[str, Any] = {}
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.names)
-
-    def __len__(self) -> int:
-        return len(self.names)
-
-    def __getitem__(self, name: str) -> Any:
-        if name not in self.made:
-            verb = _find(name) if name in self.names else None
-            if verb is None:
-                raise KeyError(name)
-            self.made[name] = verb.made(name)
-        return self.made[name]
-
+from identifiability.cli.options import helps
 
 #: Verbs that went, and what to type instead.
 GONE = {
     "batch": "identifiability analyze --each FOLDER --each FOLDER --out RESULTS",
     "convert": "identifiability new FOLDER --robot table.toml",
     "gain": "identifiability payload ROBOT EMPTY.csv LOADED.csv --mass KG --centre X,Y,Z",
+    "rollout": "identifiability predict ROBOT RESULT.json LOG --forward",
 }
+
+
+class Verbs(Mapping[str, Any]):
+    """The commands by name, in the order of the help, each made when it is asked for."""
+
+    def __init__(self) -> None:
+        self.made: dict[str, Any] = {}
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(helps()["verbs"])
+
+    def __len__(self) -> int:
+        return len(helps()["verbs"])
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in helps()["verbs"]:
+            raise KeyError(name)
+        if name not in self.made:
+            from identifiability.cli import verbs  # noqa: PLC0415
+
+            self.made[name] = getattr(verbs, name).made(name)
+        return self.made[name]
 
 
 class Group(typer.core.TyperGroup):
@@ -75,8 +56,8 @@ class Group(typer.core.TyperGroup):
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""
-        told = helps()["verbs"]
-        brief = {n: typer.core.TyperCommand(n, help=told.get(n)) for n in self.commands}
+        told = helps()["verbs"].items()
+        brief = {name: typer.core.TyperCommand(name, help=text) for name, text in told}
         typer.core.TyperGroup(
             name=self.name,
             commands=brief,  # type: ignore[arg-type] # of typer's own kind

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -27,6 +27,7 @@ from identifiability.foundation.documents import described, read_document
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Renames, find_named, is_pattern
 from identifiability.foundation.values import frozen
+from identifiability.robot.locate import find_sidecar, locate_robot
 from identifiability.robot.markup import LARGEST, LONGEST_NAME
 from identifiability.robot.measured_torque import Interpolation, Side
 
@@ -501,6 +502,17 @@ class Sidecar(_Strict):
         dict,
     )
     bounds: BoundsEntry = BoundsEntry()
+    preparation: dict[str, Any] = described(
+        "How logs become motion: settings of --set, such as cutoff [Hz].", {"cutoff": 10.0}, dict
+    )
+    run: dict[str, Any] = described(
+        "Where long work runs: settings of --set, such as workers.", {"workers": 4}, dict
+    )
+    fit: dict[str, Any] = described(
+        "How parameters are estimated: settings of --set, such as estimator.",
+        {"estimator": "ls"},
+        dict,
+    )
 
 
 def read_sidecar(path: Path | None) -> Sidecar:
@@ -514,6 +526,20 @@ def read_sidecar(path: Path | None) -> Sidecar:
     if path is None:
         return Sidecar()
     return read_document(path, Sidecar, "TOML", "sidecar", RobotError)
+
+
+def read_settings(
+    robot: str | Path, sidecar: str | Path | None = None
+) -> dict[str, dict[str, Any]]:
+    """Return the tables of a robot's sidecar that say how verbs work, by their names.
+
+    Raises
+    ------
+    RobotError
+    """
+    path = find_sidecar(locate_robot(robot)) if sidecar is None else Path(sidecar)
+    read = read_sidecar(path)
+    return {"preparation": read.preparation, "run": read.run, "fit": read.fit}
 
 
 # Names and patterns in a sidecar's tables: ``wrist_*.Fv`` for every joint or axis that fits.

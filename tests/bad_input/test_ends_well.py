@@ -13,8 +13,8 @@ import pandas as pd
 import pytest
 
 from identifiability import Robot
-from identifiability.cli.common import harmless
-from identifiability.cli.options import RESCUED, RESCUED_FOR, Outputs
+from identifiability.cli.common import RESCUED, RESCUED_FOR, harmless
+from identifiability.cli.options import Outputs
 from identifiability.foundation import documents, output
 from identifiability.foundation.errors import IdentifiabilityError, OutputError
 from identifiability.foundation.output import csv_text, write_text

@@ -198,7 +198,7 @@ def test_a_short_log_is_decimated_less_rather_than_to_nothing(bare):
     assert short.outputs >= 20
 
 
-@pytest.mark.parametrize("words", [("--cutoff", 0), ("--period", 0)])
+@pytest.mark.parametrize("words", [("--set", "cutoff=0"), ("--set", "period=0")])
 def test_the_command_refuses_a_cutoff_or_period_of_nothing(words, refuses, bare):
     assert "must be a number above 0" in refuses("two-link", bare, *words)
 

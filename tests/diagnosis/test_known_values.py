@@ -5,10 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from identifiability import IdentifiabilityError, Robot, analyze, diagnose
-from identifiability.cli import app
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -108,17 +106,6 @@ def test_shares_are_of_bodies_as_a_whole_and_of_friction_by_itself():
         assert least < np.linalg.norm(off) < most + 1e-6
     with pytest.raises(IdentifiabilityError, match="a share above 0"):
         know_share(0.0, structure)
-
-
-def test_values_are_kept_in_one_way_at_a_time(tmp_path):
-    log = tmp_path / "log.csv"
-    names = [f"{joint}.{kind}" for joint in ("shoulder", "elbow") for kind in ("q", "tau")]
-    rows = [f"{0.01 * k},1,2,3,{k}" for k in range(60)]
-    log.write_text("\n".join([",".join(["t", *names]), *rows]))
-    argv = ["diagnose", "two-link", str(log), "--fixed", "--fixed-share", "0.1"]
-    out = CliRunner().invoke(app, argv)
-    assert out.exit_code == 2
-    assert "one way at a time" in " ".join(out.output.split())
 
 
 def test_a_simulation_forward_is_of_the_robot_that_was_logged_whatever_its_file(logs_of):

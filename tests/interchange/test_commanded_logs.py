@@ -125,7 +125,7 @@ def test_a_scale_of_nothing_is_refused(rule, said, tmp_path):
 @pytest.mark.parametrize(
     ("scale", "said"),
     [
-        (57.29578, "it looks like degrees: say --angles deg"),
+        (57.29578, "it looks like degrees: say --set angles=deg"),
         (651.9, "more than twice the joint's limits"),
     ],
 )
