@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import sys
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import asdict, astuple, dataclass, is_dataclass, replace
@@ -35,7 +35,7 @@ import typer
 from typer import Argument, Option
 from typer.models import OptionInfo, ParameterInfo
 
-from identifiability.cli.common import check_outputs, sentences, write_all
+from identifiability.cli.common import check_outputs, progress, sentences, write_all
 from identifiability.foundation.errors import OutputError, near_match
 from identifiability.foundation.options import (
     Count,
@@ -286,29 +286,37 @@ def _flattened(
 ) -> tuple[Callable[..., None], dict[str, Field]]:
     """Return a function as typer reads it, its groups as their options; and its settings."""
     own = {field.name: field for field in options_of(function)}
-    groups: dict[str, Any] = {
-        name: field.kind for name, field in own.items() if is_dataclass(field.kind)
-    }
     settings: dict[str, Field] = {}
     options: dict[str, Field] = {}
-    owners: dict[str, str] = {}  # of two of one name the last stands
-    for name, field in own.items():
-        listed = options_of(groups[name]) if name in groups else [field]
-        owners |= {option.name: name for option in listed}
-        if hasattr(groups.get(name), "table"):
-            settings |= {option.name: option for option in listed}
-            listed = [SET]
-        options |= {option.name: option for option in listed}
-    tables = {key: groups[owners[key]].table for key in settings}
+    owners: dict[str, Any] = {}  # of two of one name the last stands
+
+    def add(fields: Iterable[Field], owner: Any) -> None:
+        for field in fields:
+            if is_dataclass(field.kind):
+                add(options_of(field.kind), field.kind)
+            else:
+                owners[field.name] = owner
+                setting = hasattr(owner, "table")
+                options[SET.name if setting else field.name] = SET if setting else field
+                settings.update({field.name: field} if setting else {})
+
+    def build(field: Field, read: Mapping[str, Any], owner: Any) -> Any:
+        kind = field.kind
+        if not is_dataclass(kind):
+            return read[field.name]
+        parts = [f for f in options_of(kind) if is_dataclass(f.kind) or owners[f.name] is kind]
+        known = [f for f in parts if is_dataclass(f.kind) or f.name in read]
+        return kind(**{f.name: build(f, read, kind) for f in known})  # type: ignore[operator]
+
+    add(own.values(), None)
+    tables = {key: owners[key].table for key in settings}
 
     def called(**typed: Any) -> None:
         with sentences():
             _look(typed, options)
             read = {name: option.read(typed[name]) for name, option in options.items()}
-            read |= _read_settings(settings, tables, read.pop("set", ()), typed)
-            given = {name: read[name] for name in own if name not in groups}
-            for name, group in groups.items():
-                given[name] = group(**{n: v for n, v in read.items() if owners[n] == name})
+            read |= _read_settings(settings, tables, read.pop(SET.name, ()), typed)
+            given = {name: build(field, read, None) for name, field in own.items()}
             _look_at_logs(typed, options, given, motion_alone=motion_alone)
         function(**given)
 
@@ -412,7 +420,7 @@ def _look_at_logs(
         from identifiability.logs.conventions import Conventions  # noqa: PLC0415
         from identifiability.logs.source import check_header  # noqa: PLC0415
 
-        known = Conventions.of(given["machine"].load(given.get("recorded")))
+        known = Conventions.of(given["machine"].load())
         for table in tables:
             check_header(table, replace(known, motion_alone=motion_alone))
 
@@ -577,48 +585,6 @@ Model = Annotated[str | None, Reads("model", "TOML", always=False), Parsed(split
 Fixed = Annotated[str | bool, Option(metavar="exact|SHARE|RESULT"), Parsed(keep_values)]
 Prior = NotNegative | None
 Point = Annotated[str, Option(metavar="X,Y,Z"), Parsed(split_point)]
-RobotName = Annotated[str, Argument(autocompletion=find_robots)]
-
-
-@dataclass(frozen=True)
-class Machine:
-    """The robot, what its file does not say, and what its logs call things."""
-
-    robot: RobotName
-    sidecar: str | None = None
-    lock: Annotated[Sequence[str] | None, Option(metavar="NAME[=VALUE]")] = None
-    map: Annotated[Sequence[str] | None, Option(metavar="OLD=NEW")] = None
-    plugin: Annotated[list[Path] | None, Option(callback=_load_plugins, is_eager=True)] = None
-
-    def load(self, recorded: Recorded | None = None) -> Robot:
-        """Return the robot, with what was said of its logs."""
-        from identifiability.robot import Robot  # noqa: PLC0415
-
-        said = recorded or Recorded()
-        return Robot.load(
-            self.robot, self.sidecar, self._columns(), self.lock, said.time_unit, said.angles,
-            said.base,
-        )  # fmt: skip
-
-    def _columns(self) -> dict[str, str]:
-        """Return from names in the logs to names in the robot file.
-
-        Raises
-        ------
-        OptionError
-            If one is no pair of names.
-        """
-        rules: dict[str, str] = {}
-        for given in self.map or ():
-            old, equals, new = given.rpartition("=")
-            if not (old and equals and new):
-                raise OptionError(
-                    f"--map {given} is no pair of names; give OLD=NEW, such as --map "
-                    "'fer_joint1=panda_joint1'."
-                )
-            if rules.setdefault(old, new) != new:
-                raise OptionError(f"--map gives '{old}' two names, {rules[old]} and {new}.")
-        return rules
 
 
 @dataclass(frozen=True)
@@ -630,6 +596,43 @@ class Recorded:
     base: Literal["fixed", "floating"] | None = None
     time_unit: Literal["s", "ms", "us", "ns"] | None = None
     angles: Literal["rad", "deg"] | None = None
+
+
+@dataclass(frozen=True)
+class Machine:
+    """The robot, what its file does not say, and what its logs call things."""
+
+    robot: Annotated[str, Argument(autocompletion=find_robots)]
+    sidecar: str | None = None
+    lock: Annotated[Sequence[str] | None, Option(metavar="NAME[=VALUE]")] = None
+    map: Annotated[Sequence[str] | None, Option(metavar="OLD=NEW")] = None
+    plugin: Annotated[list[Path] | None, Option(callback=_load_plugins, is_eager=True)] = None
+    recorded: Recorded = Recorded()
+
+    def load(self) -> Robot:
+        """Return the robot, with what was said of its logs.
+
+        Raises
+        ------
+        OptionError
+            If --map has no pairs of names.
+        """
+        from identifiability.robot import Robot  # noqa: PLC0415
+
+        rules: dict[str, str] = {}
+        for given in self.map or ():
+            old, equals, new = given.rpartition("=")
+            if not (old and equals and new):
+                raise OptionError(
+                    f"--map {given} is no pair of names; give OLD=NEW, such as --map "
+                    "'fer_joint1=panda_joint1'."
+                )
+            if rules.setdefault(old, new) != new:
+                raise OptionError(f"--map gives '{old}' two names, {rules[old]} and {new}.")
+        said = self.recorded
+        return Robot.load(
+            self.robot, self.sidecar, rules, self.lock, said.time_unit, said.angles, said.base
+        )
 
 
 @dataclass(frozen=True)
@@ -662,10 +665,6 @@ class Place:
     scheduler: str | None = None
     resume: Path | None = None
 
-    def stated(self, engine: Engine) -> Engine | None:
-        """Return the engine if anything was said of it; a verb left to itself ends it sooner."""
-        return engine if any(astuple(self)) else None
-
     @contextmanager
     def running(self) -> Iterator[Engine]:
         """Give the engine; its processes end with it. Say if there was nothing to keep."""
@@ -679,6 +678,23 @@ class Place:
                 "parts that could be; the same command begins anew.",
                 err=True,
             )
+
+
+@dataclass(frozen=True)
+class Work:
+    """How logs become motion, and where long work runs."""
+
+    derived: Derived = Derived()
+    place: Place = Place()
+
+    @contextmanager
+    def running(self) -> Iterator[tuple[Callable[[str, float], None], dict[str, Any], Engine]]:
+        """Give what tells progress, what every fit takes, and the engine; errors are sentences."""
+        with sentences(), progress() as say, self.place.running() as engine:
+            # A verb left to itself ends its processes sooner.
+            asked = engine if self.place != Place() else None
+            preparation = self.derived.preparation()
+            yield say, {"preparation": preparation, "engine": asked, "progress": say}, engine
 
 
 @dataclass(frozen=True)

@@ -17,45 +17,9 @@ import typer
 from typer import Argument, Exit, Option
 
 from identifiability.cli import common, options
-from identifiability.cli.options import (
-    Derived,
-    Fitted,
-    JsonResult,
-    Ladder,
-    Limits,
-    Logs,
-    Machine,
-    Model,
-    MoreLogs,
-    Outputs,
-    Parsed,
-    Place,
-    Prior,
-    Reads,
-    Recorded,
-    Records,
-    Writes,
-    command,
-)
+from identifiability.cli.options import command
+from identifiability.foundation import options as kinds
 from identifiability.foundation.errors import IdentifiabilityError, listing
-from identifiability.foundation.options import (
-    Count,
-    Duration,
-    EstimatorKind,
-    ExportFormat,
-    Harmonics,
-    LimitShare,
-    NotNegative,
-    OptionError,
-    Period,
-    Positive,
-    Repeated,
-    Replicates,
-    Seed,
-    Whole,
-    counted,
-    within,
-)
 
 if TYPE_CHECKING:
     from identifiability.logs import Log
@@ -68,8 +32,8 @@ if TYPE_CHECKING:
 
 @command()
 def new(
-    folder: Annotated[Path, Writes()],
-    logs: Annotated[Sequence[str], Argument(), Records()] = (),
+    folder: Annotated[Path, options.Writes()],
+    logs: Annotated[Sequence[str], Argument(), options.Records()] = (),
     robot: str = "six-dof-arm",
 ) -> None:
     """Make a folder to begin a study in: robot, sidecar, logs, script and Makefile."""
@@ -83,13 +47,13 @@ def new(
 @command()
 def demo(
     quick: bool = False,
-    folder: Annotated[Path, Writes()] = Path("reports"),
-    seed: Seed = 0,
+    folder: Annotated[Path, options.Writes()] = Path("reports"),
+    seed: kinds.Seed = 0,
 ) -> None:
     """Run the main job on a simulated robot: the paper's 3-RPS with the paper's noise."""
     with common.sentences(), common.progress() as say:
         folder.mkdir(parents=True, exist_ok=True)
-        outputs = Outputs(folder / "demo.html", folder / "demo.json")
+        outputs = options.Outputs(folder / "demo.html", folder / "demo.json")
         common.check_outputs(outputs.report, outputs.json)
         result, logs = run_demo(quick, seed, say, folder)
         read = [log.write(log.path) for log in logs]  # what the page's lines are about
@@ -129,30 +93,26 @@ def run_demo(
 class InspectOptions:
     """What is asked for."""
 
-    model: Model = None
+    model: options.Model = None
 
 
 @command()
 def inspect(
-    machine: Machine,
-    recorded: Recorded,
-    outputs: Outputs,
-    derived: Derived,
-    place: Place,
+    machine: options.Machine,
+    outputs: options.Outputs,
+    work: options.Work,
     own: InspectOptions,
-    logs: Annotated[Sequence[str], Argument(), Records()] = (),
-    template: Annotated[Path | None, Writes(".csv")] = None,
+    logs: Annotated[Sequence[str], Argument(), options.Records()] = (),
+    template: Annotated[Path | None, options.Writes(".csv")] = None,
 ) -> None:
     """Say what a robot file holds, what its logs must have, and what is in logs and odd."""
-    with common.sentences(), common.progress() as say, place.running() as runner:
+    with work.running() as (say, how, _):
         from identifiability.workflows.inspect import inspect as run  # noqa: PLC0415
 
         result = run(
-            machine.load(recorded),
+            machine.load(),
             logs,
-            preparation=derived.preparation(),
-            progress=say,
-            engine=place.stated(runner),
+            **how,
             **vars(own),
         )
         written = outputs.write(result, say, (result.write_template, template))
@@ -169,43 +129,40 @@ def inspect(
 class AnalyzeOptions:
     """What is asked for."""
 
-    validate: MoreLogs = ()
-    ladder: Ladder = None
-    replicates: Replicates | None = None
+    validate: options.MoreLogs = ()
+    ladder: options.Ladder = None
+    replicates: kinds.Replicates | None = None
     posterior: bool = False
-    prior: Prior = None
-    seed: Seed = 0
+    prior: options.Prior = None
+    seed: kinds.Seed = 0
     quick: bool = False
 
 
 @dataclass(frozen=True)
-class OneMachine(Machine):
+class OneMachine(options.Machine):
     """The robot; of many robots a folder each."""
 
-    robot: options.RobotName = ""
+    robot: Annotated[str, Argument(autocompletion=options.find_robots)] = ""
 
 
 @command()
 def analyze(
     machine: OneMachine,
-    recorded: Recorded,
-    outputs: Outputs,
-    derived: Derived,
-    place: Place,
-    fitted: Fitted,
+    outputs: options.Outputs,
+    work: options.Work,
+    fitted: options.Fitted,
     own: AnalyzeOptions,
-    logs: Annotated[Sequence[str], Argument(), Records()] = (),
+    logs: Annotated[Sequence[str], Argument(), options.Records()] = (),
     each: Annotated[Sequence[str], Option(metavar="FOLDER")] = (),
-    out: Annotated[Path | None, Writes()] = None,
+    out: Annotated[Path | None, options.Writes()] = None,
 ) -> None:
     """Say which parameters the logs determine, and which model of a ladder to use."""
-    with common.sentences(), common.progress() as say, place.running() as runner:
-        said: dict[str, Any] = {"engine": place.stated(runner), "progress": say, **vars(fitted)}
-        said |= {**vars(own), "preparation": derived.preparation()}
+    with work.running() as (say, how, _):
+        said: dict[str, Any] = {**how, **vars(fitted), **vars(own)}
         if each:
-            one = (machine, recorded, outputs, list(logs), list(said.pop("validate")))
-            if one != (OneMachine(), Recorded(), Outputs(), [], []) or out is None:
-                raise OptionError(
+            one = (machine, outputs, list(logs), list(said.pop("validate")))
+            if one != (OneMachine(), options.Outputs(), [], []) or out is None:
+                raise kinds.OptionError(
                     "--each takes robots, logs and what is said of them from the folders and the "
                     "sidecars in them; give --out and how to fit beside it: identifiability "
                     "analyze --each FOLDER --each FOLDER --out RESULTS."
@@ -214,7 +171,7 @@ def analyze(
 
             fleet = analyze_many(each, out, **said)
         elif not logs or out is not None:
-            raise OptionError(
+            raise kinds.OptionError(
                 "Give a robot and its logs, or folders of several robots with --each, and --out: "
                 "identifiability analyze ROBOT LOG, or identifiability analyze --each FOLDER "
                 "--out RESULTS."
@@ -222,7 +179,7 @@ def analyze(
         else:
             from identifiability.workflows.analyze import analyze as run  # noqa: PLC0415
 
-            result = run(machine.load(recorded), logs, **said)
+            result = run(machine.load(), logs, **said)
             written = outputs.write(result, say)
     if not each:
         print_analysis(result, written)
@@ -244,38 +201,34 @@ def print_analysis(result: Analysis, written: Sequence[Path]) -> None:
 class PruneOptions:
     """What is asked for."""
 
-    validate: MoreLogs = ()
-    ladder: Ladder = None
+    validate: options.MoreLogs = ()
+    ladder: options.Ladder = None
     forbid: Sequence[str] = ()
     force: Sequence[str] = ()
-    replicates: Replicates | None = None
-    prior: Prior = None
-    seed: Seed = 0
+    replicates: kinds.Replicates | None = None
+    prior: options.Prior = None
+    seed: kinds.Seed = 0
     quick: bool = False
 
 
 @command()
 def prune(
-    machine: Machine,
-    recorded: Recorded,
-    logs: Logs,
-    outputs: Outputs,
-    derived: Derived,
-    place: Place,
-    fitted: Fitted,
+    machine: options.Machine,
+    logs: options.Logs,
+    outputs: options.Outputs,
+    work: options.Work,
+    fitted: options.Fitted,
     own: PruneOptions,
-    out: Annotated[Path | None, Writes(".toml")] = None,
+    out: Annotated[Path | None, options.Writes(".toml")] = None,
 ) -> None:
     """Reduce the full model of a robot to the one worth using, from logs alone."""
-    with common.sentences(), common.progress() as say, place.running() as runner:
+    with work.running() as (say, how, _):
         from identifiability.workflows.prune import prune as run  # noqa: PLC0415
 
         result = run(
-            machine.load(recorded),
+            machine.load(),
             logs,
-            progress=say,
-            engine=runner,
-            preparation=derived.preparation(),
+            **how,
             **vars(fitted),
             **vars(own),
         )
@@ -296,38 +249,34 @@ def print_pruning(result: Pruned, written: Sequence[Path]) -> None:
 class DiagnoseOptions:
     """What is asked for."""
 
-    validate: MoreLogs = ()
+    validate: options.MoreLogs = ()
     effects: options.Effects = None
-    model: Model = None
+    model: options.Model = None
     fixed: options.Fixed = False
-    seed: Seed = 0
+    seed: kinds.Seed = 0
     quick: bool = False
 
 
 @command()
 def diagnose(
-    machine: Machine,
-    recorded: Recorded,
-    logs: Logs,
-    outputs: Outputs,
-    derived: Derived,
-    place: Place,
+    machine: options.Machine,
+    logs: options.Logs,
+    outputs: options.Outputs,
+    work: options.Work,
     own: DiagnoseOptions,
-    out: Annotated[Path | None, Writes(".toml")] = None,
-    motion: Annotated[Path | None, Option("--next"), Writes(".json")] = None,
-    limits: Limits = None,
+    out: Annotated[Path | None, options.Writes(".toml")] = None,
+    motion: Annotated[Path | None, Option("--next"), options.Writes(".json")] = None,
+    limits: options.Limits = None,
 ) -> None:
     """Find where model and logs disagree, name the missing effect, add it, show the gap shrink."""
-    with common.sentences(), common.progress() as say, place.running() as runner:
+    with work.running() as (say, how, _):
         from identifiability.workflows.diagnose import diagnose as run  # noqa: PLC0415
         from identifiability.workflows.diagnose import find_next  # noqa: PLC0415
 
         result = run(
-            machine.load(recorded),
+            machine.load(),
             logs,
-            preparation=derived.preparation(),
-            engine=place.stated(runner),
-            progress=say,
+            **how,
             **vars(own),
         )
         # The page knows of the file of the model.
@@ -346,9 +295,9 @@ class CalibrateOptions:
     """What is asked for."""
 
     model: str | None = None
-    replicates: Repeated | None = None
-    names: Whole | None = None
-    seed: Seed = 0
+    replicates: kinds.Repeated | None = None
+    names: kinds.Whole | None = None
+    seed: kinds.Seed = 0
     quick: bool = False
 
 
@@ -358,28 +307,26 @@ class FittedBefore:
 
     table: ClassVar[str] = "fit"
 
-    estimator: EstimatorKind = "auto"
+    estimator: kinds.EstimatorKind = "auto"
 
 
 @command()
 def calibrate(
-    machine: Machine,
-    recorded: Recorded,
-    logs: Logs,
-    outputs: Outputs,
-    derived: Derived,
-    place: Place,
+    machine: options.Machine,
+    logs: options.Logs,
+    outputs: options.Outputs,
+    work: options.Work,
     fitted: FittedBefore,
     own: CalibrateOptions,
-    ladder: Ladder = None,
-    prior: Prior = None,
+    ladder: options.Ladder = None,
+    prior: options.Prior = None,
 ) -> None:
     """Say whether the intervals and verdicts of the model to use can be trusted here."""
-    with common.sentences(), common.progress() as say, place.running() as runner:
+    with work.running() as (say, how, engine):
         from identifiability.workflows.analyze import analyze as fit  # noqa: PLC0415
         from identifiability.workflows.calibrate.calibration import calibrate as run  # noqa: PLC0415
 
-        robot = machine.load(recorded)
+        robot = machine.load()
         robot.check_stands("calibration")  # before the logs are fitted for it
         analysis = fit(
             robot,
@@ -388,16 +335,14 @@ def calibrate(
             ladder,
             estimator=fitted.estimator,
             prior=prior,
-            preparation=derived.preparation(),
             seed=own.seed,
-            progress=lambda text, share: say(text, 0.2 * share),
-            engine=place.stated(runner),
+            **{**how, "progress": lambda text, share: say(text, 0.2 * share)},
         )
         result = run(
             analysis,
             **vars(own),
             progress=lambda text, share: say(text, 0.2 + 0.8 * share),
-            engine=runner,
+            engine=engine,
         )
         written = outputs.write(result, say)
     common.print_result(result, [result.statement], written)
@@ -408,11 +353,10 @@ def calibrate(
 
 @command(motion_alone=True)
 def predict(
-    machine: Machine,
-    recorded: Recorded,
-    result: Annotated[str, Records(results=True)],
-    outputs: Outputs,
-    logs: Annotated[Sequence[str], Argument(), Records()] = (),
+    machine: options.Machine,
+    result: Annotated[str, options.Records(results=True)],
+    outputs: options.Outputs,
+    logs: Annotated[Sequence[str], Argument(), options.Records()] = (),
     forward: Annotated[bool, Option("--forward")] = False,
     out: Annotated[Path | None, options.Table] = None,
 ) -> None:
@@ -421,14 +365,14 @@ def predict(
         is_result = Path(result).suffix.lower() in (".json", ".xml", ".urdf")
         if not forward:
             if not is_result or not logs:
-                raise OptionError(
+                raise kinds.OptionError(
                     "Give a robot, the JSON of a result, and logs: identifiability predict ROBOT "
                     "RESULT.json LOG."
                 )
             from identifiability.workflows.predict import read_fit  # noqa: PLC0415
 
             say("reading the result", 0.0)
-            fit = read_fit(result, machine.load(recorded))
+            fit = read_fit(result, machine.load())
             say("predicting torque", 0.2)
             found: Any = fit.predict(logs)
         else:
@@ -436,7 +380,7 @@ def predict(
 
             say("rolling out commands", 0.0)
             moved = [*logs] if is_result else [result, *logs]
-            found = rollout(machine.load(recorded), moved, result if is_result else None)
+            found = rollout(machine.load(), moved, result if is_result else None)
         written = outputs.write(found, say, (found.write, out))
     title = "Error of positions (rms)" if forward else "Predicted torque by joint"
     common.print_result(found, [found.statement, *found.hints], written, title)
@@ -448,15 +392,14 @@ EXPORTED = (".xml", ".urdf", ".json", ".py", ".csv", ".parquet", ".pq")
 
 @command()
 def export(
-    machine: Machine,
-    recorded: Recorded,
-    result: JsonResult,
-    out: Annotated[Path, Option(), Writes(*EXPORTED)],
-    draws: Count | None = None,
-    form: Annotated[ExportFormat | None, Option("--format")] = None,
+    machine: options.Machine,
+    result: options.JsonResult,
+    out: Annotated[Path, Option(), options.Writes(*EXPORTED)],
+    draws: kinds.Count | None = None,
+    form: Annotated[kinds.ExportFormat | None, Option("--format")] = None,
     force: Annotated[bool, Option("--force")] = False,
-    prior: NotNegative | None = None,
-    seed: Seed = 0,
+    prior: kinds.NotNegative | None = None,
+    seed: kinds.Seed = 0,
 ) -> None:
     """Write the physically feasible parameters of a result back into the robot file."""
     with common.sentences():
@@ -464,7 +407,7 @@ def export(
         from identifiability.workflows.export import draw_robots  # noqa: PLC0415
         from identifiability.workflows.export import export as run  # noqa: PLC0415
 
-        robot = machine.load(recorded)
+        robot = machine.load()
         if draws is not None:
             found = draw_robots(robot, result, draws, prior=prior, seed=seed)
             written = found.write(out)
@@ -472,7 +415,9 @@ def export(
             typer.echo(f"{written[0]}" + (f" … {written[-1].name}" if len(written) > 1 else ""))
             return
         if prior is not None:
-            raise OptionError("--prior is of bodies that are drawn; say how many: --draws 100.")
+            raise kinds.OptionError(
+                "--prior is of bodies that are drawn; say how many: --draws 100."
+            )
         exported = run(robot, result, out, form, force=force)
     for text in unused_ladder(robot):
         typer.echo(text, err=True)
@@ -485,20 +430,19 @@ def export(
 class PayloadOptions:
     """What is asked for."""
 
-    without: MoreLogs = ()
+    without: options.MoreLogs = ()
     body: str | None = None
-    mass: Positive | None = None
+    mass: kinds.Positive | None = None
     centre: options.Point | None = None
     inertia: options.Point | None = None
 
 
 @command()
 def payload(
-    machine: Machine,
-    recorded: Recorded,
-    result: JsonResult,
-    logs: Logs,
-    outputs: Outputs,
+    machine: options.Machine,
+    result: options.JsonResult,
+    logs: options.Logs,
+    outputs: options.Outputs,
     own: PayloadOptions,
 ) -> None:
     """Weigh what hangs on a body: its mass, centre and inertia, with intervals."""
@@ -506,7 +450,7 @@ def payload(
         from identifiability.workflows.payload import payload as weigh  # noqa: PLC0415
 
         say("reading logs", 0.0)
-        found = weigh(machine.load(recorded), result, logs, **vars(own))
+        found = weigh(machine.load(), result, logs, **vars(own))
         written = outputs.write(found, say)
     common.print_end([*filter(None, [found.sidecar]), found.statement])
     common.print_result(found, found.hints, written)
@@ -516,23 +460,22 @@ def payload(
 class CompareOptions:
     """What is asked for."""
 
-    ladder: Ladder = None
+    ladder: options.Ladder = None
 
 
 @command()
 def compare(
-    machine: Machine,
-    recorded: Recorded,
-    before: Annotated[str, Records(results=True)],
-    after: Annotated[str, Records(results=True)],
-    derived: Derived,
-    outputs: Outputs,
+    machine: options.Machine,
+    before: Annotated[str, options.Records(results=True)],
+    after: Annotated[str, options.Records(results=True)],
+    derived: options.Derived,
+    outputs: options.Outputs,
     own: CompareOptions,
     more_before: Annotated[
-        Sequence[str], Option("--before", metavar="LOG"), Records(results=True)
+        Sequence[str], Option("--before", metavar="LOG"), options.Records(results=True)
     ] = (),
     more_after: Annotated[
-        Sequence[str], Option("--after", metavar="LOG"), Records(results=True)
+        Sequence[str], Option("--after", metavar="LOG"), options.Records(results=True)
     ] = (),
 ) -> None:
     """Say what changed between two logs, or two results, of one robot."""
@@ -544,13 +487,13 @@ def compare(
         for k, side in enumerate(sides):
             results = [path for path in side if Path(path).suffix.lower() == ".json"]
             if results and len(side) > 1:
-                raise OptionError(
+                raise kinds.OptionError(
                     f"{results[0]} is a result, and stands beside others; give one result on each "
                     "side, or logs alone."
                 )
             sides[k] = side[0] if results else side
         say("comparing", 0.3)
-        found = find(machine.load(recorded), *sides, preparation=derived.preparation(), **vars(own))
+        found = find(machine.load(), *sides, preparation=derived.preparation(), **vars(own))
         written = outputs.write(found, say)
     common.print_end([found.statement])
     common.print_result(found, found.hints, written)
@@ -566,17 +509,16 @@ class SimulateOptions:
     noise: Annotated[str | None, Option(metavar="LEVELS")] = None
     hide: Sequence[str] = ()
     derivatives: bool = True
-    seed: Seed = 0
+    seed: kinds.Seed = 0
 
 
 @command()
 def simulate(
-    machine: Machine,
-    recorded: Recorded,
-    motion: Annotated[str, Reads("motion", "CSV", always=False)],
+    machine: options.Machine,
+    motion: Annotated[str, options.Reads("motion", "CSV", always=False)],
     out: Annotated[Path, Option(), options.Table],
     own: SimulateOptions,
-    samples: Period | None = None,
+    samples: kinds.Period | None = None,
 ) -> None:
     """Make the log of a simulated robot along a prescribed motion."""
     with common.sentences():
@@ -587,7 +529,7 @@ def simulate(
         from identifiability.simulation.forces import left_out  # noqa: PLC0415
         from identifiability.simulation.motion import find_motion  # noqa: PLC0415
 
-        robot, rng = machine.load(recorded), np.random.default_rng(own.seed)
+        robot, rng = machine.load(), np.random.default_rng(own.seed)
         move = find_motion(robot, motion, samples, rng)
         log = run(robot, move, laws=effect_laws(), rng=rng, **vars(own))
         log.write(out)
@@ -604,13 +546,13 @@ def simulate(
 class ExciteOptions:
     """What is asked for."""
 
-    duration: Duration | None = None
-    limits: Limits = None
+    duration: kinds.Duration | None = None
+    limits: options.Limits = None
     parameters: Annotated[Sequence[str] | None, Option("--parameter")] = None
-    model: Model = None
-    start_from: Annotated[Sequence[str] | None, Records()] = None
+    model: options.Model = None
+    start_from: Annotated[Sequence[str] | None, options.Records()] = None
     separate: Sequence[str] | None = None
-    seed: Seed = 0
+    seed: kinds.Seed = 0
 
 
 @dataclass(frozen=True)
@@ -619,10 +561,10 @@ class Searched:
 
     table: ClassVar[str] = ""
 
-    harmonics: Harmonics = 5
+    harmonics: kinds.Harmonics = 5
     at_rest: bool = False
     samples: int = 750
-    evaluations: Count = 15_000
+    evaluations: kinds.Count = 15_000
 
 
 @dataclass(frozen=True)
@@ -631,26 +573,24 @@ class Played:
 
     table: ClassVar[str] = ""
 
-    periods: Annotated[int, counted(1, 10_000)] = 1
-    scale: LimitShare = 1.0
+    periods: Annotated[int, kinds.counted(1, 10_000)] = 1
+    scale: kinds.LimitShare = 1.0
 
 
 @command()
 def excite(
-    machine: Machine,
-    recorded: Recorded,
-    derived: Derived,
-    place: Place,
-    out: Annotated[Path, Option(), Writes(".json", ".csv", ".mcap", ".npz")],
+    machine: options.Machine,
+    work: options.Work,
+    out: Annotated[Path, Option(), options.Writes(".json", ".csv", ".mcap", ".npz")],
     own: ExciteOptions,
     searched: Searched,
     played: Played,
     commands: Annotated[bool, Option("--commands")] = False,
-    rate: Annotated[float | None, within(1, 100_000)] = None,
-    report: Annotated[Path | None, Writes(".html", ".htm")] = None,
+    rate: Annotated[float | None, kinds.within(1, 100_000)] = None,
+    report: Annotated[Path | None, options.Writes(".html", ".htm")] = None,
 ) -> None:
     """Find a motion that is worth measuring, within the limits of the robot."""
-    with common.sentences(), common.progress() as say, place.running() as runner:
+    with work.running() as (say, how, _):
         from identifiability.foundation.output import check_ending  # noqa: PLC0415
         from identifiability.workflows.excite import excite as run  # noqa: PLC0415
         from identifiability.workflows.excite import excite_commands  # noqa: PLC0415
@@ -658,7 +598,7 @@ def excite(
         if commands:
             say("finding commands", 0.1)
             found = excite_commands(
-                machine.load(recorded),
+                machine.load(),
                 duration=own.duration or 15.0,
                 rate=rate or 50.0,
                 limits=own.limits,
@@ -671,16 +611,16 @@ def excite(
         check_ending(out, ".json", ".csv", ".mcap")
         rate = rate or 500.0
         result = run(
-            machine.load(recorded),
-            preparation=derived.preparation(),
-            progress=say,
-            engine=place.stated(runner),
+            machine.load(),
+            **how,
             **vars(own),
             **vars(searched),
         )
         json = out.suffix.lower() == ".json"
         play = partial(result.write_motion, rate=rate, periods=played.periods)
-        written = Outputs(report).write(result, say, (result.to_json if json else play, out))
+        written = options.Outputs(report).write(
+            result, say, (result.to_json if json else play, out)
+        )
     rest = "" if json else f"{out.name} begins and ends at rest: {state_rest(result, rate)}."
     texts = [result.statement, *filter(None, [rest]), *result.hints]
     title = f"{result.robot.title}: the motion [SI units]"
@@ -702,11 +642,11 @@ SOURCE = "https://github.com/robot-identifiability/identifiability"
 
 @command()
 def paper(
-    place: Place,
+    place: options.Place,
     tables: Annotated[Sequence[str], Argument()] = (),
     quick: bool = False,
-    seeds: Count | None = None,
-    out: Annotated[Path, Writes()] = Path("reports"),
+    seeds: kinds.Count | None = None,
+    out: Annotated[Path, options.Writes()] = Path("reports"),
 ) -> None:
     """Compute every table and figure of the paper, ours beside the printed numbers."""
     with common.sentences():
