@@ -20,6 +20,8 @@ What to use when:
 Names are imported when they are first used: ``import identifiability`` is quick.
 """
 
+# ruff: noqa: I001 - a type checker wants each name twice, and isort then a line for each
+
 from __future__ import annotations
 
 from importlib import import_module
