@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from shutil import rmtree
-from tempfile import gettempdir, mkdtemp
-from time import monotonic, time
+from tempfile import mkdtemp
+from time import monotonic
 from typing import TYPE_CHECKING, Literal, NoReturn
 from unicodedata import category
 
@@ -217,10 +217,6 @@ def print_end(texts: Iterable[str], written: Iterable[Path] = ()) -> None:
 # Results are written where they should be, or else elsewhere.
 
 
-#: Folders of results whose own place was full, and for how many days they stay.
-RESCUED, RESCUED_FOR = "identifiability-rescued-", 30
-
-
 def write_all(*asked: tuple[Callable[[Path], Path], Path | None]) -> list[Path]:
     """Call functions that write with their paths, and return these; those of no path are not asked.
 
@@ -246,10 +242,9 @@ def _write(write: Callable[[Path], Path], path: Path) -> Path:
     try:
         return write(path)
     except OutputError as error:
-        for old in Path(gettempdir()).glob(f"{RESCUED}*"):
-            if time() - old.stat().st_mtime > RESCUED_FOR * 86400:
-                rmtree(old, ignore_errors=True)
-        elsewhere = Path(mkdtemp(prefix=RESCUED)) / path.name
+        from identifiability.foundation.output import FOLDER, FOLDERS_STAY  # noqa: PLC0415
+
+        elsewhere = Path(mkdtemp(prefix=f"{FOLDER}rescued-")) / path.name
         try:
             write(elsewhere)
         except BaseException as again:  # also Ctrl-C
@@ -258,5 +253,5 @@ def _write(write: Callable[[Path], Path], path: Path) -> Path:
                 raise error from None
             raise
         raise OutputError(
-            f"{error} What was found is not lost: it is in '{elsewhere}', for {RESCUED_FOR} days."
+            f"{error} What was found is not lost: it is in '{elsewhere}', for {FOLDERS_STAY} days."
         ) from None

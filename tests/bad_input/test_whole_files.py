@@ -242,23 +242,6 @@ def test_two_runs_that_write_the_same_files_leave_those_of_one(tmp_path):
     assert seen <= {me * 10_000 for me in (b"a", b"b", b"c", b"d")}
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="nothing is swept on Windows")
-def test_who_sweeps_leaves_what_has_taken_the_name_since(tmp_path, monkeypatch):
-    """Between opening an orphan and locking it another run may remove it and begin its own."""
-    from identifiability.foundation import output
-
-    path = tmp_path / "turn.tmp"
-    path.write_text("orphan")
-
-    def lock(file, how):
-        path.rename(tmp_path / "gone")
-        path.write_text("another's")
-
-    monkeypatch.setattr(output.fcntl, "flock", lock)
-    output.sweep([path])
-    assert path.read_text() == "another's"
-
-
 def test_another_run_may_put_the_old_file_aside_while_the_new_one_is_filled(tmp_path, monkeypatch):
     from identifiability.foundation import output
 
