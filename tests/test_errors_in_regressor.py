@@ -15,7 +15,7 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import build_comparison, find_ladder, ladder_model
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.report.pruning_report import section_survivors
+from identifiability.report.pages import section_survivors
 from identifiability.robot import Motion, Robot
 from identifiability.simulation import Noise
 from identifiability.workflows.analyze import analyze

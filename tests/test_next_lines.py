@@ -59,8 +59,9 @@ def logs():
 
 def call(words):
     """Run a command in this process, quickly; return what it says."""
-    options = {o for p in COMMANDS[words[0]].params for o in p.opts}
-    more = [w for w in (["--set", "engine=serial"], ["--quick"]) if w[0] in options]
+    command = COMMANDS[words[0]]
+    more = [["--set", "engine=serial"]] if "engine" in command.settings else []
+    more += [["--quick"]] if "--quick" in {o for p in command.params for o in p.opts} else []
     done = CliRunner().invoke(app, [*words, *(w for pair in more for w in pair)])
     assert done.exit_code == 0, f"{shlex.join(words)}\n{done.output}\n{done.exception}"
     return done.stdout

@@ -419,11 +419,12 @@ def export(
                 "--prior is of bodies that are drawn; say how many: --draws 100."
             )
         exported = run(robot, result, out, form, force=force)
+    for text in filter(None, (exported.mass, exported.statement)):
+        typer.echo(text)
     for text in unused_ladder(robot):
         typer.echo(text, err=True)
-    lines = (exported.mass, exported.statement, exported.robot, exported.sidecar)
-    for line in filter(None, lines):
-        typer.echo(f"{line}")
+    for path in filter(None, (exported.robot, exported.sidecar)):
+        typer.echo(f"{path}")
 
 
 @dataclass(frozen=True)

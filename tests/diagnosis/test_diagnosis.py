@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import typer
-from identifiability.cli.diagnose import diagnose as command
 from typer.testing import CliRunner
 
 from identifiability.cli import options
+from identifiability.cli.verbs import diagnose as command
 from identifiability.foundation.errors import LogError, ModelError
 from identifiability.foundation.output import plain
 from identifiability.logs.prepare import Preparation, prepare_samples

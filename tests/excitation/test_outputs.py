@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 import typer
-from identifiability.cli.excite import excite as command
 from typer.testing import CliRunner
 
 from identifiability.cli import app as whole
 from identifiability.cli import options
+from identifiability.cli.verbs import excite as command
 from identifiability.logs import Log
 from identifiability.simulation.motion import find_motion, read_trajectories
 

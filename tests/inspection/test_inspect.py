@@ -13,7 +13,7 @@ from identifiability import Inspection, Robot, analyze, inspect
 from identifiability.cli import app
 from identifiability.foundation.errors import LogError, OutputError
 from identifiability.logs import Log
-from identifiability.report.inspection_report import ROLES
+from identifiability.report.pages import ROLES
 from identifiability.report.results import build_page, render_page
 from identifiability.robot.parts import Transmission
 from identifiability.simulation import PrescribedMotion, random_trajectory, simulate

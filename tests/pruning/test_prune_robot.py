@@ -189,9 +189,9 @@ def test_the_same_inputs_give_the_same_result(simulated):
 
 def test_the_command_line_prunes_and_writes(simulated, tmp_path):
     import typer
-    from identifiability.cli.prune import prune as command
 
     from identifiability.cli import options
+    from identifiability.cli.verbs import prune as command
 
     simulated("two-link", "a", 0, Noise(torque=0.02)).write(tmp_path / "run.csv")
     app = typer.Typer()

@@ -18,7 +18,7 @@ from identifiability.report.results import build_page
 pytestmark = pytest.mark.pictures
 
 SECTIONS = (
-    "parameters", "models", "prediction", "budget", "correlated", "motions", "residuals", "physics",
+    "prediction", "parameters", "models", "budget", "correlated", "motions", "residuals", "physics",
     "structure", "full-model", "motion", "thresholds", "provenance", "rules",
 )  # fmt: skip
 

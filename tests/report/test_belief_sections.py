@@ -8,13 +8,12 @@ import pytest
 
 from identifiability.estimation.rules import Thresholds
 from identifiability.report import build_analysis_page, render_page
-from identifiability.report.analysis_report import section_physics
-from identifiability.report.belief import (
+from identifiability.report.analysis import (
     forest_gallery,
     forest_layers,
+    section_physics,
     section_posterior,
     section_standard,
-    strongest_pairs,
 )
 from identifiability.report.results import Page
 from identifiability.workflows.analyze.belief import Source
@@ -136,11 +135,6 @@ def test_every_parameter_has_its_row_and_long_models_are_cut(believed_analysis):
     pictures = forest_gallery(replace(unsure, selected=full)).pictures
     rows = [len(p.figure.axes[0].texts) for p in pictures]
     assert (sum(rows), max(rows)) == (37, 13)
-
-
-def test_the_strongest_pairs_come_first():
-    rho = np.array([[1, 0.5, -0.9], [0.5, 1, 0.1], [-0.9, 0.1, 1]])
-    assert strongest_pairs(rho) == [(0, 2), (0, 1)]
 
 
 def test_every_standard_parameter_is_shown_once_and_listed(believed_analysis):

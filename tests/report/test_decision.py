@@ -16,7 +16,7 @@ from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.logs.spectrum import Band
 from identifiability.regression.reduction import LadderEntry, LadderSource, ModelEntry
 from identifiability.report import build_analysis_page, render_page
-from identifiability.report.analysis_report import section_correlated
+from identifiability.report.analysis import section_correlated
 from identifiability.report.blocks import Trace
 from identifiability.report.figures import order_correlated
 from identifiability.report.skeleton import Part, draw_skeleton, trace_limbs

@@ -18,7 +18,6 @@ from identifiability.report.drawing import (
     peak_rows,
     plain,
 )
-from identifiability.report.figures import choose_stretch
 
 pytestmark = pytest.mark.pictures
 
@@ -55,13 +54,9 @@ def draw_all(names, value=1.0):
         figures.draw_errors(names, x, x, x, 0),
         figures.draw_ladder(np.arange(k)[::-1] + 1.0, x, x, x, 0, k - 1),
         figures.draw_torque(t, wave, np.sin(9 * t), names[0], "N·m"),
-        figures.draw_joint(
-            [(t, wave)] * 3, ["q [rad]", "q̇ [rad/s]", "τ [N·m]"], names[0], [(0, INF)]
-        ),
         figures.draw_residual(
             value * t, {"median": t}, names[0], ("velocity [rad/s]", "torque [N]")
         ),
-        figures.draw_gap(t, wave, t, names[0], "N·m"),
         figures.draw_curve(t, wave, t, t, names[0], ("velocity [rad/s]", "torque [N·m]")),
         figures.draw_shrink(names, x),
         figures.draw_gain(names, x),
@@ -69,13 +64,6 @@ def draw_all(names, value=1.0):
         figures.draw_forest(
             names, {"one": np.stack([x, -x, x], 1), "b$": np.stack([x] * 3, 1)}, x, names[0]
         ),
-        figures.draw_pair(
-            np.stack([value * t, t], 1),
-            (f"{names[0]} [–]", f"{names[-1]} [–]"),
-            (value, value),
-            value,
-        ),
-        figures.draw_ranks(np.full((k, 8), value), (4.0, 12.0), 0, names[0]),
     ]
 
 
@@ -179,15 +167,6 @@ def test_lines_are_broken_at_gaps():
     assert break_gaps(np.zeros(1), [])[0].tolist() == [0]
     figure = figures.draw_torque(t, t, t, "a", "N")
     assert np.isnan(figure.axes[0].lines[0].get_ydata()).sum() == 1
-
-
-def test_the_middle_of_a_long_log_is_shown():
-    t = np.linspace(0, 100, 1001)
-    part = choose_stretch(t, 10)
-    assert t[part][0] == pytest.approx(45)
-    assert t[part][-1] == pytest.approx(55, abs=0.2)
-    assert choose_stretch(t, 200) == slice(0, 1001)
-    assert choose_stretch(t[:1]) == slice(0, 1)
 
 
 def test_points_are_drawn_as_one_small_path():
