@@ -117,7 +117,8 @@ def draw_residual(
 
 def medians_along(x: Array, y: Array) -> tuple[Array, Array]:
     """Return medians of x (N,) and y (N,) in bins of as many rows each, along x."""
-    parts = [p for p in np.array_split(np.argsort(x), BINS) if len(p)]
+    count = max(1, min(BINS, len(x) // 8))
+    parts = [p for p in np.array_split(np.argsort(x), count) if len(p)]
     return np.array([np.median(x[p]) for p in parts]), np.array([np.median(y[p]) for p in parts])
 
 
