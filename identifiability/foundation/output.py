@@ -14,6 +14,7 @@ import tempfile
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from datetime import timedelta
 from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -46,7 +47,7 @@ def sweep(paths: Iterable[Path], days: float) -> None:
         with suppress(OSError):
             status = path.lstat()
             own = not hasattr(os, "getuid") or status.st_uid == os.getuid()
-            if own and time.time() - status.st_mtime > days * 86400:
+            if own and time.time() - status.st_mtime > timedelta(days=days).total_seconds():
                 shutil.rmtree(path) if stat.S_ISDIR(status.st_mode) else path.unlink()
 
 

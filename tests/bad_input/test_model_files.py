@@ -178,7 +178,7 @@ def test_diagnosis_and_excitation_use_the_effects_of_a_model_file_and_say_so(pru
     assert all("no shapes that can collide" in h for h in motion.hints)
     assert motion.names[-1] == "elbow.Fc"
     words = ["two-link", "--model", str(plain), "--out", str(tmp_path / "m.json")]
-    done = CliRunner().invoke(app, ["excite", *words, "--evaluations", "50"])
+    done = CliRunner().invoke(app, ["excite", *words, "--set", "evaluations=50"])
     assert done.exit_code == 0, done.output
     assert json.loads((tmp_path / "m.json").read_text())["effects"] == list(motion.effects)
 

@@ -107,7 +107,7 @@ def test_reports_of_the_other_criteria_warn_where_they_must(two_link, find, tmp_
 
 def test_the_command_writes_what_it_is_asked_for(tmp_path):
     out, report = tmp_path / "m.json", tmp_path / "m.html"
-    words = ["two-link", "--out", str(out), "--report", str(report), "--evaluations", "400"]
+    words = ["two-link", "--out", str(out), "--report", str(report), "--set", "evaluations=400"]
     result = CliRunner().invoke(app, words)
     assert result.exit_code == 0, result.output
     assert "log-det of the information" in result.output
@@ -119,7 +119,7 @@ def test_the_command_separates_and_starts_from_a_log(simulated, tmp_path):
     log = tmp_path / "run.csv"
     simulated("two-link", "a", samples=100).write(log)
     out = tmp_path / "m.csv"
-    words = ["two-link", "--start-from", str(log), "--out", str(out), "--evaluations", "100"]
+    words = ["two-link", "--start-from", str(log), "--out", str(out), "--set", "evaluations=100"]
     pair = ["--separate", "joint_stiffness", "--separate", "torque_offset"]
     result = CliRunner().invoke(app, words + pair)
     assert result.exit_code == 0, result.output
