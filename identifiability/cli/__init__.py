@@ -10,14 +10,6 @@ import typer
 
 from identifiability.cli.options import helps
 
-#: Verbs that went, and what to type instead.
-GONE = {
-    "batch": "identifiability analyze --each FOLDER --each FOLDER --out RESULTS",
-    "convert": "identifiability new FOLDER --robot table.toml",
-    "gain": "identifiability payload ROBOT EMPTY.csv LOADED.csv --mass KG --centre X,Y,Z",
-    "rollout": "identifiability predict ROBOT RESULT.json LOG --forward",
-}
-
 
 class Verbs(Mapping[str, Any]):
     """The commands by name, in the order of the help, each made when it is asked for."""
@@ -50,8 +42,9 @@ class Group(typer.core.TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the command that was typed; of one that went, what to type instead."""
-        if args and args[0] in GONE:
-            ctx.fail(f"'{args[0]}' is gone: type {GONE[args[0]]}")
+        gone = helps()["gone"]
+        if args and args[0] in gone:
+            ctx.fail(f"'{args[0]}' is gone; {gone[args[0]]}.")
         return super().resolve_command(ctx, args)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:

@@ -59,26 +59,6 @@ if TYPE_CHECKING:
 #: Options that take effects, and verbs in which an option of that name takes something else.
 TAKES_EFFECTS = {"effects": (), "hide": (), "separate": (), "model": ("calibrate",)}
 
-#: Options that went, or have another name: verb (none for all) and name, and what to type instead.
-GONE = {
-    ("calibrate", "--trials"): "type --replicates",
-    ("prune", "--model"): "type --out",
-    ("diagnose", "--fixed-from"): "type --fixed RESULT.json",
-    ("diagnose", "--fixed-share"): "type --fixed SHARE",
-    ("diagnose", "--prior"): "type --fixed SHARE",
-    ("diagnose", "--replicates"): "log odds need no simulated noises: leave it out",
-    ("diagnose", "--from"): "give all logs: identifiability diagnose ROBOT LOG LOG NEW_LOG",
-    ("excite", "--criterion"): "--parameter and --separate say what is asked: leave it out",
-    ("excite", "--time-limit"): "a search ends by its motions: type --set evaluations=N",
-    ("prune", "--criterion"): "the smallest model that predicts as well is chosen: leave it out",
-    ("prune", "--no-propose"): "symmetries of the robot are always tried: leave it out",
-    ("prune", "--propose"): "symmetries of the robot are always tried: leave it out",
-    ("prune", "--reach"): "it did nothing: leave it out",
-    ("calibrate", "--no-sbc"): "the posterior is no longer checked: leave it out",
-    ("calibrate", "--sbc"): "the posterior is no longer checked: leave it out",
-    ("", "--patience"): "a scheduler that is lost ends the work: leave it out",
-}
-
 
 @cache
 def helps() -> dict[str, Any]:
@@ -349,7 +329,8 @@ class Command(typer.core.TyperCommand):
         typed = args[: args.index("--")] if "--" in args else args
         for at, given in enumerate(typed):
             option, equals, value = given.partition("=")
-            instead = GONE.get((str(self.name), option)) or GONE.get(("", option))
+            gone = helps()["gone"]
+            instead = gone.get(f"{self.name} {option}") or gone.get(option)
             key = option.removeprefix("--").replace("-", "_")
             if option.startswith("--") and key in self.settings:
                 follows = value if equals else next(iter(typed[at + 1 :]), "VALUE")
