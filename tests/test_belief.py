@@ -6,11 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from identifiability.cli.analyze import analyze as command
 
 from identifiability import analyze
-from identifiability.cli import options
-from identifiability.cli.verbs import run_demo
+from identifiability.cli.verbs import AnalyzeOptions, run_demo
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import RobotError
 from identifiability.physical.feasibility import certify
@@ -151,7 +149,7 @@ def test_a_prior_that_cannot_be_is_refused_with_a_sentence(arm, tmp_path, prior,
 
 
 def test_posteriors_are_off_unless_asked_for_everywhere():
-    for verb in (analyze, options.grouped(command.function)):
+    for verb in (analyze, AnalyzeOptions):
         assert inspect.signature(verb).parameters["posterior"].default is False
     assert "posterior" not in inspect.getsource(run_demo)
 

@@ -5,11 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import typer
 from typer.testing import CliRunner
 
-from identifiability.cli import options
-from identifiability.cli.verbs import diagnose as command
+from identifiability.cli import app
 from identifiability.foundation.errors import LogError, ModelError
 from identifiability.foundation.output import plain
 from identifiability.logs.prepare import Preparation, prepare_samples
@@ -221,14 +219,7 @@ def test_averages_explain_what_depends_on_the_variable_and_nothing_else():
     assert explained_share(np.zeros(3000), noise) == 0.0
 
 
-@pytest.fixture
-def app():
-    app = typer.Typer()
-    app.command()(options.grouped(command.function))
-    return app
-
-
-def test_the_command_writes_json_and_report(app, logs_of, tmp_path):
+def test_the_command_writes_json_and_report(logs_of, tmp_path):
     paths = []
     for k, log in enumerate(logs_of("two-link", "quadratic_friction@shoulder=0.3")):
         paths.append(str(tmp_path / f"{k}.csv"))
@@ -236,17 +227,19 @@ def test_the_command_writes_json_and_report(app, logs_of, tmp_path):
     result, page = tmp_path / "gap.json", tmp_path / "gap.html"
     arguments = ["two-link", *paths[:4], "--validate", paths[4], "--quick", "--json", str(result)]
     arguments += ["--effects", "quadratic_friction", "--report", str(page)]
-    out = CliRunner().invoke(app, arguments)
+    out = CliRunner().invoke(app, ["diagnose", *arguments])
     assert out.exit_code == 0, out.output
     assert "quadratic_friction" in out.output
     assert json.loads(result.read_text())["effects"][0]["effect"] == "quadratic_friction"
     assert page.is_file()
 
 
-def test_the_command_refuses_an_unknown_family_in_one_sentence(app, logs_of, tmp_path):
+def test_the_command_refuses_an_unknown_family_in_one_sentence(logs_of, tmp_path):
     path = tmp_path / "log.csv"
     logs_of("two-link")[0].write(path)
-    out = CliRunner().invoke(app, ["two-link", str(path), "--effects", "stribek_friction"])
+    out = CliRunner().invoke(
+        app, ["diagnose", "two-link", str(path), "--effects", "stribek_friction"]
+    )
     assert out.exit_code == 2
     assert "did you mean 'stribeck_friction'" in " ".join(out.output.split())
 

@@ -5,17 +5,11 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-import typer
 from typer.testing import CliRunner
 
-from identifiability.cli import app as whole
-from identifiability.cli import options
-from identifiability.cli.verbs import excite as command
+from identifiability.cli import app
 from identifiability.logs import Log
 from identifiability.simulation.motion import find_motion, read_trajectories
-
-app = typer.Typer(pretty_exceptions_enable=False)
-app.command()(options.grouped(command.function))
 
 
 def test_the_trajectory_file_is_read_back_digit_by_digit(paper, tmp_path):
@@ -32,7 +26,7 @@ def test_simulate_accepts_the_file(paper, tmp_path):
     file = paper.to_json(tmp_path / "motion.json")
     out = tmp_path / "run.csv"
     words = ["simulate", "3-rps", f"{file}:excite", "--samples", "60", "--out", str(out)]
-    result = CliRunner().invoke(whole, words)
+    result = CliRunner().invoke(app, words)
     assert result.exit_code == 0, result.output
     log = Log.read(out)
     np.testing.assert_allclose(log.q, paper.trajectory.motion(log.t)[0], atol=1e-9)
@@ -108,7 +102,7 @@ def test_reports_of_the_other_criteria_warn_where_they_must(two_link, find, tmp_
 def test_the_command_writes_what_it_is_asked_for(tmp_path):
     out, report = tmp_path / "m.json", tmp_path / "m.html"
     words = ["two-link", "--out", str(out), "--report", str(report), "--set", "evaluations=400"]
-    result = CliRunner().invoke(app, words)
+    result = CliRunner().invoke(app, ["excite", *words])
     assert result.exit_code == 0, result.output
     assert "log-det of the information" in result.output
     assert out.exists()
@@ -121,7 +115,7 @@ def test_the_command_separates_and_starts_from_a_log(simulated, tmp_path):
     out = tmp_path / "m.csv"
     words = ["two-link", "--start-from", str(log), "--out", str(out), "--set", "evaluations=100"]
     pair = ["--separate", "joint_stiffness", "--separate", "torque_offset"]
-    result = CliRunner().invoke(app, words + pair)
+    result = CliRunner().invoke(app, ["excite", *words, *pair])
     assert result.exit_code == 0, result.output
     assert "similarity of the two effects" in result.output
     assert "t,shoulder.q" in out.read_text().splitlines()[0]
@@ -139,7 +133,7 @@ def test_the_command_separates_and_starts_from_a_log(simulated, tmp_path):
 )
 def test_the_command_says_in_one_sentence_what_is_wrong(words, sentence, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    result = CliRunner().invoke(app, words)
+    result = CliRunner().invoke(app, ["excite", *words])
     assert result.exit_code == 2
     assert sentence in result.output
     assert "Traceback" not in result.output

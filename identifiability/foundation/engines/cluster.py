@@ -18,13 +18,13 @@ from typing import Any
 
 import cloudpickle
 
-from identifiability.foundation.engines.local import source_digest
 from identifiability.foundation.engines.mapping import (
     Engine,
     Item,
     Result,
     in_order,
     run_pickled,
+    source_digest,
     uninterrupted,
 )
 from identifiability.foundation.errors import EngineError

@@ -10,7 +10,6 @@ import hashlib
 import os
 import pickle
 import signal
-import sys
 import threading
 import time
 import warnings
@@ -32,6 +31,7 @@ from identifiability.foundation.engines.mapping import (
     in_order,
     run_limited,
     run_pickled,
+    source_digest,
     uninterrupted,
 )
 from identifiability.foundation.errors import EngineError, OutputError
@@ -229,15 +229,6 @@ def fingerprint(function: Callable[..., Any], item: Any = None) -> str:
     parts += [source_digest(name) for name in ("identifiability", home)]
     # A function of a module is its name there; a notebook's, or a lambda, is its own text.
     return str(joblib.hash([*parts, cloudpickle.dumps(function)], "sha1"))
-
-
-@cache
-def source_digest(name: str) -> str:
-    """Return a digest of the text of a loaded package or module; empty if it has no files."""
-    path = Path(getattr(sys.modules.get(name), "__file__", None) or "")
-    files = sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]
-    texts = [(f.relative_to(path.parent).as_posix(), f.read_bytes()) for f in files if f.is_file()]
-    return hashlib.sha256(repr(texts).encode()).hexdigest() if texts else ""
 
 
 @cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import signal
 import sys
 import threading
@@ -9,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
@@ -59,6 +60,15 @@ def _read(function: bytes | Path) -> Callable[[Any], Any]:
     content = function if isinstance(function, bytes) else function.read_bytes()
     found: Callable[[Any], Any] = cloudpickle.loads(content)
     return found
+
+
+@cache
+def source_digest(name: str) -> str:
+    """Return a digest of the text of a loaded package or module; empty if it has no files."""
+    path = Path(getattr(sys.modules.get(name), "__file__", None) or "")
+    files = sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]
+    texts = [(f.relative_to(path.parent).as_posix(), f.read_bytes()) for f in files if f.is_file()]
+    return hashlib.sha256(repr(texts).encode()).hexdigest() if texts else ""
 
 
 def in_order(submit: Callable[[Item], Any], items: Sequence[Item], workers: int) -> Iterator[Any]:
