@@ -10,11 +10,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from identifiability import Robot
 from identifiability.cli.common import harmless
 from identifiability.cli.options import Outputs
-from identifiability.foundation import documents, output
-from identifiability.foundation.errors import IdentifiabilityError, OutputError
+from identifiability.foundation import output
+from identifiability.foundation.errors import OutputError
 from identifiability.foundation.output import csv_text, write_text
 
 
@@ -51,29 +50,6 @@ def test_a_result_that_cannot_be_written_is_written_elsewhere(tmp_path, monkeypa
     assert Path(place).read_text() == "{}"
 
 
-def test_what_else_was_found_is_written_where_one_file_cannot_be(tmp_path, monkeypatch):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    gone, found = tmp_path / "gone", Found(tmp_path / "gone")
-    with pytest.raises(OutputError, match=r"model.toml' cannot .*is not lost: it is in '") as said:
-        Outputs(json=tmp_path / "r.json").write(
-            found, lambda *_: None, (found.to_json, gone / "model.toml"), (found.to_json, None)
-        )
-    assert Path(str(said.value).split("'")[-2]).read_text() == "{}"
-    assert (tmp_path / "r.json").read_text() == "{}"
-
-
-def test_where_nothing_can_be_written_nothing_is_left(tmp_path, monkeypatch):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-
-    class Full(Found):
-        def to_json(self, path):
-            raise OutputError(f"'{path.name}' cannot be written: No space left on device.")
-
-    with pytest.raises(OutputError, match=r"^'result.json' cannot be written: No space left"):
-        Outputs(json=tmp_path / "result.json").write(Full(tmp_path), lambda *_: None)
-    assert list(tmp_path.iterdir()) == []
-
-
 def hear():
     """Let the command hear Ctrl-C, to which programs in the background of a shell are deaf."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -103,29 +79,6 @@ def test_a_command_that_is_ended_leaves_nothing_and_prints_no_traceback(name, tm
     assert "Traceback" not in said
     assert list(out.iterdir()) == []
     assert [p.name for p in tmp_path.iterdir()] == ["work"]
-
-
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        (".".join(["a"] * 50_000) + " = 1", "a key names more than 64 tables"),
-        ("[" + ".".join(['"a b"'] * 50_000) + "]", "a key names more than 64 tables"),
-        ("x = {" + " . ".join(["a"] * 50_000) + " = 1}", "a key names more than 64 tables"),
-        ("# " + "x" * 5_000_000, "larger than 1 MB"),
-    ],
-)
-def test_a_document_without_end_is_refused_at_once(tmp_path, text, sentence, at_once):
-    sidecar = tmp_path / "robot.toml"
-    sidecar.write_text(text)
-    with at_once(), pytest.raises(IdentifiabilityError, match=sentence):
-        Robot.load("two-link", sidecar)
-
-
-def test_long_arrays_of_numbers_are_no_deep_keys(tmp_path):
-    numbers = ", ".join(["0.5"] * 500)
-    assert documents._DEEP_KEY.search(f"positions = [{numbers}]") is None
-    assert documents._DEEP_KEY.search(".".join("a" * 65)) is not None
-    assert documents._DEEP_KEY.search(".".join("a" * 64)) is None
 
 
 def test_what_nobody_has_touched_for_long_is_swept_and_what_others_work_on_is_not(
