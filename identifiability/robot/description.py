@@ -348,7 +348,7 @@ class Description:
         if self.base is not None:
             raise RobotError(
                 f"{self.path} floats, and {what} of robots that float is not supported: put it "
-                'on a stand (--base fixed, or base = "fixed" in its sidecar).'
+                'on a stand (--set base=fixed, or base = "fixed" in its sidecar).'
             )
 
     @property

@@ -22,9 +22,8 @@ import pandas as pd
 
 from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives, find_alternatives
 from identifiability.foundation import __version__
-from identifiability.foundation.engines.local import Processes
+from identifiability.foundation.engines.local import NUMERICS, Processes, find_version
 from identifiability.foundation.engines.mapping import Engine, Steps
-from identifiability.foundation.engines.resume import NUMERICS, find_version
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import Expected

@@ -454,7 +454,7 @@ def settle_prior(
     """
     if share is not None and cad_weight is not None:
         raise OptionError(
-            "--prior and --cad-prior say the same twice: a share of 0.2 is the weight "
+            "--prior and --set cad_prior say the same twice: a share of 0.2 is the weight "
             f"{share_weight(0.2):g}; give one."
         )
     if share is None:

@@ -144,7 +144,7 @@ def test_what_cannot_be_prepared_is_a_result_and_what_cannot_be_read_is_refused(
     assert found.excited is None
     assert "Can these logs be used? No." in found.statement
     assert found.hints[0] == found.records[0].refused
-    assert render_page(build_page(found)).count("<svg") == 3  # the robot and its joints
+    assert render_page(build_page(found)).count("data-trace=") == 4  # the robot and its joints
     torqueless = run.to_frame().drop(columns=["shoulder.tau", "elbow.tau"])
     with pytest.raises(LogError, match="torque"):
         inspect("two-link", torqueless)
@@ -170,7 +170,7 @@ def test_the_result_is_a_table_json_and_a_page(run, tmp_path):
         "rules",
     ]
     html = found.write_report(tmp_path / "x.html").read_text()
-    assert html.count("<svg") == 3
+    assert html.count("data-trace=") == 6
     assert ">nan<" not in html
 
 

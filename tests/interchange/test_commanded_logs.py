@@ -108,7 +108,7 @@ yaw = {name = "base_yaw", scale = 0.017453292519943295}
 @pytest.mark.parametrize(
     ("scale", "said"),
     [
-        (57.29578, "it looks like degrees: say --angles deg"),
+        (57.29578, "it looks like degrees: say --set angles=deg"),
         (651.9, "more than twice the joint's limits"),
     ],
 )
