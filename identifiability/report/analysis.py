@@ -50,6 +50,8 @@ from identifiability.report.blocks import (
     gallery,
     picture,
     section,
+    share_cell,
+    torque_traces,
 )
 from identifiability.report.figures import MOST, draw_confusion, draw_forest, order_correlated
 from identifiability.report.skeleton import sketch_verdicts
