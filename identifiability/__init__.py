@@ -14,7 +14,7 @@ What to use when:
 - `calibrate` measures how far the answers can be trusted, `export` writes them as a robot file;
 - `Robot.load` and `Log.read` read files; `simulate` makes logs of a robot that is known;
 - `plot` draws the figures of a report one by one;
-- every stage in between (`prepare_samples`, `find_base_parameters`, `gather_information`,
+- every stage in between (`prepare_log`, `find_base_parameters`, `gather_information`,
   `estimate`, …) can be called by itself.
 
 Names are imported when they are first used: ``import identifiability`` is quick.
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from identifiability.estimation.verdict import Verdict
     from identifiability.foundation.errors import IdentifiabilityError
     from identifiability.logs import Log
-    from identifiability.logs.prepare import Preparation, Samples, prepare_samples
+    from identifiability.logs.prepare import Dataset, Preparation, prepare_log
     from identifiability.regression.gather import gather_information
     from identifiability.regression.information import Information
     from identifiability.regression.regression import Model, Regression
@@ -69,7 +69,7 @@ _HOMES = {
         "estimation.verdict": ("Verdict",),
         "foundation.errors": ("IdentifiabilityError",),
         "logs": ("Log",),
-        "logs.prepare": ("Preparation", "Samples", "prepare_samples"),
+        "logs.prepare": ("Dataset", "Preparation", "prepare_log"),
         "regression.structure": ("BaseParameters", "find_base_parameters"),
         "regression.gather": ("gather_information",),
         "regression.information": ("Information",),
@@ -99,6 +99,7 @@ __all__ = [
     "BaseParameters",
     "Calibration",
     "Comparison",
+    "Dataset",
     "Diagnosis",
     "Effect",
     "Estimate",
@@ -119,7 +120,6 @@ __all__ = [
     "Regression",
     "Robot",
     "RolledOut",
-    "Samples",
     "Study",
     "Thresholds",
     "TorquePrediction",
@@ -140,7 +140,7 @@ __all__ = [
     "new_study",
     "payload",
     "plot",
-    "prepare_samples",
+    "prepare_log",
     "prune",
     "rollout",
     "simulate",
@@ -148,7 +148,10 @@ __all__ = [
 
 
 #: Functions that went, and what does their work.
-_GONE = {"identify_gains": "payload(robot, empty, loaded, mass=kg, centre=(x, y, z))"}
+_GONE = {
+    "identify_gains": "payload(robot, empty, loaded, mass=kg, centre=(x, y, z))",
+    "prepare_samples": "prepare_log(robot, log), which returns a Dataset",
+}
 
 
 def __getattr__(name: str) -> Any:

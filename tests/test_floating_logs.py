@@ -13,7 +13,7 @@ from identifiability.foundation.errors import LogError, RobotError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.longsamples import prepare_samples
+from identifiability.logs.prepare.dataset import prepare_log
 from identifiability.logs.signals import lowpass
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -162,7 +162,7 @@ def test_corrections_of_a_mounting_change_torque_as_another_sidecar_does(thrown,
     def torque(text):
         body.path.with_suffix(".toml").write_text(text + WRENCH)
         robot = Robot.load(body.path)
-        motion = prepare_samples(robot, read(robot, frame), how).motion
+        motion = prepare_log(robot, read(robot, frame), how).motion
         return robot, model.regressor(robot, motion), RIGID.regressor(robot, motion)
 
     robot, W, rigid = torque(IMU)
@@ -211,7 +211,7 @@ def test_a_hand_that_lets_go_leaves_no_error_in_the_equations(body):
     arm = np.cross(point.point.position, tau[:, :3])
     wrench = np.hstack([tau[:, :3] @ point.rotation, (tau[:, 3:] - arm) @ point.rotation])
     s = {"t": t[:, None], "wrench": wrench, "acc": acc, "gyro": 0 * acc}
-    samples = prepare_samples(body, read(body, table(s, **sensor(s))), Preparation(cutoff=5.0))
+    samples = prepare_log(body, read(body, table(s, **sensor(s))), Preparation(cutoff=5.0))
     structure = Structure.of(body, RIGID)
     _, _, W, left = next(iter(structure.regression([samples]).chunks()))
     error = W @ [body.nominal[name] for name in structure.base.names] - left
@@ -350,7 +350,7 @@ def test_contacts_that_contradict_the_motion_are_told(tmp_path):
 def looked_at(robot, frame):
     log = read(robot, frame)
     structure = Structure.of(robot, Model.of("rigid_body"))
-    return MeasuredLogs(structure, (log,), (prepare_samples(robot, log),))
+    return MeasuredLogs(structure, (log,), (prepare_log(robot, log),))
 
 
 ANKLE = """<mujoco model="ankle"><worldbody><body name="trunk"><freejoint/><inertial pos="0 0 0"
@@ -472,7 +472,7 @@ def test_impacts_sampled_without_a_low_pass_are_told_and_noise_is_not(case, tmp_
     robot = walker(tmp_path, "")
     log = read(robot, frame)
     structure = Structure.of(robot, Model.of("rigid_body"))
-    told = find_aliases(MeasuredLogs(structure, (log,), (prepare_samples(robot, log),)))
+    told = find_aliases(MeasuredLogs(structure, (log,), (prepare_log(robot, log),)))
     assert any("without a low-pass" in hint for hint in told) == (case == "aliased")
 
 

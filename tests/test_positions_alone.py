@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.logs.prepare.instruments import noise_share
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -37,7 +37,7 @@ def exact(structure):
     q, dq = (size * np.sin(angle)).sum(1), (size * rates * np.cos(angle)).sum(1)
     ddq = -(size * rates**2 * np.sin(angle)).sum(1)
     log = Log("exact", structure.robot.joints, t, q, np.cos(q), dq, ddq, "")
-    samples = prepare_samples(structure.robot, log, Preparation(keep_rest=True))
+    samples = prepare_log(structure.robot, log, Preparation(keep_rest=True))
     W = np.concatenate([W.copy() for _, _, W, _ in structure.regression([samples]).chunks()])
     return replace(log, tau=W @ structure.nominal_base)
 
@@ -56,7 +56,7 @@ def test_the_share_of_noise_in_an_acceleration_is_known(structure, exact):
     off, share = [], []
     for seed in range(12):
         log = measure(exact, seed)
-        samples = prepare_samples(structure.robot, log, HOW)
+        samples = prepare_log(structure.robot, log, HOW)
         rows = samples.motion.kept[200:-200]
         off.append(samples.motion.actuated_a[200:-200] - exact.ddq[rows])
         share.append(noise_share(structure.robot, log, HOW.cutoff))

@@ -8,7 +8,6 @@ import pytest
 
 from identifiability import Log, analyze, excite, prune
 from identifiability.foundation.errors import LogError
-from identifiability.logs.logfile import LogFile
 from identifiability.logs.repeats import drop_repeats
 from identifiability.simulation import Noise
 from identifiability.workflows.diagnose import diagnose
@@ -140,7 +139,7 @@ def test_a_held_sample_does_not_hide_a_copy(log):
 def test_a_file_that_is_too_long_for_memory_is_compared_too(log, tmp_path):
     for name, like in (("one.csv", log), ("two.csv", shaken(log, 1e-9))):
         like.to_frame().to_csv(tmp_path / name, index=False)
-    one, two = (LogFile.read(tmp_path / name) for name in ("one.csv", "two.csv"))
+    one, two = (Log.scan(tmp_path / name) for name in ("one.csv", "two.csv"))
     kept, _, hints = drop_repeats([one, two])
     assert kept == [one]
     assert "two.csv repeats" in hints[0]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,9 @@ import numpy as np
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.checks import COMMANDS
 from identifiability.logs.log import Log, join_logs
-from identifiability.logs.logfile import LogFile
 from identifiability.logs.rules import RULES
-from identifiability.logs.signals import spread_windows
-from identifiability.logs.spikes import TURN, Spike, WrapFinder, Wraps, find_spikes, mend_column
+from identifiability.logs.spikes import TURN, Spike, Wraps, mend_column
 from identifiability.robot import Robot
 from identifiability.robot.floating import BASE_JOINTS
 
@@ -33,46 +31,33 @@ LISTED = 3
 REPLACED = "replaced by what they say"
 
 
-def mend_logs(logs: Sequence[Log | LogFile]) -> tuple[list[Log | LogFile], tuple[str, ...]]:
+def mend_logs(logs: Sequence[Log]) -> tuple[list[Log], tuple[str, ...]]:
     """Return logs with their wrong samples replaced, and a hint for each log that has any.
 
     A log without wrong samples is returned as it is.
     """
     mended, hints = [], []
     for log in logs:
-        wrong = _find_spikes(log)
+        wrong = log.spikes
         if not wrong:
             mended.append(log)
             continue
-        mended.append(replace(log, mended=wrong) if isinstance(log, LogFile) else _mend(log, wrong))
+        mended.append(log.changed(partial(_mend, wrong=wrong)))
         hints.append(_state(log, wrong))
     return mended, tuple(hints)
 
 
-def _find_spikes(log: Log | LogFile) -> dict[str, tuple[Spike, ...]]:
-    """Return the wrong samples of each column that has any."""
-    commands = COMMANDS if isinstance(log, Log) and log.commanded else ()  # which jump as they like
-    channels = [c for c in log.channels if c not in commands]
-    columns = [(f"{j}.{c}", c, k) for c in channels for k, j in enumerate(log.joints)]
-    if isinstance(log, LogFile):
-        # Where an angle jumps by a turn, and back, is no wrong sample.
-        found = {n: () if n in log.unwrapped else log.spikes.get(n, ()) for n, *_ in columns}
-    else:
-        found = {name: tuple(find_spikes(getattr(log, c)[:, k])) for name, c, k in columns}
-    return {name: spikes for name, spikes in found.items() if spikes}
-
-
-def _mend(log: Log, wrong: dict[str, tuple[Spike, ...]]) -> Log:
+def _mend(log: Log, origin: int, wrong: dict[str, tuple[Spike, ...]]) -> Log:
     channels: dict[str, Any] = {}
     for kind in log.channels:
         columns = zip(log.joints, getattr(log, kind).T, strict=True)
         channels[kind] = np.stack(
-            [mend_column(x, wrong.get(f"{joint}.{kind}", ())) for joint, x in columns], 1
+            [mend_column(x, wrong.get(f"{joint}.{kind}", ()), origin) for joint, x in columns], 1
         )
     return replace(log, **channels)
 
 
-def _state(log: Log | LogFile, wrong: dict[str, tuple[Spike, ...]]) -> str:
+def _state(log: Log, wrong: dict[str, tuple[Spike, ...]]) -> str:
     """Return one sentence that names the wrong samples of a log."""
     found = sorted((s.row, name, s) for name, spikes in wrong.items() for s in spikes)
     shown = [
@@ -92,20 +77,20 @@ def _state(log: Log | LogFile, wrong: dict[str, tuple[Spike, ...]]) -> str:
 # Logs without what stands still while the robot moves: a sensor or a logger hangs there.
 
 
-def drop_stuck(logs: Sequence[Log | LogFile]) -> tuple[list[Log | LogFile], tuple[str, ...]]:
+def drop_stuck(logs: Sequence[Log]) -> tuple[list[Log], tuple[str, ...]]:
     """Return logs without rows and torque that stand still in mid-motion, and their hints.
 
     Torque of a joint that never changes was not measured; where it stops changing its sensor
     hangs, unless it stands at its largest or smallest value, as a motor at its limit does. Rows
     that repeat from the midst of a motion on are the logger's.
     """
-    out: list[Log | LogFile] = []
+    out: list[Log] = []
     hints: list[str] = []
     for log in logs:
         found: list[str] = []
-        if isinstance(log, LogFile):
-            long, found = _never_measured(log)
-            out.append(long)
+        if log.long:
+            left, found = _never_measured(log)
+            out.append(left)
         elif log.motion_alone or log.commanded or len(log) < RULES.stuck:
             out.append(log)
         else:
@@ -117,13 +102,18 @@ def drop_stuck(logs: Sequence[Log | LogFile]) -> tuple[list[Log | LogFile], tupl
     return out, tuple(hints)
 
 
-def _never_measured(log: LogFile) -> tuple[LogFile, list[str]]:
-    tau = np.concatenate([log.rows(a, b).tau for a, b in spread_windows(len(log))])
+def _never_measured(log: Log) -> tuple[Log, list[str]]:
+    tau = np.concatenate([window.tau for _, window in log.windows()])
     never = np.ptp(tau, axis=0) == 0
     if not never.any() or never.all():
         return log, []
     stuck = {j: float(x) for j, x, n in zip(log.joints, tau[0], never, strict=True) if n}
-    return replace(log, silent=tuple(stuck)), [_tell_never(stuck)]
+    return log.changed(partial(_silence, joints=tuple(stuck))), [_tell_never(stuck)]
+
+
+def _silence(log: Log, _: int, joints: tuple[str, ...]) -> Log:
+    gone = np.tile(np.isin(log.joints, joints), (len(log), 1))
+    return replace(log, unmeasured=gone if log.unmeasured is None else gone | log.unmeasured)
 
 
 def _drop_hung(log: Log) -> tuple[Log, list[str]]:
@@ -192,16 +182,16 @@ def _runs(x: Array) -> list[tuple[int, int]]:
 # Logs whose angles go on where they were written within one turn.
 
 
-def unwrap_logs(logs: Sequence[Log | LogFile]) -> tuple[list[Log | LogFile], tuple[str, ...]]:
+def unwrap_logs(logs: Sequence[Log]) -> tuple[list[Log], tuple[str, ...]]:
     """Return logs with the jumps of wrapped angles undone, and a hint for each that has any."""
-    out: list[Log | LogFile] = []
+    out: list[Log] = []
     hints = []
     for log in logs:
-        found = _find_wraps(log)
+        found = log.wraps
         if not found:
             out.append(log)
             continue
-        out.append(_undo(log, found))
+        out.append(log.changed(partial(_undo, found=found)))
         columns = listing([f"'{j}.q' at {len(w.rows)} rows" for j, w in found.items()], 4)
         hints.append(
             f"{log.name}: angles jump by a whole turn ({columns}); they were written within one "
@@ -210,26 +200,9 @@ def unwrap_logs(logs: Sequence[Log | LogFile]) -> tuple[list[Log | LogFile], tup
     return out, tuple(hints)
 
 
-def _find_wraps(log: Log | LogFile) -> dict[str, Wraps]:
-    """Return the jumps of every joint that has any."""
-    if isinstance(log, LogFile):
-        return {j: log.wraps[f"{j}.q"] for j in log.joints if f"{j}.q" in log.wraps}
-    found = {}
-    for joint, column in zip(log.joints, log.q.T, strict=True):
-        finder = WrapFinder()
-        finder.add(column)
-        wraps = finder.finish()
-        if wraps is not None:
-            found[joint] = wraps
-    return found
-
-
-def _undo(log: Log | LogFile, found: dict[str, Wraps]) -> Log | LogFile:
-    if isinstance(log, LogFile):
-        return replace(log, unwrapped={f"{j}.q": w for j, w in found.items()})
-    columns = [
-        found[j].undo(x) if j in found else x for j, x in zip(log.joints, log.q.T, strict=True)
-    ]
+def _undo(log: Log, origin: int, found: dict[str, Wraps]) -> Log:
+    pairs = zip(log.joints, log.q.T, strict=True)
+    columns = [found[j].undo(x, origin) if j in found else x for j, x in pairs]
     return replace(log, q=np.stack(columns, 1))
 
 
@@ -398,15 +371,15 @@ def find_contradictions(log: Log) -> list[str]:
 
 
 def drop_contradictions(
-    logs: Sequence[Log | LogFile],
-) -> tuple[list[Log | LogFile], tuple[str, ...]]:
+    logs: Sequence[Log],
+) -> tuple[list[Log], tuple[str, ...]]:
     """Return logs without derivatives that contradict what they are derived from, and hints.
 
     Those of another unit or sign are left to be refused by `check_units`.
     """
     kept, hints = [], []
     for log in logs:
-        windows = [log.rows(a, b) for a, b in spread_windows(len(log))]
+        windows = [window for _, window in log.windows()]
         wrong = [c for c in contradictions(join_logs(windows)) if not c.in_unit]
         if not wrong:
             kept.append(log)

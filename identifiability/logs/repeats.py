@@ -13,9 +13,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
-from identifiability.logs import signals
 from identifiability.logs.log import Log
-from identifiability.logs.logfile import LogFile
 from identifiability.logs.rules import RULES
 
 # Rows that are given more than once: copies are no new evidence, however often they come.
@@ -35,10 +33,7 @@ RUN = 16
 NEARBY = 64 * RUN
 
 
-Recording = Log | LogFile
-
-
-def check_held_out(train: Sequence[Recording], held_out: Sequence[Recording]) -> None:
+def check_held_out(train: Sequence[Log], held_out: Sequence[Log]) -> None:
     """Refuse a log that is given twice: its repetition would pass for new evidence.
 
     Stretches of one log that share no time are no repetition.
@@ -63,18 +58,18 @@ def check_held_out(train: Sequence[Recording], held_out: Sequence[Recording]) ->
                 )
 
 
-def _same(one: Recording, other: Recording) -> bool:
+def _same(one: Log, other: Log) -> bool:
     """Whether two logs are from one record and share some of its time."""
     if one.sha256 != other.sha256:
         return False
-    if not (isinstance(one, Log) and isinstance(other, Log) and len(one) and len(other)):
+    if one.long or other.long or not (len(one) and len(other)):
         return True
     return bool(one.t[0] <= other.t[-1] and other.t[0] <= one.t[-1])
 
 
 def drop_repeats(
-    logs: Sequence[Recording], held_out: Sequence[Recording] = ()
-) -> tuple[list[Recording], list[Recording], tuple[str, ...]]:
+    logs: Sequence[Log], held_out: Sequence[Log] = ()
+) -> tuple[list[Log], list[Log], tuple[str, ...]]:
     """Return fitted and held-out logs without rows that came before, and a hint for each such log.
 
     Motion alone is a plan and no measurement: it may go round as often as it likes.
@@ -104,11 +99,11 @@ def drop_repeats(
     return list(chain(*left[:n])), list(chain(*left[n:])), hints
 
 
-def _keep(log: Recording, copied: np.ndarray) -> list[Recording]:
+def _keep(log: Log, copied: np.ndarray) -> list[Log]:
     """Return the stretches of a log that are no copies and long enough to be used."""
     if not copied.any():
         return [log]
-    if isinstance(log, LogFile):
+    if log.long:
         return [] if copied.mean() >= RULES.nearly_all else [log]
     edges = np.flatnonzero(np.diff(np.concatenate([[1], copied.astype(int), [1]])))
     stretches = [(a, b) for a, b in edges.reshape(-1, 2).tolist() if b - a >= RULES.fewest]
@@ -117,7 +112,7 @@ def _keep(log: Recording, copied: np.ndarray) -> list[Recording]:
     return [log.cut(a, b, f"{log.name}, rows {a + 1}–{b}") for a, b in stretches]
 
 
-def _find_copies(logs: Sequence[Recording]) -> list[np.ndarray]:
+def _find_copies(logs: Sequence[Log]) -> list[np.ndarray]:
     """Return which of the rows that are looked at came before, for each log."""
     parts = [(k, part) for k, log in enumerate(logs) for part in _shown(log)]
     joints = [j for j in logs[0].joints if all(j in log.joints for log in logs)] if logs else []
@@ -131,18 +126,13 @@ def _find_copies(logs: Sequence[Recording]) -> list[np.ndarray]:
     return [copied[owner == k] for k in range(len(logs))]
 
 
-def _shown(log: Recording) -> list[Log]:
-    if isinstance(log, Log):
-        return [log]
-    return [log.rows(a, b) for a, b in signals.spread_windows(len(log))]
+def _shown(log: Log) -> list[Log]:
+    return [window for _, window in log.windows()] if log.long else [log]
 
 
-def _kinds(logs: Sequence[Recording]) -> tuple[str, ...]:
+def _kinds(logs: Sequence[Log]) -> tuple[str, ...]:
     """Return the channels in which rows are compared; positions come first."""
-    speeds = all(
-        "dq" in log.channels if isinstance(log, LogFile) else log.dq is not None for log in logs
-    )
-    return ("q", "tau", "dq") if speeds else ("q", "tau")
+    return ("q", "tau", "dq") if all("dq" in log.channels for log in logs) else ("q", "tau")
 
 
 def _values(log: Log, joints: Sequence[str], kinds: Sequence[str]) -> Array:
@@ -209,7 +199,7 @@ def _noise_changes(rows: Array, near: Array, joints: int) -> np.ndarray:
 # The clock of a session: when each of some logs began, where all of them say so.
 
 
-def share_clock(logs: Sequence[Recording]) -> list[Recording]:
+def share_clock(logs: Sequence[Log]) -> list[Log]:
     """Return logs whose starts count from where the first of them begins, or all without a start.
 
     A robot records one log at a time: logs of which two overlap are not of one clock, and where one

@@ -24,7 +24,7 @@ from identifiability.foundation.rounding import (
     join,
     stated_text,
 )
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import mass_rows, total_mass
 from identifiability.report import plot
 from identifiability.report.belief import section_posterior, section_standard
@@ -213,7 +213,7 @@ def section_residuals(analysis: Analysis) -> Section:
     return section("analysis.residuals", gallery("velocity", pictures), detail=True)
 
 
-def section_budget(fit: Fit, samples: Sequence[Prepared]) -> Section:
+def section_budget(fit: Fit, samples: Sequence[Dataset]) -> Section:
     """Return what each joint's torque consists of along some logs."""
     columns = (
         Column("joint"),
@@ -400,12 +400,12 @@ def _how(analysis: Analysis) -> tuple[Section, ...]:
     )
 
 
-def _span(row: tuple[str, Prepared]) -> str:
+def _span(row: tuple[str, Dataset]) -> str:
     survey = row[1].survey
     return f"{survey.start:.4g} … {survey.stop:.4g}" if survey.kept else ""
 
 
-def _notes(row: tuple[str, Prepared]) -> str:
+def _notes(row: tuple[str, Dataset]) -> str:
     return "; ".join(row[1].notes) + "." if row[1].notes else ""
 
 

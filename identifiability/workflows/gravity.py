@@ -19,7 +19,7 @@ from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import BASE
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.rules import Tolerance
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.dataset import Dataset
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -29,7 +29,7 @@ STEPS = 12
 SETTLED: Tolerance = 1e-3
 
 
-def about_gravity(structure: Structure, samples: Sequence[Prepared]) -> Structure:
+def about_gravity(structure: Structure, samples: Sequence[Dataset]) -> Structure:
     """Return a model about the direction of gravity that its fit leads to, if it surely tilts."""
     robot, effects = structure.robot, structure.model.effects
     if GravityTilt.name not in structure.model.names or not robot.gravity.any():

@@ -35,13 +35,11 @@ from identifiability.foundation.rounding import (
 )
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log, signals
+from identifiability.logs import Log
 from identifiability.logs.gaps import Gaps, StaleRule
-from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.longsamples import Prepared, prepare_log
+from identifiability.logs.prepare.dataset import Dataset, explain_silence, prepare_log
 from identifiability.logs.prepare.plan import joint_log, noise_level, resolution
-from identifiability.logs.prepare.samples import explain_silence
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum
 from identifiability.physical.feasibility import find_impossible_bodies
@@ -449,15 +447,13 @@ class Record:
     trace: Trace
 
 
-def describe_log(
-    robot: Robot, log: Log | LogFile, logs: MeasuredLogs | None, refused: str = ""
-) -> Record:
+def describe_log(robot: Robot, log: Log, logs: MeasuredLogs | None, refused: str = "") -> Record:
     """Return what is in a log.
 
     Parameters
     ----------
     robot : Robot
-    log : Log or LogFile
+    log : Log
     logs : MeasuredLogs or None
         Of this log alone; None where it cannot be prepared.
     refused : str
@@ -468,7 +464,7 @@ def describe_log(
     LogError
         If it does not have the robot's joints.
     """
-    raw = [log.rows(a, b) for a, b in signals.spread_windows(len(log))]
+    raw = [window for _, window in log.windows()]
     windows = [joint_log(robot, window) for window in raw]
     prepared = logs.samples[0] if logs is not None else None
     clock = log.clock
@@ -542,7 +538,7 @@ def _describe_columns(
     )
 
 
-def _trace(windows: Sequence[Log], prepared: Prepared | None) -> Trace:
+def _trace(windows: Sequence[Log], prepared: Dataset | None) -> Trace:
     """Return what is drawn of a log."""
     t, q, tau = (np.concatenate([getattr(w, c) for w in windows]) for c in ("t", "q", "tau"))
     if prepared is None:
@@ -804,7 +800,7 @@ def _with_logs(
     robot = session.structure.robot
     recordings, settled = session.recordings, _settle(session)
     reading = share(say, "reading logs", 0.2, 0.6)
-    prepared: dict[int, Prepared] = {}
+    prepared: dict[int, Dataset] = {}
     refused: dict[int, str] = {}
     for k, log in enumerate(recordings.fitted):
         try:

@@ -9,15 +9,14 @@ from identifiability.estimation.estimate import Kind, Method, choose_estimator
 from identifiability.estimation.estimator import Estimator
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
-from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare import Dataset
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.logs.repeats import Recording
 from identifiability.robot import Robot
 from identifiability.workflows.opening import Opening
 
 
 def add_instruments(
-    opening: Opening, logs: Sequence[Recording], method: Method, kind: Kind
+    opening: Opening, logs: Sequence[Log], method: Method, kind: Kind
 ) -> tuple[Opening, Estimator]:
     """Return the estimator of a method and a kind, and fitted samples with what it takes.
 
@@ -27,7 +26,7 @@ def add_instruments(
     Parameters
     ----------
     opening : Opening
-    logs : sequence of Log or LogFile
+    logs : sequence of Log
         What its fitted samples were prepared from.
     method : str or Estimator
     kind : {"auto", "ls", "iv"}
@@ -44,9 +43,7 @@ def add_instruments(
     if kind == "ls" or opening.silence or chosen is plain:
         return opening, plain
     parts = [
-        (log, samples)
-        for log, samples in zip(logs, opening.samples, strict=True)
-        if isinstance(log, Log) and isinstance(samples, Samples)
+        (log, samples) for log, samples in zip(logs, opening.samples, strict=True) if not log.long
     ]
     found = _find_instruments(robot, parts, always=kind == "iv")
     if kind == "iv" and (len(parts) < len(logs) or None in found):
@@ -63,8 +60,8 @@ def add_instruments(
 
 
 def _find_instruments(
-    robot: Robot, parts: Sequence[tuple[Log, Samples]], *, always: bool
-) -> list[Samples | None]:
+    robot: Robot, parts: Sequence[tuple[Log, Dataset]], *, always: bool
+) -> list[Dataset | None]:
     samples = [s for _, s in parts]
     return [
         add_instrument(robot, log, s, [x for x in samples if x is not s], always=always)
@@ -72,7 +69,7 @@ def _find_instruments(
     ]
 
 
-def _own_motion(samples: Samples) -> Samples:
+def _own_motion(samples: Dataset) -> Dataset:
     """Return a log that is its own instrument, as least squares has it."""
     note = "it has no second record of its motion, and is fitted as by least squares"
     return replace(samples, instrument=samples.motion, notes=(*samples.notes, note))

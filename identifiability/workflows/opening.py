@@ -34,11 +34,9 @@ from identifiability.logs.commands import of_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import frame_of
 from identifiability.logs.formats.reader import find_parts
-from identifiability.logs.logfile import LogFile, open_log
-from identifiability.logs.prepare import Preparation, Samples
-from identifiability.logs.prepare.longsamples import LongSamples, Prepared
-from identifiability.logs.prepare.samples import explain_silence
-from identifiability.logs.repeats import Recording, check_held_out, share_clock
+from identifiability.logs.prepare import Dataset, Preparation
+from identifiability.logs.prepare.dataset import explain_silence
+from identifiability.logs.repeats import check_held_out, share_clock
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.reduction import LadderSource
 from identifiability.regression.regression import Regression
@@ -65,7 +63,7 @@ MISREAD = (
     "says: mend that, and run again"
 )
 
-LogLike = Log | LogFile | str | Path | pd.DataFrame | Mapping[str, Any]
+LogLike = Log | Log | str | Path | pd.DataFrame | Mapping[str, Any]
 Logs = Annotated[
     Sequence[LogLike] | LogLike,
     Expected("a log (the path of a file, a DataFrame, arrays by name or a Log) or a list of logs"),
@@ -85,7 +83,7 @@ class Recordings:
 
     Attributes
     ----------
-    fitted, held_out : tuple of Log or LogFile
+    fitted, held_out : tuple of Log
     hints : tuple of str
         On those that are read otherwise than literally, repeat others, or have wrong samples.
     read : tuple of (str, str)
@@ -101,8 +99,8 @@ class Recordings:
         and standard parameters by name of what was rolled out.
     """
 
-    fitted: tuple[Recording, ...]
-    held_out: tuple[Recording, ...] = ()
+    fitted: tuple[Log, ...]
+    held_out: tuple[Log, ...] = ()
     hints: tuple[str, ...] = ()
     read: tuple[tuple[str, str], ...] = ()
     commands: str = ""
@@ -180,7 +178,7 @@ class Opening(OfStructure):
     ----------
     structure : Structure
         The robot under the unpruned model.
-    samples, validation : tuple of Samples
+    samples, validation : tuple of Dataset
         Logs that are fitted, and that are held out.
     hints : tuple of str
         What seems to be wrong with robot file and logs, for the user to check.
@@ -195,8 +193,8 @@ class Opening(OfStructure):
     """
 
     structure: Structure
-    samples: tuple[Prepared, ...]
-    validation: tuple[Prepared, ...]
+    samples: tuple[Dataset, ...]
+    validation: tuple[Dataset, ...]
     hints: tuple[str, ...]
     explained: bool = False
     misread: str = ""
@@ -245,17 +243,17 @@ def share(say: Progress, text: str, start: float, stop: float) -> Steps:
 
 def list_logs(logs: Logs) -> list[LogLike]:
     """Return logs as a list, one or several."""
-    one = isinstance(logs, (Log, LogFile, str, Path, pd.DataFrame, Mapping))
+    one = isinstance(logs, (Log, str, Path, pd.DataFrame, Mapping))
     return [logs] if one else list(logs)  # type: ignore[list-item,arg-type]
 
 
-def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log | LogFile]:
+def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log | Log]:
     """Return logs, however they are given; long files stay files.
 
     What is known of logs of the robot holds for those that are read here; each episode of a
     dataset is a log. Those without a name are numbered from the number of others `before` on.
     """
-    out: list[Log | LogFile] = []
+    out: list[Log | Log] = []
     given = [
         one
         for item in list_logs(logs)
@@ -267,13 +265,13 @@ def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log | Log
         if isinstance(item, pd.DataFrame):
             out.append(Log.from_frame(item, f"log {k + 1}", known))
         else:
-            out.append(item if isinstance(item, (Log, LogFile)) else open_log(item, known))
+            out.append(item if isinstance(item, Log) else Log.open(item, known))
     return out
 
 
 def read_sides(
     first: Logs, second: Logs, known: Conventions
-) -> tuple[list[Log | LogFile], list[Log | LogFile]]:
+) -> tuple[list[Log | Log], list[Log | Log]]:
     """Return logs of two sides, called by as much of their paths as tells all of them apart."""
     one = read_logs(first, known)
     every = [*one, *read_logs(second, known, len(one))]
@@ -336,7 +334,7 @@ def read_recordings(
     return Recordings(mended.fitted, mended.held_out, (*state_reading(read), *mended.hints), read)
 
 
-def _refuse_silent(logs: Sequence[Recording]) -> None:
+def _refuse_silent(logs: Sequence[Log]) -> None:
     """Refuse joints that neither move nor show torque in any log: free, they hide what moves.
 
     Raises
@@ -344,8 +342,8 @@ def _refuse_silent(logs: Sequence[Recording]) -> None:
     LogError
         With what locks each where it stands, as a gripper's fingers should be.
     """
-    known = [log for log in logs if isinstance(log, Log)]
-    gone = [log.unmeasured for log in known if log.unmeasured is not None]
+    known = list(logs)
+    gone = [log.unmeasured for log in logs if log.unmeasured is not None]
     if len(gone) < len(logs) or len({log.joints for log in known}) > 1:
         return
     q, lost = np.concatenate([log.q for log in known]), np.concatenate(gone).all(0)
@@ -395,34 +393,30 @@ def is_reading(hint: str) -> bool:
     return hint.startswith("How ") and " read: " in hint
 
 
-InMemory = TypeVar("InMemory", Log, Samples)
+InMemory = TypeVar("InMemory", Log, Dataset)
 
 
-def in_memory(
-    logs: Sequence[Log | LogFile | Samples | LongSamples], kind: type[InMemory]
-) -> list[InMemory]:
-    """Return logs, or samples, for what needs all of them at once.
+def in_memory(logs: Sequence[InMemory]) -> list[InMemory]:
+    """Return logs, prepared or not, for what needs all of them at once.
 
     Raises
     ------
     LogError
         If one is too long.
     """
-    out: list[InMemory] = []
     for log in logs:
-        if not isinstance(log, kind):
+        if log.long:
             raise LogError(
                 f"{log.name} is too long to be held in memory, which this needs; give a stretch "
                 "of it."
             )
-        out.append(log)
-    return out
+    return list(logs)
 
 
 def open_logs(
     structure: Structure,
     recordings: Recordings,
-    prepare: Callable[[Recording], Prepared],
+    prepare: Callable[[Log], Dataset],
     done: str = "",
     engine: Engine | None = None,
     *,
@@ -434,7 +428,7 @@ def open_logs(
     ----------
     structure : Structure
     recordings : Recordings
-    prepare : callable(Log or LogFile) -> Samples
+    prepare : callable(Log) -> Dataset
     done : str
         What cannot be done, as a participle, with fitted logs that have nothing to explain;
         empty where that is an answer too: then nothing is held out either.
@@ -477,12 +471,12 @@ def open_logs(
     return replace(known, alternative=other, hints=(*said, *odd.hints, *hints))
 
 
-def require_signal(samples: Sequence[Prepared], done: str) -> None:
+def require_signal(samples: Sequence[Dataset], done: str) -> None:
     """Refuse logs that have nothing to explain.
 
     Parameters
     ----------
-    samples : sequence of Samples
+    samples : sequence of Dataset
     done : str
         What cannot be done, as a participle.
 
@@ -507,7 +501,7 @@ _PACKAGES = (*NUMERICS, "pandas")
 
 def state_provenance(
     robot: Robot,
-    samples: Sequence[Prepared],
+    samples: Sequence[Dataset],
     seed: int,
     source: LadderSource | None = None,
     options: Mapping[str, object] | None = None,

@@ -40,7 +40,6 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.instruments import noise_share
-from identifiability.logs.repeats import Recording
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.physical.cad_prior import draw_bodies
 from identifiability.physical.feasible_set import PhysicalSet
@@ -614,9 +613,9 @@ def weigh_arm(fit: Fit, seen: Excerpt) -> tuple[float, float, float]:
     return mass, float(slope @ fit.base), float("nan") if blind else float(np.sqrt(variance))
 
 
-def _tell_noise(robot: Robot, logs: Sequence[Recording], how: Preparation) -> list[str]:
+def _tell_noise(robot: Robot, logs: Sequence[Log], how: Preparation) -> list[str]:
     """Return what noise of the motion does to the load, where it does."""
-    computed = [x for x in logs if isinstance(x, Log) and not {"dq", "ddq"} <= set(x.channels)]
+    computed = [x for x in logs if not x.long and not {"dq", "ddq"} <= set(x.channels)]
     share = {x.name: noise_share(robot, x, how.outputs or how.cutoff) for x in computed}
     loud = [name for name, own in share.items() if own > LOG_RULES.noise_share**0.5]
     return [sentence(WORDS_OF, "noise", logs=listing(loud, 4))] if loud else []

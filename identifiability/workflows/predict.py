@@ -39,7 +39,7 @@ from identifiability.foundation.rounding import (
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.tables import write_table
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.regression.reduction import (
@@ -479,7 +479,7 @@ class Fit(Covaries):
             return self._along(session.prepare(known.fitted), measured, known.hints)
 
     def _along(
-        self, samples: list[Prepared], measured: tuple[bool, ...], hints: tuple[str, ...]
+        self, samples: list[Dataset], measured: tuple[bool, ...], hints: tuple[str, ...]
     ) -> TorquePrediction:
         base = self.structure.base
         what = self.robot, self.structure.model, tuple(samples), base.kept
@@ -673,7 +673,7 @@ def _other_robot(where: str, robot: Robot, why: str) -> IdentifiabilityError:
     )
 
 
-def settled(given: object, samples: Sequence[Prepared]) -> Preparation:
+def settled(given: object, samples: Sequence[Dataset]) -> Preparation:
     """Return a preparation with the low-pass that was chosen for some logs."""
     known = given if isinstance(given, Preparation) else Preparation()
     own = next(({"cutoff": s.cutoff, "outputs": s.band} for s in samples if s.cutoff), {})
@@ -775,7 +775,7 @@ PARTS = ("gravity and springs", "inertia", "friction", "residual")
 ENOUGH = 2000
 
 
-def torque_budget(fit: Fit, samples: Sequence[Prepared]) -> pd.DataFrame:
+def torque_budget(fit: Fit, samples: Sequence[Dataset]) -> pd.DataFrame:
     """Return the rms of each part of each joint's torque along some logs, one row a joint.
 
     Columns are ``joint``, ``unit`` [N or N·m], ``measured`` and `PARTS`, rms each about zero. As
@@ -784,7 +784,7 @@ def torque_budget(fit: Fit, samples: Sequence[Prepared]) -> pd.DataFrame:
     Parameters
     ----------
     fit : Fit
-    samples : sequence of Samples or LongSamples
+    samples : sequence of Dataset
         Prepared logs; torque is taken as it was measured, not low-passed.
     """
     stride = max(1, -(-sum(s.survey.kept for s in samples) // ENOUGH))
@@ -794,7 +794,7 @@ def torque_budget(fit: Fit, samples: Sequence[Prepared]) -> pd.DataFrame:
         thinned = s.thin(stride)
         parts = _split(fit, thinned.motion)
         left = thinned.tau - sum(parts)
-        data = np.ones(left.shape) if thinned.dwells is None else ~thinned.dwells
+        data = thinned.weight > 0
         squares += [(part**2 * data).sum(0) for part in (thinned.tau, *parts, left)]
         count += data.sum(0)
     rms = np.sqrt(squares / np.maximum(count, 1))

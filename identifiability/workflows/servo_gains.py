@@ -135,9 +135,9 @@ def read_commanded(
     given = read_recordings(logs, known=known, commands=True, learns=False)
     read = given.fitted
     if torque:
-        read = tuple(x for x in read if isinstance(x, Log) and x.commanded and x.motion_alone)
+        read = tuple(x for x in read if x.commanded and x.motion_alone)
     out = []
-    for log in in_memory(read, Log):
+    for log in in_memory(read):
         own = log.select(robot.joints)
         if own.q_ref is None and own.dq_ref is None:
             raise LogError(

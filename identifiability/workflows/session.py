@@ -29,16 +29,14 @@ from identifiability.estimation.estimator import Estimator
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.errors import LogError, listing
-from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.prepare import Preparation, Samples
-from identifiability.logs.prepare.longsamples import Prepared, prepare_log
+from identifiability.logs.prepare import Dataset, Preparation
+from identifiability.logs.prepare.dataset import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
-from identifiability.logs.repeats import Recording
 from identifiability.physical.cad_prior import WEAK, share_weight
 from identifiability.physical.feasibility import find_nearest
 from identifiability.physical.fitted_model import FittedModel
@@ -253,7 +251,7 @@ class Session:
         return session if moved.any() else first
 
     def settle(
-        self, done: str = "", prepare: Callable[[Recording], Prepared] | None = None
+        self, done: str = "", prepare: Callable[[Log], Dataset] | None = None
     ) -> tuple[Session, Opening]:
         """Return the session under the model that its fitted logs prefer, and its opening.
 
@@ -266,11 +264,11 @@ class Session:
         """
         opening = self.open(done, prepare)
         other, given = opening.alternative, self.recordings
-        whole = all(isinstance(log, Log) for log in (*given.fitted, *given.held_out))
+        whole = not any(log.long for log in (*given.fitted, *given.held_out))
         if other is None or not (whole or other.keeps_columns):
             return self, opening
         fitted, held_out = (
-            tuple(other.read(x, self.structure.robot) if isinstance(x, Log) else x for x in logs)
+            tuple(x if x.long else other.read(x, self.structure.robot) for x in logs)
             for logs in (given.fitted, given.held_out)
         )
         read = replace(given, fitted=fitted, held_out=held_out)
@@ -282,7 +280,7 @@ class Session:
     def open(
         self,
         done: str = "",
-        prepare: Callable[[Recording], Prepared] | None = None,
+        prepare: Callable[[Log], Dataset] | None = None,
         *,
         seek: bool = True,
     ) -> Opening:
@@ -292,7 +290,7 @@ class Session:
         ----------
         done : str
             What cannot be done with logs that have nothing to explain, as a participle.
-        prepare : callable(Log or LogFile) -> Samples, optional
+        prepare : callable(Log) -> Dataset, optional
             Of a whole log, each where the engine puts it; by default `prepare_log`, which puts
             stretches of one there.
         seek : bool
@@ -302,12 +300,12 @@ class Session:
         engine = None if prepare is None else self.engine
         return open_logs(self.structure, self.recordings, own, done, engine, seek=seek)
 
-    def prepare(self, recordings: Sequence[Recording], done: str = "") -> list[Prepared]:
+    def prepare(self, recordings: Sequence[Log], done: str = "") -> list[Dataset]:
         """Return some of the logs prepared, for verbs to which what is odd about them is no sign.
 
         Parameters
         ----------
-        recordings : sequence of Log or LogFile
+        recordings : sequence of Log
         done : str
             As of `open`; empty where logs that have nothing to explain will do.
         """
@@ -316,7 +314,7 @@ class Session:
             require_signal(samples, done)
         return samples
 
-    def _preparing(self) -> Callable[[Recording], Prepared]:
+    def _preparing(self) -> Callable[[Log], Dataset]:
         reading = share(self.say, "reading logs", 0.1, 0.2)
         robot = self.structure.robot
         return partial(prepare_log, robot, how=self.how, engine=self.engine, progress=reading)
@@ -362,7 +360,7 @@ class Weighed:
 
 def weigh_rows(
     joints: Sequence[str],
-    samples: Sequence[Prepared],
+    samples: Sequence[Dataset],
     information: Information,
     estimator: Estimator,
 ) -> tuple[Information, str, Outliers | None]:
@@ -374,7 +372,7 @@ def weigh_rows(
     ----------
     joints : sequence of str
         The n actuated ones.
-    samples : sequence of Samples
+    samples : sequence of Dataset
         The logs that are fitted.
     information : Information
         About all columns.
@@ -392,7 +390,7 @@ def weigh_rows(
     return weighed, said, found
 
 
-def where_outlying(joints: Sequence[str], samples: Sequence[Prepared], found: Outliers) -> str:
+def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Outliers) -> str:
     """Return where outliers are, the farthest first, and how far from the model."""
     ends = np.flatnonzero((np.diff(found.log) != 0) | (found.first[1:] > found.last[:-1])) + 1
     stretches = list(pairwise([0, *ends.tolist(), len(found.log)]))
@@ -400,7 +398,7 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Prepared], found: Ou
     named = []
     for a, b in stretches:
         log = samples[int(found.log[a])]
-        start, stop = _times(log, int(found.first[a]), int(found.last[b - 1]))
+        start, stop = log.output_times(np.array([found.first[a], found.last[b - 1] - 1]))
         named.append(f"{log.name} from t = {start:.5g} to {stop:.5g} s")
     beyond = found.beyond.max(0)
     worst = int(np.argmax(beyond))
@@ -408,15 +406,6 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Prepared], found: Ou
         f"{listing(named, LISTED)}: the torque of {joints[worst]} is up to "
         f"{np.sqrt(beyond[worst]):.0f} times farther from the model than usual, and"
     )
-
-
-def _times(samples: Prepared, first: int, last: int) -> Array:
-    """Return the times of two outputs [s], of the second the one before it; of long logs about."""
-    if isinstance(samples, Samples):
-        return samples.output_times()[[first, last - 1]]
-    survey, at = samples.survey, np.array([first, last])
-    times: Array = survey.start + (survey.stop - survey.start) * at / survey.outputs
-    return times
 
 
 def settle_gains(robot: Robot, logs: Logs) -> Robot:

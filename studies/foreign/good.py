@@ -16,7 +16,7 @@ from shared import data_folder
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.mend import mend_logs
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -112,7 +112,7 @@ def false_frame(seeds: int, data: Path | None) -> pd.DataFrame:
     rows: dict[str, dict[str, Any]] = {}
     for name, structure, raw in good_logs(seeds, data):
         (log,), _ = mend_logs([raw])
-        logs = MeasuredLogs(structure, (log,), (prepare_samples(structure.robot, log),))
+        logs = MeasuredLogs(structure, (log,), (prepare_log(structure.robot, log),))
         row = rows.setdefault(name, {"robot": name, "logs": 0, **dict.fromkeys(FINDERS, 0)})
         row["logs"] += 1
         for what, find in FINDERS.items():

@@ -8,7 +8,6 @@ import pytest
 from identifiability import analyze, prune
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.logfile import LogFile
 from identifiability.logs.mend import mend_logs
 from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.excite import excite
@@ -145,7 +144,7 @@ def test_a_long_file_is_mended_alike_wherever_it_is_read(frame, tmp_path, form):
         frame.to_csv(path, index=False)
     else:
         frame.to_parquet(path, index=False, row_group_size=130)
-    file, log = LogFile.read(path), Log.read(path)
+    file, log = Log.scan(path), Log.read(path)
     raw = file.rows(0, len(file))
     np.testing.assert_array_equal(raw.tau, log.tau)
     (mended, whole), (hint, other) = mend_logs([file, log])
@@ -153,7 +152,7 @@ def test_a_long_file_is_mended_alike_wherever_it_is_read(frame, tmp_path, form):
     assert "5 values lie" in hint
     for rows in ((0, 1000), (250, 302), (302, 999)):
         np.testing.assert_array_equal(mended.rows(*rows).tau, whole.rows(*rows).tau)
-    for first, last, origin, part in mended.overlapping(290, 710, 64, 20):
+    for first, last, origin, part in mended.pieces(64, 20, 290, 710):
         assert origin <= first < last
         np.testing.assert_array_equal(part.tau, whole.tau[origin : origin + len(part)])
         np.testing.assert_array_equal(part.q, whole.q[origin : origin + len(part)])

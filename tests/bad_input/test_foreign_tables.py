@@ -7,7 +7,6 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log, reading
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.logfile import LogFile
 from identifiability.logs.source import check_header
 from identifiability.robot import Robot
 
@@ -31,7 +30,7 @@ def text_of(frame, separator=",", decimal=".", end="\n", units=()):
 
 def read_both(path, known):
     """The log read at once and piece by piece; they are the same."""
-    whole, file = Log.read(path, known), LogFile.read(path, known)
+    whole, file = Log.read(path, known), Log.scan(path, known)
     part = file.rows(0, len(file))
     assert whole.notes == file.notes
     assert (whole.sha256, whole.joints) == (file.sha256, file.joints)

@@ -6,7 +6,7 @@ import pytest
 
 from identifiability.foundation.errors import IdentifiabilityError, LogError
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.robot import Robot
 
 
@@ -157,7 +157,7 @@ def test_a_data_frame_hashes_its_values_and_nothing_else(arm):
 def test_a_gap_bridges_or_splits_a_log_and_is_said(lost, bare, arm):
     rows = [*range(50), *range(50 + lost, 200)]
     how = Preparation(cutoff=6.0)  # half of its period is 2.2 steps
-    samples = prepare_samples(Robot.load("two-link"), Log.from_frame(bare.iloc[rows]), how)
+    samples = prepare_log(Robot.load("two-link"), Log.from_frame(bare.iloc[rows]), how)
     said = [" s after t = 1.8375 s (data row 50)" in text for text in samples.hints]
     assert said == [True] * (lost > 1)
     assert any("lost samples (1, at most 0.075 s" in note for note in samples.notes) == (lost == 1)
@@ -168,7 +168,7 @@ def test_a_gap_bridges_or_splits_a_log_and_is_said(lost, bare, arm):
 def prepare_two_link(frame, **how):
     from identifiability.robot import Robot
 
-    return prepare_samples(Robot.load("two-link"), Log.from_frame(frame), Preparation(**how))
+    return prepare_log(Robot.load("two-link"), Log.from_frame(frame), Preparation(**how))
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,8 @@ import pytest
 from identifiability import analyze
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.logfile import LogFile
 from identifiability.logs.mend import find_contradictions
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -36,7 +35,7 @@ def logged(request):
 
     def look(tau):
         own = replace(log, tau=tau)
-        logs = MeasuredLogs(structure, (own,), (prepare_samples(robot, own),))
+        logs = MeasuredLogs(structure, (own,), (prepare_log(robot, own),))
         found = find_alternative(logs)
         return "" if found is None else found.statement
 
@@ -104,7 +103,7 @@ def test_logs_that_are_too_short_or_without_torque_are_not_judged(logged, simula
 )
 def test_velocities_that_contradict_positions_are_noted(column, change, sentence, arm):
     spoilt = arm.assign(**{column: change(arm)})
-    notes = prepare_samples(Robot.load("two-link"), Log.from_frame(spoilt)).notes
+    notes = prepare_log(Robot.load("two-link"), Log.from_frame(spoilt)).notes
     assert any(sentence in note for note in notes)
     assert not any("contradicts" in n for n in find_contradictions(Log.from_frame(arm)))
 
@@ -117,7 +116,7 @@ def test_derivatives_that_contradict_positions_are_computed_unless_they_are_aske
     known = Conventions.of(Robot.load("two-link"))
     path = write("log.csv", arm.assign(**{column: np.roll(arm[column], 20)}))
     given = Preparation(derivatives="given")
-    for log in (Log.read(path, known), LogFile.read(path, known)):
+    for log in (Log.read(path, known), Log.scan(path, known)):
         read = read_recordings(log)
         (kept,), hints = read.fitted, read.hints
         left = {"elbow.dq": ("q", "tau"), "elbow.ddq": ("q", "dq", "tau")}[column]

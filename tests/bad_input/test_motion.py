@@ -10,7 +10,7 @@ import pytest
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import ClosureError, LogError
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.analyze import analyze
@@ -65,7 +65,7 @@ def test_a_robot_at_rest_is_answered_without_sampling(derivatives, arm, monkeypa
 def test_the_computed_derivatives_of_a_joint_that_never_moves_are_zero(derivatives, arm):
     arm["elbow.q"] = 0.3
     log = Log.from_frame(arm.drop(columns=[c for c in arm if c.endswith(("dq", "ddq"))]))
-    motion = prepare_samples(Robot.load("two-link"), log, Preparation(derivatives)).motion
+    motion = prepare_log(Robot.load("two-link"), log, Preparation(derivatives)).motion
     assert not motion.actuated_v[:, 1].any()
     assert not motion.actuated_a[:, 1].any()
     assert motion.actuated_v[:, 0].any()
@@ -107,7 +107,7 @@ def test_a_joint_that_never_moves_is_not_identifiable_and_says_why():
 def test_samples_whose_loops_do_not_close_are_dropped_and_reported_with_their_rows(simulated):
     frame = simulated("3-rps")
     frame.loc[[6, 29], "slider1.q"] = 5.0
-    samples = prepare_samples(Robot.load("3-rps"), Log.from_frame(frame))
+    samples = prepare_log(Robot.load("3-rps"), Log.from_frame(frame))
     assert len(samples.motion) == 198
     dropped = "2 of 200 samples were dropped because the loops do not close there (data rows 7, 30)"
     assert dropped in samples.notes
@@ -150,7 +150,7 @@ def stretched(short_of: float):
 def test_a_motion_near_a_singular_configuration_is_reported_with_its_row():
     robot = Robot.load("five-bar")
     t, q = stretched(3e-4)
-    samples = prepare_samples(robot, Log.from_frame(table(robot, t, q)))
+    samples = prepare_log(robot, Log.from_frame(table(robot, t, q)))
     note = next(n for n in samples.notes if "near a singular configuration" in n)
     assert samples.motion.condition > 1e3
     row = int(samples.motion.near_singular[0]) + 1
@@ -223,11 +223,11 @@ def test_derivatives_that_do_not_fit_are_refused(columns, factor, sentence, arm)
     wrong = [c for c in arm if c.endswith(columns)]
     arm[wrong] *= factor
     with pytest.raises(LogError, match=sentence):
-        prepare_samples(Robot.load("two-link"), Log.from_frame(arm))
+        prepare_log(Robot.load("two-link"), Log.from_frame(arm))
 
 
 def test_noise_and_coarse_sampling_are_no_wrong_units(simulated):
     """The paper's noise on every sample, and 40 samples of 7.5 s, pass the same checks."""
     for samples, noise in ((750, 0.04), (40, 0.0), (40, 0.04)):
         frame = simulated("two-link", samples, motion=noise, torque=noise)
-        prepare_samples(Robot.load("two-link"), Log.from_frame(frame))
+        prepare_log(Robot.load("two-link"), Log.from_frame(frame))

@@ -20,7 +20,7 @@ from identifiability import (
     export,
     find_base_parameters,
     gather_information,
-    prepare_samples,
+    prepare_log,
     prune,
     simulate,
 )
@@ -218,7 +218,7 @@ def test_stages_name_what_is_valid(analysis, log):
     refuses(estimate, {"information": analysis.information, "method": "OLS"}, METHOD)
     refuses(estimate, {"information": regression}, "information must be an Information, not a Re")
     refuses(gather_information, {"regression": regression, "blocks": 0}, "of at least 1, not 0")
-    refuses(prepare_samples, {"robot": robot, "log": "run.csv"}, "log must be a Log, not 'run.csv'")
+    refuses(prepare_log, {"robot": robot, "log": "run.csv"}, "log must be a Log, not 'run.csv'")
     refuses(find_base_parameters, {"robot": robot, "model": "rigid_body"}, "model must be a Model")
     refuses(lambda: Model.of(["rigid_body"]), {}, "the name of an effect, such as 'rigid_body'")
     refuses(lambda: Model.of(3), {}, "the name of an effect, such as 'rigid_body', not 3")

@@ -5,7 +5,7 @@ import pytest
 
 from identifiability.estimation.estimate import estimate
 from identifiability.logs import Log, fourier, signals
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.logs.spectrum import Spectrum, choose_band
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model
@@ -116,7 +116,7 @@ def joined(samples, size):
 def test_the_size_of_the_pieces_does_not_matter(decimate, two, log):
     gap = Log.from_frame(log.to_frame().drop(index=range(700, 705)))
     for whole in (log, gap):
-        samples = prepare_samples(two, whole, Preparation("given", decimate=decimate))
+        samples = prepare_log(two, whole, Preparation("given", decimate=decimate))
         expected = joined(samples, 10**6)
         assert len(expected[0]) == samples.outputs == len(samples.output_times())
         for size in (1, 37, 256, 1499):
@@ -125,7 +125,7 @@ def test_the_size_of_the_pieces_does_not_matter(decimate, two, log):
 
 
 def regression_of(two, log, decimate):
-    samples = prepare_samples(two, log, Preparation("given", decimate=decimate))
+    samples = prepare_log(two, log, Preparation("given", decimate=decimate))
     return Structure.of(two, MODEL).regression([samples])
 
 

@@ -8,8 +8,8 @@ import pytest
 from identifiability import analyze, prune
 from identifiability.effects.gravity import horizontal_axes
 from identifiability.effects.nominal import gravity_torque
-from identifiability.logs.logfile import LogFile
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs import Log
+from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -35,7 +35,7 @@ def record(name, seed=1, masses=1.0, **noise):
 
 def known(robot, *logs):
     how = settle_cutoff(robot, logs, None)
-    samples = tuple(prepare_samples(robot, log, how) for log in logs)
+    samples = tuple(prepare_log(robot, log, how) for log in logs)
     return MeasuredLogs(Structure.of(robot, MODEL), logs, samples)
 
 
@@ -201,7 +201,7 @@ def test_columns_of_files_that_stay_files_are_said_and_not_read_otherwise(turned
     robot, logs, _ = turned
     path = tmp_path / "long.csv"
     logs[0].to_frame().to_csv(path, index=False)
-    long = LogFile.read(path)
+    long = Log.scan(path)
     found = analyze(robot, long, replicates=0)
     assert "elbow seems to have the wrong sign" in found.hints[0]
     assert not any("under that reading" in hint for hint in found.hints)

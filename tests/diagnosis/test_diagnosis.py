@@ -12,7 +12,7 @@ from identifiability.cli import options
 from identifiability.cli.diagnose import diagnose as command
 from identifiability.foundation.errors import LogError, ModelError
 from identifiability.foundation.output import plain
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Regression
 from identifiability.robot import Robot
@@ -253,7 +253,7 @@ def test_the_command_refuses_an_unknown_family_in_one_sentence(app, logs_of, tmp
 
 def test_long_logs_are_thinned_to_stretches_that_keep_their_neighbours(logs_of, monkeypatch):
     log = logs_of("two-link", motion=0.01)[0]
-    samples = prepare_samples(Robot.load("two-link"), log, Preparation(keep_rest=True))
+    samples = prepare_log(Robot.load("two-link"), log, Preparation(keep_rest=True))
     monkeypatch.setattr("identifiability.workflows.diagnose.motion.STRETCH", 50)
     less = thin(samples, 300)
     gaps = np.flatnonzero(np.diff(less.motion.kept) > 1)

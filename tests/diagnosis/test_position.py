@@ -8,7 +8,7 @@ import pytest
 
 from identifiability import Robot, diagnose
 from identifiability.estimation.prediction import predict
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.regression import Model
 from identifiability.simulation import Campaign, Noise, random_trajectory
 
@@ -120,7 +120,7 @@ def test_columns_of_a_named_curve_are_those_of_its_model():
     """Along other motion too: what is learned does not hang on what was fitted."""
     robot = source().robot
     log = source().logs(planted("cable", 0), Noise(), derivatives=True)[2]
-    motion = prepare_samples(robot, log, Preparation(keep_rest=True)).motion
+    motion = prepare_log(robot, log, Preparation(keep_rest=True)).motion
     model = Model.of("position_torque@left_shoulder:0.11")
     W = model.regressor(robot, motion)
     tau = planted("cable", 0)[source().log == 2]

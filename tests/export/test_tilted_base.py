@@ -6,7 +6,7 @@ import pytest
 from identifiability import Robot, analyze, diagnose, simulate
 from identifiability.effects.gravity import GravityTilt, horizontal_axes, tilt_text
 from identifiability.effects.nominal import rigid_torque
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.robot import complete_motion
@@ -132,7 +132,7 @@ def test_gravity_far_from_the_file_s_is_what_the_fit_leads_to_whatever_masses_it
     robot, (log, _) = on_a_wall
     heavy = robot.with_values({n: 1.5 * x for n, x in robot.nominal.items()})
     model = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "gravity_tilt")
-    samples = [prepare_samples(heavy, log)]
+    samples = [prepare_log(heavy, log)]
     start = GravityTilt((0.3, 1.0, -0.3))
     others = [e for e in model.effects if e.name != "gravity_tilt"]
     found = about_gravity(Structure.of(heavy, Model((*others, start))), samples)

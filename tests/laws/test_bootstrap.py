@@ -9,7 +9,7 @@ from identifiability.estimation.bootstrap import bootstrap, draw_blocks, merge_b
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.least_squares import refit
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import find_base_parameters
@@ -23,7 +23,7 @@ def problem(simulated_session):
     robot = Robot.load("3-rps")
     model = Model.of("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")
     base = find_base_parameters(robot, model)
-    samples = prepare_samples(robot, simulated_session("3-rps", "601", 0))
+    samples = prepare_log(robot, simulated_session("3-rps", "601", 0))
     regression = Regression(robot, model, (samples,), base.kept)
     W = np.concatenate([W for _, _, W, _ in regression.chunks()])
     return gather_information(regression), W, samples.tau

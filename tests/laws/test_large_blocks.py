@@ -5,7 +5,7 @@ import pytest
 
 from identifiability.estimation.bootstrap import draw_blocks
 from identifiability.estimation.least_squares import refit
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.regression import information as actuator_blocks
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Regression
@@ -39,7 +39,7 @@ def work(regression, blocks):
 @pytest.mark.parametrize("blocks", [12, 250])  # Gram matrices, and rows
 def test_blocks_in_files_are_those_in_memory(monkeypatch, rps, paper_model, noisy_log, blocks):
     base = find_base_parameters(rps, paper_model)
-    regression = Regression(rps, paper_model, (prepare_samples(rps, noisy_log),), base.kept)
+    regression = Regression(rps, paper_model, (prepare_log(rps, noisy_log),), base.kept)
     held, results = work(regression, blocks)
     assert not any(map(lies_in_a_file, held))
     monkeypatch.setattr(actuator_blocks, "MOST_BYTES", 5000)

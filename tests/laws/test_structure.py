@@ -116,8 +116,7 @@ def test_no_module_of_the_package_is_imported_by_a_string(sources):
 
 
 #: What mends or prepares logs, and the file of the workflows that asks it: the table of checks,
-#: `read_recordings`, and `Session`; `inspect` prepares each log by itself, as one that cannot be is
-#: what it tells.
+#: `read_recordings`, and `Session`.
 ONCE = {
     "mend_logs": {"oddities/mends.py"},
     "unwrap_logs": {"oddities/mends.py"},
@@ -125,7 +124,6 @@ ONCE = {
     "drop_repeats": {"oddities/mends.py"},
     "read_logs": {"opening.py"},
     "open_logs": {"session.py"},
-    "prepare_log": {"session.py", "inspect.py"},
 }
 
 

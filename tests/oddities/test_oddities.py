@@ -9,7 +9,7 @@ import scipy
 from identifiability import analyze, diagnose, prune
 from identifiability.estimation.verdict import Class
 from identifiability.logs import Log
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -48,7 +48,7 @@ def test_a_check_of_ones_own_is_one_function(six_axis):
     """What it says goes before what it explains; of columns that are misread it withholds more."""
     structure, log = six_axis
     turned = replace(log, tau=1000.0 * log.tau)
-    logs = MeasuredLogs(structure, (turned,), (prepare_samples(structure.robot, turned),))
+    logs = MeasuredLogs(structure, (turned,), (prepare_log(structure.robot, turned),))
     before = find_oddities(logs)
     assert before.explains
     assert not before.misread
@@ -104,7 +104,7 @@ def test_the_torque_of_one_joint_that_is_late_under_noise():
     at = log.t[:, None] - np.where(np.arange(6) == 3, 1.5, 0.0) * np.median(np.diff(log.t))
     late = [np.interp(t, log.t, x) for t, x in zip(at.T, log.tau.T, strict=True)]
     tau = np.transpose(late) + 0.1 * log.tau.std(0) * rng.standard_normal(log.tau.shape)
-    found = measure_shift(structure, prepare_samples(structure.robot, replace(log, tau=tau)))
+    found = measure_shift(structure, prepare_log(structure.robot, replace(log, tau=tau)))
     assert found.certain
     assert found.joint == 3
     assert abs(found.samples - 1.5) <= 3 * found.sigma <= 0.75
@@ -129,7 +129,7 @@ def test_half_a_sample_is_measured_with_its_error_and_chance_makes_none():
         motion = random_trajectory(robot, rng, samples=600)
         noise = Noise(additive=0.03, correlation=0.9 * (seed % 2))
         log = replace(simulate(robot, motion, noise=noise, rng=rng), dq=None, ddq=None)
-        seen.append(measure_shift(structure, prepare_samples(robot, log)))
+        seen.append(measure_shift(structure, prepare_log(robot, log)))
     assert not any(s.certain for s in seen)
     z = np.array([s.samples / s.sigma for s in seen])
     assert np.mean(np.abs(z) > 1.96) <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / len(z))

@@ -210,16 +210,14 @@ def test_a_cables_values_come_back_from_torque_without_noise(load_text):
         estimate,
         find_base_parameters,
         gather_information,
-        prepare_samples,
+        prepare_log,
     )
     from identifiability.simulation import random_trajectory
 
     robot, model = load_text(stretched()), Model.of(*EFFECTS)
     log = simulate(robot, random_trajectory(robot, np.random.default_rng(1)))
     kept = find_base_parameters(robot, model).kept
-    fit = estimate(
-        gather_information(Regression(robot, model, (prepare_samples(robot, log),), kept))
-    )
+    fit = estimate(gather_information(Regression(robot, model, (prepare_log(robot, log),), kept)))
     names = [model.parameters(robot)[k].name for k in kept]
     found = dict(zip(names, fit.value, strict=True))
     for kind, value in (("K", 50.0), ("Fv", 4.0), ("Fc", 2.0), ("Ia", 0.5)):

@@ -9,9 +9,7 @@ from identifiability import analyze
 from identifiability.foundation.engines.local import Processes, Serial
 from identifiability.foundation.errors import ClosureError, LogError
 from identifiability.logs import Log
-from identifiability.logs.logfile import LogFile
-from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.logs.prepare.longsamples import prepare_log
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.robot import Robot
 
 ROWS = 4000
@@ -41,7 +39,7 @@ def refusal(action) -> str:
 
 
 def same_refusal(path) -> str:
-    streamed, whole = refusal(lambda: LogFile.read(path)), refusal(lambda: Log.read(path))
+    streamed, whole = refusal(lambda: Log.scan(path)), refusal(lambda: Log.read(path))
     assert streamed == whole
     return streamed
 
@@ -85,8 +83,8 @@ def test_a_gap_is_named_wherever_pieces_meet(at, frame_of, saved):
     frame = frame_of("two-link", periods=4, derivatives=False)
     path = saved(frame.drop(index=range(at, at + 9)))
     robot = Robot.load("two-link")
-    whole = prepare_samples(robot, Log.read(path))
-    assert prepare_log(robot, LogFile.read(path), engine=Serial()).hints == whole.hints
+    whole = prepare_log(robot, Log.read(path))
+    assert prepare_log(robot, Log.scan(path), engine=Serial()).hints == whole.hints
     assert f"(data row {at})" in whole.hints[0]
 
 
@@ -104,8 +102,8 @@ def test_no_torque_other_units_and_other_joints_are_refused(frame, frame_of, sav
     }
     for sentence, table in spoilt.items():
         path = saved(table)
-        whole = refusal(lambda p=path: prepare_samples(robot, Log.read(p)))
-        streamed = refusal(lambda p=path: prepare_log(robot, LogFile.read(p), engine=Serial()))
+        whole = refusal(lambda p=path: prepare_log(robot, Log.read(p)))
+        streamed = refusal(lambda p=path: prepare_log(robot, Log.scan(p), engine=Serial()))
         assert streamed == whole
         assert sentence in whole
 
@@ -122,9 +120,9 @@ def test_damaged_ends_and_middles(frame, saved, tmp_path):
     content = csv.read_bytes()
     whole = content.rstrip(b"\n").rpartition(b",")[0]  # the last line lost its last field
     csv.write_bytes(whole)
-    assert len(Log.read(csv)) == len(LogFile.read(csv)) == ROWS - 1
+    assert len(Log.read(csv)) == len(Log.scan(csv)) == ROWS - 1
     csv.write_bytes(content[:-1])  # its last digit may be missing
-    short, long = Log.read(csv), LogFile.read(csv)
+    short, long = Log.read(csv), Log.scan(csv)
     assert len(short) == len(long) == ROWS - 1
     assert (
         short.notes
@@ -140,9 +138,9 @@ def test_damaged_ends_and_middles(frame, saved, tmp_path):
     parquet = saved(frame)
     content = parquet.read_bytes()
     parquet.write_bytes(content[:-200])
-    assert "cannot be read as Parquet" in refusal(lambda: LogFile.read(parquet))
+    assert "cannot be read as Parquet" in refusal(lambda: Log.scan(parquet))
     parquet.write_bytes(content[:9000] + bytes(3000) + content[12000:])
-    assert "cannot be read as Parquet" in refusal(lambda: LogFile.read(parquet))
+    assert "cannot be read as Parquet" in refusal(lambda: Log.scan(parquet))
     assert "There is no log file" in same_refusal(tmp_path / "none.csv")
     assert "19 samples, too few" in same_refusal(saved(frame.iloc[:19]))
     assert "0 samples, too few" in same_refusal(saved(frame.iloc[:0]))
@@ -156,7 +154,7 @@ def test_lines_may_end_in_any_way_and_quotes_hold_line_breaks(ending, frame, sav
     if ending != "\n":
         plain = frame.drop(columns="remark").to_csv(index=False)
         path.write_bytes(b"\xef\xbb\xbf\n" + plain.replace("\n", ending).encode())
-    whole, parts = Log.read(path), LogFile.read(path)
+    whole, parts = Log.read(path), Log.scan(path)
     assert len(parts) == len(whole) == ROWS
     np.testing.assert_array_equal(parts.rows(0, ROWS).tau, whole.tau)
     np.testing.assert_array_equal(parts.rows(1234, 2001).q, whole.q[1234:2001])
@@ -165,7 +163,7 @@ def test_lines_may_end_in_any_way_and_quotes_hold_line_breaks(ending, frame, sav
 @pytest.mark.parametrize("form", ["csv", "parquet"])
 def test_a_file_that_changes_meanwhile_is_noticed(form, frame, saved):
     path = saved(frame, form)
-    file = LogFile.read(path)
+    file = Log.scan(path)
     robot = Robot.load("two-link")
     samples = prepare_log(robot, file, engine=Serial())
     saved(frame.iloc[:-1], form)
@@ -180,7 +178,7 @@ def test_a_file_that_changes_meanwhile_is_noticed(form, frame, saved):
 
 def test_a_touched_file_is_another(frame, saved):
     path = saved(frame)
-    file = LogFile.read(path)
+    file = Log.scan(path)
     os.utime(path, ns=(1, 1))
     with pytest.raises(LogError, match="wait until it is complete"):
         file.rows(0, 10)
@@ -190,16 +188,16 @@ def test_what_leaves_nothing_of_a_long_log_is_refused(frame_of, saved):
     frame = frame_of("3-rps", periods=4)
     frame[next(c for c in frame if c.endswith(".q"))] += 3.0
     with pytest.raises(ClosureError, match="close at none of the"):
-        prepare_log(Robot.load("3-rps"), LogFile.read(saved(frame)), engine=Serial())
+        prepare_log(Robot.load("3-rps"), Log.scan(saved(frame)), engine=Serial())
     arm = frame_of("two-link", periods=2)
     with pytest.raises(LogError, match="too short to be decimated by 300"):
         prepare_log(
-            Robot.load("two-link"), LogFile.read(saved(arm)), Preparation(decimate=300),
+            Robot.load("two-link"), Log.scan(saved(arm)), Preparation(decimate=300),
             engine=Serial(),
         )  # fmt: skip
     with pytest.raises(LogError, match="too long to search its period"):
         prepare_log(
-            Robot.load("two-link"), LogFile.read(saved(arm)), Preparation("fourier"),
+            Robot.load("two-link"), Log.scan(saved(arm)), Preparation("fourier"),
             engine=Serial(),
         )  # fmt: skip
 
@@ -211,7 +209,7 @@ def test_a_wrong_sample_of_a_long_file_is_named_and_weighs_nothing(frame, tmp_pa
     spoilt.loc[2000:2024, "shoulder.tau"] *= 10
     path = tmp_path / "log.parquet"
     spoilt.to_parquet(path, index=False, row_group_size=700)
-    log = LogFile.read(path)
+    log = Log.scan(path)
     parts, whole = (analyze("two-link", x, replicates=20) for x in (log, Log.read(path)))
     wrong, burst = parts.hints
     assert wrong == whole.hints[0]

@@ -13,9 +13,7 @@ from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, run_limited
 from identifiability.logs import Log
-from identifiability.logs.logfile import LogFile
-from identifiability.logs.prepare import Samples, prepare_samples
-from identifiability.logs.prepare.longsamples import Stretch, prepare_log
+from identifiability.logs.prepare import prepare_log
 from identifiability.logs.tables import opened
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import (
@@ -42,12 +40,12 @@ def copied(item):
 
 @pytest.fixture
 def made(monkeypatch):
-    """Times of all samples whose regressor is made, by the kind of what they are samples of."""
+    """Times of all samples whose regressor is made, by whether they are of a long log."""
     times = {}
     plain = LogPart._regressor
 
     def spied(self, piece, *others):
-        times.setdefault(type(self.samples), []).extend(piece.motion.t[piece.at].tolist())
+        times.setdefault(self.samples.long, []).extend(piece.motion.t[piece.at].tolist())
         return plain(self, piece, *others)
 
     monkeypatch.setattr(LogPart, "_regressor", spied)
@@ -59,32 +57,32 @@ def test_a_long_log_is_gone_through_once(made, sizes, frame_of, saved, monkeypat
     monkeypatch.setattr(opening, "find_alternative", lambda _: None)
     sizes(window=100)
     path = saved(frame_of("two-link", periods=5))
-    found = analyze("two-link", LogFile.read(path), replicates=0, engine=Serial())
+    found = analyze("two-link", Log.scan(path), replicates=0, engine=Serial())
     assert not found.held_out.whole
-    assert made[Stretch] == Log.read(path).t.tolist()
+    assert made[True] == Log.read(path).t.tolist()
 
 
 def test_a_log_that_judges_is_gone_through_once(made, frame_of):
     one, other = (frame_of("two-link", periods=1, samples=700, seed=k) for k in (0, 1))
     other["t"] += 100.0
     analyze("two-link", one, validate=other, replicates=0, engine=Serial())
-    times = [t for t in made[Samples] if t >= 100.0]
+    times = [t for t in made[False] if t >= 100.0]
     assert len(times) == len(set(times)) == 700
 
 
 def test_a_short_log_is_gone_through_once(made, frame_of):
     log = Log.from_frame(frame_of("two-link", periods=1, samples=700), "short")
     robot, model = Robot.load("two-link"), Model.of("rigid_body", "viscous_friction")
-    regression = Regression(robot, model, (prepare_samples(robot, log),))
+    regression = Regression(robot, model, (prepare_log(robot, log),))
     gather_information(regression)
     predict(regression, np.zeros((len(regression.parameters), 1)))
-    assert made[Samples] == log.t.tolist()
+    assert made[False] == log.t.tolist()
 
 
 def test_errors_of_windows_are_the_same_from_what_was_kept(sizes, frame_of, saved):
     sizes(window=150)
     robot, model = Robot.load("two-link"), Model.of("rigid_body", "viscous_friction")
-    file = LogFile.read(saved(frame_of("two-link", periods=6)))
+    file = Log.scan(saved(frame_of("two-link", periods=6)))
     samples = prepare_log(robot, file, engine=Serial())
 
     def errors(engine):
@@ -109,7 +107,7 @@ def test_what_may_be_missing_is_looked_for_in_rows_that_were_kept(
 ):
     sizes(window=150)
     robot, model = Robot.load("two-link"), Model.of("rigid_body", "viscous_friction")
-    file = LogFile.read(saved(frame_of("two-link", periods=6)))
+    file = Log.scan(saved(frame_of("two-link", periods=6)))
     regression = Regression(robot, model, (prepare_log(robot, file, engine=Serial()),))
     gather_information(regression)
     made.clear()

@@ -7,9 +7,7 @@ from identifiability import analyze, prune
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines.local import Processes, Resumed, Serial
 from identifiability.logs import Log
-from identifiability.logs.logfile import LogFile, open_log
-from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.logs.prepare.longsamples import prepare_log
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import find_base_parameters
@@ -22,8 +20,8 @@ def both(name, path, how=None):
     """The regressions of a file in memory and streamed."""
     robot, model = Robot.load(name), Model.of(*EFFECTS)
     kept = find_base_parameters(robot, model).kept
-    whole = prepare_samples(robot, Log.read(path), how)
-    parts = prepare_log(robot, LogFile.read(path), how, engine=Serial())
+    whole = prepare_log(robot, Log.read(path), how)
+    parts = prepare_log(robot, Log.scan(path), how, engine=Serial())
     return [Regression(robot, model, (samples,), kept) for samples in (whole, parts)]
 
 
@@ -129,7 +127,7 @@ def test_loops_that_close_in_some_parts_only(sizes, frame_of, saved):
 def test_an_analysis_gives_the_same_answer(name, sizes, frame_of, saved):
     path = saved(frame_of(name, periods=4, samples=800))
     whole = analyze(name, Log.read(path), replicates=40)
-    parts = analyze(name, LogFile.read(path), replicates=40, engine=Serial())
+    parts = analyze(name, Log.scan(path), replicates=40, engine=Serial())
     assert parts.statement == whole.statement
     for one, two in zip(whole.models, parts.models, strict=True):
         assert [v.verdict for v in one.verdicts] == [v.verdict for v in two.verdicts]
@@ -143,7 +141,7 @@ def test_an_analysis_gives_the_same_answer(name, sizes, frame_of, saved):
 def test_a_pruning_gives_the_same_model(sizes, frame_of, saved):
     path = saved(frame_of("two-link", periods=4))
     whole = prune("two-link", Log.read(path), replicates=5)
-    parts = prune("two-link", LogFile.read(path), replicates=5, engine=Serial())
+    parts = prune("two-link", Log.scan(path), replicates=5, engine=Serial())
     assert [r.columns for r in parts.models] == [r.columns for r in whole.models]
     assert parts.statement == whole.statement
     np.testing.assert_allclose(
@@ -159,7 +157,7 @@ def test_engines_agree_to_the_last_bit_and_finished_parts_are_not_done_again(
     robot, model = Robot.load("two-link"), Model.of(*EFFECTS)
 
     def gathered(engine):
-        samples = prepare_log(robot, LogFile.read(path), engine=engine)
+        samples = prepare_log(robot, Log.scan(path), engine=engine)
         gathered = gather_information(Regression(robot, model, (samples,)), engine=engine)
         return np.concatenate([part.blocks.ravel() for part in gathered.parts])
 
@@ -180,7 +178,7 @@ def test_only_long_files_are_streamed(sizes, frame_of, saved, monkeypatch):
 
     frame = frame_of("two-link", periods=2)
     paths = saved(frame), saved(frame, "csv")
-    assert all(isinstance(open_log(p), Log) for p in paths)
+    assert all(isinstance(Log.open(p), Log) for p in paths)
     monkeypatch.setattr(source, "LONG", 5000)
-    assert all(isinstance(open_log(p), LogFile) for p in paths)
+    assert all(isinstance(Log.open(p), Log) for p in paths)
     assert analyze("two-link", paths[1], replicates=0).information.samples == len(frame)

@@ -24,6 +24,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, fourier, signals
 from identifiability.logs.gaps import StaleRule
+from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.prepare.plan import (
     Plan,
     Smoothing,
@@ -33,7 +34,6 @@ from identifiability.logs.prepare.plan import (
     resolution,
 )
 from identifiability.logs.prepare.preparation import SHORT
-from identifiability.logs.prepare.samples import Samples
 from identifiability.logs.rules import RULES
 from identifiability.robot import Motion, Robot, complete_motion
 
@@ -74,11 +74,11 @@ ROUNDS, FEW = 4, 4096
 def add_instrument(
     robot: Robot,
     log: Log,
-    samples: Samples,
-    others: Sequence[Samples] = (),
+    samples: Dataset,
+    others: Sequence[Dataset] = (),
     *,
     always: bool = False,
-) -> Samples | None:
+) -> Dataset | None:
     """Return the samples with a second record of their motion and a note; None if there is none.
 
     Parameters
@@ -86,8 +86,8 @@ def add_instrument(
     robot : Robot
     log : Log
         What the samples were prepared from.
-    samples : Samples
-    others : sequence of Samples
+    samples : Dataset
+    others : sequence of Dataset
         Other logs, which may have the same motion.
     always : bool
         Also where noise is negligible, and so is what it does to least squares.
@@ -109,7 +109,7 @@ def add_instrument(
 
 
 def _find_record(
-    log: Log, samples: Samples, others: Sequence[Samples], *, always: bool
+    log: Log, samples: Dataset, others: Sequence[Dataset], *, always: bool
 ) -> SecondRecord | None:
     """Return a second record of the motion of a log on the joint side; None where there is none."""
     if log.rollout is not None:
@@ -165,7 +165,7 @@ def complete_along(robot: Robot, measured: Motion, other: Sequence[Array] | Arra
 # the motion. Clocks are aligned by the lag at which positions agree, to a fraction of a sample.
 
 
-def _find_repetitions(log: Log, samples: Samples, others: Sequence[Samples]) -> SecondRecord | None:
+def _find_repetitions(log: Log, samples: Dataset, others: Sequence[Dataset]) -> SecondRecord | None:
     """Return the mean of the repetitions of a motion; None where there are too few."""
     own, dt = samples.motion, signals.sampling_step(log.t)
     total, count = np.zeros((3, *own.actuated_q.shape)), np.zeros(len(own))

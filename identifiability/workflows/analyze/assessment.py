@@ -36,7 +36,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH, percent
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import (
     combine_with_file,
     mass_rows,
@@ -521,8 +521,8 @@ OF_JOINT = (
 
 def tell_errors(
     robot: Robot,
-    samples: Sequence[Prepared],
-    validation: Sequence[Prepared],
+    samples: Sequence[Dataset],
+    validation: Sequence[Dataset],
     fitted: Prediction,
     unseen: Prediction,
 ) -> pd.DataFrame:
@@ -535,7 +535,7 @@ def tell_errors(
     Parameters
     ----------
     robot : Robot
-    samples, validation : sequences of Samples
+    samples, validation : sequences of Dataset
         Logs that were fitted, and that were held out; without these the former were held out in
         turns.
     fitted, unseen : Prediction

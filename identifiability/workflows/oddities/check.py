@@ -14,10 +14,7 @@ from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.logs.prepare.samples import join_motions
-from identifiability.logs.repeats import Recording
-from identifiability.logs.signals import spread_windows
+from identifiability.logs.prepare.dataset import Dataset, join_motions
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
 
@@ -38,15 +35,15 @@ class MeasuredLogs:
     Attributes
     ----------
     structure : Structure
-    recordings : tuple of Log or LogFile
+    recordings : tuple of Log
         As they were measured.
-    samples : tuple of Samples or LongSamples
+    samples : tuple of Dataset
         The same prepared, in the same order.
     """
 
     structure: Structure
-    recordings: tuple[Recording, ...]
-    samples: tuple[Prepared, ...]
+    recordings: tuple[Log, ...]
+    samples: tuple[Dataset, ...]
 
     @property
     def robot(self) -> Robot:
@@ -64,16 +61,14 @@ class MeasuredLogs:
         Long logs are looked at in the windows that decisions about them are made on.
         """
         for log in self.recordings:
-            for start, stop in spread_windows(len(log)):
-                yield start, log.rows(start, stop)
+            yield from log.windows()
 
     @cached_property
     def _thinned(self) -> tuple[Motion, Array, np.ndarray]:
         each = max(1, ENOUGH // len(self.samples))
         few = [s.thin(max(1, s.survey.kept // each)) for s in self.samples]
-        data = [np.ones(s.tau.shape, bool) if s.dwells is None else ~s.dwells for s in few]
-        motion, tau = join_motions([s.motion for s in few]), np.concatenate([s.tau for s in few])
-        return motion, tau, np.concatenate(data)
+        tau, weight = (np.concatenate([getattr(s, k) for s in few]) for k in ("tau", "weight"))
+        return join_motions([s.motion for s in few]), tau, weight > 0
 
     @cached_property
     def measured(self) -> np.ndarray:

@@ -11,7 +11,6 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs.base import ACC
-from identifiability.logs.prepare import Samples
 from identifiability.logs.signals import sampling_step
 from identifiability.robot.floating import (
     SIX,
@@ -32,7 +31,7 @@ def _standing(logs: MeasuredLogs) -> Iterator[tuple[Array, Array, Array, np.ndar
     """Yield positions and velocities of some samples, where up is, and which contacts stand."""
     base = logs.robot.base
     for s in logs.samples:
-        if isinstance(s, Samples) and s.motion.touch is not None and base is not None:
+        if s.motion.touch is not None and base is not None:
             # Samples at which it is looked at whether a closed contact stands.
             motion, few = s.motion, slice(None, None, max(1, len(s.motion) // 5000))
             up, closed = s.motion.touch[:, :3], s.motion.touch[:, 3:] > 0.5

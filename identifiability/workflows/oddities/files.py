@@ -6,8 +6,7 @@ import numpy as np
 
 from identifiability.foundation.errors import listing
 from identifiability.foundation.numbers import percent
-from identifiability.logs.prepare import Samples
-from identifiability.logs.prepare.samples import stands_still
+from identifiability.logs.prepare.dataset import stands_still
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.workflows.oddities.check import Does, MeasuredLogs, check
 
@@ -57,7 +56,7 @@ def find_turned_signs(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return where measured and smoothed velocity disagree in sign; nothing if noise is small."""
     turned = np.zeros(len(logs.joints))
     for s in logs.samples:
-        motion = s.motion if isinstance(s, Samples) else s.sketch.motion
+        motion = s.motion
         if motion.smooth_v is not None:
             apart = np.sign(motion.actuated_v) != np.sign(motion.smooth_v[:, 0])
             turned = np.maximum(turned, apart.mean(0))

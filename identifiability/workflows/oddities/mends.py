@@ -11,7 +11,7 @@ from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
 from identifiability.logs.mend import drop_contradictions, drop_stuck, mend_logs, unwrap_logs
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.repeats import Recording, drop_repeats
+from identifiability.logs.repeats import drop_repeats
 from identifiability.robot.servo import Servo
 from identifiability.workflows.oddities.check import CHECKS, Does, check
 
@@ -22,7 +22,7 @@ class Reading:
 
     Attributes
     ----------
-    fitted, held_out : tuple of Log or LogFile
+    fitted, held_out : tuple of Log
     how : Preparation or None
         How they will be prepared.
     servo : Servo or None
@@ -35,24 +35,22 @@ class Reading:
         Whether something is learnt of the rows, so that each counts once.
     """
 
-    fitted: tuple[Recording, ...]
-    held_out: tuple[Recording, ...]
+    fitted: tuple[Log, ...]
+    held_out: tuple[Log, ...]
     how: Preparation | None = None
     servo: Servo | None = None
     hints: tuple[str, ...] = ()
     speeds: tuple[Array | None, ...] = ()
     learns: bool = True
 
-    def by(
-        self, mend: Callable[[Sequence[Recording]], tuple[list[Recording], tuple[str, ...]]]
-    ) -> Reading:
+    def by(self, mend: Callable[[Sequence[Log]], tuple[list[Log], tuple[str, ...]]]) -> Reading:
         """Return the logs, each mended by itself."""
         every, hints = mend([*self.fitted, *self.held_out])
         n = len(self.fitted)
         return self.having(every[:n], every[n:], hints)
 
     def having(
-        self, fitted: Sequence[Recording], held_out: Sequence[Recording], hints: Sequence[str] = ()
+        self, fitted: Sequence[Log], held_out: Sequence[Log], hints: Sequence[str] = ()
     ) -> Reading:
         """Return the same of other logs, with what is said of them."""
         said = (*self.hints, *hints)
@@ -128,7 +126,7 @@ def compute_torque(logs: Reading) -> Reading:
     pairs = zip(before, after, strict=True)
     return replace(
         given,
-        speeds=tuple(b.dq if of_commands(a) and isinstance(b, Log) else None for b, a in pairs),
+        speeds=tuple(b.dq if of_commands(a) else None for b, a in pairs),
     )
 
 
@@ -159,10 +157,10 @@ def count_once(logs: Reading) -> Reading:
     """Leave out rows that came before; measured speeds tell repetitions from copies."""
     if not logs.learns:
         return logs
-    every: list[Recording] = [*logs.fitted, *logs.held_out]
+    every: list[Log] = [*logs.fitted, *logs.held_out]
     for k, speed in enumerate(logs.speeds):
-        if isinstance(log := every[k], Log) and speed is not None:
-            every[k] = replace(log, dq=speed)
+        if speed is not None:
+            every[k] = replace(every[k], dq=speed)
     *kept, hints = drop_repeats(every[: len(logs.fitted)], every[len(logs.fitted) :])
     fitted, held_out = (
         [x.without(("dq",)) if of_commands(x) else x for x in some] for some in kept

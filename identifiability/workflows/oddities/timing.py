@@ -14,8 +14,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
-from identifiability.logs.prepare import Samples
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare import Dataset
 from identifiability.logs.prepare.plan import joint_log
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum, choose_band
@@ -123,7 +122,7 @@ class Shift:
         return f"{much} samples ({size * self.step:.2g} s) {way}"
 
 
-def measure_shift(structure: Structure, prepared: Prepared) -> Shift | None:
+def measure_shift(structure: Structure, prepared: Dataset) -> Shift | None:
     """Return by how much the torque of all joints is late, or where that is not certain of one.
 
     None where a log is too short to tell. A small delay d adds ``−d τ'`` to the torque τ of the
@@ -137,7 +136,7 @@ def measure_shift(structure: Structure, prepared: Prepared) -> Shift | None:
     long = min(LONG, int(BYTES / (8 * n * max(len(structure.base.kept), 1))))
     first = max(0, (len(motion) - long) // 2)
     rows = np.arange(first, min(len(motion), first + long))
-    down = (isinstance(prepared, Samples) and prepared.decimation) or signals.Decimation(2)
+    down = (not prepared.long and prepared.decimation) or signals.Decimation(2)
     ends = np.flatnonzero(np.diff(motion.kept[rows]) != 1) + 1
     runs = [r for r in np.split(rows, ends) if down.outputs(len(r)) > 0]
     outputs = sum(down.outputs(len(r)) for r in runs)
@@ -147,7 +146,7 @@ def measure_shift(structure: Structure, prepared: Prepared) -> Shift | None:
         return None
     dt = float(np.median(np.diff(motion.t) / np.diff(motion.kept)))
 
-    still = np.zeros(samples.tau.shape, bool) if samples.dwells is None else samples.dwells
+    still = samples.weight <= 0
     at = [slice(down.reach, len(r) - down.reach, down.factor) for r in runs]
     moves = np.concatenate([~still[r][k] for r, k in zip(runs, at, strict=True)])
 
@@ -260,9 +259,9 @@ def _test_shift(slopes: Array, y: Array, known: Array, dt: float) -> Shift | Non
     return one if one.certain and not whole.certain else whole
 
 
-def _consecutive(prepared: Prepared) -> Samples | None:
+def _consecutive(prepared: Dataset) -> Dataset | None:
     """Return samples that follow each other, undecimated."""
-    if isinstance(prepared, Samples):
+    if not prepared.long:
         return replace(prepared, decimation=None, instrument=None)
     middle = prepared.stretches[len(prepared.stretches) // 2]
     return next((replace(p, decimation=None) for p in middle.parts() if len(p.tau)), None)

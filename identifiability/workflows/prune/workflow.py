@@ -45,7 +45,7 @@ from identifiability.foundation.options import (
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.samples import find_signal
+from identifiability.logs.prepare.dataset import find_signal
 from identifiability.physical.feasibility import PhysicalResult, certify_model
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import (

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.verdict import Class
-from identifiability.logs.prepare.samples import explain_silence
+from identifiability.logs.prepare.dataset import explain_silence
 from identifiability.workflows.analyze.words import doubt, state_answer, state_physics
 
 
