@@ -39,8 +39,7 @@ from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.instruments import noise_share
-from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.physical.cad_prior import draw_bodies
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares
@@ -63,10 +62,9 @@ from identifiability.workflows.compare import (
     is_result,
     look,
 )
-from identifiability.workflows.opening import Logs, list_logs
 from identifiability.workflows.predict import Fit, FitLike, find_fit, state_missing
 from identifiability.workflows.rules import RULES
-from identifiability.workflows.session import Session
+from identifiability.workflows.session import Logs, Session, list_logs
 
 # `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
 
@@ -522,7 +520,7 @@ def payload(
         both, loaded = session.beside(second).recordings, len(session.recordings.fitted)
         # What hangs on the robot is odd by its file, so that nothing odd is looked for.
         samples = session.prepare(both.fitted, "weighed")
-        hints = [*both.hints, *_tell_noise(robot, both.fitted[:loaded], session.how)]
+        hints = [*both.hints, *_tell_noise(both.fitted[:loaded], session.how)]
         hints += [text for s in samples for text in s.hints]
         pairs = find_pairs(robot, both.fitted, loaded, session.how)
         seen = look(structure, samples, 0)
@@ -613,11 +611,12 @@ def weigh_arm(fit: Fit, seen: Excerpt) -> tuple[float, float, float]:
     return mass, float(slope @ fit.base), float("nan") if blind else float(np.sqrt(variance))
 
 
-def _tell_noise(robot: Robot, logs: Sequence[Log], how: Preparation) -> list[str]:
+def _tell_noise(logs: Sequence[Log], how: Preparation) -> list[str]:
     """Return what noise of the motion does to the load, where it does."""
-    computed = [x for x in logs if not x.long and not {"dq", "ddq"} <= set(x.channels)]
-    share = {x.name: noise_share(robot, x, how.outputs or how.cutoff) for x in computed}
-    loud = [name for name, own in share.items() if own > LOG_RULES.noise_share**0.5]
+    band = how.band if isinstance(how, SettledPreparation) else None
+    if band is None or band.outputs <= band.limit:
+        return []
+    loud = [x.name for x in logs if not {"dq", "ddq"} <= set(x.channels)]
     return [sentence(WORDS_OF, "noise", logs=listing(loud, 4))] if loud else []
 
 

@@ -1,72 +1,226 @@
 """`Session`: what every verb does with its logs first: read, check, prepare, open, weigh.
 
-`Session.read` checks logs and reads them, every row once, `Session.read_sides` those of two sides;
-`Session.follow` gives logs of commands their torque; `Session.prepare` turns them into motion;
-`Session.open` also asks what is odd about them, and refuses what has nothing to explain;
-`Session.gather` gathers the information of their rows, and `Session.weigh` weighs each by its
-noise, and outlying stretches less.
+`Session.read` checks logs and reads them, every row once (`read_recordings`), `Session.read_sides`
+those of two sides; `Session.follow` gives logs of commands their torque; `Session.prepare` turns
+them into motion; `Session.open` also asks what is odd about them, and refuses what has nothing to
+explain: an `Opening`. `Session.gather` gathers the information of their rows, with instruments
+where there are any, and `Session.weigh` weighs each by its noise, and outlying stretches less.
+`running` and `share` say where that is done and how far it is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+import platform
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import field, replace
 from functools import cached_property, partial
+from hashlib import sha256
 from itertools import pairwise
-from typing import Self
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 
+import clarabel
 import numpy as np
+import pandas as pd
 
+from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives, find_alternatives
 from identifiability.estimation.estimate import (
     Kind,
     Method,
     Outliers,
+    choose_estimator,
     forget_noise,
     settle_noise,
     weigh_outliers,
 )
 from identifiability.estimation.estimator import Estimator
-from identifiability.foundation.engines.local import Serial
-from identifiability.foundation.engines.mapping import Engine
+from identifiability.foundation import __version__
+from identifiability.foundation.engines.local import Processes, Serial
+from identifiability.foundation.engines.mapping import Engine, Steps
+from identifiability.foundation.engines.resume import NUMERICS, find_version
 from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.numbers import REACH
-from identifiability.foundation.options import OptionError
+from identifiability.foundation.options import Expected, OptionError
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
+from identifiability.logs.commands import of_commands
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.prepare import Dataset, Preparation
-from identifiability.logs.prepare.dataset import prepare_log
+from identifiability.logs.formats.containers import frame_of
+from identifiability.logs.formats.reader import find_parts
+from identifiability.logs.prepare import Dataset, Preparation, prepare_log
+from identifiability.logs.prepare.dataset import explain_silence
+from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.logs.repeats import check_held_out, share_clock
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.physical.cad_prior import WEAK, share_weight
 from identifiability.physical.feasibility import find_nearest
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import full_model
-from identifiability.regression.structure import Structure
+from identifiability.regression.reduction import LadderSource, full_model
+from identifiability.regression.regression import Regression
+from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
-from identifiability.workflows.instruments import add_instruments
-from identifiability.workflows.opening import (
-    Logs,
-    Opening,
-    Progress,
-    Recordings,
-    list_logs,
-    open_logs,
-    quiet,
-    read_recordings,
-    read_sides,
-    require_signal,
-    share,
-    state_reading,
+from identifiability.robot.servo import Servo
+from identifiability.workflows.alternatives import Alternative, find_alternative
+from identifiability.workflows.gravity import about_gravity
+from identifiability.workflows.oddities import (
+    MeasuredLogs,
+    Reading,
+    find_always,
+    find_oddities,
+    mend,
 )
 
-#: Stretches that are listed.
-LISTED = 3
+if TYPE_CHECKING:
+    from identifiability.estimation.rollouts import Rollouts
+    from identifiability.workflows.commanded import Moved
+
+#: Why no verdict stands on columns that are read as what they are not, for after "because".
+MISREAD = (
+    "a column seems to have the wrong sign, unit or joint, or to be aliased, as the first remark "
+    "says: mend that, and run again"
+)
+
+LogLike = Log | Log | str | Path | pd.DataFrame | Mapping[str, Any]
+Logs = Annotated[
+    Sequence[LogLike] | LogLike,
+    Expected("a log (the path of a file, a DataFrame, arrays by name or a Log) or a list of logs"),
+]
+Progress = Annotated[
+    Callable[[str, float], None], Expected("a function that takes a text and the share done")
+]
+
+
+#: Stretches that are listed, and logs, or groups of logs read alike, whose own reading is told.
+LISTED, SHOWN_READINGS = 3, 4
 
 #: What follows the statement of an alternative of the model that is used.
 SO = "All that follows is said under that reading."
+
+
+def quiet(_text: str, _share: float) -> None:
+    """Tell no progress."""
+
+
+@frozen
+class Recordings:
+    """Logs as they were measured, every row once.
+
+    Attributes
+    ----------
+    fitted, held_out : tuple of Log
+    hints : tuple of str
+        On those that are read otherwise than literally, repeat others, or have wrong samples.
+    read : tuple of (str, str)
+        Logs that were read otherwise than literally, and how; the first hints say it.
+    commands : str
+        How torque was made of commands, a hint that speaks against nothing; empty if it was not.
+    later : tuple of mapping
+        Fitted logs, by their place, as they are if commands act one standard deviation of the
+        delay later than found, log by log, or if gains that were found are others by one.
+    rolled : Rollouts or None
+        On which torque of commands was calibrated,
+    values : mapping
+        and standard parameters by name of what was rolled out.
+    """
+
+    fitted: tuple[Log, ...]
+    held_out: tuple[Log, ...] = ()
+    hints: tuple[str, ...] = ()
+    read: tuple[tuple[str, str], ...] = ()
+    commands: str = ""
+    later: tuple[Mapping[int, Log], ...] = ()
+    rolled: Rollouts | None = None
+    values: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def commanded(self) -> bool:
+        """Whether torque of any log comes from commands."""
+        return any(map(of_commands, self.fitted))
+
+    def acting_later(self, servo: Servo, by: float) -> Recordings:
+        """Return the logs as they are if commands act later than was found, by so much [s]."""
+        from identifiability.workflows.commanded import moved  # noqa: PLC0415 - MuJoCo
+
+        fitted, held_out = (
+            tuple(moved(x, servo, servo, by) if of_commands(x) else x for x in logs)
+            for logs in (self.fitted, self.held_out)
+        )
+        said = (
+            f"Most joints' commands act {1e3 * by:.2g} ms later than this, and so are those of all "
+            "taken."
+        )
+        hints = tuple(f"{h} {said}" if h == self.commands else h for h in self.hints)
+        return replace(self, fitted=fitted, held_out=held_out, hints=hints)
+
+    def measure_rollouts(self, robot: Robot, values: Mapping[str, float]) -> Moved | None:
+        """Return how far rollouts of a fitted robot are off, where there are logs of commands."""
+        if not self.commanded:
+            return None
+        from identifiability.workflows.commanded import measure_rollouts  # noqa: PLC0415 - MuJoCo
+
+        return measure_rollouts(robot, values, self.fitted, self.held_out)
+
+
+@frozen(kw_only=True)
+class Opening(OfStructure):
+    """What a verb knows before it judges anything.
+
+    Attributes
+    ----------
+    structure : Structure
+        The robot under the unpruned model.
+    samples, validation : tuple of Dataset
+        Logs that are fitted, and that are held out.
+    hints : tuple of str
+        What seems to be wrong with robot file and logs, for the user to check.
+    explained : bool
+        Whether the first of them explains whatever else contradicts.
+    misread : str
+        Why no verdict stands, if columns are not what they are read as, by what the data say.
+    alternative : Alternative or None
+        The model that fitted rows prefer by far to the one that was given.
+    commands : str
+        Of the hints, that which says how torque was made of commands (`Recordings.commands`).
+    """
+
+    structure: Structure
+    samples: tuple[Dataset, ...]
+    validation: tuple[Dataset, ...]
+    hints: tuple[str, ...]
+    explained: bool = False
+    misread: str = ""
+    alternative: Alternative | None = None
+    commands: str = ""
+
+    @cached_property
+    def regression(self) -> Regression:
+        """Columns of the base parameters along the fitted motion."""
+        return self.structure.regression(self.samples)
+
+    @cached_property
+    def unseen(self) -> Regression | None:
+        """The same along motion that was held out; None where none was."""
+        return self.structure.regression(self.validation) if self.validation else None
+
+    @cached_property
+    def silence(self) -> str:
+        """Why the fitted logs have nothing to explain, for after "because"; nothing if they do."""
+        return explain_silence([s.survey for s in self.samples])
+
+
+def find_missing(opening: Opening) -> Alternatives:
+    """Return what may be missing beside the unpruned model."""
+    if opening.silence:
+        return NO_ALTERNATIVES
+    commanded = bool(opening.commands)
+    rows = opening.regression, opening.unseen
+    return find_alternatives(opening.structure, *rows, commanded=commanded)
 
 
 @frozen
@@ -185,15 +339,21 @@ class Session:
             return self.settled
         return settle_cutoff(self.structure.robot, self.recordings.fitted, self.preparation)
 
-    def follow(self, rng: np.random.Generator, values: dict[str, float] | None = None) -> Session:
-        """Return the session with calibrated torque of commands (`Recordings.follow`).
+    def follow(
+        self, rng: np.random.Generator, values: Mapping[str, float] | None = None
+    ) -> Session:
+        """Return the session with calibrated torque of the commands of fitted logs.
 
-        That of held-out logs is not yet (`Recordings.follow_unseen`).
+        What moves by them has the file's bodies, or those of the standard parameters that were
+        fitted to such torque before.
         """
         if not self.recordings.commanded:
             return self
-        followed = self.recordings.follow(self.structure, self.how, rng, self.say, values)
-        return replace(self, recordings=followed, settled=self.how)
+        from identifiability.workflows.commanded import follow_commands  # noqa: PLC0415 - MuJoCo
+
+        self.say("rolling out commands", 0.1)
+        what = self.recordings, self.structure, self.how, rng
+        return replace(self, recordings=follow_commands(*what, values or {}), settled=self.how)
 
     def follow_fitted(
         self,
@@ -210,8 +370,13 @@ class Session:
         that moved it by less than the error it was first stated with, the first is as good.
         """
         found = self._follow_bodies(rng, method, kind, cad_weight)
-        unseen = found.recordings.follow_unseen(self.structure, self.how, rng)
-        return replace(found, recordings=unseen)
+        given = found.recordings
+        if given.rolled is None:
+            return found
+        from identifiability.workflows.commanded import calibrate  # noqa: PLC0415 - MuJoCo
+
+        unseen = calibrate(self.structure, given.held_out, given.values, self.how, rng, {})
+        return replace(found, recordings=replace(given, held_out=unseen))
 
     def _follow_bodies(
         self, rng: np.random.Generator, method: Method, kind: Kind, cad_weight: float | None
@@ -284,21 +449,52 @@ class Session:
         *,
         seek: bool = True,
     ) -> Opening:
-        """Return the prepared logs, and what is odd about them (`open_logs`).
+        """Return the prepared logs, and what is odd about them.
 
         Parameters
         ----------
         done : str
-            What cannot be done with logs that have nothing to explain, as a participle.
+            What cannot be done, as a participle, with fitted logs that have nothing to explain;
+            empty where that is an answer too: then nothing is held out either.
         prepare : callable(Log) -> Dataset, optional
             Of a whole log, each where the engine puts it; by default `prepare_log`, which puts
             stretches of one there.
         seek : bool
             Whether alternatives of the model are looked for.
         """
-        own = prepare or self._preparing()
-        engine = None if prepare is None else self.engine
-        return open_logs(self.structure, self.recordings, own, done, engine, seek=seek)
+        own_way, recordings, structure = (
+            prepare or self._preparing(),
+            self.recordings,
+            self.structure,
+        )
+        each = map if prepare is None else self.engine.map
+        train = tuple(each(own_way, recordings.fitted))
+        held_out = tuple(each(own_way, recordings.held_out))
+        if done:
+            require_signal(train, done)
+        require_signal(held_out, "verified")
+        split = (text for s in (*train, *held_out) for text in s.hints)
+        own = MeasuredLogs(structure, recordings.fitted, train)
+        hints = (*find_always(own), *recordings.hints, *split)
+        opening = Opening(
+            structure=structure,
+            samples=train,
+            validation=held_out,
+            hints=hints,
+            commands=recordings.commands,
+        )
+        if opening.silence:
+            return replace(opening, validation=())
+        structure = about_gravity(structure, train)
+        looked = MeasuredLogs(structure, recordings.fitted, train)
+        other = find_alternative(looked) if seek else None
+        odd = find_oddities(looked, explained=other is not None)
+        other = None if odd.misread else other  # of positions that are misread the torque is none
+        explained = odd.explains or other is not None
+        why = MISREAD if odd.misread else ""
+        said = () if other is None else (other.statement,)
+        known = replace(opening, structure=structure, explained=explained, misread=why)
+        return replace(known, alternative=other, hints=(*said, *odd.hints, *hints))
 
     def prepare(self, recordings: Sequence[Log], done: str = "") -> list[Dataset]:
         """Return some of the logs prepared, for verbs to which what is odd about them is no sign.
@@ -321,7 +517,7 @@ class Session:
 
     def gather(self, opening: Opening, method: Method, kind: Kind) -> Weighed:
         """Return the rows of opened logs alike, with instruments where the estimator takes them."""
-        opening, estimator = add_instruments(opening, self.recordings.fitted, method, kind)
+        opening, estimator = self._with_instruments(opening, method, kind)
         building = share(self.say, "building the regression", 0.2, 0.4)
         alike = gather_information(opening.regression, engine=self.engine, progress=building)
         return Weighed(opening, estimator, alike, alike)
@@ -334,6 +530,50 @@ class Session:
         joints, samples = self.structure.robot.joints, rows.opening.samples
         information, burst, _ = weigh_rows(joints, samples, rows.alike, rows.estimator)
         return replace(rows, information=information, burst=burst)
+
+    def _with_instruments(
+        self, opening: Opening, method: Method, kind: Kind
+    ) -> tuple[Opening, Estimator]:
+        """Return fitted samples with second records of their motion, and the estimator for them.
+
+        Without a second record of any motion, or where a log is too long for memory, all are fitted
+        by least squares.
+
+        Raises
+        ------
+        OptionError
+            If method and kind do not go together.
+        LogError
+            If instruments are asked for and a log has no second record of its motion.
+        """
+        plain, chosen = (choose_estimator(method, kind, instruments=x) for x in (False, True))
+        if kind == "ls" or opening.silence or chosen is plain:
+            return opening, plain
+        logs, samples, always = self.recordings.fitted, opening.samples, kind == "iv"
+        short = [s for s in samples if not s.long]
+        found = [
+            None
+            if s.long
+            else add_instrument(
+                opening.robot, log, s, [x for x in short if x is not s], always=always
+            )
+            for log, s in zip(logs, samples, strict=True)
+        ]
+        if always and None in found:
+            raise LogError(
+                f"{logs[found.index(None)].name} has no second record of its motion in memory, "
+                "which instrumental variables need: repeat the motion, or log '<joint>.dq' and "
+                "'<joint>.ddq' as measured or the command in '<joint>.q_ref'; else leave out the "
+                "estimator."
+            )
+        if len(short) < len(samples) or not any(found):
+            return opening, plain
+        note = "it has no second record of its motion, and is fitted as by least squares"
+        every = (
+            s or replace(x, instrument=x.motion, notes=(*x.notes, note))
+            for s, x in zip(found, samples, strict=True)
+        )
+        return replace(opening, samples=tuple(every)), chosen
 
 
 @frozen
@@ -449,3 +689,261 @@ def settle_prior(
     if share is None:
         share = PHYSICAL_RULES.body_within if commanded and cad_weight is None else 0.0
     return share, share_weight(share) if share else cad_weight
+
+
+@contextmanager
+def running(engine: Engine | None) -> Iterator[Engine]:
+    """Give the engine that was asked for, or else processes that start once that pays."""
+    if engine is not None:
+        yield engine
+        return
+    with Processes() as processes:
+        yield processes
+
+
+def share(say: Progress, text: str, start: float, stop: float) -> Steps:
+    """Return what tells the progress of one stage, which takes so much of the whole."""
+    return lambda done, total: say(text, start + (stop - start) * done / max(total, 1))
+
+
+def list_logs(logs: Logs) -> list[LogLike]:
+    """Return logs as a list, one or several."""
+    one = isinstance(logs, (Log, str, Path, pd.DataFrame, Mapping))
+    return [logs] if one else list(logs)  # type: ignore[list-item,arg-type]
+
+
+def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log | Log]:
+    """Return logs, however they are given; long files stay files.
+
+    What is known of logs of the robot holds for those that are read here; each episode of a
+    dataset is a log. Those without a name are numbered from the number of others `before` on.
+    """
+    out: list[Log | Log] = []
+    given = [
+        one
+        for item in list_logs(logs)
+        for one in (find_parts(Path(item)) if isinstance(item, (str, Path)) else [item])
+    ]
+    for k, item in enumerate(given, before):
+        if isinstance(item, Mapping):
+            item = frame_of(item, f"log {k + 1}")  # noqa: PLW2901 - the same in another form
+        if isinstance(item, pd.DataFrame):
+            out.append(Log.from_frame(item, f"log {k + 1}", known))
+        else:
+            out.append(item if isinstance(item, Log) else Log.open(item, known))
+    return out
+
+
+def read_sides(
+    first: Logs, second: Logs, known: Conventions
+) -> tuple[list[Log | Log], list[Log | Log]]:
+    """Return logs of two sides, called by as much of their paths as tells all of them apart."""
+    one = read_logs(first, known)
+    every = [*one, *read_logs(second, known, len(one))]
+    short = shorten_paths([log.path or log.name for log in every])
+    for k, (log, name) in enumerate(zip(every, short, strict=True)):
+        if [log.name] == shorten_paths([log.path]):  # nobody called it otherwise
+            every[k] = replace(log, name=name)
+    return every[: len(one)], every[len(one) :]
+
+
+def read_recordings(
+    logs: Logs,
+    validate: Logs = (),
+    known: Conventions | None = None,
+    how: Preparation | None = None,
+    *,
+    commands: bool = False,
+    learns: bool = True,
+) -> Recordings:
+    """Return fitted and held-out logs, every row once and without wrong samples, on one clock.
+
+    Parameters
+    ----------
+    logs, validate : Logs
+    known : Conventions, optional
+        Of the robot; by default logs are read as they are.
+    how : Preparation, optional
+        How they will be prepared: derivatives that contradict the positions are left out, unless
+        it asks for the given ones.
+    commands : bool
+        Whether logs may hold commands and no torque.
+    learns : bool
+        Whether something is learnt of their torque: then commands make it where there is none, and
+        each row counts once.
+
+    Raises
+    ------
+    LogError
+        If there is none to fit, or one is given twice.
+    """
+    known = known or Conventions()
+    train, held_out = read_sides(logs, validate, known)
+    if not train:
+        raise LogError("No log was given; give at least one.")
+    check_held_out(train, held_out)
+    whole, n = share_clock([*train, *held_out]), len(train)
+    servo = known.servo if learns else None
+    mended = mend(Reading(tuple(whole[:n]), tuple(whole[n:]), how, servo, learns=learns))
+    every = (*mended.fitted, *mended.held_out)
+    alone = [x.name for x in every if of_commands(x)]
+    if alone and not commands:
+        raise LogError(
+            f"{listing(alone, 4)} {'holds' if len(alone) == 1 else 'hold'} commands and no torque, "
+            "which analyze, prune, diagnose, calibrate, inspect and rollout take; here give logs "
+            "of measured torque."
+        )
+    if learns:
+        _refuse_silent(train)
+    read = tuple((log.name, "; ".join(log.notes)) for log in (*train, *held_out) if log.notes)
+    return Recordings(mended.fitted, mended.held_out, (*state_reading(read), *mended.hints), read)
+
+
+def _refuse_silent(logs: Sequence[Log]) -> None:
+    """Refuse joints that neither move nor show torque in any log: free, they hide what moves.
+
+    Raises
+    ------
+    LogError
+        With what locks each where it stands, as a gripper's fingers should be.
+    """
+    known = list(logs)
+    gone = [log.unmeasured for log in logs if log.unmeasured is not None]
+    if len(gone) < len(logs) or len({log.joints for log in known}) > 1:
+        return
+    q, lost = np.concatenate([log.q for log in known]), np.concatenate(gone).all(0)
+    stays = np.ptp(q, axis=0) <= LOG_RULES.locked_play
+    at = dict(zip(known[0].joints, np.median(q, axis=0), strict=True))
+    silent = {j: at[j] for j, none in zip(at, lost & stays, strict=True) if none}
+    if 0 < len(silent) < len(known[0].joints):
+        one = len(silent) == 1
+        locks = " ".join(f"--lock {joint}={at:.4g}" for joint, at in silent.items())
+        raise LogError(
+            f"{listing([log.name for log in known], 4)}: nobody measured the torque of "
+            f"{listing([*silent], 4)}, which {'does' if one else 'do'} not move either; lock "
+            f"{'it where it stands' if one else 'them where they stand'}: {locks}."
+        )
+
+
+def state_reading(read: Sequence[tuple[str, str]]) -> list[str]:
+    """Return how logs were read otherwise than literally, in one sentence: what all share once.
+
+    Parameters
+    ----------
+    read : sequence of (name, how)
+    """
+    if not read:
+        return []
+    parts = [how.split("; ") for _, how in read]
+    shared = [part for part in parts[0] if all(part in other for other in parts)]
+    own: dict[str, list[str]] = {}
+    for (name, _), each in zip(read, parts, strict=True):
+        rest = "; ".join(part for part in each if part not in shared)
+        own.setdefault(rest, []).append(name)
+    own.pop("", None)
+    apart = [f"{listing(names, 4)}: {rest}" for rest, names in own.items()]
+    names = [name for name, _ in read]
+    if len(apart) > SHOWN_READINGS:
+        apart[SHOWN_READINGS:] = [f"and {len(apart) - SHOWN_READINGS} more otherwise"]
+    text = "; ".join((*shared, *apart))
+    return [f"How {listing(names, 4)} {'was' if len(names) == 1 else 'were'} read: {text}."]
+
+
+def is_reading(hint: str) -> bool:
+    """Whether a hint is how logs were read: what was done, and nothing that is wrong with them."""
+    return hint.startswith("How ") and " read: " in hint
+
+
+InMemory = TypeVar("InMemory", Log, Dataset)
+
+
+def in_memory(logs: Sequence[InMemory]) -> list[InMemory]:
+    """Return logs, prepared or not, for what needs all of them at once.
+
+    Raises
+    ------
+    LogError
+        If one is too long.
+    """
+    for log in logs:
+        if log.long:
+            raise LogError(
+                f"{log.name} is too long to be held in memory, which this needs; give a stretch "
+                "of it."
+            )
+    return list(logs)
+
+
+def require_signal(samples: Sequence[Dataset], done: str) -> None:
+    """Refuse logs that have nothing to explain.
+
+    Parameters
+    ----------
+    samples : sequence of Dataset
+    done : str
+        What cannot be done, as a participle.
+
+    Raises
+    ------
+    LogError
+    """
+    why = explain_silence([s.survey for s in samples]) if samples else ""
+    if why:
+        names = listing([s.name for s in samples], 4)
+        raise LogError(
+            f"Nothing can be {done}, because {why} ({names}); give logs in which the robot moves "
+            "and its torque changes."
+        )
+
+
+# What decided the numbers of a result: versions, seed, options, and hashes of what went in.
+
+
+_PACKAGES = (*NUMERICS, "pandas")
+
+
+def state_provenance(
+    robot: Robot,
+    samples: Sequence[Dataset],
+    seed: int,
+    source: LadderSource | None = None,
+    options: Mapping[str, object] | None = None,
+) -> dict[str, str]:
+    """Return everything that decided the numbers: versions, seed, options, hashes of the inputs."""
+    out = {"python": platform.python_version(), "identifiability": __version__}
+    for package in _PACKAGES:
+        out[package] = find_version(package) or "not installed"
+    out["seed"] = str(seed)
+    out["solver"] = _solver_settings()
+    out.update({name: str(value) for name, value in (options or {}).items()})
+    out[f"sha256 {robot.path.name}"] = robot.sha256
+    if robot.sidecar is not None:
+        out["sidecar"] = robot.sidecar.name
+        out[f"sha256 {robot.sidecar.name}"] = sha256(robot.sidecar.read_bytes()).hexdigest()
+    if robot.columns:
+        out["columns"] = robot.columns.text
+    if robot.time_unit:
+        out["time unit"] = robot.time_unit
+    if robot.torque.text:
+        out["torque"] = robot.torque.text
+    if robot.known_torque:
+        out["known torque"] = "; ".join(k.text for k in robot.known_torque)
+    if robot.angles is not None:
+        out["angles"] = robot.angles
+    if robot.locked:
+        out["locked"] = ", ".join(f"{name} = {at:g}" for name, at in robot.locked.items())
+    if source is not None:
+        out["ladder"] = source.origin
+        out["sha256 ladder"] = source.sha256
+    for s in samples:
+        out[f"sha256 {s.path or s.name}"] = s.sha256
+    return out
+
+
+def _solver_settings() -> str:
+    """Return the solver of the physical set and its tolerances, which are its own defaults."""
+    own = clarabel.DefaultSettings()
+    return (
+        f"clarabel, tol_gap_rel {own.tol_gap_rel:g}, tol_feas {own.tol_feas:g}, "
+        f"max_iter {own.max_iter}"
+    )

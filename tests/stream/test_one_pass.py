@@ -24,7 +24,7 @@ from identifiability.regression.regression import (
     choose_within,
 )
 from identifiability.robot import Robot
-from identifiability.workflows import opening
+from identifiability.workflows import session
 
 
 class Elsewhere(Engine):
@@ -54,7 +54,7 @@ def made(monkeypatch):
 
 def test_a_long_log_is_gone_through_once(made, sizes, frame_of, saved, monkeypatch):
     """But for the windows of it that alternatives of the model look at."""
-    monkeypatch.setattr(opening, "find_alternative", lambda _: None)
+    monkeypatch.setattr(session, "find_alternative", lambda _: None)
     sizes(window=100)
     path = saved(frame_of("two-link", periods=5))
     found = analyze("two-link", Log.scan(path), replicates=0, engine=Serial())

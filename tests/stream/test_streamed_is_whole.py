@@ -178,7 +178,7 @@ def test_only_long_files_are_streamed(sizes, frame_of, saved, monkeypatch):
 
     frame = frame_of("two-link", periods=2)
     paths = saved(frame), saved(frame, "csv")
-    assert all(isinstance(Log.open(p), Log) for p in paths)
+    assert all(not Log.open(p).long for p in paths)
     monkeypatch.setattr(source, "LONG", 5000)
-    assert all(isinstance(Log.open(p), Log) for p in paths)
+    assert all(Log.open(p).long for p in paths)
     assert analyze("two-link", paths[1], replicates=0).information.samples == len(frame)

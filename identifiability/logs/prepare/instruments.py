@@ -23,10 +23,8 @@ from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, fourier, signals
-from identifiability.logs.gaps import StaleRule
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.prepare.plan import (
-    Plan,
     Smoothing,
     joint_log,
     lowest_cutoff,
@@ -346,7 +344,8 @@ def _fit_series(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> 
         period = fourier.find_period(t[::step], clearest, harmonics)
         if RULES.series_samples * harmonics * signals.sampling_step(t) > period:
             continue
-        motion = fourier.fit_fourier_jointly(t, channels, noise, period, harmonics).motion(t)
+        fit = fourier.fit_fourier(t, channels[0], period, harmonics, *channels[1:], noise=noise)
+        motion = fit.motion(t)
         pairs = zip(channels, motion, noise, strict=False)
         if not all(_explained(x - y, x, level) for x, y, level in pairs):
             continue
@@ -427,39 +426,3 @@ def _derive(q: Array, log: Log, cutoff: float | None) -> tuple[Array, Array, Arr
 def _delay(t: Array, x: Array, later: float) -> Array:
     """Return signals x (N, n) as they were so much earlier [s]."""
     return np.stack([np.interp(t - later, t, column) for column in x.T], 1)
-
-
-# How much of an acceleration that was computed is noise.
-
-
-def noise_share(robot: Robot, log: Log, cutoff: float | None, seed: int = 0) -> float:
-    """Return the largest share that noise has of a joint's acceleration (rms); 0 of short logs.
-
-    Parameters
-    ----------
-    robot : Robot
-    log : Log
-    cutoff : float or None [Hz]
-        Of the low-pass of computed derivatives; None where they were measured.
-    seed : int
-    """
-    if len(log) < SHORT:
-        return 0.0
-    log = replace(joint_log(robot, StaleRule.of([log]).mend(log)), base=None)
-    if cutoff is None:
-        size = np.zeros(1) if log.ddq is None else log.ddq.std(0)
-        level = np.zeros(1) if log.ddq is None else noise_level(log.ddq, log.t)
-    else:
-        plan = Plan(signals.sampling_step(log.t), cutoff, None, float(log.t[0]), None, 1, ())
-        rng = np.random.default_rng(seed)
-        q = _white_as(log.q, log.t, rng)
-        dq = None if log.dq is None else _white_as(log.dq, log.t, rng)
-        size = plan.derive(log)[2].std(0)
-        level = plan.derive(replace(log, q=q, dq=dq))[2].std(0)
-    return float(np.max(level[size > 0] / size[size > 0], initial=0.0))
-
-
-def _white_as(x: Array, t: Array, rng: np.random.Generator) -> Array:
-    """Return white noise of the size of that in signals (N, n)."""
-    level = np.maximum(noise_level(x, t), resolution(x) / np.sqrt(12))
-    return np.asarray(level * rng.standard_normal(x.shape))

@@ -34,8 +34,7 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
-from identifiability.workflows.opening import Opening, Recordings
-from identifiability.workflows.session import Session, Weighed
+from identifiability.workflows.session import Opening, Recordings, Session, Weighed
 
 
 @frozen

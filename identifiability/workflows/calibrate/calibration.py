@@ -46,7 +46,7 @@ from identifiability.workflows.commands import (
     name_logs,
     source_name,
 )
-from identifiability.workflows.opening import Progress, quiet, require_signal, share
+from identifiability.workflows.session import Progress, quiet, require_signal, share
 
 Word = Literal["yes", "no", "not enough trials"]
 

@@ -53,21 +53,19 @@ from identifiability.workflows.diagnose.problem import (
     read_given,
 )
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
-from identifiability.workflows.opening import (
+from identifiability.workflows.session import (
     Logs,
     Opening,
     Progress,
     Recordings,
+    Session,
     in_memory,
     quiet,
     read_recordings,
     require_signal,
-    state_provenance,
-)
-from identifiability.workflows.session import (
-    Session,
     settle_gains,
     settle_prior,
+    state_provenance,
     weigh_rows,
     where_outlying,
 )
