@@ -42,10 +42,10 @@ from identifiability.simulation.rollout import CommandedRobot
 from identifiability.workflows import servo_gains
 from identifiability.workflows.commanded import check_found, state_drift
 from identifiability.workflows.diagnose.problem import know_share
+from identifiability.workflows.opening import read_recordings
 from identifiability.workflows.rollout import rollout
 from identifiability.workflows.servo_gains import Bodies, learn_gains, state_gains
 from identifiability.workflows.servo_limits import learn_limits
-from identifiability.workflows.session import read_recordings
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 sys.path.insert(0, str(MODELS.parent / "studies"))

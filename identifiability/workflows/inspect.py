@@ -56,16 +56,16 @@ from identifiability.workflows.oddities import MeasuredLogs, find_oddities
 from identifiability.workflows.oddities.positions import find_stretches
 from identifiability.workflows.oddities.rules import RULES as ODDITY_RULES
 from identifiability.workflows.oddities.torque import flat_share, measure_factors
-from identifiability.workflows.session import (
+from identifiability.workflows.opening import (
     Logs,
     Progress,
-    Session,
     is_reading,
     quiet,
     running,
     share,
     state_provenance,
 )
+from identifiability.workflows.session import Session
 
 # What a robot file and logs hold, before anything is fitted.
 #

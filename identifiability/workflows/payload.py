@@ -40,6 +40,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.preparation import SettledPreparation
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.physical.cad_prior import draw_bodies
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares
@@ -62,9 +63,10 @@ from identifiability.workflows.compare import (
     is_result,
     look,
 )
+from identifiability.workflows.opening import Logs, list_logs
 from identifiability.workflows.predict import Fit, FitLike, find_fit, state_missing
 from identifiability.workflows.rules import RULES
-from identifiability.workflows.session import Logs, Session, list_logs
+from identifiability.workflows.session import Session
 
 # `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
 
@@ -614,7 +616,7 @@ def weigh_arm(fit: Fit, seen: Excerpt) -> tuple[float, float, float]:
 def _tell_noise(logs: Sequence[Log], how: Preparation) -> list[str]:
     """Return what noise of the motion does to the load, where it does."""
     band = how.band if isinstance(how, SettledPreparation) else None
-    if band is None or band.outputs <= band.limit:
+    if band is None or band.noise <= LOG_RULES.noise_share:
         return []
     loud = [x.name for x in logs if not {"dq", "ddq"} <= set(x.channels)]
     return [sentence(WORDS_OF, "noise", logs=listing(loud, 4))] if loud else []

@@ -55,8 +55,9 @@ from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.sidecar import Value
 from identifiability.workflows.answers import answer_next, answer_quality, with_hints
 from identifiability.workflows.commands import given_paths, name_export, name_logs, source_name
+from identifiability.workflows.opening import Logs
 from identifiability.workflows.rules import RULES
-from identifiability.workflows.session import Logs, Session
+from identifiability.workflows.session import Session
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -34,9 +34,9 @@ from identifiability.robot.servo import state_delay
 from identifiability.simulation.rollout import NO_SERVO, CommandedRobot, forgotten
 from identifiability.simulation.rules import RULES as SIMULATION_RULES
 from identifiability.workflows.answers import hides_joints, list_worst
+from identifiability.workflows.opening import Logs
 from identifiability.workflows.servo_gains import learn_gains, read_commanded
 from identifiability.workflows.servo_limits import learn_limits
-from identifiability.workflows.session import Logs
 
 #: After how long a rollout begins anew with what was measured, in windows [s].
 WINDOW: Tolerance = 1.0

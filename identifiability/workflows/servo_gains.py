@@ -30,8 +30,8 @@ from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.robot import Robot
 from identifiability.robot.servo import FOUND
+from identifiability.workflows.opening import Logs, in_memory, list_logs, read_recordings
 from identifiability.workflows.servo_limits import learn_limits
-from identifiability.workflows.session import Logs, in_memory, list_logs, read_recordings
 
 #: Length of logs that gains are found from, all together [s]: more says little more of them.
 LONG: Tolerance = 60.0

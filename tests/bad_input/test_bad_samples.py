@@ -11,7 +11,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.mend import mend_logs
 from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.excite import excite
-from identifiability.workflows.session import read_recordings
+from identifiability.workflows.opening import read_recordings
 
 ROW = 301  # counted from 1
 

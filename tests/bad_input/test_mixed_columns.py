@@ -16,7 +16,7 @@ from identifiability.robot import Robot
 from identifiability.simulation import PAPER_NOISE, random_trajectory, simulate
 from identifiability.workflows.alternatives import find_alternative
 from identifiability.workflows.oddities import MeasuredLogs
-from identifiability.workflows.session import read_recordings
+from identifiability.workflows.opening import read_recordings
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 

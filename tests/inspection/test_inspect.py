@@ -18,7 +18,7 @@ from identifiability.report.results import build_page, render_page
 from identifiability.robot.parts import Transmission
 from identifiability.simulation import PrescribedMotion, random_trajectory, simulate
 from identifiability.workflows.inspect import Role, find_odd
-from identifiability.workflows.session import state_reading
+from identifiability.workflows.opening import state_reading
 
 GRIPPER = """<mujoco><compiler angle="radian"/><worldbody><body name="arm">
   <joint name="lift" axis="0 1 0" range="-1 1"/>

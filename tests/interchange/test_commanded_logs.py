@@ -16,7 +16,7 @@ from identifiability import Log, Robot, rollout
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.logs.aliases import COMMANDED
 from identifiability.logs.conventions import Conventions
-from identifiability.workflows.session import read_logs
+from identifiability.workflows.opening import read_logs
 
 DATASETS = Path(__file__).parent / "lerobot"
 SHIPPED = Path(__file__).resolve().parents[2] / "models" / "hobby-arm"

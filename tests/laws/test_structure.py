@@ -122,7 +122,7 @@ ONCE = {
     "unwrap_logs": {"oddities/mends.py"},
     "drop_contradictions": {"oddities/mends.py"},
     "drop_repeats": {"oddities/mends.py"},
-    "read_logs": {"session.py"},
+    "read_logs": {"opening.py"},
 }
 
 

@@ -51,8 +51,9 @@ from identifiability.regression.reduction import LadderSource, Submodel
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.answers import state_joints
+from identifiability.workflows.opening import state_provenance
 from identifiability.workflows.predict import Fit, Predicts, settled
-from identifiability.workflows.session import Opening, state_provenance
+from identifiability.workflows.session import Opening
 
 if TYPE_CHECKING:
     import pandas as pd

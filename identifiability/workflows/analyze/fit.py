@@ -34,7 +34,8 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
-from identifiability.workflows.session import Opening, Recordings, Session, Weighed
+from identifiability.workflows.opening import Recordings
+from identifiability.workflows.session import Opening, Session, Weighed
 
 
 @frozen

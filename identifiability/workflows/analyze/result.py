@@ -61,8 +61,8 @@ from identifiability.workflows.commands import (
     on_file,
     source_name,
 )
+from identifiability.workflows.opening import is_reading
 from identifiability.workflows.rules import RULES as WORKFLOW_RULES
-from identifiability.workflows.session import is_reading
 
 if TYPE_CHECKING:
     from xarray import DataTree

@@ -22,7 +22,7 @@ from identifiability.logs.prepare import prepare_log
 from identifiability.robot.along import known_torque
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.session import in_memory
+from identifiability.workflows.opening import in_memory
 
 
 @frozen

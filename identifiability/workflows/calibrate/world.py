@@ -35,7 +35,7 @@ from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.assessment import ModelResult
 from identifiability.workflows.calibrate.outcome import Experiment, Outcome, base_columns
-from identifiability.workflows.session import in_memory
+from identifiability.workflows.opening import in_memory
 
 # Errors of the measured motion, estimated from the log, and the motion with new ones.
 #

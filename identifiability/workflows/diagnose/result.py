@@ -66,7 +66,7 @@ from identifiability.workflows.session import weigh_rows
 
 if TYPE_CHECKING:
     from identifiability.workflows.commanded import Moved
-    from identifiability.workflows.session import Recordings
+    from identifiability.workflows.opening import Recordings
 
 #: What the table says of an effect at a place, and of each parameter there.
 PLACE, PARAMETER = ("effect", "joint", "shape", "log_odds"), ("parameter", "value", "error", "unit")

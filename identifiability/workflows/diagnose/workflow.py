@@ -53,19 +53,21 @@ from identifiability.workflows.diagnose.problem import (
     read_given,
 )
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
-from identifiability.workflows.session import (
+from identifiability.workflows.opening import (
     Logs,
-    Opening,
     Progress,
     Recordings,
-    Session,
     in_memory,
     quiet,
     read_recordings,
+    state_provenance,
+)
+from identifiability.workflows.session import (
+    Opening,
+    Session,
     require_signal,
     settle_gains,
     settle_prior,
-    state_provenance,
     weigh_rows,
     where_outlying,
 )

@@ -41,14 +41,8 @@ from identifiability.workflows.excite.limits import LimitsLike, Workspace, find_
 from identifiability.workflows.excite.result import Excitation, Merit
 from identifiability.workflows.excite.rules import RULES
 from identifiability.workflows.excite.search import OPEN, Objective, Search, Series, search
-from identifiability.workflows.session import (
-    Logs,
-    Progress,
-    Session,
-    list_logs,
-    quiet,
-    state_provenance,
-)
+from identifiability.workflows.opening import Logs, Progress, list_logs, quiet, state_provenance
+from identifiability.workflows.session import Session
 
 #: Length of a period [s], by default.
 PERIOD: Tolerance = 7.5

@@ -68,6 +68,7 @@ from identifiability.workflows.analyze.assessment import (
 )
 from identifiability.workflows.analyze.fit import DelayErrors, check_cutoff, settle_robot
 from identifiability.workflows.analyze.words import WORSE, compare_logs, state_mounting, state_weak
+from identifiability.workflows.opening import Logs, Progress, quiet, running, share
 from identifiability.workflows.prune.elimination import (
     Search,
     Step,
@@ -81,17 +82,7 @@ from identifiability.workflows.prune.elimination import (
 )
 from identifiability.workflows.prune.moves import propose_moves
 from identifiability.workflows.prune.result import Ladder, Measured, PrunedModel
-from identifiability.workflows.session import (
-    Logs,
-    Progress,
-    Session,
-    Weighed,
-    find_missing,
-    quiet,
-    running,
-    settle_prior,
-    share,
-)
+from identifiability.workflows.session import Session, Weighed, find_missing, settle_prior
 
 #: Models as good as the best, and smaller ones, whose physical certificate is asked for.
 CERTIFIED = 4

@@ -11,7 +11,7 @@ from identifiability.logs.repeats import share_clock
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, random_trajectory
 from identifiability.workflows.diagnose.motion import prepare_rows
-from identifiability.workflows.session import read_recordings
+from identifiability.workflows.opening import read_recordings
 
 T = 0.01 * np.arange(200)
 
