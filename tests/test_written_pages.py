@@ -1,7 +1,5 @@
 """The reference pages that are written from the code say what the code says."""
 
-import ast
-import re
 import runpy
 import tomllib
 from pathlib import Path
@@ -10,9 +8,10 @@ import pytest
 from pydantic import TypeAdapter
 
 from identifiability.effects import FAMILIES
+from identifiability.foundation.findings import Level, sentences
+from identifiability.quality.registry import CHECKS, ORDER
 from identifiability.regression.reduction import LadderEntry
 from identifiability.robot.sidecar import Sidecar
-from identifiability.workflows.oddities.check import CHECKS
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 WRITTEN = runpy.run_path(str(DOCS / "written.py"))
@@ -43,24 +42,11 @@ def test_every_key_has_an_example_that_its_table_takes_and_that_toml_reads_back(
                 assert read == example, name
 
 
-def sentences(declared):
-    """Every text of the library, … for what is filled in, but for what checks declare."""
-    library = DOCS.parent / "identifiability"
-    speak = ("workflows", "logs", "robot", "physical", "regression")
-    for path in (path for folder in speak for path in (library / folder).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.JoinedStr):
-                parts = [v.value if isinstance(v, ast.Constant) else "…" for v in node.values]
-                yield "".join(map(str, parts))
-            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-                yield "" if node.value in declared else node.value
-
-
-def test_every_check_stands_on_the_page_of_messages_with_what_it_really_says():
-    declared = {check.says for check in CHECKS}
-    said = "\n".join(" ".join(text.split()) for text in sentences(declared))
-    for check in CHECKS:
-        assert check.means.endswith("."), check.title
-        assert check.do.endswith("."), check.title
-        parts = [re.escape(part) for part in check.says.strip("…").split("…")]
-        assert re.search("[^\\n]*?".join(parts), said), f"nothing says {check.says!r}"
+def test_every_check_stands_in_the_order_and_in_the_table_of_sentences():
+    table = sentences()
+    assert [check.key for check in CHECKS] == [*ORDER]
+    for key, own in table.items():
+        assert Level(own["level"]), key
+        assert own["means"].strip().endswith("."), key
+        assert own["do"].strip().endswith("."), key
+    assert {*ORDER} <= {*table}

@@ -325,18 +325,15 @@ def _with_base(log: Log, reading: Reading) -> Log:
 def build_log(name: str, naming: Naming, values: Mapping[str, Array], digest: str) -> Log:
     """Return the log of some columns, each (N,), that were checked."""
     channels: dict[str, Any] = dict.fromkeys(CHANNELS)
-    joints, notes = naming.joints, naming.notes
+    joints = naming.joints
     for kind in find_channels(joints, values):
         channels[kind] = np.stack([values[f"{j}.{kind}"] for j in joints]).T
     t, gone = values["t"], np.isnan(channels["tau"])
     if gone.any():
-        counts = zip(joints, gone.sum(0), strict=True)
-        lost = listing([f"'{j}.tau' in {n} of {len(t)} rows" for j, n in counts if n], 4)
-        notes = (*notes, f"torque is missing ({lost}); motion counts, these equations do not")
         channels["unmeasured"] = gone
         pairs = zip(channels["tau"].T, gone.T, strict=True)
         channels["tau"] = np.stack([_bridge(t, x, missing) for x, missing in pairs], 1)
-    return Log(name=name, joints=joints, t=t, sha256=digest, notes=notes, **channels)
+    return Log(name=name, joints=joints, t=t, sha256=digest, notes=naming.notes, **channels)
 
 
 def _bridge(t: Array, x: Array, lost: np.ndarray) -> Array:

@@ -11,7 +11,7 @@ import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -26,6 +26,7 @@ from identifiability.foundation.engines.local import Processes
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.engines.resume import NUMERICS, find_version
 from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
@@ -40,6 +41,7 @@ from identifiability.logs.prepare.longsamples import LongSamples, Prepared
 from identifiability.logs.prepare.samples import explain_silence
 from identifiability.logs.repeats import Recording, check_held_out, share_clock
 from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.quality import MeasuredLogs, Reading, find_always, find_oddities, mend
 from identifiability.regression.reduction import LadderSource
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
@@ -47,13 +49,6 @@ from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 from identifiability.workflows.alternatives import Alternative, find_alternative
 from identifiability.workflows.gravity import about_gravity
-from identifiability.workflows.oddities import (
-    MeasuredLogs,
-    Reading,
-    find_always,
-    find_oddities,
-    mend,
-)
 
 if TYPE_CHECKING:
     from identifiability.estimation.rollouts import Rollouts
@@ -320,8 +315,8 @@ def read_recordings(
         raise LogError("No log was given; give at least one.")
     check_held_out(train, held_out)
     whole, n = share_clock([*train, *held_out]), len(train)
-    servo = known.servo if learns else None
-    mended = mend(Reading(tuple(whole[:n]), tuple(whole[n:]), how, servo, learns=learns))
+    torque = _torque_of(known.servo) if learns and known.servo is not None else None
+    mended = mend(Reading(tuple(whole[:n]), tuple(whole[n:]), how, torque, learns=learns))
     every = (*mended.fitted, *mended.held_out)
     alone = [x.name for x in every if of_commands(x)]
     if alone and not commands:
@@ -334,6 +329,13 @@ def read_recordings(
         _refuse_silent(train)
     read = tuple((log.name, "; ".join(log.notes)) for log in (*train, *held_out) if log.notes)
     return Recordings(mended.fitted, mended.held_out, (*state_reading(read), *mended.hints), read)
+
+
+def _torque_of(servo: Servo) -> Callable[[list[Recording]], list[Recording]]:
+    """Return what makes torque of the commands of logs that have none of their own."""
+    from identifiability.workflows.commanded import give_torque  # noqa: PLC0415 - MuJoCo
+
+    return partial(give_torque, servo=servo)
 
 
 def _refuse_silent(logs: Sequence[Recording]) -> None:
@@ -366,7 +368,7 @@ def _refuse_silent(logs: Sequence[Recording]) -> None:
 SHOWN_READINGS = 4
 
 
-def state_reading(read: Sequence[tuple[str, str]]) -> list[str]:
+def state_reading(read: Sequence[tuple[str, str]]) -> list[Finding]:
     """Return how logs were read otherwise than literally, in one sentence: what all share once.
 
     Parameters
@@ -383,16 +385,15 @@ def state_reading(read: Sequence[tuple[str, str]]) -> list[str]:
         own.setdefault(rest, []).append(name)
     own.pop("", None)
     apart = [f"{listing(names, 4)}: {rest}" for rest, names in own.items()]
-    names = [name for name, _ in read]
     if len(apart) > SHOWN_READINGS:
         apart[SHOWN_READINGS:] = [f"and {len(apart) - SHOWN_READINGS} more otherwise"]
-    text = "; ".join((*shared, *apart))
-    return [f"How {listing(names, 4)} {'was' if len(names) == 1 else 'were'} read: {text}."]
+    names = [name for name, _ in read]
+    return [Finding("reading", names=names, text="; ".join((*shared, *apart)))]
 
 
 def is_reading(hint: str) -> bool:
     """Whether a hint is how logs were read: what was done, and nothing that is wrong with them."""
-    return hint.startswith("How ") and " read: " in hint
+    return bool(of_key([hint], "reading"))
 
 
 InMemory = TypeVar("InMemory", Log, Samples)

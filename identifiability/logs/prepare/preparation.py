@@ -19,10 +19,10 @@ from identifiability.foundation.rounding import format_count
 from identifiability.foundation.values import frozen
 from identifiability.logs import fourier, signals
 from identifiability.logs.commands import of_commands
+from identifiability.logs.contradictions import check_units, find_contradictions
 from identifiability.logs.gaps import Gaps, StaleRule, fill
 from identifiability.logs.log import Log, join_logs
 from identifiability.logs.logfile import LogFile
-from identifiability.logs.mend import check_units, find_contradictions
 from identifiability.logs.prepare.plan import (
     ORDER,
     Plan,
