@@ -30,7 +30,7 @@ from identifiability.effects.effect import AlongAxes, Family, measure_spans
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.findings import sentences
 from identifiability.foundation.rules import RuleTable
-from identifiability.logs.aliases import RULES
+from identifiability.logs.names import RULES
 from identifiability.quality.registry import CHECKS, Does
 from identifiability.regression.reduction import LadderEntry
 from identifiability.robot import Robot, complete_motion

@@ -24,9 +24,9 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.base import read_base
 from identifiability.logs.checks import CHANNELS, Clock, find_channels
+from identifiability.logs.columns import Naming, propose_locks
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import stack_arrays
-from identifiability.logs.naming import Naming, propose_locks
 from identifiability.logs.reading import Reading
 from identifiability.logs.source import scan_file
 from identifiability.logs.tables import write_table

@@ -14,14 +14,14 @@ from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.values import frozen
 from identifiability.logs import source
 from identifiability.logs.checks import Clock, find_channels
+from identifiability.logs.columns import Naming, as_times
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.log import Log, build_log
-from identifiability.logs.naming import Column, Naming
+from identifiability.logs.names import Column
 from identifiability.logs.reading import MixedRatesError, Reading
 from identifiability.logs.source import is_long, scan_file
 from identifiability.logs.spikes import Spike, Wraps, mend_column
 from identifiability.logs.tables import Table, parsing
-from identifiability.logs.to_si import as_times
 
 
 @frozen
