@@ -850,7 +850,8 @@ def _find_unit(t: Array, source: str) -> tuple[str, str]:
         return "", ""
     each = [f"{u} ({1 / (step * TIME_UNITS[u]):.4g} Hz)" for u in fits]
     if len(fits) == 1:
-        return fits[0], f"for they rise by {step:.6g} from sample to sample: {each[0]}"
+        why = f"for they rise by {step:.6g} from sample to sample: {each[0]}"
+        return fits[0], f"{why} (--time-unit s if they are seconds)"
     raise LogError(
         f"{source}: the times rise by {step:.6g} from sample to sample, which may be "
         f"{' or '.join(each)}; say their unit with --time-unit, or with `unit` under "
