@@ -211,8 +211,10 @@ def write_messages() -> str:
         Does.MISREADS: "Columns that are read as what they are not",
         Does.EXPLAINS: "What explains other contradictions",
         Does.HINTS: "What is only said",
+        Does.WEIGHS: "What has less weight in the fit",
     }
     out, table = [], sentences()
+    import_module("identifiability.workflows.session")  # whose checks need a fit
     for does, heading in follows.items():
         out += [f"## {heading}", ""]
         out += [f"{does[0].upper()}{does[1:]}.", ""] if does is not Does.HINTS else []

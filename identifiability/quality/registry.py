@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from enum import StrEnum
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
-from identifiability.effects.nominal import gravity_torque, has_masses, rigid_torque
+from identifiability.effects.nominal import has_masses, rigid_torque
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
@@ -31,12 +31,14 @@ ORDER = (
     *("silent", "stuck", "wraps", "spikes", "commands", "contradictions", "copies"),
     *("rates", "unheld", "turned", "soles", "exchanged", "clock", "unit", "late"),
     *("limits", "stopped", "flat"),
-    *("bodies", "assembly", "signs", "outside", "still", "slips"),
+    *("bodies", "assembly", "signs", "outside", "still", "slips", "outliers"),
 )
 
 #: Returns findings of `MeasuredLogs`, none for sound logs; what mends returns logs that are being
 #: read (`Reading`) as they are then, with what it found.
-Find: TypeAlias = Callable[[Any], Any]
+Find: TypeAlias = Callable[..., Any]
+
+F = TypeVar("F", bound=Find)
 
 
 class Does(StrEnum):
@@ -46,6 +48,7 @@ class Does(StrEnum):
     MISREADS = "columns are read as what they are not: no verdict stands"
     EXPLAINS = "whatever else contradicts physics follows from it, and is not said"
     HINTS = "it is said"
+    WEIGHS = "rows have less weight in the fit, and it is said where that moves a value"
 
 
 @frozen
@@ -78,7 +81,7 @@ class Check:
 CHECKS: list[Check] = []
 
 
-def check(key: str, does: Does, *, always: bool = False) -> Callable[[Find], Find]:
+def check(key: str, does: Does, *, always: bool = False) -> Callable[[F], F]:
     """Register a check; parameters as in `Check`.
 
     Example
@@ -91,7 +94,7 @@ def check(key: str, does: Does, *, always: bool = False) -> Callable[[Find], Fin
             return (f"{listing(dragging)} drags: release its brake, and log anew.",)
     """
 
-    def decorate(find: Find) -> Find:
+    def decorate(find: F) -> F:
         CHECKS.append(Check(key, does, find, always))
         CHECKS.sort(key=lambda one: one.rank)
         return find
@@ -204,12 +207,6 @@ class MeasuredLogs:
         motion, tau = join_motions([s.motion for s in few]), np.concatenate([s.tau for s in few])
         return motion, tau, np.concatenate(data)
 
-    @cached_property
-    def measured(self) -> np.ndarray:
-        """At which joints there is torque that is data, (n,) bool."""
-        found: np.ndarray = np.sum([s.survey.rows for s in self.samples], axis=0) > 0
-        return found
-
     @property
     def motion(self) -> Motion:
         """Some samples of all logs."""
@@ -234,11 +231,6 @@ class MeasuredLogs:
     def predicted(self) -> Array:
         """Rigid-body torque by the file's masses at the same samples, (N, n)."""
         return rigid_torque(self.robot, self.motion)
-
-    @cached_property
-    def gravity(self) -> Array:
-        """The part of it that holds the weight, (N, n)."""
-        return gravity_torque(self.robot, self.motion, self.robot.gravity)
 
     @cached_property
     def stated(self) -> Array:

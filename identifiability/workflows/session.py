@@ -29,6 +29,7 @@ from identifiability.estimation.estimator import Estimator
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import OptionError
@@ -43,6 +44,7 @@ from identifiability.physical.cad_prior import WEAK, share_weight
 from identifiability.physical.feasibility import find_nearest
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
+from identifiability.quality.registry import Does, check
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import full_model
@@ -360,6 +362,7 @@ class Weighed:
     burst: str = ""
 
 
+@check("outliers", Does.WEIGHS)
 def weigh_rows(
     joints: Sequence[str],
     samples: Sequence[Prepared],
@@ -384,11 +387,10 @@ def weigh_rows(
     if found is None or found.moved.max() <= REACH:
         return weighed, "", found
     most, where = int(np.argmax(found.moved)), where_outlying(joints, samples, found)
-    said = (
-        f"{where} is weighed down in the fit: with its whole weight "
-        f"{information.columns[most]} moves by {found.moved[most]:.1f} of its standard deviations. "
-        "Errors count it. Look at what happened there."
-    )
+    told = {"parameter": information.columns[most], "moved": float(found.moved[most])}
+    columns = (f"{joints[int(np.argmax(found.beyond.max(0)))]}.tau",)
+    rows = int((found.last - found.first).sum())
+    said = Finding("outliers", where=where, rows=rows, columns=columns, **told)
     return weighed, said, found
 
 
