@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
-from identifiability.foundation.errors import LogError, listing, near_match
+from identifiability.foundation.errors import LogError, listing, near_match, nearest
 from identifiability.foundation.names import TIME_UNITS, Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import CHANNELS, COMMANDS, to_floats
@@ -244,7 +244,7 @@ def _may_be_torque(column: str, joint: str) -> bool:
     if {*words_of(joint)} <= {*words_of(column)}:
         return _kind(column) not in SPELLED and kinds <= {"tau"}
     owner = _owner(column)
-    return bool(owner) and kinds == {"tau"} and near_match(owner, [joint]).endswith("?")
+    return bool(owner) and kinds == {"tau"} and nearest(owner, [joint]) is not None
 
 
 # What makes SI units of a column: what the log states, else what the sidecar says.
@@ -529,12 +529,10 @@ def settle_commands(
     """
     if not known.joints or known.motion_alone:
         return False
-    found: dict[str, list[Column]] = {}
-    for guess in [g for g in taken.values() if g.kind in COMMANDS]:
-        found.setdefault(guess.kind, []).append(guess)
-    for kind, those in found.items():
-        has = {g.joint for g in those}
-        own = known.motors if has & {*known.motors} else known.joints
+    given = [c for c in taken.values() if c.kind in COMMANDS]
+    for kind in dict.fromkeys(c.kind for c in given):
+        has = [c.joint for c in given if c.kind == kind]
+        own = known.motors if {*has} & {*known.motors} else known.joints
         lacking = [j for j in own if j not in has]
         if lacking and known.servo is not None and not torque:
             end = min((end for end, what in SPELLED.items() if what == kind), key=len)
@@ -543,35 +541,36 @@ def settle_commands(
                 f"{source} has commands ('.{end}') of {listing(has)} and none of "
                 f"{listing(lacking)}; give '{lacking[0]}.{end}' as well{mend}."
             )
-        for guess in those if lacking else ():
-            del taken[guess.name]
+        for joint in has if lacking else ():
+            del taken[f"{joint}.{kind}"]
     if torque:
         return False
-    commands = [g for g in taken.values() if g.kind in ("q_ref", "dq_ref")]
-    if known.servo is not None and not any(g.kind in COMMANDS for g in taken.values()):
+    joint = known.joints[0]
+    if known.servo is not None and not any(c.kind in COMMANDS for c in taken.values()):
         raise LogError(
             f"{source} has neither torque nor commands of the robot's joints, "
-            f"{listing(known.joints)}; give what was measured of every one, "
-            f"'{known.joints[0]}.tau', or the positions that its servo was told, "
-            f"'{known.joints[0]}.cmd'. Of its columns {listing(list(names))} say which these are, "
-            f"as in --map 'OLD={known.joints[0]}.cmd'."
+            f"{listing(known.joints)}; give what was measured of every one, '{joint}.tau', or the "
+            f"positions that its servo was told, '{joint}.cmd'. Of its columns "
+            f"{listing(list(names))} say which these are, as in --map 'OLD={joint}.cmd'."
         )
-    if commands and known.servo is None:
-        why = (
-            "nothing states the gains of the servos that make torque of them; give them in the "
-            "sidecar: [servo] kp = …, kv = … (or as <position> actuators of an MJCF). Where "
-            'nobody knows them, [servo] kp = "fit" lets the logs tell them, in units of the robot '
-            "file's bodies."
-        )
-        if known.base is not None:
-            why = (
-                f"the robot file says that '{known.base.body}' floats: torque is made of commands "
-                "only of a robot that is held. If it hung on a stand, add --base fixed (or base = "
-                '"fixed" in the sidecar); if it did not, log the torque.'
-            )
-        columns = listing([repr(g.source) for g in commands], 2)
-        raise LogError(f"{source} has commands ({columns}) and no torque, and {why}")
-    return bool(commands)
+    told = [repr(c.source) for c in taken.values() if c.kind in ("q_ref", "dq_ref")]
+    if told and known.servo is None:
+        what = _NO_SERVO if known.base is None else _NO_STAND.format(body=known.base.body)
+        raise LogError(f"{source} has commands ({listing(told, 2)}) and no torque, and {what}")
+    return bool(told)
+
+
+#: Why commands are no torque.
+_NO_SERVO = (
+    "nothing states the gains of the servos that make torque of them; give them in the sidecar: "
+    "[servo] kp = …, kv = … (or as <position> actuators of an MJCF). Where nobody knows them, "
+    '[servo] kp = "fit" lets the logs tell them, in units of the robot file\'s bodies.'
+)
+_NO_STAND = (
+    "the robot file says that '{body}' floats: torque is made of commands only of a robot that is "
+    'held. If it hung on a stand, add --base fixed (or base = "fixed" in the sidecar); if it did '
+    "not, log the torque."
+)
 
 
 # What is missing, with the remedy ready to copy.
@@ -586,8 +585,12 @@ def _refuse_missing(
     ------
     LogError
     """
-    measured = {n: g for n, g in taken.items() if g.kind not in COMMANDS}
-    free = [n for n in _free(names, measured) if _kind(n) not in SPELLED or not _is_own(n, known)]
+    measured = {n: c for n, c in taken.items() if c.kind not in COMMANDS}
+    free = [
+        n
+        for n in _free(names, measured)
+        if _kind(n) not in SPELLED or (known.joints and _owner(n) not in known.joints)
+    ]
     every = listing(list(names.values()))
     if "t" not in taken:
         likely = [n for n in free if n.casefold().startswith("time")]
@@ -596,33 +599,39 @@ def _refuse_missing(
             f"is it, add --map '{[*likely, 'OLD'][0]}=t'; rows at an even rate need one, too: "
             "their number / rate."
         )
-    has = list(dict.fromkeys(g.joint for g in taken.values() if g.kind in ("q", "tau")))
+    has = list(dict.fromkeys(c.joint for c in taken.values() if c.kind in ("q", "tau")))
     missing = [j for j in known.joints if j not in has]
-    strange = _strangers(free, known)
-    if missing and strange:
-        _refuse_strangers(missing, strange, source, known)
-    for joint in has:
-        for kind, other in (("tau", "q"), ("q", "tau")):
+    strange = _strangers(free, known) if missing else []
+    of = f"no columns for the actuated joint{'s' if len(missing) > 1 else ''} {listing(missing)}"
+    if strange:
+        pairs = _pair_names(missing, strange, known)
+        maps = listing([f"--map '{old}={new}'" for old, new in pairs], between=" ")
+        left = [m for m in missing if m not in {new for _, new in pairs}]
+        raise LogError(
+            f"{source} has {of}, but for {listing(strange)}, which the robot does not have"
+            f"{f'; if these are they, add {maps}' if pairs else ''}"
+            f"{propose_locks(left, known.joints)}."
+        )
+    kinds = (("tau", "q"), ("q", "tau"))
+    half = [(j, *pair) for j in has for pair in kinds if f"{j}.{pair[0]}" not in taken]
+    for joint, kind, other in half:
+        if joint not in known.locked:
             name = f"{joint}.{kind}"
-            if name in taken or joint in known.locked:
-                continue
-            end = near_match(name, free)
+            likely = free if nearest(name, free) is None else []
             told = f" If it is one of {listing(free, 4)}, add --map '{[*free, ''][0]}={name}'."
             raise LogError(
-                f"{source} has '{joint}.{other}' but no {_WORDS[kind]} column '{name}'{end} Every "
-                f"actuated joint needs both.{told if free and end == '.' else ''}"
+                f"{source} has '{joint}.{other}' but no {_WORDS[kind]} column '{name}'"
+                f"{near_match(name, free)} Every actuated joint needs both.{told if likely else ''}"
             )
     if not has:
         raise LogError(
             f"{source} has no position column; expected '<joint>.q' and '<joint>.tau' for every "
             f"actuated joint, found {every}."
         )
-    locks = propose_locks(missing, known.joints)
     told = " or '<joint>.cmd'" if known.servo else ""
+    locks = propose_locks(missing, known.joints) or f". It has the columns {every}"
     raise LogError(
-        f"{source} has no columns for the actuated joint{'s' if len(missing) > 1 else ''} "
-        f"{listing(missing)}; every actuated joint needs '<joint>.q' and '<joint>.tau'"
-        f"{told}{locks or f'. It has the columns {every}'}."
+        f"{source} has {of}; every actuated joint needs '<joint>.q' and '<joint>.tau'{told}{locks}."
     )
 
 
@@ -641,39 +650,21 @@ def _strangers(columns: Sequence[str], known: Conventions) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def _by_number(names: Sequence[str]) -> dict[int, str]:
-    """Return the first name of each number."""
-    found: dict[int, str] = {}
-    for name in names:
-        number = _number(name)
-        if number is not None:
-            found.setdefault(number, name)
-    return found
+def _pair_names(
+    missing: Sequence[str], strange: Sequence[str], known: Conventions
+) -> list[tuple[str, str]]:
+    """Return which foreign joints may be which missing ones.
 
-
-def _refuse_strangers(
-    missing: Sequence[str], strange: Sequence[str], source: str, known: Conventions
-) -> NoReturn:
-    """Refuse a log that calls joints otherwise, and propose which is which.
-
-    Where it has some of the joints by their own names, the others are of another device, unless
-    they are spelt nearly alike.
+    Where a log has some of the joints by their own names, the others are of another device, unless
+    they are spelt nearly alike; else numbers say which is which, or the order.
     """
     if len(missing) < len(known.joints):
-        pairs = [(s, m) for m in missing for s in strange if near_match(m, [s]).endswith("?")]
-    else:
-        ours, theirs = _by_number(missing), _by_number(strange)
-        pairs = [(theirs[k], name) for k, name in ours.items() if k in theirs]
-        pairs = pairs if len(pairs) > 1 else list(zip(strange, missing, strict=False))
-    maps = listing([f"--map '{old}={new}'" for old, new in pairs], between=" ")
-    of = "joint" if len(missing) == 1 else "joints"
-    found = {new for _, new in pairs}
-    raise LogError(
-        f"{source} has no columns for the actuated {of} {listing(missing)}, but for "
-        f"{listing(strange)}, which the robot does not have"
-        f"{f'; if these are they, add {maps}' if pairs else ''}"
-        f"{propose_locks([m for m in missing if m not in found], known.joints)}."
-    )
+        return [(s, m) for m in missing for s in strange if nearest(m, [s]) is not None]
+    theirs = {_number(name): name for name in reversed(strange)}
+    first = {_number(name): name for name in reversed(missing)}
+    own = [(k, n) for n in missing if (k := _number(n)) in theirs and first[k] == n]
+    pairs = [(theirs[k], name) for k, name in own if k is not None]
+    return pairs if len(pairs) > 1 else list(zip(strange, missing, strict=False))
 
 
 def propose_locks(missing: Sequence[str], wanted: Sequence[str]) -> str:
@@ -684,10 +675,6 @@ def propose_locks(missing: Sequence[str], wanted: Sequence[str]) -> str:
     options = " ".join(f"--lock {name}" for name in missing)
     names = ", ".join(f'"{name}"' for name in missing)
     return f". If {they} not move, lock {line}: {options}, or locked = [{names}] in the sidecar"
-
-
-def _is_own(name: str, known: Conventions) -> bool:
-    return not known.joints or _owner(name) in known.joints
 
 
 def _owner(name: str) -> str:

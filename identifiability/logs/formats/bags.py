@@ -27,7 +27,6 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array, numbered
-from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.reader import Whole, check_values, reader
 
@@ -35,6 +34,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     import pandas as pd
+
+    from identifiability.logs.conventions import Conventions
 
 #: Files that are bags by themselves.
 BAGS = (".mcap", ".db3", ".bag")
@@ -134,6 +135,8 @@ def read_bag(
     LogError
         If the bag cannot be read, or has no such topic or joints.
     """
+    from identifiability.logs.conventions import Conventions  # noqa: PLC0415 - robots are heavy
+
     bag, named = split_topic(path)
     try:
         with _opened(bag) as reader:
