@@ -27,9 +27,9 @@ from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.foundation.options import OptionError
-from identifiability.logs.aliases import take_joint
 from identifiability.logs.commands import held_mean, servo_log
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.names import take_joint
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.preparation import make_plan, settle_cutoff
 from identifiability.physical.cad_prior import combine_with_file, thick_inertia

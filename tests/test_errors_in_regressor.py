@@ -11,6 +11,7 @@ from identifiability.estimation.estimate import choose_estimator, estimate
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
+from identifiability.quality import MeasuredLogs, find_always
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import build_comparison, find_ladder, ladder_model
 from identifiability.regression.regression import Model
@@ -19,7 +20,6 @@ from identifiability.report.pruning_report import section_survivors
 from identifiability.robot import Motion, Robot
 from identifiability.simulation import Noise
 from identifiability.workflows.analyze import analyze
-from identifiability.workflows.oddities import MeasuredLogs, find_always
 from identifiability.workflows.prune import prune
 
 SEEDS, PERIODS = 6, 10

@@ -14,7 +14,8 @@ from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import prepare_log
-from identifiability.logs.signals import lowpass
+from identifiability.quality import MeasuredLogs, find_always
+from identifiability.quality.contacts import find_soles, find_turned_base, find_unheld
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
@@ -22,13 +23,6 @@ from identifiability.simulation.motion import find_motion
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.analyze.assessment import state_limbs
 from identifiability.workflows.excite import excite
-from identifiability.workflows.oddities import MeasuredLogs, find_always
-from identifiability.workflows.oddities.contacts import (
-    find_aliases,
-    find_soles,
-    find_turned_base,
-    find_unheld,
-)
 
 RIGID = Model.of("rigid_body")
 BODY = """<mujoco model="body"><option timestep="0.001" integrator="RK4"/><worldbody>
@@ -454,26 +448,6 @@ def impacts(dt, rng):
     since = (t + 0.01 * rng.standard_normal()) % 0.25
     ringing = 60 * np.exp(-since / 0.02) * np.sin(2 * np.pi * 300 * since)
     return t, slow + ringing[:, None] * [0.2, 0.3, 1.0]
-
-
-@pytest.mark.parametrize("case", ["aliased", "low-passed", "white", "share"])
-def test_impacts_sampled_without_a_low_pass_are_told_and_noise_is_not(case, tmp_path):
-    rng = np.random.default_rng(6)
-    t, acc = impacts(0.0005, rng)
-    if case == "low-passed":
-        acc = lowpass(acc, 0.0005, 80.0)
-    if case in ("white", "share"):
-        acc = lowpass(acc, 0.0005, 20.0)
-    acc = acc[::10]
-    acc *= 1 + 0.03 * rng.standard_normal(acc.shape) * (case == "share")
-    acc += 0.05 * rng.standard_normal(acc.shape)
-    frame = steps()
-    frame["t"], frame[axes("base.acc.")] = t[::10], acc
-    robot = walker(tmp_path, "")
-    log = read(robot, frame)
-    structure = Structure.of(robot, Model.of("rigid_body"))
-    told = find_aliases(MeasuredLogs(structure, (log,), (prepare_log(robot, log),)))
-    assert any("without a low-pass" in hint for hint in told) == (case == "aliased")
 
 
 def test_base_and_limbs_are_weighed_each_with_all_that_hangs_on_it(tmp_path):

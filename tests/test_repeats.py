@@ -8,7 +8,7 @@ import pytest
 
 from identifiability import Log, analyze, excite, prune
 from identifiability.foundation.errors import LogError
-from identifiability.logs.repeats import drop_repeats
+from identifiability.quality.mends import drop_repeats
 from identifiability.simulation import Noise
 from identifiability.workflows.diagnose import diagnose
 

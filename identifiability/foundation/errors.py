@@ -63,11 +63,16 @@ def legible(sentence: str) -> str:
 
 def near_match(name: str, known: Iterable[str]) -> str:
     """Return the end of a sentence: ``", did you mean 'x'?"`` with the nearest name, or ``"."``."""
-    known = list(known)
+    found = nearest(name, known)
+    return "." if found is None else f", did you mean '{found}'?"
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name that is spelt nearly alike; None if none is."""
     # Case slips are the commonest typos and difflib counts them as full substitutions.
     folded = {k.casefold(): k for k in known}
     close = difflib.get_close_matches(name.casefold(), list(folded), n=1, cutoff=0.6)
-    return f", did you mean '{folded[close[0]]}'?" if close else "."
+    return folded[close[0]] if close else None
 
 
 def listing(names: Iterable[str], most: int = 12, between: str = ", ") -> str:

@@ -25,14 +25,13 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import signals, source
 from identifiability.logs.base import read_base
 from identifiability.logs.checks import CHANNELS, COMMANDS, Clock, find_channels
+from identifiability.logs.columns import Naming, as_times, propose_locks
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import stack_arrays
-from identifiability.logs.naming import Naming, propose_locks
 from identifiability.logs.reading import MixedRatesError, Reading
 from identifiability.logs.source import is_long, scan_file
-from identifiability.logs.spikes import Spike, WrapFinder, Wraps, find_spikes
+from identifiability.logs.spikes import Spike, Wraps, find_spikes, find_wraps
 from identifiability.logs.tables import Table, parsing, write_table
-from identifiability.logs.to_si import as_times
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -462,14 +461,8 @@ class Log:
         """Jumps by a turn of every joint whose angle has any."""
         if self.file is not None:
             return {j: w for j in self.joints if (w := self.file.wraps.get(f"{j}.q")) is not None}
-        found = {}
-        for joint, column in zip(self.joints, self.q.T, strict=True):
-            finder = WrapFinder()
-            finder.add(column)
-            wraps = finder.finish()
-            if wraps is not None:
-                found[joint] = wraps
-        return found
+        found = {j: find_wraps(x) for j, x in zip(self.joints, self.q.T, strict=True)}
+        return {j: w for j, w in found.items() if w is not None}
 
     def each(self, change: Callable[[Array], Array], **others: Any) -> Log:
         """Return the log with all its channels changed alike, and other fields as given."""
@@ -605,18 +598,15 @@ def _with_base(log: Log, reading: Reading) -> Log:
 def build_log(name: str, naming: Naming, values: Mapping[str, Array], digest: str) -> Log:
     """Return the log of some columns, each (N,), that were checked."""
     channels: dict[str, Any] = dict.fromkeys(CHANNELS)
-    joints, notes = naming.joints, naming.notes
+    joints = naming.joints
     for kind in find_channels(joints, values):
         channels[kind] = np.stack([values[f"{j}.{kind}"] for j in joints]).T
     t, gone = values["t"], np.isnan(channels["tau"])
     if gone.any():
-        counts = zip(joints, gone.sum(0), strict=True)
-        lost = listing([f"'{j}.tau' in {n} of {len(t)} rows" for j, n in counts if n], 4)
-        notes = (*notes, f"torque is missing ({lost}); motion counts, these equations do not")
         channels["unmeasured"] = gone
         pairs = zip(channels["tau"].T, gone.T, strict=True)
         channels["tau"] = np.stack([_bridge(t, x, missing) for x, missing in pairs], 1)
-    return Log(name=name, joints=joints, t=t, sha256=digest, notes=notes, **channels)
+    return Log(name=name, joints=joints, t=t, sha256=digest, notes=naming.notes, **channels)
 
 
 def _bridge(t: Array, x: Array, lost: np.ndarray) -> Array:

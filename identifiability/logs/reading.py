@@ -15,15 +15,14 @@ import numpy as np
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.logs import signals
-from identifiability.logs.aliases import INDEX, guess_column
 from identifiability.logs.base import RawBase, find_base, moving_base
 from identifiability.logs.checks import Clock, Numbers, to_floats
+from identifiability.logs.columns import Naming, as_times, name_columns, settle_time, start_of
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
-from identifiability.logs.naming import Column, Naming, name_columns
+from identifiability.logs.names import INDEX, Column, guess_column
 from identifiability.logs.rules import RULES
 from identifiability.logs.spikes import SpikeFinder, WrapFinder
-from identifiability.logs.to_si import as_times, settle_angles, settle_time, settle_torque, start_of
 from identifiability.robot.floating import BASE_JOINTS
 
 if TYPE_CHECKING:
@@ -349,7 +348,6 @@ class Reading:
             columns = [c for c in columns if c not in self._base.values()]
         units = dict(zip(columns, self._form.units, strict=False))
         naming = name_columns(columns, self.source, self.known, units, first)
-        naming = settle_torque(settle_angles(naming, self.known), self.known, self.source)
         naming = settle_time(naming, frame, self.source, self.known)
         unread = "" if self.known.base is not None else moving_base(list(frame.columns))
         naming = replace(naming, notes=(*naming.notes, unread)) if unread else naming

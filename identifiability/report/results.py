@@ -199,10 +199,13 @@ def build_page(result: Result) -> Page:
     hints = tuple(note("hint", hint=hint) for hint in getattr(result, "hints", ()))
     notes = tuple(_of_page(result, "notes", result.cautions() or hints))
     rules = result.decided_by()
-    tables = [
-        Section(f"table-{k + 1}", table.caption, blocks=(replace(table, caption=""),))
-        for k, table in enumerate(result.tables())
-    ]
+    tables, done = (
+        [
+            Section(f"{name}-{k + 1}", table.caption, blocks=(replace(table, caption=""),))
+            for k, table in enumerate(found)
+        ]
+        for name, found in (("table", result.tables()), ("ledger", result.ledger()))
+    )
     return Page(
         title=title,
         overline=overline,
@@ -214,6 +217,7 @@ def build_page(result: Result) -> Page:
         ),
         sections=(
             *filter(None, _of_page(result, "sections", tables)),
+            *done,
             *([section_rules(rules)] if rules else []),
         ),
     )

@@ -35,10 +35,10 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
+from identifiability.quality import MeasuredLogs
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
-from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.rules import RULES
 
 #: Rows that are looked at, of more so many windows of so many; numbers that columns may be.

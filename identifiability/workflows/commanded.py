@@ -31,7 +31,7 @@ from identifiability.foundation.rounding import format_number
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import check_commands, of_commands, servo_log
-from identifiability.logs.mend import looks_like_degrees
+from identifiability.logs.contradictions import looks_like_degrees
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot

@@ -20,6 +20,7 @@ from identifiability.effects.nominal import has_masses
 from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.engines.mapping import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing
+from identifiability.foundation.findings import ledger, of_key
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
 from identifiability.foundation.output import check_ending, check_writable, csv_text, write_text
@@ -43,6 +44,10 @@ from identifiability.logs.prepare.plan import joint_log, noise_level, resolution
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum
 from identifiability.physical.feasibility import find_impossible_bodies
+from identifiability.quality import MeasuredLogs, find_oddities
+from identifiability.quality.motion import find_stretches
+from identifiability.quality.rules import RULES as ODDITY_RULES
+from identifiability.quality.torque import flat_share, measure_factors
 from identifiability.regression.reduction import ModelLike, choose_model, find_ladder, ladder_model
 from identifiability.regression.structure import OfStructure, Structure, group_columns
 from identifiability.robot import Robot, RobotLike
@@ -52,10 +57,6 @@ from identifiability.robot.sidecar import read_sidecar
 from identifiability.workflows.alternatives import find_alternative
 from identifiability.workflows.answers import answer_next, with_hints
 from identifiability.workflows.commands import name_logs, source_name
-from identifiability.workflows.oddities import MeasuredLogs, find_oddities
-from identifiability.workflows.oddities.positions import find_stretches
-from identifiability.workflows.oddities.rules import RULES as ODDITY_RULES
-from identifiability.workflows.oddities.torque import flat_share, measure_factors
 from identifiability.workflows.opening import (
     Logs,
     Progress,
@@ -646,6 +647,10 @@ class Inspection(OfStructure, Result):
         """Return the numbers by which it was decided, the verb's own first."""
         return (ODDITY_RULES, LOG_RULES)
 
+    def ledger(self) -> tuple[Table, ...]:
+        """Return the table of all that checks found, and did with the logs."""
+        return ledger(self.findings, every=True)
+
     def tables(self) -> tuple[Table, ...]:
         """Return clock, motion and torque of logs; without logs the joints of the robot file."""
         return _tables(self)
@@ -854,8 +859,9 @@ def _odd_alone(logs: MeasuredLogs, said: tuple[str, ...]) -> list[str]:
         return []
     other = find_alternative(logs)
     odd = find_oddities(logs, explained=other is not None)
-    own = (*((other.statement,) if other and not odd.misread else ()), *odd.hints)
-    return [f"{logs.samples[0].name}: {text}" for text in own if text not in said]
+    name = logs.samples[0].name
+    own = [f"{name}: {other.statement}"] if other and not odd.misread else []
+    return [*own, *(x.of_log(name) for x in of_key(odd.hints) if x not in said)]
 
 
 def _measure(logs: MeasuredLogs) -> Excited:

@@ -11,6 +11,7 @@ import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field, replace
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -24,6 +25,7 @@ from identifiability.foundation.engines.local import Processes
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.engines.resume import NUMERICS, find_version
 from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
@@ -35,10 +37,10 @@ from identifiability.logs.formats.reader import find_parts
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.repeats import check_held_out, share_clock
 from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.quality import Reading, mend
 from identifiability.regression.reduction import LadderSource
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
-from identifiability.workflows.oddities import Reading, mend
 
 if TYPE_CHECKING:
     from identifiability.estimation.rollouts import Rollouts
@@ -214,8 +216,8 @@ def read_recordings(
         raise LogError("No log was given; give at least one.")
     check_held_out(train, held_out)
     whole, n = share_clock([*train, *held_out]), len(train)
-    servo = known.servo if learns else None
-    mended = mend(Reading(tuple(whole[:n]), tuple(whole[n:]), how, servo, learns=learns))
+    torque = _torque_of(known.servo) if learns and known.servo is not None else None
+    mended = mend(Reading(tuple(whole[:n]), tuple(whole[n:]), how, torque, learns=learns))
     every = (*mended.fitted, *mended.held_out)
     alone = [x.name for x in every if of_commands(x)]
     if alone and not commands:
@@ -228,6 +230,13 @@ def read_recordings(
         _refuse_silent(train)
     read = tuple((log.name, "; ".join(log.notes)) for log in (*train, *held_out) if log.notes)
     return Recordings(mended.fitted, mended.held_out, (*state_reading(read), *mended.hints), read)
+
+
+def _torque_of(servo: Servo) -> Callable[[list[Log]], list[Log]]:
+    """Return what makes torque of the commands of logs that have none of their own."""
+    from identifiability.workflows.commanded import give_torque  # noqa: PLC0415 - MuJoCo
+
+    return partial(give_torque, servo=servo)
 
 
 def _refuse_silent(logs: Sequence[Log]) -> None:
@@ -256,7 +265,7 @@ def _refuse_silent(logs: Sequence[Log]) -> None:
         )
 
 
-def state_reading(read: Sequence[tuple[str, str]]) -> list[str]:
+def state_reading(read: Sequence[tuple[str, str]]) -> list[Finding]:
     """Return how logs were read otherwise than literally, in one sentence: what all share once.
 
     Parameters
@@ -273,16 +282,15 @@ def state_reading(read: Sequence[tuple[str, str]]) -> list[str]:
         own.setdefault(rest, []).append(name)
     own.pop("", None)
     apart = [f"{listing(names, 4)}: {rest}" for rest, names in own.items()]
-    names = [name for name, _ in read]
     if len(apart) > SHOWN_READINGS:
         apart[SHOWN_READINGS:] = [f"and {len(apart) - SHOWN_READINGS} more otherwise"]
-    text = "; ".join((*shared, *apart))
-    return [f"How {listing(names, 4)} {'was' if len(names) == 1 else 'were'} read: {text}."]
+    names = [name for name, _ in read]
+    return [Finding("reading", names=names, text="; ".join((*shared, *apart)))]
 
 
 def is_reading(hint: str) -> bool:
     """Whether a hint is how logs were read: what was done, and nothing that is wrong with them."""
-    return hint.startswith("How ") and " read: " in hint
+    return bool(of_key([hint], "reading"))
 
 
 InMemory = TypeVar("InMemory", Log, Dataset)

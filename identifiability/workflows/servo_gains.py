@@ -23,8 +23,8 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import check_commands
+from identifiability.logs.contradictions import check_units
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.mend import check_units
 from identifiability.physical.cad_prior import thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.physical.rules import RULES as PHYSICAL_RULES

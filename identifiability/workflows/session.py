@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from identifiability.estimation.estimator import Estimator
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import frozen
@@ -44,6 +45,8 @@ from identifiability.physical.cad_prior import WEAK, share_weight
 from identifiability.physical.feasibility import find_nearest
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
+from identifiability.quality import MeasuredLogs, find_always, find_oddities
+from identifiability.quality.registry import Does, check
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import full_model
@@ -52,7 +55,6 @@ from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.workflows.alternatives import Alternative, find_alternative
 from identifiability.workflows.gravity import about_gravity
-from identifiability.workflows.oddities import MeasuredLogs, find_always, find_oddities
 from identifiability.workflows.opening import (
     Logs,
     Progress,
@@ -64,9 +66,6 @@ from identifiability.workflows.opening import (
     share,
     state_reading,
 )
-
-if TYPE_CHECKING:
-    pass
 
 #: Why no verdict stands on columns that are read as what they are not, for after "because".
 MISREAD = (
@@ -512,6 +511,7 @@ class Weighed:
     burst: str = ""
 
 
+@check("outliers", Does.WEIGHS)
 def weigh_rows(
     joints: Sequence[str],
     samples: Sequence[Dataset],
@@ -536,11 +536,10 @@ def weigh_rows(
     if found is None or found.moved.max() <= REACH:
         return weighed, "", found
     most, where = int(np.argmax(found.moved)), where_outlying(joints, samples, found)
-    said = (
-        f"{where} is weighed down in the fit: with its whole weight "
-        f"{information.columns[most]} moves by {found.moved[most]:.1f} of its standard deviations. "
-        "Errors count it. Look at what happened there."
-    )
+    told = {"parameter": information.columns[most], "moved": float(found.moved[most])}
+    columns = (f"{joints[int(np.argmax(found.beyond.max(0)))]}.tau",)
+    rows = int((found.last - found.first).sum())
+    said = Finding("outliers", where=where, rows=rows, columns=columns, **told)
     return weighed, said, found
 
 

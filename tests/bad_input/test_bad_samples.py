@@ -8,7 +8,7 @@ import pytest
 from identifiability import analyze, prune
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.mend import mend_logs
+from identifiability.quality.mends import mend_log
 from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.excite import excite
 from identifiability.workflows.opening import read_recordings
@@ -121,15 +121,15 @@ def test_a_motion_is_not_searched_beside_it(frame):
 
 def test_a_log_without_wrong_values_is_the_one_that_was_given(frame):
     log = Log.from_frame(frame, "a")
-    (same,), hints = mend_logs([log])
+    same, hints = mend_log(log)
     assert same is log
-    assert hints == ()
+    assert hints == []
 
 
 def test_several_are_counted_and_some_listed(frame):
     rows = [100, 200, 300, 400, 500]
     frame.loc[rows, "elbow.tau"] *= 1e4
-    _, (hint,) = mend_logs([Log.from_frame(frame, "a")])
+    _, (hint,) = mend_log(Log.from_frame(frame, "a"))
     assert hint.startswith("a: 5 values lie far")
     assert [f"data row {k + 1} " in hint for k in rows] == [True, True, True, False, False]
     assert "; and 2 more): check the log." in hint
@@ -147,7 +147,7 @@ def test_a_long_file_is_mended_alike_wherever_it_is_read(frame, tmp_path, form):
     file, log = Log.scan(path), Log.read(path)
     raw = file.rows(0, len(file))
     np.testing.assert_array_equal(raw.tau, log.tau)
-    (mended, whole), (hint, other) = mend_logs([file, log])
+    (mended, (hint,)), (whole, (other,)) = mend_log(file), mend_log(log)
     assert hint == other
     assert "5 values lie" in hint
     for rows in ((0, 1000), (250, 302), (302, 999)):

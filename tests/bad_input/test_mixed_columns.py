@@ -7,15 +7,15 @@ import pytest
 
 from identifiability import analyze
 from identifiability.logs import Log
+from identifiability.logs.contradictions import find_contradictions
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.mend import find_contradictions
 from identifiability.logs.prepare import Preparation, prepare_log
+from identifiability.quality import MeasuredLogs
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import PAPER_NOISE, random_trajectory, simulate
 from identifiability.workflows.alternatives import find_alternative
-from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.opening import read_recordings
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")

@@ -18,7 +18,6 @@ from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Renames
 from identifiability.logs import source
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.formats import bags
 from identifiability.logs.formats import reader as sizes
 from identifiability.logs.formats.reader import find_parts
 from identifiability.logs.tables import LONGEST_CELL, open_parquet
@@ -332,21 +331,7 @@ def parts(path):
             archive.writestr(f"a{k}.npy", b"")
 
 
-def matlab(path):
-    from scipy.io import savemat
-
-    savemat(path, {"t": np.zeros(4_000_001, np.int8)}, do_compression=True)
-
-
-def cut(path):
-    from scipy.io import savemat
-
-    savemat(path, {"run": {"t": np.zeros(9)}})
-    path.write_bytes(path.read_bytes()[:-8])
-
-
 LOGS = {
-    "a part of MATLAB": ("run.mat", cut, "a part of it is longer than what holds it"),
     "a line": ("run.csv", b"t,q," * 100_000, "no end of a line in its first 262 kB"),
     "columns of a CSV": (
         "run.csv",
@@ -358,7 +343,6 @@ LOGS = {
     "bytes of arrays": ("run.npz", zeros(600_000), "unpacks to more than 4 MB"),
     "values of arrays": ("run.npz", zeros(3_100_000, "|i1"), "holds 3100000 values; up to"),
     "parts": ("run.npz", parts, "has 1001 parts"),
-    "bytes of MATLAB": ("run.mat", matlab, "unpacks to more than 4 MB"),
 }
 
 
@@ -419,48 +403,6 @@ def test_limits_of_sheets(refuses, what):
     pytest.importorskip("openpyxl")
     content, sentence = SHEETS[what]
     refuses(Log.read, "run.xlsx", sheet(content), sentence)
-
-
-def test_what_describes_a_sheet_is_bounded(refuses):
-    pytest.importorskip("openpyxl")
-    styles = sheet(b" " * (sizes.MOST_DESCRIBED + 1), "xl/styles.xml")
-    refuses(Log.read, "run.xlsx", styles, "is larger than 2 MB")
-
-
-def test_limits_of_bags(refuses):
-    pytest.importorskip("rosbags")
-    import sqlite3
-
-    def described(path):
-        path.mkdir()
-        (path / "metadata.yaml").write_bytes(b"#" * (sizes.MOST_DESCRIBED + 1))
-
-    def computed(path):
-        with sqlite3.connect(path) as base:
-            base.execute("create view messages as select 1")
-        base.close()
-
-    refuses(Log.read, "bag", described, "is larger than 2 MB")
-    refuses(Log.read, "bag.db3", computed, "computes its messages")
-
-
-def test_what_messages_of_a_bag_hold_together_is_bounded(refuses, monkeypatch):
-    rosbags = pytest.importorskip("rosbags.rosbag2")
-    from rosbags.typesys import Stores, get_typestore
-
-    store, kind = get_typestore(Stores.ROS2_JAZZY), "sensor_msgs/msg/JointState"
-    stamp, head = (store.types[k] for k in ("builtin_interfaces/msg/Time", "std_msgs/msg/Header"))
-    large = np.zeros(bags.MOST_MESSAGE // 8 + 1)
-    message = store.types[kind](head(stamp(1, 0), ""), ["a"], large, large, large)
-
-    def write(path):
-        writer = rosbags.Writer(path, version=9, storage_plugin=rosbags.StoragePlugin.MCAP)
-        with writer:
-            connection = writer.add_connection("/joint_states", kind, typestore=store)
-            writer.write(connection, 1, store.serialize_cdr(message, kind))
-
-    monkeypatch.setattr(bags, "MOST_BYTES", 2_000_000)
-    refuses(Log.read, "bag", write, "has 3 MB together in one part; up to 2 MB")
 
 
 def dataset(info, **columns):

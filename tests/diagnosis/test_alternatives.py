@@ -11,6 +11,7 @@ from identifiability.effects.nominal import gravity_torque
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.quality import MeasuredLogs
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
@@ -19,7 +20,6 @@ from identifiability.robot.kinematics import turn
 from identifiability.simulation import Campaign, Noise, random_trajectory, simulate
 from identifiability.workflows.alternatives import _evidence, find_alternative
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.oddities import MeasuredLogs
 
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 

@@ -180,15 +180,6 @@ def test_a_bag_is_analysed_as_its_table_is(frame, states, write_bag, tmp_path):
         np.testing.assert_allclose(a.estimate.value, b.estimate.value, rtol=1e-5)
 
 
-@pytest.mark.parametrize("storage", ["MCAP", "SQLITE3"])
-def test_a_message_that_no_robot_sends_is_refused_unread(joint_state, write_bag, storage, frame):
-    many = np.zeros(200_000)
-    messages = [joint_state(["a"], many, many, many, 0)]
-    folder = write_bag({"/joint_states": messages}, storage)
-    with pytest.raises(LogError, match=r"has a message of joint states of 5 MB; up to 1 MB are"):
-        read_bag(folder)
-
-
 def test_inertial_sensor_and_wrenches_are_read_at_the_times_of_the_joint_states(
     frame, states, write_bag
 ):

@@ -14,8 +14,8 @@ import pytest
 
 from identifiability import Log, Robot, rollout
 from identifiability.foundation.errors import LogError, RobotError
-from identifiability.logs.aliases import COMMANDED
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.names import COMMANDED
 from identifiability.workflows.opening import read_logs
 
 DATASETS = Path(__file__).parent / "lerobot"

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from identifiability.logs.prepare import prepare_log
+from identifiability.quality import MeasuredLogs, find_oddities
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate
-from identifiability.workflows.oddities import MeasuredLogs, find_oddities
 
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 

@@ -11,12 +11,12 @@ from identifiability.estimation.verdict import Class
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_log
 from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.quality import MeasuredLogs, find_oddities
+from identifiability.quality.registry import CHECKS, ORDER, Does, check
+from identifiability.quality.timing import Shift, measure_position, measure_shift
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate
-from identifiability.workflows.oddities import MeasuredLogs, find_oddities
-from identifiability.workflows.oddities.check import CHECKS, Does, check
-from identifiability.workflows.oddities.timing import Shift, measure_position, measure_shift
 
 from .conftest import MODEL, record
 
@@ -52,22 +52,23 @@ def test_a_check_of_ones_own_is_one_function(six_axis):
     before = find_oddities(logs)
     assert before.explains
     assert not before.misread
-    for does, rank, hints in (
-        (Does.EXPLAINS, 0, ("Mine.",)),
-        (Does.MISREADS, 0, ("Mine.",)),
-        (Does.HINTS, 0, (*before.hints, "Mine.")),
-        (Does.EXPLAINS, 99, before.hints),
+    sound = MeasuredLogs(structure, (log,), (prepare_log(structure.robot, log),))
+    for does, logs_, hints in (
+        (Does.EXPLAINS, sound, ("Mine.",)),
+        (Does.MISREADS, sound, ("Mine.",)),
+        (Does.HINTS, logs, (*before.hints, "Mine.")),
+        (Does.EXPLAINS, logs, before.hints),
     ):
-        check("mine", does, rank)(lambda _: ("Mine.",))
-        own = next(c for c in CHECKS if c.title == "mine")
+        check("mine", does)(lambda _: ("Mine.",))
+        own = next(c for c in CHECKS if c.key == "mine")
         try:
-            found = find_oddities(logs)
+            found = find_oddities(logs_)
         finally:
             CHECKS.remove(own)
         assert found.hints == hints
         assert found.misread == (does is Does.MISREADS)
-        assert found.explains
-    assert len({c.title for c in CHECKS}) == len({c.rank for c in CHECKS}) == len(CHECKS)
+        assert found.explains == (does is not Does.HINTS or before.explains)
+    assert [c.key for c in CHECKS] == list(ORDER)
 
 
 def test_time_in_milliseconds_read_as_seconds(say, six_axis):

@@ -17,18 +17,16 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import numbered
-from identifiability.logs.aliases import guess_column
 from identifiability.logs.form import PLAIN, Form, find_form
 from identifiability.logs.formats.reader import (
-    MOST_SHEET_BYTES,
     Whole,
     check_archive,
     check_columns,
-    check_elements,
     check_sheets,
     check_values,
     reader,
 )
+from identifiability.logs.names import guess_column
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -232,7 +230,6 @@ def _read_mat(path: Path, content: bytes) -> Mapping[str, Any]:
             f"{path} is a MATLAB file of version 7.3 (HDF5), which is not read; save it in MATLAB "
             f"with save('{path.name}', 't', 'q', 'tau', '-v7'), or write CSV."
         )
-    check_elements(path, content)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # on objects of MATLAB's own, which hold no arrays
         found: Mapping[str, Any] = loadmat(BytesIO(content), simplify_cells=True)
@@ -243,7 +240,6 @@ def _read_sheet(path: Path, content: bytes) -> tuple[pd.DataFrame, Form]:
     """Return the first sheet of a workbook that holds anything."""
     import pandas as pd  # noqa: PLC0415
 
-    check_archive(path, content, MOST_SHEET_BYTES)
     check_sheets(path, content)
     try:
         sheets = pd.read_excel(

@@ -19,7 +19,6 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import numbered
-from identifiability.logs.aliases import KINDS
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.reader import (
     MOST_DESCRIBED,
@@ -28,6 +27,7 @@ from identifiability.logs.formats.reader import (
     check_values,
     reader,
 )
+from identifiability.logs.names import KINDS
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,11 +17,11 @@ from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Count, Derivatives, Positive, check_fields
 from identifiability.foundation.rounding import format_count
 from identifiability.foundation.values import frozen
-from identifiability.logs import fourier, signals
+from identifiability.logs import Log, fourier, signals
 from identifiability.logs.commands import of_commands
+from identifiability.logs.contradictions import check_units, find_contradictions
 from identifiability.logs.gaps import Gaps, StaleRule, fill
-from identifiability.logs.log import Log, join_logs
-from identifiability.logs.mend import check_units, find_contradictions
+from identifiability.logs.log import join_logs
 from identifiability.logs.prepare.plan import (
     ORDER,
     Plan,

@@ -10,7 +10,7 @@ import pytest
 from identifiability.effects.transmission import split_runs
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
-from identifiability.logs.mend import check_units, find_contradictions
+from identifiability.logs.contradictions import check_units, find_contradictions
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.dataset import Survey, explain_silence, find_signal
 from identifiability.logs.signals import Decimation

@@ -55,6 +55,12 @@ def test_what_may_be_either_is_asked(step):
     assert read(table(step), time_unit="ms").t[1] == step / 1e3
 
 
+def test_a_unit_that_the_log_states_is_taken_whatever_the_steps_are():
+    slow = table(2.0)
+    np.testing.assert_array_equal(read(slow.rename(columns={"t": "t [s]"})).t, slow["t"])
+    assert "--time-unit s if they are seconds" in read(slow).notes[0]
+
+
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
 def test_times_since_1970_count_from_the_first(unit):
     frame = table(0.008)
