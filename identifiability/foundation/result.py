@@ -93,8 +93,8 @@ class Result(ABC):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What was noticed and done, by key: its hints, and what its logs were prepared by."""
-        prepared = (*getattr(self, "samples", ()), *getattr(self, "validation", ()))
-        notes = (text for one in prepared for text in one.notes)
+        prepared = (getattr(self, name, ()) for name in ("samples", "validation", "records"))
+        notes = (text for logs in prepared for one in logs for text in one.notes)
         return tuple(of_key([*getattr(self, "hints", ()), *notes]))
 
     def ledger(self) -> tuple[Table, ...]:
