@@ -18,10 +18,17 @@ _UNSEEN = ("Cc", "Cf", "Cs", "Zl", "Zp")
 
 
 class IdentifiabilityError(Exception):
-    """Bad input, said in one sentence that the user can act on."""
+    """Bad input, said in one sentence that the user can act on.
+
+    Attributes
+    ----------
+    key : str
+        What it is, where its sentence is a `Finding`; else empty.
+    """
 
     def __init__(self, sentence: str = "") -> None:
         super().__init__(legible(sentence))
+        self.key: str = getattr(sentence, "key", "")
 
 
 class RobotError(IdentifiabilityError):

@@ -82,9 +82,9 @@ class Finding(str):
     subject: str
     numbers: Mapping[str, Any]
 
-    def __new__(cls, key: str, subject: str = "", /, **numbers: Any) -> Finding:
+    def __new__(cls, key: str, subject: object = "", /, **numbers: Any) -> Finding:
         """Fill the sentence of a key, ``{subject}`` with the subject."""
-        return _again(phrase(key, "says", subject=subject, **numbers), key, subject, numbers)
+        return _again(phrase(key, "says", subject=subject, **numbers), key, str(subject), numbers)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _again, (str(self), self.key, self.subject, dict(self.numbers))
@@ -96,12 +96,12 @@ class Finding(str):
     @property
     def level(self) -> Level:
         """How grave it is."""
-        return Level(sentences()[self.key]["level"])
+        return Level(sentences()[self.key].get("level", Level.REFUSAL))
 
     @property
     def remedy(self) -> str:
-        """What to do about it."""
-        return sentences()[self.key]["do"].strip()
+        """What to do about it; empty where its sentence says it."""
+        return sentences()[self.key].get("do", "").strip()
 
     @property
     def done(self) -> str:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match, nearest
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import TIME_UNITS, Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import CHANNELS, COMMANDS, to_floats
@@ -298,18 +299,10 @@ def _settle_torque(
     given = {c.joint: c for c in columns if c.kind == "tau" and c.joint in joints}
     unknown = [j for j, c in given.items() if c.current and not torque.has_gain(j)]
     if unknown:
-        raise LogError(
-            f"{source} has currents and no torques of {listing(unknown)}; say in the sidecar what "
-            f"one unit gives at the joint [N·m or N]: [torque] gain = {{{unknown[0]} = …}} (the "
-            "torque constant times the ratio of the gear), or have it identified from a known "
-            "payload: identifiability payload --mass."
-        )
+        raise LogError(Finding("columns.gain", source, joints=[*unknown], first=unknown[0]))
     loose = [j for j in given if j not in known.motors and not torque.has_ratio(j)]
     if torque.side == "motor" and loose:
-        raise LogError(
-            f"{source}: the torque of {listing(loose)} was measured at the motor, by the sidecar; "
-            f"give the ratio of its gear, too: [torque] ratio = {{{loose[0]} = …}}."
-        )
+        raise LogError(Finding("columns.ratio", source, joints=[*loose], first=loose[0]))
     factors = {j: torque.factor(j) for j in given}
     currents = any(c.current for c in given.values())
     changed = {j: f for j, f in factors.items() if f != 1.0 or given[j].current}
@@ -594,11 +587,7 @@ def _refuse_missing(
     every = listing(list(names.values()))
     if "t" not in taken:
         likely = [n for n in free if n.casefold().startswith("time")]
-        raise LogError(
-            f"{source} has no column 't' (time in s). It has the columns {every}. If one of them "
-            f"is it, add --map '{[*likely, 'OLD'][0]}=t'; rows at an even rate need one, too: "
-            "their number / rate."
-        )
+        raise LogError(Finding("columns.time", source, columns=every, first=[*likely, "OLD"][0]))
     has = list(dict.fromkeys(c.joint for c in taken.values() if c.kind in ("q", "tau")))
     missing = [j for j in known.joints if j not in has]
     strange = _strangers(free, known) if missing else []
@@ -624,15 +613,10 @@ def _refuse_missing(
                 f"{near_match(name, free)} Every actuated joint needs both.{told if likely else ''}"
             )
     if not has:
-        raise LogError(
-            f"{source} has no position column; expected '<joint>.q' and '<joint>.tau' for every "
-            f"actuated joint, found {every}."
-        )
+        raise LogError(Finding("columns.none", source, columns=every))
     told = " or '<joint>.cmd'" if known.servo else ""
     locks = propose_locks(missing, known.joints) or f". It has the columns {every}"
-    raise LogError(
-        f"{source} has {of}; every actuated joint needs '<joint>.q' and '<joint>.tau'{told}{locks}."
-    )
+    raise LogError(Finding("columns.missing", source, what=of, command=told, remedy=locks))
 
 
 def _strangers(columns: Sequence[str], known: Conventions) -> list[str]:
@@ -839,8 +823,4 @@ def _find_unit(t: Array, source: str) -> tuple[str, str]:
     if len(fits) == 1:
         why = f"for they rise by {step:.6g} from sample to sample: {each[0]}"
         return fits[0], f"{why} (--time-unit s if they are seconds)"
-    raise LogError(
-        f"{source}: the times rise by {step:.6g} from sample to sample, which may be "
-        f"{' or '.join(each)}; say their unit with --time-unit, or with `unit` under "
-        "[time] in the sidecar."
-    )
+    raise LogError(Finding("clock.unit", source, step=step, units=" or ".join(each)))

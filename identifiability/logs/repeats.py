@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import Finding
 from identifiability.logs import Log
 
 
@@ -22,17 +23,11 @@ def check_held_out(train: Sequence[Log], held_out: Sequence[Log]) -> None:
     for k, s in enumerate(train):
         for other in train[:k]:
             if s.sha256 and _same(s, other):
-                raise LogError(
-                    f"The log {s.name} is given twice (as {other.name} before); give each log once."
-                )
+                raise LogError(Finding("twice.fitted", "", log=s.name, other=other.name))
     for s in held_out:
         for other in train:
             if _same(s, other):
-                raise LogError(
-                    f"The validation log {s.name} is the log {other.name} that is fitted; its "
-                    "error would say nothing about unseen motion: give another log, or none for "
-                    "cross-validation."
-                )
+                raise LogError(Finding("twice.held", "", log=s.name, other=other.name))
 
 
 def _same(one: Log, other: Log) -> bool:

@@ -296,11 +296,7 @@ def drop_repeats(
     n = len(logs)
     for log, kept in zip(held_out, left[n:], strict=True):
         if not kept:
-            raise LogError(
-                f"The validation log {log.name} repeats rows of the logs before it; its error "
-                "would say nothing about unseen motion: give another log, or none for "
-                "cross-validation."
-            )
+            raise LogError(Finding("twice.rows", "", log=log.name))
     return list(chain(*left[:n])), list(chain(*left[n:])), found
 
 

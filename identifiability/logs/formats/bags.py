@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array, numbered
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.reader import Whole, check_values, reader
@@ -151,9 +152,7 @@ def read_bag(
     except LogError:
         raise
     except MemoryError:  # mostly a length that was spoilt
-        raise LogError(
-            f"{bag} cannot be read as a bag: it is damaged, or larger than the memory."
-        ) from None
+        raise LogError(Finding("bag.damaged", bag)) from None
     except Exception as error:  # noqa: BLE001 - foreign parsers may raise anything
         reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
         raise LogError(f"{bag} cannot be read as a bag: {reason}.") from None
@@ -168,10 +167,7 @@ def _opened(path: Path) -> Iterator[Any]:
         from rosbags.highlevel import AnyReader  # noqa: PLC0415 - an extra
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
     except ImportError:
-        raise LogError(
-            f"{path} is a bag, which needs the extra 'ros': "
-            "pip install 'robot-identifiability[ros]'."
-        ) from None
+        raise LogError(Finding("bag.extra", path)) from None
     with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
         yield reader
 
@@ -191,17 +187,11 @@ def _choose_topic(path: Path, reader: Any, wanted: str | None) -> str:
         return str(wanted)
     if not found:
         others = sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})
-        raise LogError(
-            f"{path} has no topic of type sensor_msgs/JointState; it holds "
-            f"{listing(others) or 'nothing'}."
-        )
+        raise LogError(Finding("bag.none", path, others=listing(others) or "nothing"))
     if wanted is None:
         first = {topic: next(_messages(reader, topic, JOINT_STATE), None) for topic in found}
         told = [t for t, x in first.items() if x and np.isfinite(x[1].effort).any()]
-        raise LogError(
-            f"{path} has joint states on the topics {listing(found)}; name one of them as "
-            f"'{path}:{(told or found)[0]}'."
-        )
+        raise LogError(Finding("bag.several", path, topics=[*found], first=(told or found)[0]))
     raise LogError(
         f"{path} has no joint states on the topic '{wanted}'{near_match(wanted, found)} It has "
         f"them on {listing(found)}."

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.values import frozen
 from identifiability.logs.form import Form
 
@@ -171,10 +172,7 @@ def check_text(path: Path, start: bytes) -> None:
         raise LogError(f"{path} is Parquet by its content; name it so: {path.stem}.parquet.")
     if b"\0" in start:
         kind = f"a {path.suffix} file" if path.suffix else "a file without an ending"
-        raise LogError(
-            f"{path} is {kind} that holds no text, and is none that is known: {READ}; export it as "
-            "one of these."
-        )
+        raise LogError(Finding("file.kind", path, kind=kind, read=READ))
 
 
 # How large a log may be, so that one without end is a sentence and not all the memory.
@@ -205,10 +203,7 @@ def check_columns(path: Path | str, count: int) -> None:
     LogError
     """
     if count > MOST_COLUMNS:
-        raise LogError(
-            f"{path} has {count} columns; logs of up to {MOST_COLUMNS} are read: give those of the "
-            "robot's joints alone."
-        )
+        raise LogError(Finding("file.columns", path, count=count, most=MOST_COLUMNS))
 
 
 def check_values(path: Path | str, count: int) -> None:
@@ -238,10 +233,7 @@ def check_archive(path: Path, content: bytes, most: int | None = None) -> None:
         raise LogError(f"{path} has {len(parts)} parts; files of up to {MOST_PARTS} are read.")
     most = most or MOST_BYTES
     if sum(part.file_size for part in parts) > most:
-        raise LogError(
-            f"{path} unpacks to more than {most // 10**6} MB, up to which such files are read: "
-            f"{_INSTEAD}."
-        )
+        raise LogError(Finding("file.size", path, most=most // 10**6, instead=_INSTEAD))
 
 
 def check_sheets(path: Path, content: bytes) -> None:
