@@ -2,7 +2,7 @@
 
 A command is held until the next one comes, so it is a staircase, and a delay shifts the staircase.
 What of it acts at a sample is its mean over the interval around the sample, which depends on the
-delay without jumps.
+delay without jumps. Commands may come on another clock than rows (`Log.commands_since`).
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def acting(log: Log, servo: Servo, at: Array, width: float, delay: float) -> Arr
     """
 
     def held(x: Array) -> Array:
-        return held_mean(log.t, x, at - delay, width)
+        return held_mean(log.commands_since, x, at - delay, width)
 
     position = servo.kp > 0
     gain = np.where(position, servo.kp, servo.kv)

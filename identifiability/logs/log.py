@@ -207,6 +207,15 @@ class Log:
         """Whether it is too long for memory."""
         return self.file is not None
 
+    @cached_property
+    def commands_since(self) -> Array:
+        """Since when the commands of each row are held, (N,) [s]: they may have another clock."""
+        told = [x for x in (self.q_ref, self.dq_ref, self.tau_ff) if x is not None]
+        changes = np.zeros(len(self), bool)
+        for x in told:
+            changes[1:] |= (np.diff(x, axis=0) != 0).any(1)
+        return signals.held_since(self.t, changes)
+
     @staticmethod
     @checked
     def read(path: FilePath, conventions: Conventions | None = None) -> Log:

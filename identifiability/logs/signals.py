@@ -25,6 +25,10 @@ from identifiability.logs.rules import RULES
 #: Decisions about a long log are made on this many windows of so many samples.
 WINDOWS, WINDOW = 8, 16_384
 
+#: The first so many changes of a value tell the period at which it comes, and fewer than so many in
+#: all tell none.
+FIRST, UPDATES = 16, 64
+
 #: What is left of a filter's transient where it is called over; twice differentiated it must
 #: still be small beside 1e-8.
 FORGOTTEN: Tolerance = 1e-14
@@ -33,6 +37,72 @@ FORGOTTEN: Tolerance = 1e-14
 def sampling_step(t: Array) -> float:
     """Return the sampling step of uniform times, their median difference [s]."""
     return float(np.median(np.diff(t)))
+
+
+def held_since(t: Array, changes: np.ndarray) -> Array:
+    """Return since when the values of each row are held, (N,) [s].
+
+    Rows show a value that comes on another clock late, by up to a row, and by another part of a row
+    each time. Where values come regularly their numbers tell when they came: at the latest times on
+    a line over them that no row precedes. Where they come with rows, these are those of rows.
+
+    Parameters
+    ----------
+    t : (N,) [s]
+        Of rows, evenly.
+    changes : (N,) bool
+        Which rows hold another value than the one before.
+    """
+    (rows,) = np.nonzero(changes)
+    if len(rows) < UPDATES:
+        return t
+    dt, seen = sampling_step(t), t[rows] - t[rows[0]]
+    most = dt + 2 * float(np.quantile(np.abs(np.diff(t) - dt), 0.99)) + ROUNDOFF
+    few = seen[:FIRST]
+    periods = np.diff(few).min() + dt * np.linspace(-1, 1, FIRST * UPDATES)
+    periods = periods[periods > most]  # others come with every row
+    late = np.array([_fold(few, period)[1] for period in periods])
+    (fits,) = np.nonzero(late <= most)
+    runs = np.split(fits, np.flatnonzero(np.diff(fits) > 1) + 1)
+    for run in reversed(runs if len(fits) else []):  # parts of a period fit as well
+        behind = _behind(seen, float(periods[run[np.argmin(late[run])]]), dt, most)
+        if behind is not None:
+            out = t.copy()
+            out[rows] = np.maximum(t[rows] - behind, t[rows - 1])
+            return out
+    return t
+
+
+def _behind(t: Array, period: float, dt: float, most: float) -> Array | None:
+    """Return how far times (m,) are behind a line over their numbers; None if some by too much.
+
+    Parameters
+    ----------
+    t : (m,) [s]
+    period : float [s]
+        Nearly that between numbers.
+    dt, most : float [s]
+        By which times may be late, without and with what rows are uneven by.
+    """
+    first, count, left = _fold(t[:FIRST], period)[0], FIRST, t
+    while count < len(t):
+        count = min(count + count // 2, len(t))
+        number = np.floor((t[:count] - first + 0.5 * (period - most)) / period)
+        period = float(np.polyfit(number, t[:count], 1)[0])
+        left = t[:count] - period * number
+        first = float(left.min())
+        if np.ptp(left) > most:
+            return None
+    behind = left - first
+    return np.where(behind > most - dt, behind, 0.0)
+
+
+def _fold(t: Array, period: float) -> tuple[float, float]:
+    """Return where times begin on a circle of some period, and over how much of it they spread."""
+    on = np.sort(t % period)
+    gaps = np.diff(on, append=on[0] + period)
+    k = int(np.argmax(gaps))
+    return float(on[(k + 1) % len(on)]), float(period - gaps[k])
 
 
 def has_gap(t: Array) -> np.ndarray:

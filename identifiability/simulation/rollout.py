@@ -184,7 +184,13 @@ class CommandedRobot:
         runs = [(k, w) for k in range(len(models)) for w in windows]
         # Held commands change between two steps, so that no step holds a share of a change, of
         # which a servo at its limit would make another share of torque.
-        begins = [(float(delays[k] / h) % 1.0 - 0.5) * h for k, _ in runs]
+        since = log.commands_since
+        ahead = [
+            next(iter((since[a:b] - log.t[a:b])[since[a:b] < log.t[a:b]]), 0.0) for a, b in windows
+        ]
+        begins = [
+            (float((delays[k] + x) / h) % 1.0 - 0.5) * h for k in range(len(models)) for x in ahead
+        ]
         start = np.zeros((len(runs), mujoco.mj_stateSize(self.model, _STATE)))
         controls = np.empty((len(runs), steps, self.model.nu))
         home = self._forward.home()

@@ -7,6 +7,7 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.signals import held_since
 
 #: What one of each is in s.
 SIZES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -136,3 +137,23 @@ def test_a_long_file_has_the_times_of_a_short_one(form, times, tmp_path):
     assert long.notes == short.notes != ()
     assert (times == "ms") == (short.start is None)
     assert long.start == long.rows(5, 50).start == long.cut(5, 50, "part").start == short.start
+
+
+@pytest.mark.parametrize(("rate", "of_commands"), [(125, 50), (100, 60), (500, 30), (1000, 7.3)])
+def test_rows_tell_since_when_they_hold_what_comes_on_another_clock(rate, of_commands):
+    t = 0.0004 + np.arange(0, 15, 1 / rate)
+    number = np.floor(t * of_commands + 1e-9)
+    changes = np.diff(number, prepend=number[0]) != 0
+    late = (held_since(t, changes) - number / of_commands)[changes]
+    before = (t - number / of_commands)[changes]
+    assert np.ptp(late) < 0.15 / rate < 0.4 * np.ptp(before)
+    assert np.all(np.diff(held_since(t, changes)) > 0)
+
+
+@pytest.mark.parametrize("of_commands", [50, 25, 100, None])
+def test_rows_hold_since_their_times_what_comes_with_them_or_at_odd_times(of_commands):
+    t = np.arange(0, 15, 0.01)
+    odd = np.sort(np.random.default_rng(3).uniform(0, 15, 600))
+    number = np.searchsorted(odd, t) if of_commands is None else np.floor(t * of_commands + 1e-9)
+    changes = np.diff(number, prepend=number[0]) != 0
+    np.testing.assert_array_equal(held_since(t, changes), t)
