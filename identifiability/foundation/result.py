@@ -92,8 +92,10 @@ class Result(ABC):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What was noticed and done, by key, of its hints."""
-        return tuple(of_key(getattr(self, "hints", ())))
+        """What was noticed and done, by key: its hints, and what its logs were prepared by."""
+        prepared = (getattr(self, name, ()) for name in ("samples", "validation", "records"))
+        notes = (text for logs in prepared for one in logs for text in one.notes)
+        return tuple(of_key([*getattr(self, "hints", ()), *notes]))
 
     def ledger(self) -> tuple[Table, ...]:
         """Return the table of what checks did with the logs; none where nothing was done."""

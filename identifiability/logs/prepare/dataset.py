@@ -19,6 +19,7 @@ import numpy as np
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.errors import ClosureError, LogError, RobotError
+from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import checked
@@ -43,12 +44,6 @@ from identifiability.robot.floating import SIX, closed_contacts, wrench_torque
 
 #: Rows of a log, from the first to the last (exclusive).
 Rows = tuple[int, int]
-
-#: Why torque has no weight.
-DWELLS = (
-    "torque of a joint that stands has no weight, as dry friction may be anything up to its level "
-    "there"
-)
 
 #: Rows that a note lists.
 LISTED = 5
@@ -145,31 +140,25 @@ class Survey:
             torque_range=np.stack([np.minimum(low, later_low), np.maximum(high, later_high)]),
         )
 
-    def notes(self, total: int) -> list[str]:
-        """Return what happened to the samples of a log with `total` of them, for the report."""
-        notes = []
+    def notes(self, name: str, joints: Sequence[str], total: int) -> list[Finding]:
+        """Return what was done with the samples of a log with `total` of them."""
+        notes, first = [], ", ".join(str(k + 1) for k in self.first_dropped)
         if self.dropped:
-            first = ", ".join(str(k + 1) for k in self.first_dropped)
-            more = " …" if self.dropped > LISTED else ""
-            notes.append(
-                f"{self.dropped} of {total} samples were dropped because the loops do not close "
-                f"there (data rows {first}{more})"
-            )
+            first += " …" if self.dropped > LISTED else ""
+            notes.append(Finding("unclosed", name, rows=self.dropped, all=total, where=first))
         if self.singular:
-            notes.append(
-                f"{self.singular} samples lie near a singular configuration (first in data row "
-                f"{self.first_singular[0] + 1}, condition number up to {self.condition:.1e}); "
-                "torques there are amplified errors"
-            )
+            at = {"first": self.first_singular[0] + 1, "condition": self.condition}
+            notes.append(Finding("singular", name, rows=self.singular, **at))
         if self.lost:
-            notes.append(f"{self.lost} of {total} samples beside long gaps were left out")
+            notes.append(Finding("beside_gaps", name, rows=self.lost, all=total))
+        rest = dict(zip(joints, (self.outputs - self.rows).tolist(), strict=True))
+        rest = {j: k for j, k in rest.items() if k > 0}
+        if rest:
+            where = ", ".join(f"{j} {percent(k / self.outputs)}" for j, k in rest.items())
+            columns = tuple(f"{j}.tau" for j in rest)
+            rows = sum(rest.values())
+            notes.append(Finding("standing", name, rows=rows, columns=columns, where=where))
         return notes
-
-    def dwells(self, joints: Sequence[str]) -> list[str]:
-        """Return at which joints how much torque has no weight, for the report."""
-        shares = 1 - self.rows / max(self.outputs, 1)
-        told = [f"{j} {percent(s)}" for j, s in zip(joints, shares, strict=True) if s > 0]
-        return [f"{DWELLS}: {', '.join(told)} of the time"] if told else []
 
 
 def stands_still(surveys: Sequence[Survey]) -> np.ndarray:
@@ -324,7 +313,8 @@ class Dataset:
     decimation : Decimation or None
         Applied alike to regressor and torque.
     notes : tuple of str
-        How the derivatives were made and what was dropped, for the report.
+        How the derivatives were made and what was dropped, for the report; findings among them
+        are its `ledger`.
     sha256 : str
     own : (int, int) or None
         Rows of the log at which outputs are wanted, where the others are only what the filter
@@ -368,6 +358,11 @@ class Dataset:
         """Count every row alike where nobody says otherwise."""
         if self.weight.shape != self.tau.shape:
             object.__setattr__(self, "weight", np.broadcast_to(self.weight, self.tau.shape))
+
+    @property
+    def ledger(self) -> tuple[Finding, ...]:
+        """What was done with its rows and columns when it was prepared."""
+        return tuple(of_key(self.notes))
 
     @property
     def long(self) -> bool:
@@ -745,7 +740,7 @@ def prepare_log(
     else:
         found = prepare_rows(robot, log, 0, plan, (0, len(log)))
     survey = found.survey
-    notes = [*plan.notes, *survey.notes(len(log)), *survey.dwells(robot.joints)]
+    notes = [*plan.notes, *survey.notes(log.name, robot.joints, len(log))]
     check_left(log.name, survey.kept, len(log), notes)
     while plan.factor > 1 and found.outputs < RULES.fewest:
         if how.decimate is not None or log.long:
@@ -756,7 +751,11 @@ def prepare_log(
             )
         plan = replace(plan, factor=plan.factor - 1)
         found = replace(found, decimation=plan.decimation)
-    return replace(found, notes=(*notes, *plan.remarks, *plan.band_notes), own=None)
+    notes = [*notes, *plan.remarks]
+    if plan.decimation is not None:
+        what = {"factor": plan.factor, "rate": 1.0 / (plan.step * plan.factor)}
+        notes.append(Finding("decimated", log.name, rows=len(log), columns=("all",), **what))
+    return replace(found, notes=tuple(notes), own=None)
 
 
 def _prepare_long(

@@ -24,22 +24,13 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, fourier, signals
 from identifiability.logs.prepare.dataset import Dataset
-from identifiability.logs.prepare.plan import (
-    Smoothing,
-    joint_log,
-    lowest_cutoff,
-    noise_level,
-    resolution,
-)
-from identifiability.logs.prepare.preparation import SHORT
+from identifiability.logs.prepare.plan import joint_log, lowest_cutoff, noise_level, resolution
 from identifiability.logs.rules import RULES
 from identifiability.robot import Motion, Robot, complete_motion
 
-#: Position, velocity and acceleration of the actuated joints at all N rows of a log, each (N, n);
-#: which record it is; and velocity with its standard deviation of all that was measured of it, the
-#: log's own included, (N, 2, n): what signs are taken of. None where nothing is better than the
-#: log's own, smoothed.
-SecondRecord: TypeAlias = "tuple[Sequence[Array] | Array, str, Array | None]"
+#: Position, velocity and acceleration of the actuated joints at all N rows of a log, each (N, n),
+#: and which record it is.
+SecondRecord: TypeAlias = "tuple[Sequence[Array] | Array, str]"
 
 #: While the lag of a repetition is looked for, positions may differ by this share of how much
 #: they vary (rms).
@@ -93,17 +84,13 @@ def add_instrument(
     found = _find_record(joint_log(robot, log), samples, others, always=always)
     if found is None:
         return None
-    (record, note, speed), own = found, samples.motion
-    motion = complete_along(robot, own, record)
+    record, note = found
+    motion = complete_along(robot, samples.motion, record)
     if motion is None:
         return None
-    if speed is not None and own.smooth_v is not None:
-        other = speed[own.kept]
-        less = other[:, 1:] < own.smooth_v[:, 1:]  # noise in proportion to speed turns no sign
-        own = replace(own, smooth_v=np.where(less, other, own.smooth_v))
     # Both have one sign: what is left of an expected sign depends on neither.
-    motion = replace(motion, smooth_v=own.smooth_v)
-    return replace(samples, motion=own, instrument=motion, notes=(*samples.notes, note))
+    motion = replace(motion, smooth_v=samples.motion.smooth_v)
+    return replace(samples, instrument=motion, notes=(*samples.notes, note))
 
 
 def _find_record(
@@ -112,7 +99,7 @@ def _find_record(
     """Return a second record of the motion of a log on the joint side; None where there is none."""
     if log.rollout is not None:
         motion = _derive(log.rollout, log, samples.cutoff)
-        return motion, "the instruments' motion is that of the robot rolled out from commands", None
+        return motion, "the instruments' motion is that of the robot rolled out from commands"
     channels = [x for x in (log.q, log.dq, log.ddq) if x is not None]
     # While a coarse encoder stands still, its noise does so too: differences do not see it.
     noise = [np.maximum(noise_level(x, log.t), resolution(x) / np.sqrt(12)) for x in channels]
@@ -178,14 +165,10 @@ def _find_repetitions(log: Log, samples: Dataset, others: Sequence[Dataset]) -> 
     measured, full = (own.actuated_q, own.actuated_v, own.actuated_a), np.zeros((3, *log.q.shape))
     mean = total / np.maximum(count, 1)[:, None]
     full[:, own.kept] = np.where(count[:, None] > 0, mean, measured)
-    many, speed = count.mean(), None
-    note = f"the instruments' motion is the mean of its repetitions, on average of {many:.3g}"
-    if log.dq is not None and samples.cutoff is None and len(own) > SHORT:
-        every = log.dq.copy()
-        every[own.kept] = (many * full[1, own.kept] + log.dq[own.kept]) / (many + 1)
-        smoothing = Smoothing.choose([every], dt)
-        speed = None if smoothing is None else smoothing.apply(every, dt)
-    return full, note, speed
+    note = (
+        f"the instruments' motion is the mean of its repetitions, on average of {count.mean():.3g}"
+    )
+    return full, note
 
 
 def find_lag(own: Motion, other: Motion) -> float | None:
@@ -353,11 +336,7 @@ def _fit_series(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> 
             "the instruments' motion is a Fourier series of all that was measured of it, of "
             f"{harmonics} harmonics with period {period:.6g} s"
         )
-        speed = None
-        if log.dq is not None:
-            sd = noise[1] * np.sqrt((2 * harmonics + 1) / len(log))
-            speed = np.stack([motion[1], np.broadcast_to(sd, motion[1].shape)], axis=1)
-        return motion, note, speed
+        return motion, note
     return None
 
 
@@ -378,7 +357,7 @@ def _smooth(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> Seco
             if cutoff * dt > SHARED:
                 return None
             smooth[k] = signals.lowpass(x, dt, cutoff)
-    return smooth, "the instruments' motion is the measured one smoothed", None
+    return smooth, "the instruments' motion is the measured one smoothed"
 
 
 def _smoothest(x: Array, noise: Array, dt: float, highest: float) -> float:
@@ -412,7 +391,7 @@ def _follow_command(log: Log, cutoff: float | None) -> SecondRecord | None:
         f"the instruments' motion is the commanded one, "
         f"{'delayed' if later >= 0 else 'advanced'} by {1e3 * abs(later):.3g} ms"
     )
-    return motion, note, None
+    return motion, note
 
 
 def _derive(q: Array, log: Log, cutoff: float | None) -> tuple[Array, Array, Array]:

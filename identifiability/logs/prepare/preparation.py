@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Count, Derivatives, Positive, check_fields
@@ -101,16 +102,14 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
         return replace(plan, hints=tuple(uneven))
     notes, hints, split = [*plan.notes], uneven, np.isin(gaps.rows + 1, grid.breaks)
     if len(grid.after) and plan.cutoff is not None:
-        notes.append(
-            f"lost samples ({int(grid.lost.sum())}, at most {gaps.length[~split].max():.3g} s from "
-            "one to the next) were bridged by cubics, which half a period of what is kept allows"
-        )
+        longest = float(gaps.length[~split].max())
+        notes.append(Finding("bridged", gaps.name, rows=int(grid.lost.sum()), longest=longest))
     if len(grid.breaks):
         hints.append(
             f"{gaps.name} lacks samples for {gaps.tell(split)}: it was taken as "
             f"{len(grid.breaks) + 1} stretches, and nothing was computed from one to the next."
         )
-        notes.append(f"the log was split into {len(grid.breaks) + 1} stretches at long gaps")
+        notes.append(Finding("split", gaps.name, parts=len(grid.breaks) + 1))
     return replace(plan, grid=grid, notes=tuple(notes), hints=tuple(hints))
 
 
