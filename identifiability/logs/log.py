@@ -41,6 +41,13 @@ Numbers = Annotated[
 ]
 
 
+def too_long(name: str) -> LogError:
+    """Return what is said of a log whose rows are asked for all at once."""
+    return LogError(
+        f"{name} is too long to be held in memory, which this needs; give a stretch of it."
+    )
+
+
 class Unread:
     """A channel of a log that is too long for memory: who needs all of it is told so."""
 
@@ -48,10 +55,7 @@ class Unread:
         self._name = name
 
     def _refuse(self, *_: object, **__: object) -> NoReturn:
-        raise LogError(
-            f"{self._name} is too long to be held in memory, which this needs; give a stretch "
-            "of it."
-        )
+        raise too_long(self._name)
 
     __array__ = __getitem__ = __len__ = __iter__ = _refuse
 

@@ -160,20 +160,21 @@ def subtract(
     return rows[0].take(at, both).minus(rows[1].take(there, both))
 
 
-def find_pairs(robot: Robot, logs: Sequence[Log], later: int, how: Preparation) -> list[Pair]:
+def find_pairs(
+    robot: Robot, logs: Sequence[Log], samples: Sequence[Dataset], later: int, how: Preparation
+) -> list[Pair]:
     """Return the first so many logs with one of the rest that repeats its motion, if all have one.
 
     Of several repetitions the one is taken that served least so far. Logs that are too long for
     memory have none.
     """
-    whole = {k: x for k, x in enumerate(logs) if not x.long}
-    own = {k: prepare_log(robot, x, how) for k, x in whole.items()}
+    own = {k: s for k, s in enumerate(samples) if not s.long}
     pairs: list[Pair] = []
     for k in range(later):
         serves = Counter(p.at[1] for p in pairs)
         for at in sorted(own.keys() - range(later), key=lambda at: (serves[at], at)):
             shift = find_lag(own[k].motion, own[at].motion) if k in own else None
-            found = None if shift is None else _on_one_clock(robot, whole[k], whole[at], shift, how)
+            found = None if shift is None else _on_one_clock(robot, logs[k], logs[at], shift, how)
             if found is not None:
                 pairs.append(Pair(*found, (k, at)))
                 break
@@ -623,7 +624,7 @@ def _compare_logs(
     opening = session.open("compared")
     seen = look(structure, opening.samples, len(submodel))
     base, bodies = pooled_values(seen.X, seen.y, submodel.M, submodel.fixed), load_bodies(structure)
-    pairs = find_pairs(robot, (*later, *earlier), len(later), session.how)
+    pairs = find_pairs(robot, (*later, *earlier), opening.samples, len(later), session.how)
     what, k = (structure, seen, base, bodies), len(submodel)
     asked = np.repeat([1.0, 0.0], [len(later), len(earlier)])
     free, patterns = Known.nothing(submodel.M, submodel.fixed), find_patterns(asked, len(asked))

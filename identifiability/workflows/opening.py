@@ -34,6 +34,7 @@ from identifiability.logs.commands import of_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import frame_of
 from identifiability.logs.formats.reader import find_parts
+from identifiability.logs.log import too_long
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.repeats import check_held_out, share_clock
 from identifiability.logs.rules import RULES as LOG_RULES
@@ -304,12 +305,9 @@ def in_memory(logs: Sequence[InMemory]) -> list[InMemory]:
     LogError
         If one is too long.
     """
-    for log in logs:
-        if log.long:
-            raise LogError(
-                f"{log.name} is too long to be held in memory, which this needs; give a stretch "
-                "of it."
-            )
+    long = [log.name for log in logs if log.long]
+    if long:
+        raise too_long(long[0])
     return list(logs)
 
 

@@ -524,7 +524,7 @@ def payload(
         samples = session.prepare(both.fitted, "weighed")
         hints = [*both.hints, *_tell_noise(both.fitted[:loaded], session.how)]
         hints += [text for s in samples for text in s.hints]
-        pairs = find_pairs(robot, both.fitted, loaded, session.how)
+        pairs = find_pairs(robot, both.fitted, samples, loaded, session.how)
         seen = look(structure, samples, 0)
         known = Known.of(fit.base, fit.submodel.M, fit.covariance, fit.spread.unknown)
         carries = (np.arange(len(samples)) < loaded).astype(float)
