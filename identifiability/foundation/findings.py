@@ -72,7 +72,7 @@ class Finding(str):
 
     Example
     -------
-    >>> found = Finding("wraps", "a.csv", columns=["'elbow.q' at 2 rows"], rows=2)
+    >>> found = Finding("wraps", "a.csv", where=["'elbow.q' at 2 rows"], rows=2)
     >>> found.key, found.level.value, found.done
     ('wraps', 'info', 'read as going on')
     """

@@ -46,8 +46,9 @@ def _find_silent(log: Log) -> list[Finding]:
         return []
     gone = dict(zip(log.joints, log.unmeasured.sum(0).tolist(), strict=True))
     lost = {j: n for j, n in gone.items() if n}
-    columns = [phrase("silent", "one", joint=j, rows=n, all=len(log)) for j, n in lost.items()]
-    return [Finding("silent", log.name, columns=columns, rows=sum(lost.values()))] if lost else []
+    where = [phrase("silent", "one", joint=j, rows=n, all=len(log)) for j, n in lost.items()]
+    told = {"rows": max(lost.values(), default=0), "columns": [f"{j}.tau" for j in lost]}
+    return [Finding("silent", log.name, where=where, **told)] if lost else []
 
 
 # What stands still while the robot moves: a sensor or a logger hangs there.
@@ -127,8 +128,9 @@ def _silence_stuck(log: Log) -> tuple[Log, list[Finding]]:
 
 
 def _state_never(log: Log, stuck: dict[str, float]) -> Finding:
-    columns = [f"'{joint}.tau' = {x:.4g}" for joint, x in stuck.items()]
-    return Finding("unmeasured", log.name, columns=columns, rows=len(log))
+    where = [f"'{joint}.tau' = {x:.4g}" for joint, x in stuck.items()]
+    columns = [f"{joint}.tau" for joint in stuck]
+    return Finding("unmeasured", log.name, where=where, columns=columns, rows=len(log))
 
 
 def _runs(x: Array) -> list[tuple[int, int]]:
@@ -156,9 +158,9 @@ def unwrap_log(log: Log) -> tuple[Log, list[Finding]]:
     if not found:
         return log, []
     rows = sum(len(w.rows) for w in found.values())
-    columns = [f"'{j}.q' at {len(w.rows)} rows" for j, w in found.items()]
-    undone = log.changed(partial(_undo, found=found))
-    return undone, [Finding("wraps", log.name, columns=columns, rows=rows)]
+    where = [f"'{j}.q' at {len(w.rows)} rows" for j, w in found.items()]
+    said = Finding("wraps", log.name, where=where, columns=[f"{j}.q" for j in found], rows=rows)
+    return log.changed(partial(_undo, found=found)), [said]
 
 
 def _undo(log: Log, origin: int, found: dict[str, Wraps]) -> Log:
@@ -234,9 +236,9 @@ def _drop_contradictions(log: Log) -> tuple[Log, list[Finding]]:
     gone = ("dq", "ddq") if any(c.kind == "dq" for c in wrong) else ("ddq",)
     names = {"dq": "velocities", "ddq": "accelerations"}
     words = " and ".join(names[c] for c in gone if c in log.channels)
-    columns = [c.text for c in wrong]
-    found = Finding("contradictions", log.name, channels=words, columns=columns, rows=len(log))
-    return log.without(gone), [found]
+    where, columns = [c.text for c in wrong], [f"{c.joint}.{c.kind}" for c in wrong]
+    told = {"channels": words, "columns": columns, "rows": len(log)}
+    return log.without(gone), [Finding("contradictions", log.name, where=where, **told)]
 
 
 # Rows that are given more than once: copies are no new evidence, however often they come.

@@ -199,13 +199,14 @@ def build_page(result: Result) -> Page:
     hints = tuple(note("hint", hint=hint) for hint in getattr(result, "hints", ()))
     notes = tuple(_of_page(result, "notes", result.cautions() or hints))
     rules = result.decided_by()
-    tables, done = (
-        [
-            Section(f"{name}-{k + 1}", table.caption, blocks=(replace(table, caption=""),))
-            for k, table in enumerate(found)
-        ]
-        for name, found in (("table", result.tables()), ("ledger", result.ledger()))
-    )
+    tables = [
+        Section(f"table-{k + 1}", table.caption, blocks=(replace(table, caption=""),))
+        for k, table in enumerate(result.tables())
+    ]
+    done = [
+        Section("ledger", table.caption, blocks=(replace(table, caption=""),))
+        for table in result.ledger()
+    ]
     return Page(
         title=title,
         overline=overline,

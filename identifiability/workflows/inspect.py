@@ -20,7 +20,7 @@ from identifiability.effects.nominal import has_masses
 from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.engines.mapping import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing
-from identifiability.foundation.findings import ledger, of_key
+from identifiability.foundation.findings import Level, ledger, of_key
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
 from identifiability.foundation.output import check_ending, check_writable, csv_text, write_text
@@ -60,7 +60,6 @@ from identifiability.workflows.commands import name_logs, source_name
 from identifiability.workflows.opening import (
     Logs,
     Progress,
-    is_reading,
     quiet,
     running,
     share,
@@ -880,8 +879,8 @@ SHOWN = 3
 
 
 def find_odd(result: Inspection) -> tuple[str, ...]:
-    """Return the hints that say more than how logs were read."""
-    return tuple(hint for hint in result.hints if not is_reading(hint))
+    """Return the hints that say more than how logs were read, and what was done without a doubt."""
+    return tuple(h for h in result.hints if getattr(h, "level", None) is not Level.INFO)
 
 
 def _usable(result: Inspection) -> Answer:

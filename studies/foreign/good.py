@@ -45,7 +45,8 @@ NOISES = {
     "encoder 10 mrad": Noise(encoder=1e-2),
 }
 
-FINDERS = {c.key: c.find for c in CHECKS if not (c.always or c.does is Does.MENDS)}
+LOOKS = (Does.MISREADS, Does.EXPLAINS, Does.HINTS)
+FINDERS = {c.key: c.find for c in CHECKS if c.does in LOOKS and not c.always}
 
 
 def good_logs(seeds: int, data: Path | None) -> Iterator[tuple[str, Structure, Log]]:

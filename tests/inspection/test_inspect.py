@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from identifiability import Inspection, Robot, analyze, inspect
 from identifiability.cli import app
 from identifiability.foundation.errors import LogError, OutputError
+from identifiability.foundation.findings import Finding
 from identifiability.logs import Log
 from identifiability.report.inspection_report import ROLES
 from identifiability.report.results import build_page, render_page
@@ -73,7 +74,9 @@ def test_every_role_has_a_colour_and_how_logs_were_read_is_not_odd():
     found = inspect("walking-quadruped")
     assert "floats" in {j.role for j in found.joints}
     build_page(found)
-    read, odd = "How a.csv was read: t in ms.", "The clock of a.csv jumps."
+    read = Finding("reading", names=["a.csv"], text="t in ms")
+    assert read == "How a.csv was read: t in ms."
+    odd = "The clock of a.csv jumps."
     told = replace(found, hints=(read, odd))
     assert find_odd(told) == (odd,)
 
@@ -223,6 +226,7 @@ def test_the_result_is_a_table_json_and_a_page(run, tmp_path):
         "torque",
         "clock",
         "robot",
+        "ledger",
         "rules",
     ]
     html = found.write_report(tmp_path / "x.html").read_text()

@@ -115,22 +115,27 @@ def test_no_module_of_the_package_is_imported_by_a_string(sources):
     assert {f: lines for f, tree in sources.items() if (lines := list(by_name(tree)))} == {}
 
 
-#: What mends or prepares logs, and the file of the workflows that asks it: the table of checks,
-#: `read_recordings`, and `Session`.
+#: What mends or reads logs, and the file that asks it: the registry of checks, and who reads.
 ONCE = {
-    "mend_logs": {"oddities/mends.py"},
-    "unwrap_logs": {"oddities/mends.py"},
-    "drop_contradictions": {"oddities/mends.py"},
-    "drop_repeats": {"oddities/mends.py"},
-    "read_logs": {"opening.py"},
+    "mend_log": {"quality/mends.py"},
+    "unwrap_log": {"quality/mends.py"},
+    "drop_stuck": {"quality/mends.py"},
+    "drop_repeats": {"quality/mends.py"},
+    "mend": {"workflows/opening.py"},
+    "read_logs": {"workflows/opening.py"},
 }
 
 
 def test_logs_are_read_mended_and_opened_in_one_place_for_every_verb(sources):
     found = {name: set() for name in ONCE}
     for file, tree in sources.items():
-        if file.startswith("workflows/"):
+        if file.startswith(("workflows/", "quality/")):
             for node in ast.walk(tree):
-                if isinstance(node, ast.Name) and node.id in found:
-                    found[node.id].add(file.removeprefix("workflows/"))
+                if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+                    if node.func.id in found:
+                        found[node.func.id].add(file)
+                elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith(".each"):
+                    for name in [a.id for a in node.args if isinstance(a, ast.Name)]:
+                        found.get(name, set()).add(file)
+    found["mend"].discard("quality/registry.py")
     assert found == ONCE

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.pictures
 
 SECTIONS = (
     "parameters", "models", "prediction", "budget", "correlated", "motions", "residuals", "physics",
-    "structure", "full-model", "motion", "thresholds", "provenance", "rules",
+    "structure", "full-model", "motion", "thresholds", "provenance", "ledger", "rules",
 )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.findings import Finding
+from identifiability.foundation.findings import Finding, sentences
 from identifiability.foundation.values import frozen
 from identifiability.logs.form import Form
 
@@ -27,25 +27,6 @@ Read: TypeAlias = "Callable[[Path, Conventions], Whole]"
 
 #: What is said where nothing lies.
 MISSING = "There is no log file '{}'; give a CSV or Parquet file."
-
-#: Files that are logs for others, and what to do with them.
-REFUSED = {
-    ".xls": "an old sheet of Excel; save it as .xlsx or CSV",
-    ".ods": "a sheet of LibreOffice; save it as .xlsx or CSV",
-    ".h5": "HDF5; write its arrays as .npz, CSV or Parquet",
-    ".hdf5": "HDF5; write its arrays as .npz, CSV or Parquet",
-    ".npy": "one array without names; write t, q and tau together as .npz",
-    ".json": "JSON; write its values as CSV or Parquet",
-    ".jsonl": "JSON; write its values as CSV or Parquet",
-    ".yaml": "YAML; write its values as CSV or Parquet",
-    ".yml": "YAML; write its values as CSV or Parquet",
-    ".xml": "XML; write its values as CSV or Parquet",
-    ".pkl": "a pickle, which can run any program when it is read; write CSV or Parquet",
-    ".pickle": "a pickle, which can run any program when it is read; write CSV or Parquet",
-    ".tdms": "TDMS; export it as CSV",
-    ".zip": "an archive; unpack it",
-    ".gz": "compressed; unpack it",
-}
 
 #: What can be read, for sentences.
 READ = (
@@ -156,9 +137,9 @@ def check_suffix(path: Path) -> None:
     ------
     LogError
     """
-    what = REFUSED.get(path.suffix.lower())
+    what = sentences()["file.foreign"].get(path.suffix.lower())
     if what:
-        raise LogError(f"{path} is {what}.")
+        raise LogError(Finding("file.foreign", path, what=what))
 
 
 def check_text(path: Path, start: bytes) -> None:
