@@ -213,7 +213,7 @@ def fit_published(
     no straight line, so which slow rows count moves its line by more than its uncertainty.
     """
     robot, log = load_robot(data), load_log(data, load_robot(data))
-    dwells = prepare_log(robot, log).dwells if our_rows else None
+    dwells = prepare_log(robot, log).weight == 0 if our_rows else None
     model = ladder_model(read_ladder(LADDER))
     blocks, torques = published_rows(robot, log, model, base.kept, wrist=wrist, dwells=dwells)
     W, tau = np.vstack(blocks), np.concatenate(torques)

@@ -19,7 +19,7 @@ from identifiability.foundation.engines.mapping import Steps
 from identifiability.foundation.numbers import Share, exact_share
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import prepare_log
-from identifiability.robot.along import known_torque
+from identifiability.robot.closure import known_torque
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.opening import in_memory
