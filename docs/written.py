@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import inspect
 import io
+import re
 import runpy
 import sys
 import textwrap
@@ -27,12 +28,13 @@ from pydantic_core import PydanticUndefined
 from identifiability.effects import FAMILIES
 from identifiability.effects.effect import AlongAxes, Family, measure_spans
 from identifiability.foundation.documents import toml_text
+from identifiability.foundation.findings import sentences
 from identifiability.foundation.rules import RuleTable
-from identifiability.logs.aliases import RULES
+from identifiability.logs.names import RULES
+from identifiability.quality.registry import CHECKS, Does
 from identifiability.regression.reduction import LadderEntry
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.sidecar import Sidecar
-from identifiability.workflows.oddities.check import CHECKS, Does
 
 DOCS = Path(__file__).resolve().parent
 
@@ -204,21 +206,22 @@ def write_effects() -> tuple[str, dict[str, str]]:
 def write_messages() -> str:
     """Return the page of what data-quality checks say, by what follows from it."""
     follows = {
+        Does.MENDS: "What is mended",
         Does.MISREADS: "Columns that are read as what they are not",
         Does.EXPLAINS: "What explains other contradictions",
         Does.HINTS: "What is only said",
-        Does.MENDS: "What is mended",
+        Does.WEIGHS: "What has less weight in the fit",
     }
-    out = []
+    out, table = [], sentences()
+    import_module("identifiability.workflows.session")  # whose checks need a fit
     for does, heading in follows.items():
         out += [f"## {heading}", ""]
         out += [f"{does[0].upper()}{does[1:]}.", ""] if does is not Does.HINTS else []
-        out += ["| it says | it means | what to do |", "|---|---|---|"]
-        out += [
-            f"| {' | '.join(_cell(x) for x in (c.says, c.means, c.do))} |"
-            for c in CHECKS
-            if c.does is does
-        ]
+        out += ["| check | it says | it means | what to do |", "|---|---|---|---|"]
+        for key in [c.key for c in CHECKS if c.does is does]:
+            says = re.sub(r"{[^}]*}", "…", table[key]["says"])
+            cells = (f"`{key}`", says, table[key]["means"], table[key]["do"])
+            out.append(f"| {' | '.join(_cell(x) for x in cells)} |")
         out.append("")
     return "\n".join(out)
 

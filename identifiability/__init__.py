@@ -14,7 +14,7 @@ What to use when:
 - `calibrate` measures how far the answers can be trusted, `export` writes them as a robot file;
 - `Robot.load` and `Log.read` read files; `simulate` makes logs of a robot that is known;
 - `plot` draws the figures of a report one by one;
-- every stage in between (`prepare_samples`, `find_base_parameters`, `gather_information`,
+- every stage in between (`prepare_log`, `find_base_parameters`, `gather_information`,
   `estimate`, …) can be called by itself.
 
 Names are imported when they are first used: ``import identifiability`` is quick.
@@ -38,9 +38,9 @@ if TYPE_CHECKING:
     from identifiability.foundation.errors import IdentifiabilityError as IdentifiabilityError
     from identifiability.logs import Log as Log
     from identifiability.logs.prepare import (
+        Dataset as Dataset,
         Preparation as Preparation,
-        Samples as Samples,
-        prepare_samples as prepare_samples,
+        prepare_log as prepare_log,
     )
     from identifiability.regression.gather import gather_information as gather_information
     from identifiability.regression.information import Information as Information
@@ -89,7 +89,7 @@ _HOMES = {
         "estimation.verdict": ("Verdict",),
         "foundation.errors": ("IdentifiabilityError",),
         "logs": ("Log",),
-        "logs.prepare": ("Preparation", "Samples", "prepare_samples"),
+        "logs.prepare": ("Dataset", "Preparation", "prepare_log"),
         "regression.structure": ("BaseParameters", "find_base_parameters"),
         "regression.gather": ("gather_information",),
         "regression.information": ("Information",),
@@ -117,7 +117,10 @@ __all__ = ["__version__", *_HOMES]  # noqa: PLE0604 - names
 
 
 #: Functions that went, and what does their work.
-_GONE = {"identify_gains": "payload(robot, empty, loaded, mass=kg, centre=(x, y, z))"}
+_GONE = {
+    "identify_gains": "payload(robot, empty, loaded, mass=kg, centre=(x, y, z))",
+    "prepare_samples": "prepare_log(robot, log), which returns a Dataset",
+}
 
 
 def __getattr__(name: str) -> Any:

@@ -25,7 +25,7 @@ from identifiability.estimation.noise import ResidualNoise
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH, holm
 from identifiability.foundation.output import write_json
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import Submodel
 from identifiability.report import Check, Picture, Prose, Section, frame_table, write_page
@@ -170,7 +170,7 @@ def judge_log(
     clean: Analysis, submodels: Sequence[Submodel], level: float, rng: np.random.Generator
 ) -> list[Outcome]:
     """Return a new log of the robot, fitted and judged by every model."""
-    samples = prepare_samples(clean.robot, simulate_log(clean.robot, level, rng))
+    samples = prepare_log(clean.robot, simulate_log(clean.robot, level, rng))
     regression = clean.structure.regression([samples])
     information = gather_information(regression)
     experiments = [Experiment.of(regression, submodel) for submodel in submodels]

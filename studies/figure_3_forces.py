@@ -15,7 +15,7 @@ from paper_study.result import StudyCheck, StudyResult, StudyTable, check_range
 from paper_study.subject import load_subject
 
 from identifiability.foundation.names import Array
-from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare import Dataset
 from identifiability.report import Gallery, Picture
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, simulate
@@ -24,7 +24,7 @@ from identifiability.simulation import Noise, PrescribedMotion, simulate
 ORDER = ("595", "571", "601")
 
 
-def simulated_force(robot: Robot, samples: Samples) -> Array:
+def simulated_force(robot: Robot, samples: Dataset) -> Array:
     """Return the force of the simulated robot along the motion of a record, (N, n)."""
     m = samples.motion
     move = PrescribedMotion(m.t, m.actuated_q, m.actuated_v, m.actuated_a, samples.name)

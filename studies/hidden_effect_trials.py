@@ -12,7 +12,7 @@ import numpy as np
 from hidden_effect_outside import EVERY, OUTSIDE
 
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.reduction import USUAL_EFFECTS
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, find_base_parameters
@@ -136,7 +136,7 @@ def base_columns(name: str) -> np.ndarray:
     c = campaign(name)
     parts = []
     for log in c.logs(derivatives=True):
-        samples = prepare_samples(c.robot, log, Preparation(keep_rest=True))
+        samples = prepare_log(c.robot, log, Preparation(keep_rest=True))
         parts.append(Model.of(*USUAL_EFFECTS).regressor(c.robot, samples.motion))
     W = np.concatenate(parts)[:, :, find_base_parameters(c.robot, Model.of(*USUAL_EFFECTS)).kept]
     flat = W.reshape(-1, W.shape[2])

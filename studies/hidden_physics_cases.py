@@ -35,7 +35,7 @@ from identifiability.effects import FAMILIES, default_effects
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.reduction import USUAL_EFFECTS
@@ -413,7 +413,7 @@ class Case:
             how = Preparation(cutoff=wide, decimate=1, keep_rest=True)
         for k in range(FITTED):
             log = logs[k] if logs else self._exact(runs, k)
-            motion = prepare_samples(self.robot, log, how).motion
+            motion = prepare_log(self.robot, log, how).motion
             hidden = np.stack([p[k][motion.kept] for p in parts], 2)
             rest = (runs.tau if recorded is None else recorded)[k][motion.kept] - hidden.sum(2)
             W = model.regressor(self.robot, motion)

@@ -26,7 +26,7 @@ from identifiability.estimation.estimate import Method, find_estimator, settle_n
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.foundation.output import write_json
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import Submodel, build_ladder, ladder_model, read_ladder
@@ -162,7 +162,7 @@ def fit(
     every = (train, *others_than(train, runs))
     logs = [load_log(data, robot, run, derivatives=derivatives, end=end) for run in every]
     how = settle_cutoff(robot, logs[:1], preparation)  # as `analyze` does
-    fitted, *others = (prepare_samples(robot, log, how) for log in logs)
+    fitted, *others = (prepare_log(robot, log, how) for log in logs)
     entry = read_ladder(LADDER)
     structure = Structure.of(robot, ladder_model(entry))
     submodels = build_ladder(entry, structure)

@@ -26,7 +26,7 @@ from identifiability.foundation.linalg import scan_columns
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_json
 from identifiability.logs import Log, signals
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import ladder_model, read_ladder
 from identifiability.regression.regression import Model, Regression
@@ -152,7 +152,7 @@ def fit_ours(
 ) -> Fit:
     """Fit with this library, stage by stage, so that the log can be treated in other ways."""
     robot = load_robot(data)
-    samples = prepare_samples(robot, load_log(data, robot, share), PROCESSINGS[processing])
+    samples = prepare_log(robot, load_log(data, robot, share), PROCESSINGS[processing])
     regression = Regression(robot, ladder_model(read_ladder(LADDER)), (samples,), base.kept)
     found = estimate(gather_information(regression), method)
     prediction = predict(regression, found.value[:, None])
@@ -213,7 +213,7 @@ def fit_published(
     no straight line, so which slow rows count moves its line by more than its uncertainty.
     """
     robot, log = load_robot(data), load_log(data, load_robot(data))
-    dwells = prepare_samples(robot, log).dwells if our_rows else None
+    dwells = prepare_log(robot, log).weight == 0 if our_rows else None
     model = ladder_model(read_ladder(LADDER))
     blocks, torques = published_rows(robot, log, model, base.kept, wrist=wrist, dwells=dwells)
     W, tau = np.vstack(blocks), np.concatenate(torques)

@@ -7,7 +7,7 @@ import pytest
 
 from identifiability import Log, Robot, analyze, compare, inspect, payload
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.longsamples import prepare_log
+from identifiability.logs.prepare.dataset import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure

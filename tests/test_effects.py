@@ -6,7 +6,7 @@ import pytest
 from identifiability.effects import find_effect
 from identifiability.foundation.errors import ModelError
 from identifiability.logs import Log
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import find_base_parameters, random_motion
 from identifiability.robot import Robot
@@ -75,7 +75,7 @@ def test_motor_logs_are_converted_to_the_joint_side(coupled):
         "motor", ("motor1", "motor2"), joint.t, (joint.q - offset) @ R.T,
         np.linalg.solve(R.T, joint.tau.T).T, joint.dq @ R.T, joint.ddq @ R.T, "",
     )  # fmt: skip
-    a, b = prepare_samples(coupled, joint), prepare_samples(coupled, motor)
+    a, b = prepare_log(coupled, joint), prepare_log(coupled, motor)
     for kind in ("actuated_q", "actuated_v", "actuated_a"):
         np.testing.assert_allclose(getattr(b.motion, kind), getattr(a.motion, kind), atol=1e-12)
     np.testing.assert_allclose(b.tau, a.tau, atol=1e-12)
@@ -118,7 +118,7 @@ def test_a_joint_coupling_is_a_closure():
 
 def test_regressions_come_as_data_frames(rps, paper_model, noisy_log):
     base = find_base_parameters(rps, paper_model)
-    frame = Regression(rps, paper_model, (prepare_samples(rps, noisy_log),), base.kept).to_frame()
+    frame = Regression(rps, paper_model, (prepare_log(rps, noisy_log),), base.kept).to_frame()
     assert list(frame.columns) == ["log", "sample", "joint", *base.names, "tau"]
     assert len(frame) == 3 * len(noisy_log)
     assert frame["joint"].iloc[:3].tolist() == list(rps.joints)

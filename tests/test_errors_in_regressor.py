@@ -9,15 +9,15 @@ import scipy
 from identifiability.estimation.bootstrap import scatter_scores
 from identifiability.estimation.estimate import choose_estimator
 from identifiability.logs import Log
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
+from identifiability.quality import MeasuredLogs, find_always
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
 from identifiability.simulation import Noise
 from identifiability.workflows.analyze import analyze
-from identifiability.workflows.oddities import MeasuredLogs, find_always
 
 SEEDS, PERIODS = 6, 10
 MODEL = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
@@ -36,7 +36,7 @@ def test_additive_noise_of_velocities_does_not_bias_friction(simulated_session):
         rng = np.random.default_rng([seed, PERIODS])
         moved = [noise.on_motion(x, rng) for x in (q, dq, ddq)]
         log = Log("noisy", once.joints, t, moved[0], noise.on_torque(tau, rng), *moved[1:], "")
-        samples = prepare_samples(robot, log)
+        samples = prepare_log(robot, log)
         samples = add_instrument(robot, log, samples) or samples
         information = gather_information(structure.regression([samples]))
         fit = choose_estimator("wls", "iv", instruments=True).fit(information)
@@ -56,7 +56,7 @@ def test_additive_noise_of_velocities_does_not_bias_friction(simulated_session):
 def test_it_is_said_where_noise_turns_signs_of_velocity(simulated_session, noise, said):
     robot = Robot.load("two-link")
     log = simulated_session("two-link", "a", noise=noise)
-    samples = prepare_samples(robot, log)
+    samples = prepare_log(robot, log)
     logs = MeasuredLogs(Structure.of(robot, Model.of("rigid_body")), (log,), (samples,))
     hints = [h for h in find_always(logs) if "Noise turns the sign" in h]
     assert bool(hints) == said

@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.prepare.longsamples import prepare_samples
+from identifiability.logs.prepare.dataset import prepare_log
+from identifiability.quality import MeasuredLogs, find_always
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -17,7 +18,6 @@ from identifiability.simulation.motion import find_motion
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.analyze.assessment import state_limbs
 from identifiability.workflows.excite import excite
-from identifiability.workflows.oddities import MeasuredLogs, find_always
 
 BODY = """<mujoco model="body"><option timestep="0.001" integrator="RK4"/><worldbody>
 <body name="body" pos="0 0 1"><freejoint name="free"/>
@@ -255,7 +255,7 @@ def test_contacts_that_contradict_the_motion_are_told(tmp_path):
 def looked_at(robot, frame):
     log = read(robot, frame)
     structure = Structure.of(robot, Model.of("rigid_body"))
-    return MeasuredLogs(structure, (log,), (prepare_samples(robot, log),))
+    return MeasuredLogs(structure, (log,), (prepare_log(robot, log),))
 
 
 def test_what_does_not_know_bases_that_move_says_so(body, tmp_path):

@@ -10,7 +10,7 @@ import pytest
 
 from identifiability import Log, Robot
 from identifiability.effects import default_effects
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.reduction import USUAL_EFFECTS
 from identifiability.regression.regression import Model
 
@@ -82,7 +82,7 @@ def test_torque_is_what_the_regressor_says_along_true_motion(name):
         frame |= {f"{joint}.{word}": x[0, :, j] for word, x in motion.items()}
     how = Preparation(derivatives="given", keep_rest=True)
     log = Log.from_frame(cases.pd.DataFrame(frame))
-    motion = prepare_samples(m.robot, log, how).motion
+    motion = prepare_log(m.robot, log, how).motion
     W = Model.of(*default_effects(m.robot, USUAL_EFFECTS)).regressor(m.robot, motion)
     moves = np.abs(runs.v[0, :, : len(m.robot.joints)])[motion.kept] > 1e-3
     tau = runs.tau[0][motion.kept]

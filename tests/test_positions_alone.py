@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.logs.prepare.instruments import noise_share
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -37,7 +36,7 @@ def exact(structure):
     q, dq = (size * np.sin(angle)).sum(1), (size * rates * np.cos(angle)).sum(1)
     ddq = -(size * rates**2 * np.sin(angle)).sum(1)
     log = Log("exact", structure.robot.joints, t, q, np.cos(q), dq, ddq, "")
-    samples = prepare_samples(structure.robot, log, Preparation(keep_rest=True))
+    samples = prepare_log(structure.robot, log, Preparation(keep_rest=True))
     W = np.concatenate([W.copy() for _, _, W, _ in structure.regression([samples]).chunks()])
     return replace(log, tau=W @ structure.nominal_base)
 
@@ -50,18 +49,6 @@ def measure(exact, seed, step=0.0):
     if step:
         q = step * (np.rint(exact.q / step + zero) - zero)
     return replace(exact, name="run", q=q, tau=tau, dq=None, ddq=None)
-
-
-def test_the_share_of_noise_in_an_acceleration_is_known(structure, exact):
-    off, share = [], []
-    for seed in range(12):
-        log = measure(exact, seed)
-        samples = prepare_samples(structure.robot, log, HOW)
-        rows = samples.motion.kept[200:-200]
-        off.append(samples.motion.actuated_a[200:-200] - exact.ddq[rows])
-        share.append(noise_share(structure.robot, log, HOW.cutoff))
-    expected = np.sqrt(np.mean([x.var(0) for x in off], axis=0)) / exact.ddq.std(0)
-    assert np.mean(share) == pytest.approx(expected.max(), rel=0.25)
 
 
 def test_two_logs_of_one_motion_are_each_other_s_instruments_also_when_measured_anew(exact):

@@ -8,8 +8,7 @@ import pytest
 
 from identifiability import Log, analyze
 from identifiability.foundation.errors import LogError
-from identifiability.logs.logfile import LogFile
-from identifiability.logs.repeats import drop_repeats
+from identifiability.quality.mends import drop_repeats
 from identifiability.simulation import Noise
 
 
@@ -94,7 +93,7 @@ def test_standing_still_and_coarse_encoders_are_no_copies():
 def test_a_file_that_is_too_long_for_memory_is_compared_too(log, tmp_path):
     for name, like in (("one.csv", log), ("two.csv", shaken(log, 1e-9))):
         like.to_frame().to_csv(tmp_path / name, index=False)
-    one, two = (LogFile.read(tmp_path / name) for name in ("one.csv", "two.csv"))
+    one, two = (Log.scan(tmp_path / name) for name in ("one.csv", "two.csv"))
     kept, _, hints = drop_repeats([one, two])
     assert kept == [one]
     assert "two.csv repeats" in hints[0]

@@ -6,7 +6,7 @@ import pytest
 from identifiability import analyze
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
-from identifiability.logs.mend import drop_stuck
+from identifiability.quality.mends import drop_stuck
 
 
 @pytest.fixture
@@ -15,8 +15,8 @@ def frame(simulated):
 
 
 def mended(frame):
-    (log,), hints = drop_stuck([Log.from_frame(frame, "a.csv")])
-    return log, hints
+    log, hints = drop_stuck(Log.from_frame(frame, "a.csv"))
+    return log, tuple(hints)
 
 
 def test_torque_of_one_value_is_no_data_and_is_said_first(frame):

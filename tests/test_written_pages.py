@@ -1,18 +1,23 @@
 """The reference pages that are written from the code say what the code says."""
 
 import ast
-import re
 import runpy
 import tomllib
+from importlib import import_module
 from pathlib import Path
+from string import Formatter
 
 import pytest
 from pydantic import TypeAdapter
 
 from identifiability.effects import FAMILIES
+from identifiability.foundation.findings import Level, sentences
+from identifiability.quality.registry import CHECKS, ORDER
 from identifiability.regression.reduction import LadderEntry
 from identifiability.robot.sidecar import Sidecar
-from identifiability.workflows.oddities.check import CHECKS
+
+#: What makes sentences of the table.
+CALLS = ("Finding", "phrase")
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 WRITTEN = runpy.run_path(str(DOCS / "written.py"))
@@ -43,24 +48,39 @@ def test_every_key_has_an_example_that_its_table_takes_and_that_toml_reads_back(
                 assert read == example, name
 
 
-def sentences(declared):
-    """Every text of the library, … for what is filled in, but for what checks declare."""
-    library = DOCS.parent / "identifiability"
-    speak = ("workflows", "logs", "robot", "physical", "regression")
-    for path in (path for folder in speak for path in (library / folder).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.JoinedStr):
-                parts = [v.value if isinstance(v, ast.Constant) else "…" for v in node.values]
-                yield "".join(map(str, parts))
-            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-                yield "" if node.value in declared else node.value
+def test_every_check_stands_in_the_order_and_in_the_table_of_sentences():
+    table = sentences()
+    import_module("identifiability.workflows.session")  # whose checks need a fit
+    assert [check.key for check in CHECKS] == [*ORDER]
+    for key, own in table.items():
+        if "level" not in own:  # a refusal, which says all
+            continue
+        assert Level(own["level"]), key
+        assert own["means"].strip().endswith("."), key
+        assert own["do"].strip().endswith("."), key
+    assert {*ORDER} <= {*table}
 
 
-def test_every_check_stands_on_the_page_of_messages_with_what_it_really_says():
-    declared = {check.says for check in CHECKS}
-    said = "\n".join(" ".join(text.split()) for text in sentences(declared))
-    for check in CHECKS:
-        assert check.means.endswith("."), check.title
-        assert check.do.endswith("."), check.title
-        parts = [re.escape(part) for part in check.says.strip("…").split("…")]
-        assert re.search("[^\\n]*?".join(parts), said), f"nothing says {check.says!r}"
+def holes(text):
+    return {name.partition(".")[0] for _, name, _, _ in Formatter().parse(text) if name}
+
+
+def test_every_finding_and_phrase_fills_the_holes_of_its_sentence():
+    """A sentence that is said seldom is written as surely as one that is said often."""
+    table, seen = sentences(), set()
+    for path in (DOCS.parent / "identifiability").rglob("*.py"):
+        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(call, ast.Call) or getattr(call.func, "id", "") not in CALLS:
+                continue
+            first, *rest = call.args
+            if not isinstance(first, ast.Constant):
+                continue  # what builds them
+            part = "says"
+            if call.func.id == "phrase":
+                parts = [n.value for n in ast.walk(rest[0]) if isinstance(n, ast.Constant)]
+                part = parts[0] if parts else part
+            given = {k.arg for k in call.keywords} | {"subject"}
+            seen.add(first.value)
+            wanted = holes(table[first.value][part])
+            assert wanted <= given or None in given, (path.name, first.value, part)
+    assert {*ORDER} - {"commands"} <= seen

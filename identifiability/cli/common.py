@@ -176,7 +176,8 @@ def print_result(
     """
     from identifiability.foundation.rounding import format_count  # noqa: PLC0415
 
-    for at, table in enumerate(t for t in result.tables() if not t.long):
+    tables = (*result.tables(), *result.ledger())
+    for at, table in enumerate(t for t in tables if not t.long):
         caption = title if title and not at else table.caption
         shown = LISTED if at or most is None else most
         print_table(caption, table.brief(shown))

@@ -33,7 +33,7 @@ from identifiability.estimation.rules import RULES
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
-from identifiability.logs.prepare.samples import Piece
+from identifiability.logs.prepare.dataset import Piece
 from identifiability.regression.columns import (
     PIECE,
     Candidate,

@@ -20,7 +20,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
-from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare import Dataset
 
 # What residuals say about the noise: autocorrelation and what it does to σ.
 
@@ -658,7 +658,7 @@ def fit_residual_noise(tau: Array, W: Array, runs: Runs | JointRuns) -> Residual
     return ResidualNoise(tuple(p for p, _ in fits), np.array([s for _, s in fits]))
 
 
-def find_runs(samples: Sequence[Samples]) -> list[tuple[int, int]]:
+def find_runs(samples: Sequence[Dataset]) -> list[tuple[int, int]]:
     """Return the stretches without gaps of the rows of a regression, as (start, stop)."""
     runs: list[tuple[int, int]] = []
     start = 0

@@ -30,7 +30,7 @@ from identifiability.foundation.linalg import few_at_once
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import ENDS, REACH
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare.samples import find_signal
+from identifiability.logs.prepare.dataset import find_signal
 from identifiability.logs.signals import is_constant
 from identifiability.regression.information import Information
 from identifiability.regression.regression import LogPart, Regression, map_parts

@@ -18,10 +18,17 @@ _UNSEEN = ("Cc", "Cf", "Cs", "Zl", "Zp")
 
 
 class IdentifiabilityError(Exception):
-    """Bad input, said in one sentence that the user can act on."""
+    """Bad input, said in one sentence that the user can act on.
+
+    Attributes
+    ----------
+    key : str
+        What it is, where its sentence is a `Finding`; else empty.
+    """
 
     def __init__(self, sentence: str = "") -> None:
         super().__init__(legible(sentence))
+        self.key: str = getattr(sentence, "key", "")
 
 
 class RobotError(IdentifiabilityError):
@@ -63,11 +70,16 @@ def legible(sentence: str) -> str:
 
 def near_match(name: str, known: Iterable[str]) -> str:
     """Return the end of a sentence: ``", did you mean 'x'?"`` with the nearest name, or ``"."``."""
-    known = list(known)
+    found = nearest(name, known)
+    return "." if found is None else f", did you mean '{found}'?"
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name that is spelt nearly alike; None if none is."""
     # Case slips are the commonest typos and difflib counts them as full substitutions.
     folded = {k.casefold(): k for k in known}
     close = difflib.get_close_matches(name.casefold(), list(folded), n=1, cutoff=0.6)
-    return f", did you mean '{folded[close[0]]}'?" if close else "."
+    return folded[close[0]] if close else None
 
 
 def listing(names: Iterable[str], most: int = 12, between: str = ", ") -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from identifiability.foundation import handed
 from identifiability.foundation.errors import listing, near_match
+from identifiability.foundation.findings import Finding, ledger, of_key
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.output import check_ending, write_json
 from identifiability.foundation.rounding import stated
@@ -89,6 +90,17 @@ class Result(ABC):
         """Return the tables that page, terminal and notebook show alike."""
         return ()
 
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was noticed and done, by key: its hints, and what its logs were prepared by."""
+        prepared = (getattr(self, name, ()) for name in ("samples", "validation", "records"))
+        notes = (text for logs in prepared for one in logs for text in one.notes)
+        return tuple(of_key([*getattr(self, "hints", ()), *notes]))
+
+    def ledger(self) -> tuple[Table, ...]:
+        """Return the table of what checks did with the logs; none where nothing was done."""
+        return ledger(self.findings)
+
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
         return ()
@@ -125,7 +137,8 @@ class Result(ABC):
             {**vars(a), "commands": [{"what": w, "command": c} for w, c in a.commands]}
             for a in self.answers()
         ]
-        return write_json(written, {**self.to_dict(), "answers": answers})
+        findings = [found.to_dict() for found in self.findings]
+        return write_json(written, {**self.to_dict(), "findings": findings, "answers": answers})
 
     def note_written(self, kind: str, path: Path) -> Path:
         """Remember where the result was written as ``"json"``, ``"model"`` …; return that."""

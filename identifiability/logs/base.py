@@ -19,7 +19,7 @@ from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array, Renames
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
-from identifiability.logs.aliases import words_for
+from identifiability.logs.names import words_for
 from identifiability.robot.floating import Base
 
 #: What comes first in the name of a column about the base.

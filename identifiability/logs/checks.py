@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_count
 from identifiability.foundation.values import frozen
@@ -219,7 +220,4 @@ class Clock:
             )
         # No log is sampled faster than this.
         if self._usual < 1e-07:
-            raise LogError(
-                f"{self.source} has a sampling step of {self._usual:.3g} s, which no robot has; "
-                "give the time in s."
-            )
+            raise LogError(Finding("clock.fast", self.source, step=self._usual))

@@ -8,7 +8,6 @@ delay without jumps. Commands may come on another clock than rows (`Log.commands
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TypeGuard
 
 import numpy as np
 import scipy
@@ -87,9 +86,9 @@ def has_commands(log: Log) -> bool:
     return log.q_ref is not None or log.dq_ref is not None
 
 
-def of_commands(log: object) -> TypeGuard[Log]:
+def of_commands(log: Log) -> bool:
     """Whether the torque of a log is what servos made of commands."""
-    return isinstance(log, Log) and log.servo_delay is not None
+    return log.servo_delay is not None
 
 
 def servo_log(log: Log, servo: Servo, delay: float) -> Log:

@@ -1,4 +1,7 @@
-"""`Form`: how a table of text was written: separators, decimal commas, units, comments."""
+"""`Form`: how a table of text was written: separators, decimal commas, units, comments.
+
+It is decided once, on the first lines, before anything is read as a number.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +9,11 @@ import codecs
 import csv
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from identifiability.foundation.values import frozen
-from identifiability.logs.aliases import find_unit, is_no_unit
-
-# `Form`: how a table of text was written: separators, decimal commas, units, comments.
-#
-# It is decided once, on the first lines, before anything is read as a number.
-
+from identifiability.logs.names import are_units
 
 #: Marks that begin a line of comment.
 COMMENTS = ("#", "%", "//")
@@ -23,6 +21,11 @@ COMMENTS = ("#", "%", "//")
 #: Separators of fields, and what notes call them; blanks are tried last.
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "'|'", " ": "spaces"}
 
+#: How Windows writes Western text that is no Unicode; ISO 8859-1 has the same signs of units.
+WESTERN = "cp1252"
+
+#: Lines on which a form is decided, and letters of the longest number.
+DECIDED, LONGEST = 60, 400
 
 LINE_END = re.compile(r"\r\n|\r|\n")
 _POINT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf(inity)?)", re.IGNORECASE)
@@ -71,28 +74,37 @@ class Form:
 
     def split(self, line: str) -> list[str]:
         """Return the fields of a line; one field if one is longer than any table's."""
-        blank = self.separator == " "
-        one = " ".join(line.split()) if blank else line
+        return next((fields for _, fields in self.rows([line])), [])
+
+    def rows(self, lines: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
+        """Yield the line that each row begins at, and its fields; cells may hold ends of lines."""
+        blank, at = self.separator == " ", 0
+        plain = ["" if self.is_comment(x) else " ".join(x.split()) if blank else x for x in lines]
+        given = csv.reader(
+            (f"{x}\n" for x in plain), delimiter=self.separator, skipinitialspace=not blank
+        )
         try:
-            return next(csv.reader([one], delimiter=self.separator, skipinitialspace=not blank), [])
+            for row in given:
+                if any(cell.strip() for cell in row):
+                    yield at, row
+                at = given.line_num
         except csv.Error:  # of a long line, tried with a separator that it does not have
-            return [line]
+            yield at, list(lines[at : at + 1])
+
+    def is_comment(self, line: str) -> bool:
+        """Whether a line is passed over."""
+        return bool(self.comment) and line.lstrip().startswith(self.comment)
 
     def is_number(self, field: str) -> bool:
         """Whether a field is a number in this form."""
         text = field.strip()
-        # Letters of the longest number.
-        if len(text) > 400:
+        if len(text) > LONGEST:
             return False
         return bool(_POINT.fullmatch(text) or (self.decimal == "," and _COMMA.fullmatch(text)))
 
 
 #: Written as the documentation says.
 PLAIN = Form()
-
-
-#: How Windows writes Western text that is no Unicode; ISO 8859-1 has the same signs of units.
-WESTERN = "cp1252"
 
 
 def find_encoding(start: bytes) -> str:
@@ -115,89 +127,65 @@ def find_form(text: str, encoding: str) -> Form:
         Its beginning, without half a line at the end.
     encoding : str
     """
-    # Lines on which the form is decided.
-    lines = LINE_END.split(text.lstrip("\ufeff"))[:60]
-    mark = _comment_mark(lines)
-    form = Form(encoding=encoding, comment=mark)
-    plain = [k for k, line in enumerate(lines) if line.strip() and not _is_comment(line, mark)]
+    lines = LINE_END.split(text.lstrip("\ufeff"))[:DECIDED]
+    marks = (m for line in lines for m in COMMENTS if line.lstrip().startswith(m))
+    form = Form(encoding=encoding, comment=next(marks, ""))
     pairs = [(s, d) for s in SEPARATORS for d in ".," if not s == d == ","]
-    forms = [replace(form, separator=s, decimal=d) for s, d in pairs]
-    found = [f for f in (_try(form, lines, plain) for form in forms) if f is not None]
-    best = max(found, key=lambda f: (len(f.columns), f.decimal == "."), default=None)
-    if best is None or len(best.columns) < 2:  # no table of numbers: read as it stands
-        first = plain[0] if plain else 0
-        header = lines[first] if lines else ""
-        return replace(form, columns=tuple(form.split(header)), lines=first + 1)
-    return replace(best, notes=_notes(best, lines, plain))
+    tried = (_try(replace(form, separator=s, decimal=d), lines) for s, d in pairs)
+    found = [f for f in tried if f is not None]
+    if not found:  # no table of numbers: read as it stands
+        at, header = next(form.rows(lines), (0, []))
+        return replace(form, columns=tuple(header), lines=at + 1)
+    return max(found, key=lambda f: (len(f.columns), f.decimal == "."))
 
 
-def _try(form: Form, lines: Sequence[str], plain: Sequence[int]) -> Form | None:
+def _try(form: Form, lines: Sequence[str]) -> Form | None:
     """Return the form with header and units, if the lines are a table in it."""
-    rows = {k: form.split(lines[k]) for k in plain}
-    counts = Counter(len(row) for row in rows.values())
+    rows = list(form.rows(lines))
+    counts = Counter(len(row) for _, row in rows)
     width = max(counts, key=lambda n: (counts[n], n), default=0)
-    first = next((k for k, row in rows.items() if len(row) == width and _is_data(form, row)), None)
+    numbers = [sum(map(form.is_number, row)) for _, row in rows]
+    of_data = (
+        k
+        for k, (_, row) in enumerate(rows)
+        if len(row) == width and numbers[k] >= max(2, width // 2)
+    )
+    first = next(of_data, None)
     if width < 2 or first is None:
         return None
-    above = [k for k in plain if k < first and len(rows[k]) == width and _is_full(rows[k])]
+    full = [k for k in range(first) if len(rows[k][1]) == width]  # more than a title
+    full = [k for k in full if 2 * sum(bool(cell.strip()) for cell in rows[k][1]) > width]
     units: tuple[str, ...] = ()
-    if len(above) > 1 and _are_units(rows[above[-1]]):
-        units = tuple(field.strip() for field in rows[above.pop()])
-    if above:
-        columns = rows[above[0]]
-        first = above[1] if len(above) > 1 else first  # what is neither is told of as data
+    if len(full) > 1 and are_units(rows[full[-1]][1]):
+        units = tuple(cell.strip() for cell in rows[full.pop()][1])
+    if full:
+        columns = [" ".join(c.split()) if "\n" in c else c for c in rows[full[0]][1]]
+        first = full[1] if len(full) > 1 else first  # what is neither is told of as data
     else:  # the header may stand in the last line of comment
-        marked = [k for k in range(first) if _is_comment(lines[k], form.comment)]
-        columns = form.split(lines[marked[-1]].strip().lstrip("#%/").strip()) if marked else []
-    if len(columns) != width or any(form.is_number(c) for c in columns):
+        marked = [line for line in lines[: rows[first][0]] if form.is_comment(line)]
+        bare = replace(form, comment="")
+        columns = bare.split(marked[-1].strip().lstrip("#%/").strip()) if marked else []
+    commas = any(_COMMA.fullmatch(cell.strip()) for _, row in rows for cell in row)
+    if len(columns) != width or any(map(form.is_number, columns)):
         return None
-    if form.decimal == "," and not any(
-        _COMMA.fullmatch(f.strip()) for r in rows.values() for f in r
-    ):
+    if form.decimal == "," and not commas:
         return None
-    return replace(form, columns=tuple(columns), units=units, lines=first)
+    above = first - bool(units) - bool(full)
+    form = replace(form, columns=tuple(columns), units=units, lines=rows[first][0])
+    return replace(form, notes=tuple(_notes(form, above)))
 
 
-def _is_data(form: Form, row: Sequence[str]) -> bool:
-    """Whether a row is one of numbers, some text or empty fields among them."""
-    return sum(form.is_number(field) for field in row) >= max(2, len(row) // 2)
-
-
-def _is_full(row: Sequence[str]) -> bool:
-    """Whether a row is more than a title in its first field."""
-    return 2 * sum(bool(field.strip()) for field in row) > len(row)
-
-
-def _are_units(row: Sequence[str]) -> bool:
-    units = [find_unit(field) for field in row]
-    known = all(unit or is_no_unit(field) for unit, field in zip(units, row, strict=True))
-    return known and any(units)
-
-
-def _comment_mark(lines: Sequence[str]) -> str:
-    """Return the mark of lines of comment, if there are any."""
-    marks = [m for line in lines for m in COMMENTS if line.lstrip().startswith(m)]
-    return marks[0] if marks else ""
-
-
-def _is_comment(line: str, mark: str) -> bool:
-    return bool(mark) and line.lstrip().startswith(mark)
-
-
-def _notes(form: Form, lines: Sequence[str], plain: Sequence[int]) -> tuple[str, ...]:
-    notes = []
+def _notes(form: Form, above: int) -> Iterator[str]:
     if form.encoding != "utf-8":
         name = {WESTERN: "Windows-1252"}.get(form.encoding, form.encoding[:6].upper())
-        notes.append(f"its text is {name}")
+        yield f"its text is {name}"
     if form.separator != ",":
-        notes.append(f"its fields are separated by {SEPARATORS[form.separator]}")
+        yield f"its fields are separated by {SEPARATORS[form.separator]}"
     if form.decimal == ",":
-        notes.append("its numbers have decimal commas")
+        yield "its numbers have decimal commas"
     if form.comment:
-        notes.append(f"lines that begin with '{form.comment}' were passed over")
+        yield f"lines that begin with '{form.comment}' were passed over"
     if form.units:
-        notes.append("the row under its header states units")
-    before = [k for k in plain if k < form.lines - bool(form.units)]
-    if len(before) > 1:
-        notes.append(f"{len(before) - 1} line(s) above its header were passed over")
-    return tuple(notes)
+        yield "the row under its header states units"
+    if above > 0:
+        yield f"{above} line(s) above its header were passed over"

@@ -1,7 +1,7 @@
 """Finite Fourier series of periodic motion: their fit, their derivatives, and their period.
 
 What to use when: `fit_fourier` for positions, and rates that were measured; `fit_fourier_pieces`
-for logs that do not fit in memory; `fit_fourier_jointly` where the noise of each channel is known.
+for logs that do not fit in memory.
 """
 
 from __future__ import annotations
@@ -52,59 +52,28 @@ def _fourier_basis(t: Array, period: float, harmonics: int, order: int = 0) -> A
 
 
 def fit_fourier(
-    t: Array, q: Array, period: float, harmonics: int, *rates: Array | None
+    t: Array,
+    q: Array,
+    period: float,
+    harmonics: int,
+    *rates: Array | None,
+    noise: Sequence[Array] | None = None,
 ) -> FourierFit:
     """Fit a finite Fourier series to q (N, n) by least squares [Swevers 1997].
 
     Measured velocities and accelerations, if they are given after the rest, (N, n) or None each,
-    are fitted together with the positions, as `fit_fourier_pieces` does.
+    and the noise are as of `fit_fourier_pieces`.
     """
-    if any(x is not None for x in rates):
-        return fit_fourier_pieces([(t, q, *rates)], period, harmonics)[0]
-    basis = _fourier_basis(t, period, harmonics)
-    return FourierFit(period, np.linalg.lstsq(basis, q, rcond=None)[0])
-
-
-def fit_fourier_jointly(
-    t: Array, channels: Sequence[Array], noise: Sequence[Array], period: float, harmonics: int
-) -> FourierFit:
-    """Fit a finite Fourier series to positions and what was measured of their derivatives.
-
-    Parameters
-    ----------
-    t : (N,) [s]
-    channels : q (N, n), then dq and ddq where they were measured
-    noise : (n,) for each channel
-        Standard deviations, which weigh the channels.
-    period : float [s]
-    harmonics : int
-    """
-    basis = _fourier_basis(t, period, harmonics)
-    H, w = harmonics, 2 * np.pi / period * np.arange(1, harmonics + 1)
-    S, C = basis[:, 1 : H + 1], basis[:, H + 1 :]
-    zero = np.zeros((len(t), 1))
-    bases = [basis, np.hstack([zero, C * w, -S * w]), np.hstack([zero, -S * w**2, -C * w**2])]
-    used = list(zip(bases, channels, noise, strict=False))
-    grams = [b.T @ b for b, _, _ in used]
-    rights = [b.T @ x for b, x, _ in used]
-    values = np.empty((2 * H + 1, channels[0].shape[1]))
-    scale = np.concatenate([[1.0], 1.0 / w, 1.0 / w])  # columns of velocity at unit length
-    for k in range(values.shape[1]):
-        # What has no noise is weighed as if it had a millionth of its size.
-        level = [max(float(n[k]), 1e-6 * float(x[:, k].std()), 1e-12) for _, x, n in used]
-        gram = sum(G / s**2 for G, s in zip(grams, level, strict=True)) * np.outer(scale, scale)
-        right = sum(r[:, k] / s**2 for r, s in zip(rights, level, strict=True)) * scale
-        values[:, k] = scale * np.linalg.lstsq(gram, right, rcond=None)[0]
-    return FourierFit(period, values)
+    return fit_fourier_pieces([(t, q, *rates)], period, harmonics, noise)[0]
 
 
 def fit_fourier_pieces(
-    pieces: Iterable[tuple[Array | None, ...]], period: float, harmonics: int
+    pieces: Iterable[tuple[Array | None, ...]],
+    period: float,
+    harmonics: int,
+    noise: Sequence[Array] | None = None,
 ) -> tuple[FourierFit, float]:
     """Fit a finite Fourier series to a log that comes in pieces; return also its rms residual.
-
-    Channels are weighted, joint by joint, by the variance of what a series of their own leaves of
-    them: a series of positions alone knows little of accelerations that were measured.
 
     Parameters
     ----------
@@ -113,6 +82,10 @@ def fit_fourier_pieces(
         orthogonal functions allow.
     period : float [s]
     harmonics : int
+    noise : sequence of (n,), optional
+        Standard deviations by which channels are weighed, joint by joint; by default they are what
+        a series of its own leaves of each: one of positions alone knows little of accelerations
+        that were measured.
 
     Returns
     -------
@@ -135,34 +108,26 @@ def fit_fourier_pieces(
                 grams[order] = grams.get(order, 0.0) + basis.T @ basis
                 rights[order] = rights.get(order, 0.0) + basis.T @ y
                 squares[order] = squares.get(order, 0.0) + (y**2).sum(0)
-    values = np.linalg.lstsq(grams[0], rights[0], rcond=None)[0]
-    if len(grams) > 1:
-        values = _fit_together(grams, rights, squares)
-    gone = 2 * values * rights[0] - values * (grams[0] @ values)
-    rest = max(float((squares[0] - gone.sum(0)).sum()), 0.0)
-    values[0] += origin
-    return FourierFit(period, values), float(np.sqrt(rest / (count * len(origin))))
-
-
-def _fit_together(
-    grams: dict[int, Array], rights: dict[int, Array], squares: dict[int, Array]
-) -> Array:
-    """Return the series of all channels, each weighted by the variance of what is left of it."""
-    values = np.empty_like(rights[0])
     weights = {}
     for order, gram in grams.items():
-        own = np.linalg.lstsq(gram, rights[order], rcond=None)[0]
-        left = np.maximum(squares[order] - (own * rights[order]).sum(0), 0.0)
+        if noise is None:
+            own = np.linalg.lstsq(gram, rights[order], rcond=None)[0]
+            left = np.maximum(squares[order] - (own * rights[order]).sum(0), 0.0)
+        else:
+            left = count * noise[order] ** 2
         weights[order] = 1.0 / np.maximum(left, ROUNDOFF**2 * squares[order] + 1e-300)
+    values = np.empty_like(rights[0])
     for j in range(values.shape[1]):
         size = sum(w[j] for w in weights.values())
         gram = sum((weights[k][j] / size * g for k, g in grams.items()), np.zeros(()))
         right = sum((weights[k][j] / size * r[:, j] for k, r in rights.items()), np.zeros(()))
         scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        values[:, j] = (
-            np.linalg.lstsq(gram / np.outer(scale, scale), right / scale, rcond=None)[0] / scale
-        )
-    return values
+        found = np.linalg.lstsq(gram / np.outer(scale, scale), right / scale, rcond=None)[0]
+        values[:, j] = found / scale
+    gone = 2 * values * rights[0] - values * (grams[0] @ values)
+    rest = max(float((squares[0] - gone.sum(0)).sum()), 0.0)
+    values[0] += origin
+    return FourierFit(period, values), float(np.sqrt(rest / (count * len(origin))))
 
 
 def find_period(t: Array, q: Array, harmonics: int, most: int = 40) -> float:

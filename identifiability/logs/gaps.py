@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.checks import Clock
@@ -71,13 +71,8 @@ class StaleRule:
     @property
     def note(self) -> str:
         """What was found and done, for the report; nothing if nothing was."""
-        found = [f"{NAMES[c]} in {percent(s, 2)}" for c, s in self.share.items()]
-        if not found:
-            return ""
-        return (
-            f"values of all joints that repeat the sample before although the joints move "
-            f"({', '.join(found)} of the samples) were interpolated"
-        )
+        found = [phrase("repeated", "part", name=NAMES[c], share=s) for c, s in self.share.items()]
+        return Finding("repeated", channels=", ".join(found)) if found else ""
 
 
 def smallest_change(x: Array) -> Array:

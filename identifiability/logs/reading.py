@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.logs import signals
-from identifiability.logs.aliases import INDEX, guess_column
 from identifiability.logs.base import RawBase, find_base, moving_base
 from identifiability.logs.checks import Clock, Numbers, to_floats
+from identifiability.logs.columns import Naming, as_times, name_columns, settle_time, start_of
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
-from identifiability.logs.naming import Column, Naming, name_columns
+from identifiability.logs.names import INDEX, Column, guess_column
 from identifiability.logs.rules import RULES
 from identifiability.logs.spikes import SpikeFinder, WrapFinder
-from identifiability.logs.to_si import as_times, settle_angles, settle_time, settle_torque, start_of
 from identifiability.robot.floating import BASE_JOINTS
 
 if TYPE_CHECKING:
@@ -315,10 +315,7 @@ class Reading:
         if not sources:
             return frame
         if not self.keep:
-            raise LogError(
-                f"{self.source} holds commands and no torque and is too long to be held in "
-                "memory, which such logs must be: give a stretch of it."
-            )
+            raise LogError(Finding("long.commands", self.source))
         held = frame[sources].apply(to_floats).ffill()
         held = held if self._last is None else held.fillna(self._last)
         self._last = held.iloc[-1] if len(held) else self._last
@@ -341,15 +338,11 @@ class Reading:
         columns = list(frame.columns)
         if self.known.base is not None:
             if not self.keep:
-                raise LogError(
-                    f"{self.source} is about a base that floats and too long to be held in memory, "
-                    "which such logs must be: give a stretch of it."
-                )
+                raise LogError(Finding("long.base", self.source))
             self._base = find_base(columns, self.known.base, self.known.columns)
             columns = [c for c in columns if c not in self._base.values()]
         units = dict(zip(columns, self._form.units, strict=False))
         naming = name_columns(columns, self.source, self.known, units, first)
-        naming = settle_torque(settle_angles(naming, self.known), self.known, self.source)
         naming = settle_time(naming, frame, self.source, self.known)
         unread = "" if self.known.base is not None else moving_base(list(frame.columns))
         naming = replace(naming, notes=(*naming.notes, unread)) if unread else naming
@@ -437,21 +430,12 @@ class Reading:
         if len(lost) + len(self.absent) == len(self._naming.joints) and all(
             self.numbers[c].bad == self.numbers[c].rows for c in lost
         ):
-            raise LogError(
-                f"{self.source} has no torque: every '<joint>.tau' is empty; give what was "
-                "measured, of some joints at least."
-            )
+            raise LogError(Finding("torque.none", self.source))
         # All torque of a log is not smaller: a hundredth of a milligram at a millimetre.
         if 0 < self.torque < 1e-09:
-            raise LogError(
-                f"{self.source}: the largest torque in it is {self.torque:.2g}, as no robot's is; "
-                "it is in another unit, or was multiplied by a factor: give it in N·m (or N)."
-            )
+            raise LogError(Finding("torque.small", self.source, torque=self.torque))
         if not self.keep and (lost or self.absent):
-            raise LogError(
-                f"{self.source} lacks torque ({listing([*lost, *self.absent], 4)}) and is too long "
-                "to be held in memory: give stretches of it."
-            )
+            raise LogError(Finding("long.torque", self.source, columns=[*lost, *self.absent]))
         for column, numbers in self.numbers.items():
             if column not in lost:
                 numbers.finish()

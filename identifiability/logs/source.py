@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identifiability.foundation.errors import LogError
+from identifiability.logs.columns import name_columns
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import LINE_END, PLAIN, Form, find_encoding, find_form
 from identifiability.logs.formats.bags import hash_files
@@ -24,7 +25,6 @@ from identifiability.logs.formats.reader import (
     check_text,
     find_reader,
 )
-from identifiability.logs.naming import name_columns
 from identifiability.logs.reading import with_index
 from identifiability.logs.tables import Table, is_parquet, open_parquet, opened, parsing
 from identifiability.robot.floating import BASE_JOINTS

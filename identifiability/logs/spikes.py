@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
+from scipy.ndimage import grey_closing, grey_opening
 
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
@@ -104,9 +105,9 @@ def _find(x: Array, *, first: bool, last: bool) -> list[Spike]:
     inner = slice(before, before + len(x))
     wide = _extend(_extend(x, before)[::-1], after)[::-1]
     with np.errstate(invalid="ignore", over="ignore"):  # what is no number is refused later
-        low, high = _open(wide), _close(wide)
+        low, high = grey_opening(wide, 1 + WIDEST), grey_closing(wide, 1 + WIDEST)
         above, below = (wide - low)[inner], (high - wide)[inner]
-        smooth = _close(low)[inner]
+        smooth = grey_closing(low, 1 + WIDEST)[inner]
         rough = np.abs(np.diff(x))
         step, span = np.abs(np.diff(smooth)).max(), float(np.ptp(smooth))
     height = np.maximum(above, below)
@@ -148,29 +149,6 @@ def _extend(x: Array, count: int) -> Array:
         return x
     middle = float(np.median(x[: count + 1]))
     return np.concatenate([2 * middle - x[count + 1 : 2 * count + 1][::-1], x])
-
-
-def _open(x: Array) -> Array:
-    """Return x (N,) without what rises for up to `spike_widest` samples."""
-    return _spread(_spread(x, np.minimum), np.maximum, back=True)
-
-
-def _close(x: Array) -> Array:
-    """Return x (N,) without what falls for up to `spike_widest` samples."""
-    return _spread(_spread(x, np.maximum), np.minimum, back=True)
-
-
-def _spread(x: Array, extreme: np.ufunc, *, back: bool = False) -> Array:
-    """Return the extreme of each sample and the `spike_widest` after it, or before it."""
-    seen = 1
-    while seen <= WIDEST:  # the extreme of two such extremes is that of up to twice as many
-        k = min(seen, WIDEST + 1 - seen)
-        out, inner = np.empty_like(x), slice(k, None) if back else slice(-k)
-        extreme(x[k:], x[:-k], out=out[inner])
-        ends = slice(k) if back else slice(-k, None)
-        out[ends] = x[ends]
-        x, seen = out, seen + k
-    return x
 
 
 def _usual(height: Array, k: int) -> float:
@@ -273,3 +251,10 @@ class WrapFinder:
         if (np.abs(steps + turns) > RULES.spike_steps * self._usual + ROUNDOFF).any():
             return None
         return Wraps(np.concatenate(self._rows), turns)
+
+
+def find_wraps(values: Array) -> Wraps | None:
+    """Return the jumps of a column (N,) [rad], if they are turns."""
+    finder = WrapFinder()
+    finder.add(values)
+    return finder.finish()

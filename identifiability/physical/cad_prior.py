@@ -21,7 +21,7 @@ from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.feasible_set import PhysicalSet, adjoint_inverse, square
 from identifiability.physical.pseudo_inertia import (
     BASIS,
@@ -479,7 +479,7 @@ def real_robot_dict(
     parameters: Mapping[str, float],
     errors: tuple[float, float, float],
     each: Array,
-    samples: Sequence[Prepared] = (),
+    samples: Sequence[Dataset] = (),
     cad_weight: float = 0.0,
 ) -> dict[str, Any]:
     """Return a real robot as plain values, as `export` reads them.
@@ -495,7 +495,7 @@ def real_robot_dict(
         the robot's own format, and one of the other.
     each : (n, 3)
         The same of each joint over its own scale.
-    samples : sequence of Samples or LongSamples
+    samples : sequence of Dataset
         The fitted logs.
     cad_weight : float
         Of the prior that it was found with.
@@ -527,7 +527,7 @@ def real_robot_dict(
 
 
 def _errors_tilted(
-    structure: Structure, samples: Sequence[Prepared], values: Mapping[str, float]
+    structure: Structure, samples: Sequence[Dataset], values: Mapping[str, float]
 ) -> tuple[tuple[float, float, float], Array]:
     """Return ε_RA of a robot whose base is tilted, and of what a file of either format holds.
 
@@ -539,7 +539,7 @@ def _errors_tilted(
     Parameters
     ----------
     structure : Structure
-    samples : sequence of Samples or LongSamples
+    samples : sequence of Dataset
     values : mapping
         Standard parameters by name.
     """

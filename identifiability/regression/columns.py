@@ -17,7 +17,7 @@ from identifiability.effects.effect import measure_spans
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare.samples import Piece
+from identifiability.logs.prepare.dataset import Piece
 from identifiability.robot import Motion, Robot
 
 #: What a model has where: families with their places.
@@ -227,7 +227,7 @@ def _write(entries: Entries, piece: Piece, found: Entries, start: int, rows: int
         for (at, _), values in zip(part, down.T, strict=True):
             if at not in entries:
                 entries[at] = np.zeros(rows)
-            entries[at][start : start + len(values)] = piece.masked(values, at[0])
+            entries[at][start : start + len(values)] = piece.weighed(values, at[0])
 
 
 def _lay_out(

@@ -16,7 +16,7 @@ from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import at_least, checked
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.dataset import Dataset
 from identifiability.regression.information import (
     ActuatorBlocks,
     Information,
@@ -88,7 +88,7 @@ def gather_information(
     return Information(names, parts, counts, data, logs, has)
 
 
-def _block_edges(samples: Prepared, size: int) -> Array:
+def _block_edges(samples: Dataset, size: int) -> Array:
     """Return where blocks of a log begin; none reaches across a long gap."""
     ends = (*samples.starts[1:], samples.outputs)
     pairs = zip(samples.starts, ends, strict=True)

@@ -22,9 +22,7 @@ from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.options import Expected, checked
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Samples
-from identifiability.logs.prepare.longsamples import LongSamples, Prepared, Stretch
-from identifiability.logs.prepare.samples import Piece
+from identifiability.logs.prepare.dataset import Dataset, Piece
 from identifiability.robot import Motion, Robot
 
 if TYPE_CHECKING:
@@ -342,9 +340,9 @@ class Memory:
     """Chunks of logs in memory for several regressions, each as long as its log is there."""
 
     def __init__(self) -> None:
-        self._kept: WeakKeyDictionary[Samples, Kept] = WeakKeyDictionary()
+        self._kept: WeakKeyDictionary[Dataset, Kept] = WeakKeyDictionary()
 
-    def of(self, samples: Samples) -> Kept:
+    def of(self, samples: Dataset) -> Kept:
         """Return where the chunks of a log are kept."""
         return self._kept.setdefault(samples, Kept())
 
@@ -385,8 +383,8 @@ class LogPart:
         Which log of the regression.
     start : int
         Output of that log at which the part begins.
-    samples : Samples, LongSamples or Stretch
-    instruments : the same, or None
+    samples, instruments : Dataset
+        In memory, or a stretch of a long one; instruments are none or as many samples.
     windows : (w, 2) int
         Outputs [start, stop) of the log that are looked at one by one.
     kept : Kept or None
@@ -400,8 +398,8 @@ class LogPart:
     columns: np.ndarray | None
     log: int
     start: int
-    samples: Prepared | Stretch
-    instruments: Prepared | Stretch | None
+    samples: Dataset
+    instruments: Dataset | None
     windows: np.ndarray
     kept: Kept | None
     dwelling: bool = False
@@ -414,7 +412,7 @@ class LogPart:
     @property
     def remote(self) -> bool:
         """Whether it is worth sending to another process."""
-        return isinstance(self.samples, Stretch)
+        return self.samples.long
 
     def chunks(self, size: int = CHUNK) -> Iterator[Chunk]:
         """Yield its chunks; each one's W is overwritten by the next, unless all are kept."""
@@ -476,12 +474,12 @@ class LogPart:
                 raise ValueError("instruments need as many samples as the log that they stand for")
             velocity, moves = piece.motion.actuated_v[piece.at], piece.moves
             if self.dwelling:
-                piece = replace(piece, dwells=None)  # noqa: PLW2901 - all of it is asked for
-            W, V = piece.masked(W), None if V is None else piece.masked(V)
+                piece = replace(piece, weight=np.ones_like(piece.weight))  # noqa: PLW2901 - it all
+            W, V = piece.weighed(W), None if V is None else piece.weighed(V)
             yield Chunk(self.log, first, W, piece.torque, piece.raw, t, velocity, V, moves)
 
     def _pieces(
-        self, samples: Prepared | Stretch | None, size: int
+        self, samples: Dataset | None, size: int
     ) -> Iterator[tuple[Any, Callable[[], Any]]]:
         """Yield pieces and what computes the regressor of their outputs, over the one before."""
         if samples is None:
@@ -491,7 +489,7 @@ class LogPart:
         shape = (len(self.robot.actuated), sum(widths))
         buffer, before = Buffer(shape), None
         most, reach = most_rows(shape), 1
-        if isinstance(samples, Samples) and samples.decimation is not None:
+        if samples.decimation is not None:
             # Beside few samples a strong filter would draw on many more, for each piece anew.
             reach = samples.decimation.coarse.reach
             size = min(max(size, REACHES * reach), max(size, most))
@@ -534,11 +532,11 @@ class Regression:
     ----------
     robot : Robot
     model : Model
-    samples : tuple of Samples or LongSamples
+    samples : tuple of Dataset
         Prepared logs.
     columns : (b,) int or None
         Which columns of the model are computed (the base parameters'); None for all.
-    instruments : tuple of Samples or LongSamples, or None
+    instruments : tuple of Dataset, or None
         Motion along which instruments are computed, of each log, sample by sample.
     echo : None
         Always: what is asked for by `estimation.groups`.
@@ -550,9 +548,9 @@ class Regression:
 
     robot: Robot
     model: Model
-    samples: tuple[Prepared, ...]
+    samples: tuple[Dataset, ...]
     columns: np.ndarray | None = None
-    instruments: tuple[Prepared, ...] | None = None
+    instruments: tuple[Dataset, ...] | None = None
     echo: None = None
     memory: Memory | None = None
     dwelling: bool = False
@@ -602,19 +600,15 @@ class Regression:
         )
         return [replace(part, dwelling=True) if self.dwelling else part for part in found]
 
-    def _divided(
-        self, *, whole: bool
-    ) -> Iterator[tuple[int, int, Prepared | Stretch, Prepared | Stretch | None]]:
+    def _divided(self, *, whole: bool) -> Iterator[tuple[int, int, Dataset, Dataset | None]]:
         """Yield log and first output of each part, its samples and its instruments."""
         for k, samples in enumerate(self.samples):
             other = None if self.instruments is None else self.instruments[k]
-            if whole or isinstance(samples, Samples):
-                yield k, 0, samples, other
-                continue
-            stretches = samples.stretches
-            starts = np.cumsum([0, *(s.outputs for s in stretches)]).tolist()
-            others = other.stretches if isinstance(other, LongSamples) else [None] * len(stretches)
-            yield from zip([k] * len(stretches), starts[:-1], stretches, others, strict=True)
+            start, parts = 0, [samples] if whole else samples.divided()
+            beside = [None] * len(parts) if other is None else [other] if whole else other.divided()
+            for part, instruments in zip(parts, beside, strict=True):
+                yield k, start, part, instruments
+                start += part.outputs
 
     def thin(self, step: int) -> Regression:
         """Return the regression of every `step`-th sample, without decimation."""
@@ -622,17 +616,17 @@ class Regression:
         others = self.instruments and tuple(s.thin(step) for s in self.instruments)
         return replace(self, samples=samples, instruments=others)
 
-    def _find_kept(self, log: int, start: int, samples: Prepared | Stretch) -> Kept | None:
+    def _find_kept(self, log: int, start: int, samples: Dataset) -> Kept | None:
         """Return where chunks of a part are kept; None if they take too much memory."""
         shown = sum(int(np.sum(w[:, 1] - w[:, 0])) for w in self.windows)
         width = len(self.parameters) * (1 if self.instruments is None else 2)
         size = 8 * shown * len(self.robot.actuated) * width
-        if isinstance(samples, LongSamples) or size >= KEEP_BYTES:
+        if len(samples.stretches) > 1 or size >= KEEP_BYTES:
             return None
         # What is kept is what is looked at: only all of a log is the same in each regression.
         # Up to this size they are so for later regressions of the same logs, too [bytes].
         same = self.instruments is None and shown == self.outputs and size < 32e6
-        if self.memory is not None and isinstance(samples, Samples) and same:
+        if self.memory is not None and not samples.long and same:
             return self.memory.of(samples)
         return self._kept.setdefault((log, start, samples.outputs), Kept())
 

@@ -21,8 +21,7 @@ from identifiability.foundation.names import GROUPED_KINDS, Array, Parameter
 from identifiability.foundation.options import Expected, Rng, checked
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Samples
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare import Dataset
 from identifiability.regression.regression import Memory, Model, Regression
 from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
 
@@ -318,18 +317,18 @@ class Structure:
         """Rows of logs that are asked for several times under this structure."""
         return Memory()
 
-    def regression(self, samples: Sequence[Prepared], *, keep: bool = False) -> Regression:
+    def regression(self, samples: Sequence[Dataset], *, keep: bool = False) -> Regression:
         """Return the columns of the base parameters along measured motion.
 
         With instruments where every log has a second record of its motion.
 
         Parameters
         ----------
-        samples : sequence of Samples or LongSamples
+        samples : sequence of Dataset
         keep : bool
             Whether rows of logs in memory are kept for the next regression of the same logs.
         """
-        others = tuple(s.beside for s in samples if isinstance(s, Samples) and s.beside is not None)
+        others = tuple(s.beside for s in samples if s.beside is not None)
         beside = others if others and len(others) == len(samples) else None
         memory = self.memory if keep else None
         what = self.robot, self.model, tuple(samples), self.base.kept, beside

@@ -29,7 +29,7 @@ from identifiability.foundation.rounding import (
     stated_text,
     whole_percent,
 )
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import mass_rows, total_mass
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.rules import Thresholds
@@ -406,12 +406,12 @@ def _how(analysis: Analysis) -> tuple[Section, ...]:
     )
 
 
-def _span(row: tuple[str, Prepared]) -> str:
+def _span(row: tuple[str, Dataset]) -> str:
     survey = row[1].survey
     return f"{survey.start:.4g} … {survey.stop:.4g}" if survey.kept else ""
 
 
-def _notes(row: tuple[str, Prepared]) -> str:
+def _notes(row: tuple[str, Dataset]) -> str:
     return "; ".join(row[1].notes) + "." if row[1].notes else ""
 
 

@@ -193,6 +193,10 @@ def build_page(result: Result) -> Page:
         Section(f"table-{k + 1}", table.caption, blocks=(replace(table, caption=""),))
         for k, table in enumerate(result.tables())
     ]
+    done = [
+        Section("ledger", table.caption, blocks=(replace(table, caption=""),))
+        for table in result.ledger()
+    ]
     return Page(
         title=title,
         overline=overline,
@@ -204,6 +208,7 @@ def build_page(result: Result) -> Page:
         ),
         sections=(
             *filter(None, _of_page(result, "sections", tables)),
+            *done,
             *([section_rules(rules)] if rules else []),
         ),
     )

@@ -19,8 +19,8 @@ from identifiability.foundation.output import check_writable, temporary_folder, 
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
+from identifiability.logs.contradictions import check_units
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.mend import check_units
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.source import read_table
 from identifiability.logs.spectrum import Spectrum, choose_band

@@ -35,11 +35,10 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
-from identifiability.logs.prepare import Samples
+from identifiability.quality import MeasuredLogs
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
-from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.rules import RULES
 
 #: Rows that are looked at, of more so many windows of so many; numbers that columns may be.
@@ -195,9 +194,11 @@ class _Rows:
         n, b = len(logs.joints), len(self.structure.base.kept)
         most = max(min(ROWS[0], NUMBERS // (4 * n * max(b, 1))), ROWS[1])
         self._most = most, ROWS[1], most // ROWS[1]
-        some = [s for s in logs.samples if isinstance(s, Samples) and s.dwells is not None]
-        moving = [replace(s, dwells=None) if s in some else s for s in logs.samples]
-        self.samples = tuple(moving)
+        some = [s for s in logs.samples if not (s.long or s.weight.all())]
+        every = [replace(s, weight=np.ones_like(s.weight)) for s in logs.samples]
+        self.samples = tuple(
+            x if s in some else s for s, x in zip(logs.samples, every, strict=True)
+        )
         self.seen = self._look(self.robot)
         self.data = self.seen.data
         if some:

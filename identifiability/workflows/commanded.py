@@ -31,10 +31,8 @@ from identifiability.foundation.rounding import format_number
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import check_commands, of_commands, servo_log
-from identifiability.logs.logfile import LogFile
-from identifiability.logs.mend import looks_like_degrees
-from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.logs.repeats import Recording
+from identifiability.logs.contradictions import looks_like_degrees
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo, state_delay
@@ -44,7 +42,7 @@ from identifiability.simulation.rollout import CommandedRobot, forgotten
 PHASES = 4
 
 
-def give_torque(logs: Sequence[Log | LogFile], servo: Servo | None) -> list[Log | LogFile]:
+def give_torque(logs: Sequence[Log], servo: Servo | None) -> list[Log]:
     """Return logs with torque of the servos where they hold commands and none of their own.
 
     Delays are those that are stated, else none yet.
@@ -54,9 +52,9 @@ def give_torque(logs: Sequence[Log | LogFile], servo: Servo | None) -> list[Log 
     LogError
         If the motion contradicts the commands.
     """
-    out: list[Log | LogFile] = []
+    out: list[Log] = []
     for log in logs:
-        if servo is None or not (isinstance(log, Log) and log.commanded and log.motion_alone):
+        if servo is None or not (log.commanded and log.motion_alone):
             out.append(log)
             continue
         check_commands(log)
@@ -114,13 +112,13 @@ def follow_commands(
     later = [
         {k: moved(log, robot.servo, robot.servo, float(errors[id(given)]))}
         for k, (given, log) in enumerate(zip(fitted, own_fitted, strict=True))
-        if errors.get(id(given)) and isinstance(log, Log)
+        if errors.get(id(given))
     ]
     for other in robot.servo.doubted:
         pairs = enumerate(own_fitted)
         later.append({k: moved(x, robot.servo, other) for k, x in pairs if of_commands(x)})
     said = doubt + state_servos(robot, commanded, found)
-    rolled = any(isinstance(x, Log) and x.rollout is not None for x in own_fitted)
+    rolled = any(x.rollout is not None for x in own_fitted)
     return replace(
         recordings,
         fitted=own_fitted,
@@ -134,19 +132,19 @@ def follow_commands(
 
 def calibrate(
     structure: Structure,
-    logs: Sequence[Recording],
+    logs: Sequence[Log],
     values: Mapping[str, float],
     how: Preparation,
     rng: np.random.Generator,
     delays: Mapping[int, float],
-) -> tuple[Recording, ...]:
+) -> tuple[Log, ...]:
     """Return logs without what recording a rollout of them leaves, where torque is of commands.
 
     Parameters
     ----------
     structure, how, rng
         As of `follow_commands`.
-    logs : sequence of Log or LogFile
+    logs : sequence of Log
         As `give_torque` returned them.
     values : mapping
         Standard parameters by name of what is rolled out.
@@ -155,7 +153,7 @@ def calibrate(
     """
     robot = structure.robot
     assert robot.servo is not None
-    machine, out = CommandedRobot(robot, values), list[Recording]()
+    machine, out = CommandedRobot(robot, values), list[Log]()
     for log in logs:
         if of_commands(log):
             delay = delays.get(id(log), robot.servo.delay)
@@ -245,7 +243,7 @@ def refuse_scale(structure: Structure, logs: Sequence[Log], how: Preparation) ->
     across, along, count = 0.0, 0.0, 0
     for log in logs:
         raw = servo_log(log, free, log.servo_delay or 0.0)
-        samples = prepare_samples(robot, replace(raw, unmeasured=None), how)
+        samples = prepare_log(robot, replace(raw, unmeasured=None), how)
         motion, needed = samples.motion, rigid_torque(robot, samples.motion)
         for j, tau in enumerate(samples.tau.T):
             v, a = motion.actuated_v[:, j], motion.actuated_a[:, j]
@@ -294,10 +292,10 @@ def _calibrate(
         again = servo_log(
             replace(given, q=record(q, log, rng), unmeasured=None), machine.servo, delay
         )
-        samples = prepare_samples(robot, again, how)
+        samples = prepare_log(robot, again, how)
         rows = samples.motion.kept
         told = structure.model.regressor(robot, samples.motion) @ phi
-        moves = np.ones(told.shape, bool) if samples.dwells is None else ~samples.dwells
+        moves = samples.weight > 0
         left[rows] += np.where(moves, samples.tau - told, 0.0)
         count[rows] += moves
     lost |= count < PHASES
@@ -359,8 +357,8 @@ class Moved:
 def measure_rollouts(
     robot: Robot,
     values: Mapping[str, float],
-    fitted: Sequence[Recording],
-    held_out: Sequence[Recording],
+    fitted: Sequence[Log],
+    held_out: Sequence[Log],
 ) -> Moved | None:
     """Return how far rollouts are off on unseen logs of commands, or else on fitted ones.
 
@@ -372,7 +370,7 @@ def measure_rollouts(
         With the file's values.
     values : mapping
         The fitted standard parameters by name.
-    fitted, held_out : sequence of Log or LogFile
+    fitted, held_out : sequence of Log
     """
     commanded = [
         [x.select(robot.joints) for x in logs if of_commands(x)] for logs in (held_out, fitted)

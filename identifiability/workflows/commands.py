@@ -10,10 +10,10 @@ import numpy as np
 
 from identifiability.effects.vocabulary import values_in_file
 from identifiability.foundation.result import Result
+from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.prepare.preparation import SettledPreparation
-from identifiability.logs.repeats import Recording
 from identifiability.physical.feasibility import is_another
 from identifiability.regression.reduction import LadderSource, ladder_path
 from identifiability.robot import Robot
@@ -57,7 +57,7 @@ def preparing_options(how: object) -> str:
     return "".join(f" --set {name}={text}" for name, text in texts.items())
 
 
-def given_paths(logs: Iterable[Recording | Prepared]) -> tuple[str, ...]:
+def given_paths(logs: Iterable[Log | Dataset]) -> tuple[str, ...]:
     """Return the paths of logs as they were given; of those in memory what they are called."""
     return tuple(log.path or log.name for log in logs)
 
@@ -78,7 +78,7 @@ def name_logs(robot: Robot, paths: Iterable[str], option: str = "", how: object 
     return f"{' '.join(files)}{reading_options(robot)}{preparing_options(how)}"
 
 
-def held_back(samples: Sequence[Prepared], fitted: Sequence[Prepared] = ()) -> str:
+def held_back(samples: Sequence[Dataset], fitted: Sequence[Dataset] = ()) -> str:
     """Return the logs that were held back, as options; begins with a space.
 
     A part of a fitted log is none: it is set aside again by itself.

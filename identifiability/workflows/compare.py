@@ -47,10 +47,8 @@ from identifiability.foundation.rounding import rough_percent
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
-from identifiability.logs.prepare import Preparation, Samples, prepare_samples
+from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.instruments import find_lag
-from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.logs.repeats import Recording
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.reduction import (
     LadderLike,
@@ -77,17 +75,17 @@ class Pair:
 
     Attributes
     ----------
-    first, second : Samples
+    first, second : Dataset
     at : (int, int)
         Which of the logs they are.
     """
 
-    first: Samples
-    second: Samples
+    first: Dataset
+    second: Dataset
     at: tuple[int, int]
 
 
-def look(structure: Structure, samples: Sequence[Prepared], values: int) -> Excerpt:
+def look(structure: Structure, samples: Sequence[Dataset], values: int) -> Excerpt:
     """Return the rows of logs, if there are enough for so many values.
 
     Raises
@@ -162,20 +160,21 @@ def subtract(
     return rows[0].take(at, both).minus(rows[1].take(there, both))
 
 
-def find_pairs(robot: Robot, logs: Sequence[Recording], later: int, how: Preparation) -> list[Pair]:
+def find_pairs(
+    robot: Robot, logs: Sequence[Log], samples: Sequence[Dataset], later: int, how: Preparation
+) -> list[Pair]:
     """Return the first so many logs with one of the rest that repeats its motion, if all have one.
 
     Of several repetitions the one is taken that served least so far. Logs that are too long for
     memory have none.
     """
-    whole = {k: x for k, x in enumerate(logs) if isinstance(x, Log)}
-    own = {k: prepare_samples(robot, x, how) for k, x in whole.items()}
+    own = {k: s for k, s in enumerate(samples) if not s.long}
     pairs: list[Pair] = []
     for k in range(later):
         serves = Counter(p.at[1] for p in pairs)
         for at in sorted(own.keys() - range(later), key=lambda at: (serves[at], at)):
             shift = find_lag(own[k].motion, own[at].motion) if k in own else None
-            found = None if shift is None else _on_one_clock(robot, whole[k], whole[at], shift, how)
+            found = None if shift is None else _on_one_clock(robot, logs[k], logs[at], shift, how)
             if found is not None:
                 pairs.append(Pair(*found, (k, at)))
                 break
@@ -186,7 +185,7 @@ def find_pairs(robot: Robot, logs: Sequence[Recording], later: int, how: Prepara
 
 def _on_one_clock(
     robot: Robot, log: Log, other: Log, later: float, how: Preparation
-) -> tuple[Samples, Samples] | None:
+) -> tuple[Dataset, Dataset] | None:
     """Return both logs over the time that they share; None where that is too little."""
     at = log.t + later
     inside = np.flatnonzero((at >= other.t[0]) & (at <= other.t[-1]))
@@ -194,7 +193,7 @@ def _on_one_clock(
         return None
     log = log.rows(int(inside[0]), int(inside[-1]) + 1)
     same = other.each(lambda x: CubicSpline(other.t, x)(log.t + later), t=log.t)
-    first, second = (prepare_samples(robot, x, how) for x in (log, same))
+    first, second = (prepare_log(robot, x, how) for x in (log, same))
     return first, second
 
 
@@ -620,7 +619,7 @@ def _compare_logs(
     opening = session.open("compared")
     seen = look(structure, opening.samples, len(submodel))
     base, bodies = pooled_values(seen.X, seen.y, submodel.M, submodel.fixed), load_bodies(structure)
-    pairs = find_pairs(robot, (*later, *earlier), len(later), session.how)
+    pairs = find_pairs(robot, (*later, *earlier), opening.samples, len(later), session.how)
     what, k = (structure, seen, base, bodies), len(submodel)
     asked = np.repeat([1.0, 0.0], [len(later), len(earlier)])
     free, patterns = Known.nothing(submodel.M, submodel.fixed), find_patterns(asked, len(asked))

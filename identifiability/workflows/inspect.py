@@ -20,6 +20,7 @@ from identifiability.effects.nominal import has_masses
 from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.engines.mapping import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing
+from identifiability.foundation.findings import Level, ledger, of_key
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
 from identifiability.foundation.output import check_ending, check_writable, csv_text, write_text
@@ -35,16 +36,18 @@ from identifiability.foundation.rounding import (
 )
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log, signals
+from identifiability.logs import Log
 from identifiability.logs.gaps import Gaps, StaleRule
-from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.longsamples import Prepared, prepare_log
+from identifiability.logs.prepare.dataset import Dataset, explain_silence, prepare_log
 from identifiability.logs.prepare.plan import joint_log, noise_level, resolution
-from identifiability.logs.prepare.samples import explain_silence
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum
 from identifiability.physical.feasibility import find_impossible_bodies
+from identifiability.quality import MeasuredLogs, find_oddities
+from identifiability.quality.motion import find_stretches
+from identifiability.quality.rules import RULES as ODDITY_RULES
+from identifiability.quality.torque import flat_share, measure_factors
 from identifiability.regression.reduction import ModelLike, choose_model, find_ladder, ladder_model
 from identifiability.regression.structure import OfStructure, Structure, group_columns
 from identifiability.robot import Robot, RobotLike
@@ -53,14 +56,9 @@ from identifiability.robot.sidecar import read_sidecar
 from identifiability.workflows.alternatives import find_alternative
 from identifiability.workflows.answers import answer_next, with_hints
 from identifiability.workflows.commands import name_logs, source_name
-from identifiability.workflows.oddities import MeasuredLogs, find_oddities
-from identifiability.workflows.oddities.positions import find_stretches
-from identifiability.workflows.oddities.rules import RULES as ODDITY_RULES
-from identifiability.workflows.oddities.torque import flat_share, measure_factors
 from identifiability.workflows.opening import (
     Logs,
     Progress,
-    is_reading,
     quiet,
     running,
     share,
@@ -346,15 +344,13 @@ class Record:
         }
 
 
-def describe_log(
-    robot: Robot, log: Log | LogFile, logs: MeasuredLogs | None, refused: str = ""
-) -> Record:
+def describe_log(robot: Robot, log: Log, logs: MeasuredLogs | None, refused: str = "") -> Record:
     """Return what is in a log.
 
     Parameters
     ----------
     robot : Robot
-    log : Log or LogFile
+    log : Log
     logs : MeasuredLogs or None
         Of this log alone; None where it cannot be prepared.
     refused : str
@@ -365,7 +361,7 @@ def describe_log(
     LogError
         If it does not have the robot's joints.
     """
-    raw = [log.rows(a, b) for a, b in signals.spread_windows(len(log))]
+    raw = [window for _, window in log.windows()]
     windows = [joint_log(robot, window) for window in raw]
     prepared = logs.samples[0] if logs is not None else None
     clock = log.clock
@@ -436,7 +432,7 @@ def _describe_columns(
     )
 
 
-def _trace(windows: Sequence[Log], prepared: Prepared | None) -> Trace:
+def _trace(windows: Sequence[Log], prepared: Dataset | None) -> Trace:
     """Return what is drawn of a log."""
     t, q, tau = (np.concatenate([getattr(w, c) for w in windows]) for c in ("t", "q", "tau"))
     if prepared is None:
@@ -535,6 +531,10 @@ class Inspection(OfStructure, Result):
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
         return (ODDITY_RULES, LOG_RULES)
+
+    def ledger(self) -> tuple[Table, ...]:
+        """Return the table of all that checks found, and did with the logs."""
+        return ledger(self.findings, every=True)
 
     def tables(self) -> tuple[Table, ...]:
         """Return clock, motion and torque of logs; without logs the joints of the robot file."""
@@ -674,7 +674,7 @@ def _with_logs(
     robot = session.structure.robot
     recordings, settled = session.recordings, _settle(session)
     reading = share(say, "reading logs", 0.2, 0.6)
-    prepared: dict[int, Prepared] = {}
+    prepared: dict[int, Dataset] = {}
     refused: dict[int, str] = {}
     for k, log in enumerate(recordings.fitted):
         try:
@@ -728,8 +728,9 @@ def _odd_alone(logs: MeasuredLogs, said: tuple[str, ...]) -> list[str]:
         return []
     other = find_alternative(logs)
     odd = find_oddities(logs, explained=other is not None)
-    own = (*((other.statement,) if other and not odd.misread else ()), *odd.hints)
-    return [f"{logs.samples[0].name}: {text}" for text in own if text not in said]
+    name = logs.samples[0].name
+    own = [f"{name}: {other.statement}"] if other and not odd.misread else []
+    return [*own, *(x.of_log(name) for x in of_key(odd.hints) if x not in said)]
 
 
 def _measure(logs: MeasuredLogs) -> Excited:
@@ -748,8 +749,8 @@ SHOWN = 3
 
 
 def find_odd(result: Inspection) -> tuple[str, ...]:
-    """Return the hints that say more than how logs were read."""
-    return tuple(hint for hint in result.hints if not is_reading(hint))
+    """Return the hints that say more than how logs were read, and what was done without a doubt."""
+    return tuple(h for h in result.hints if getattr(h, "level", None) is not Level.INFO)
 
 
 def _usable(result: Inspection) -> Answer:

@@ -1,8 +1,8 @@
-"""`Opening`: what a verb knows before it judges: a robot under a model, logs that say something.
+"""`Recordings`: logs as they were measured, every row once, and where they are worked on.
 
-What to use when: `read_recordings` gives the logs, every row once; `open_logs` prepares them and
-refuses those that have nothing to explain; `running` and `share` say where that is done and how far
-it is.
+What to use when: `read_recordings` reads logs, however they are given, and mends them; `in_memory`
+refuses those that are too long; `running` and `share` say where work is done and how far it is;
+`state_provenance` what decided the numbers of a result.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field, replace
-from functools import cached_property
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -20,11 +20,11 @@ import clarabel
 import numpy as np
 import pandas as pd
 
-from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives, find_alternatives
 from identifiability.foundation import __version__
 from identifiability.foundation.engines.local import NUMERICS, Processes, find_version
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
@@ -33,37 +33,20 @@ from identifiability.logs.commands import of_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import frame_of
 from identifiability.logs.formats.reader import find_parts
-from identifiability.logs.logfile import LogFile, open_log
-from identifiability.logs.prepare import Preparation, Samples
-from identifiability.logs.prepare.longsamples import LongSamples, Prepared
-from identifiability.logs.prepare.samples import explain_silence
-from identifiability.logs.repeats import Recording, check_held_out, share_clock
+from identifiability.logs.log import too_long
+from identifiability.logs.prepare import Dataset, Preparation
+from identifiability.logs.repeats import check_held_out, share_clock
 from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.quality import Reading, mend
 from identifiability.regression.reduction import LadderSource
-from identifiability.regression.regression import Regression
-from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
-from identifiability.workflows.alternatives import Alternative, find_alternative
-from identifiability.workflows.oddities import (
-    MeasuredLogs,
-    Reading,
-    find_always,
-    find_oddities,
-    mend,
-)
 
 if TYPE_CHECKING:
     from identifiability.estimation.rollouts import Rollouts
     from identifiability.workflows.commanded import Moved
 
-#: Why no verdict stands on columns that are read as what they are not, for after "because".
-MISREAD = (
-    "a column seems to have the wrong sign, unit or joint, or to be aliased, as the first remark "
-    "says: mend that, and run again"
-)
-
-LogLike = Log | LogFile | str | Path | pd.DataFrame | Mapping[str, Any]
+LogLike = Log | str | Path | pd.DataFrame | Mapping[str, Any]
 Logs = Annotated[
     Sequence[LogLike] | LogLike,
     Expected("a log (the path of a file, a DataFrame, arrays by name or a Log) or a list of logs"),
@@ -71,6 +54,10 @@ Logs = Annotated[
 Progress = Annotated[
     Callable[[str, float], None], Expected("a function that takes a text and the share done")
 ]
+
+
+#: Logs, or groups of logs read alike, whose own reading is told.
+SHOWN_READINGS = 4
 
 
 def quiet(_text: str, _share: float) -> None:
@@ -83,7 +70,7 @@ class Recordings:
 
     Attributes
     ----------
-    fitted, held_out : tuple of Log or LogFile
+    fitted, held_out : tuple of Log
     hints : tuple of str
         On those that are read otherwise than literally, repeat others, or have wrong samples.
     read : tuple of (str, str)
@@ -99,8 +86,8 @@ class Recordings:
         and standard parameters by name of what was rolled out.
     """
 
-    fitted: tuple[Recording, ...]
-    held_out: tuple[Recording, ...] = ()
+    fitted: tuple[Log, ...]
+    held_out: tuple[Log, ...] = ()
     hints: tuple[str, ...] = ()
     read: tuple[tuple[str, str], ...] = ()
     commands: str = ""
@@ -112,39 +99,6 @@ class Recordings:
     def commanded(self) -> bool:
         """Whether torque of any log comes from commands."""
         return any(map(of_commands, self.fitted))
-
-    def follow(
-        self,
-        structure: Structure,
-        how: Preparation,
-        rng: np.random.Generator,
-        say: Progress,
-        values: Mapping[str, float] | None = None,
-    ) -> Recordings:
-        """Return the logs with calibrated torque where it comes from commands; held-out as it was.
-
-        What moves by them has the file's bodies, or those of the standard parameters that were
-        fitted to such torque before.
-        """
-        if not self.commanded:
-            return self
-        from identifiability.workflows.commanded import follow_commands  # noqa: PLC0415 - MuJoCo
-
-        say("rolling out commands", 0.1)
-        followed: Recordings = follow_commands(self, structure, how, rng, values or {})
-        return followed
-
-    def follow_unseen(
-        self, structure: Structure, how: Preparation, rng: np.random.Generator
-    ) -> Recordings:
-        """Return the logs with calibrated torque of held-out ones, too, by what followed."""
-        if self.rolled is None:
-            return self
-        from identifiability.workflows.commanded import calibrate  # noqa: PLC0415 - MuJoCo
-
-        return replace(
-            self, held_out=calibrate(structure, self.held_out, self.values, how, rng, {})
-        )
 
     def acting_later(self, servo: Servo, by: float) -> Recordings:
         """Return the logs as they are if commands act later than was found, by so much [s]."""
@@ -170,62 +124,6 @@ class Recordings:
         return measure_rollouts(robot, values, self.fitted, self.held_out)
 
 
-@frozen(kw_only=True)
-class Opening(OfStructure):
-    """What a verb knows before it judges anything.
-
-    Attributes
-    ----------
-    structure : Structure
-        The robot under the unpruned model.
-    samples, validation : tuple of Samples
-        Logs that are fitted, and that are held out.
-    hints : tuple of str
-        What seems to be wrong with robot file and logs, for the user to check.
-    explained : bool
-        Whether the first of them explains whatever else contradicts.
-    misread : str
-        Why no verdict stands, if columns are not what they are read as, by what the data say.
-    alternative : Alternative or None
-        The model that fitted rows prefer by far to the one that was given.
-    commands : str
-        Of the hints, that which says how torque was made of commands (`Recordings.commands`).
-    """
-
-    structure: Structure
-    samples: tuple[Prepared, ...]
-    validation: tuple[Prepared, ...]
-    hints: tuple[str, ...]
-    explained: bool = False
-    misread: str = ""
-    alternative: Alternative | None = None
-    commands: str = ""
-
-    @cached_property
-    def regression(self) -> Regression:
-        """Columns of the base parameters along the fitted motion."""
-        return self.structure.regression(self.samples)
-
-    @cached_property
-    def unseen(self) -> Regression | None:
-        """The same along motion that was held out; None where none was."""
-        return self.structure.regression(self.validation) if self.validation else None
-
-    @cached_property
-    def silence(self) -> str:
-        """Why the fitted logs have nothing to explain, for after "because"; nothing if they do."""
-        return explain_silence([s.survey for s in self.samples])
-
-
-def find_missing(opening: Opening) -> Alternatives:
-    """Return what may be missing beside the unpruned model."""
-    if opening.silence:
-        return NO_ALTERNATIVES
-    commanded = bool(opening.commands)
-    rows = opening.regression, opening.unseen
-    return find_alternatives(opening.structure, *rows, commanded=commanded)
-
-
 @contextmanager
 def running(engine: Engine | None) -> Iterator[Engine]:
     """Give the engine that was asked for, or else processes that start once that pays."""
@@ -243,17 +141,17 @@ def share(say: Progress, text: str, start: float, stop: float) -> Steps:
 
 def list_logs(logs: Logs) -> list[LogLike]:
     """Return logs as a list, one or several."""
-    one = isinstance(logs, (Log, LogFile, str, Path, pd.DataFrame, Mapping))
+    one = isinstance(logs, (Log, str, Path, pd.DataFrame, Mapping))
     return [logs] if one else list(logs)  # type: ignore[list-item,arg-type]
 
 
-def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log | LogFile]:
+def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log | Log]:
     """Return logs, however they are given; long files stay files.
 
     What is known of logs of the robot holds for those that are read here; each episode of a
     dataset is a log. Those without a name are numbered from the number of others `before` on.
     """
-    out: list[Log | LogFile] = []
+    out: list[Log | Log] = []
     given = [
         one
         for item in list_logs(logs)
@@ -265,13 +163,13 @@ def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log | Log
         if isinstance(item, pd.DataFrame):
             out.append(Log.from_frame(item, f"log {k + 1}", known))
         else:
-            out.append(item if isinstance(item, (Log, LogFile)) else open_log(item, known))
+            out.append(item if isinstance(item, Log) else Log.open(item, known))
     return out
 
 
 def read_sides(
     first: Logs, second: Logs, known: Conventions
-) -> tuple[list[Log | LogFile], list[Log | LogFile]]:
+) -> tuple[list[Log | Log], list[Log | Log]]:
     """Return logs of two sides, called by as much of their paths as tells all of them apart."""
     one = read_logs(first, known)
     every = [*one, *read_logs(second, known, len(one))]
@@ -318,8 +216,8 @@ def read_recordings(
         raise LogError("No log was given; give at least one.")
     check_held_out(train, held_out)
     whole, n = share_clock([*train, *held_out]), len(train)
-    servo = known.servo if learns else None
-    mended = mend(Reading(tuple(whole[:n]), tuple(whole[n:]), how, servo, learns=learns))
+    torque = _torque_of(known.servo) if learns and known.servo is not None else None
+    mended = mend(Reading(tuple(whole[:n]), tuple(whole[n:]), how, torque, learns=learns))
     every = (*mended.fitted, *mended.held_out)
     alone = [x.name for x in every if of_commands(x)]
     if alone and not commands:
@@ -335,7 +233,14 @@ def read_recordings(
     return Recordings(mended.fitted, mended.held_out, (*state_reading(read), *mended.hints), read)
 
 
-def _refuse_silent(logs: Sequence[Recording]) -> None:
+def _torque_of(servo: Servo) -> Callable[[list[Log]], list[Log]]:
+    """Return what makes torque of the commands of logs that have none of their own."""
+    from identifiability.workflows.commanded import give_torque  # noqa: PLC0415 - MuJoCo
+
+    return partial(give_torque, servo=servo)
+
+
+def _refuse_silent(logs: Sequence[Log]) -> None:
     """Refuse joints that neither move nor show torque in any log: free, they hide what moves.
 
     Raises
@@ -343,8 +248,8 @@ def _refuse_silent(logs: Sequence[Recording]) -> None:
     LogError
         With what locks each where it stands, as a gripper's fingers should be.
     """
-    known = [log for log in logs if isinstance(log, Log)]
-    gone = [log.unmeasured for log in known if log.unmeasured is not None]
+    known = list(logs)
+    gone = [log.unmeasured for log in logs if log.unmeasured is not None]
     if len(gone) < len(logs) or len({log.joints for log in known}) > 1:
         return
     q, lost = np.concatenate([log.q for log in known]), np.concatenate(gone).all(0)
@@ -361,11 +266,7 @@ def _refuse_silent(logs: Sequence[Recording]) -> None:
         )
 
 
-#: Logs, or groups of logs read alike, whose own reading is told.
-SHOWN_READINGS = 4
-
-
-def state_reading(read: Sequence[tuple[str, str]]) -> list[str]:
+def state_reading(read: Sequence[tuple[str, str]]) -> list[Finding]:
     """Return how logs were read otherwise than literally, in one sentence: what all share once.
 
     Parameters
@@ -382,119 +283,32 @@ def state_reading(read: Sequence[tuple[str, str]]) -> list[str]:
         own.setdefault(rest, []).append(name)
     own.pop("", None)
     apart = [f"{listing(names, 4)}: {rest}" for rest, names in own.items()]
-    names = [name for name, _ in read]
     if len(apart) > SHOWN_READINGS:
         apart[SHOWN_READINGS:] = [f"and {len(apart) - SHOWN_READINGS} more otherwise"]
-    text = "; ".join((*shared, *apart))
-    return [f"How {listing(names, 4)} {'was' if len(names) == 1 else 'were'} read: {text}."]
+    names = [name for name, _ in read]
+    return [Finding("reading", names=names, text="; ".join((*shared, *apart)))]
 
 
 def is_reading(hint: str) -> bool:
     """Whether a hint is how logs were read: what was done, and nothing that is wrong with them."""
-    return hint.startswith("How ") and " read: " in hint
+    return bool(of_key([hint], "reading"))
 
 
-InMemory = TypeVar("InMemory", Log, Samples)
+InMemory = TypeVar("InMemory", Log, Dataset)
 
 
-def in_memory(
-    logs: Sequence[Log | LogFile | Samples | LongSamples], kind: type[InMemory]
-) -> list[InMemory]:
-    """Return logs, or samples, for what needs all of them at once.
+def in_memory(logs: Sequence[InMemory]) -> list[InMemory]:
+    """Return logs, prepared or not, for what needs all of them at once.
 
     Raises
     ------
     LogError
         If one is too long.
     """
-    out: list[InMemory] = []
-    for log in logs:
-        if not isinstance(log, kind):
-            raise LogError(
-                f"{log.name} is too long to be held in memory, which this needs; give a stretch "
-                "of it."
-            )
-        out.append(log)
-    return out
-
-
-def open_logs(
-    structure: Structure,
-    recordings: Recordings,
-    prepare: Callable[[Recording], Prepared],
-    done: str = "",
-    engine: Engine | None = None,
-    *,
-    seek: bool = True,
-) -> Opening:
-    """Prepare the logs and look for something to explain in them.
-
-    Parameters
-    ----------
-    structure : Structure
-    recordings : Recordings
-    prepare : callable(Log or LogFile) -> Samples
-    done : str
-        What cannot be done, as a participle, with fitted logs that have nothing to explain;
-        empty where that is an answer too: then nothing is held out either.
-    engine : Engine, optional
-        Where whole logs are prepared, each by itself; by default here, one after the other.
-    seek : bool
-        Whether alternatives of the model are looked for.
-
-    Raises
-    ------
-    LogError
-    """
-    each = map if engine is None else engine.map
-    train = tuple(each(prepare, recordings.fitted))
-    held_out = tuple(each(prepare, recordings.held_out))
-    if done:
-        require_signal(train, done)
-    require_signal(held_out, "verified")
-    split = (text for s in (*train, *held_out) for text in s.hints)
-    own = MeasuredLogs(structure, recordings.fitted, train)
-    hints = (*find_always(own), *recordings.hints, *split)
-    opening = Opening(
-        structure=structure,
-        samples=train,
-        validation=held_out,
-        hints=hints,
-        commands=recordings.commands,
-    )
-    if opening.silence:
-        return replace(opening, validation=())
-    looked = MeasuredLogs(structure, recordings.fitted, train)
-    other = find_alternative(looked) if seek else None
-    odd = find_oddities(looked, explained=other is not None)
-    other = None if odd.misread else other  # of positions that are misread the torque is none
-    explained = odd.explains or other is not None
-    why = MISREAD if odd.misread else ""
-    said = () if other is None else (other.statement,)
-    known = replace(opening, explained=explained, misread=why)
-    return replace(known, alternative=other, hints=(*said, *odd.hints, *hints))
-
-
-def require_signal(samples: Sequence[Prepared], done: str) -> None:
-    """Refuse logs that have nothing to explain.
-
-    Parameters
-    ----------
-    samples : sequence of Samples
-    done : str
-        What cannot be done, as a participle.
-
-    Raises
-    ------
-    LogError
-    """
-    why = explain_silence([s.survey for s in samples]) if samples else ""
-    if why:
-        names = listing([s.name for s in samples], 4)
-        raise LogError(
-            f"Nothing can be {done}, because {why} ({names}); give logs in which the robot moves "
-            "and its torque changes."
-        )
+    long = [log.name for log in logs if log.long]
+    if long:
+        raise too_long(long[0])
+    return list(logs)
 
 
 # What decided the numbers of a result: versions, seed, options, and hashes of what went in.
@@ -505,7 +319,7 @@ _PACKAGES = (*NUMERICS, "pandas")
 
 def state_provenance(
     robot: Robot,
-    samples: Sequence[Prepared],
+    samples: Sequence[Dataset],
     seed: int,
     source: LadderSource | None = None,
     options: Mapping[str, object] | None = None,

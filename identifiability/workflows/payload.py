@@ -39,8 +39,7 @@ from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.instruments import noise_share
-from identifiability.logs.repeats import Recording
+from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.physical.cad_prior import draw_bodies
 from identifiability.physical.feasible_set import PhysicalSet
@@ -517,9 +516,9 @@ def payload(
         both, loaded = session.beside(second).recordings, len(session.recordings.fitted)
         # What hangs on the robot is odd by its file, so that nothing odd is looked for.
         samples = session.prepare(both.fitted, "weighed")
-        hints = [*both.hints, *_tell_noise(robot, both.fitted[:loaded], session.how)]
+        hints = [*both.hints, *_tell_noise(both.fitted[:loaded], session.how)]
         hints += [text for s in samples for text in s.hints]
-        pairs = find_pairs(robot, both.fitted, loaded, session.how)
+        pairs = find_pairs(robot, both.fitted, samples, loaded, session.how)
         seen = look(structure, samples, 0)
         known = Known.of(fit.base, fit.submodel.M, fit.covariance, fit.spread.unknown)
         carries = (np.arange(len(samples)) < loaded).astype(float)
@@ -588,11 +587,12 @@ def _unknown_gains(robot: Robot) -> Fit:
     )
 
 
-def _tell_noise(robot: Robot, logs: Sequence[Recording], how: Preparation) -> list[str]:
+def _tell_noise(logs: Sequence[Log], how: Preparation) -> list[str]:
     """Return what noise of the motion does to the load, where it does."""
-    computed = [x for x in logs if isinstance(x, Log) and not {"dq", "ddq"} <= set(x.channels)]
-    share = {x.name: noise_share(robot, x, how.outputs or how.cutoff) for x in computed}
-    loud = [name for name, own in share.items() if own > LOG_RULES.noise_share**0.5]
+    band = how.band if isinstance(how, SettledPreparation) else None
+    if band is None or band.noise <= LOG_RULES.noise_share:
+        return []
+    loud = [x.name for x in logs if not {"dq", "ddq"} <= set(x.channels)]
     return [sentence(WORDS_OF, "noise", logs=listing(loud, 4))] if loud else []
 
 

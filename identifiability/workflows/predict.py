@@ -42,7 +42,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import has_commands
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.tables import write_table
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.regression.reduction import (
@@ -476,7 +476,7 @@ class Fit(Covaries):
             return self._along(session.prepare(known.fitted), measured, known.hints)
 
     def _along(
-        self, samples: list[Prepared], measured: tuple[bool, ...], hints: tuple[str, ...]
+        self, samples: list[Dataset], measured: tuple[bool, ...], hints: tuple[str, ...]
     ) -> TorquePrediction:
         base = self.structure.base
         what = self.robot, self.structure.model, tuple(samples), base.kept
@@ -701,7 +701,7 @@ def _other_robot(where: str, robot: Robot, why: str) -> IdentifiabilityError:
     )
 
 
-def settled(given: object, samples: Sequence[Prepared]) -> Preparation:
+def settled(given: object, samples: Sequence[Dataset]) -> Preparation:
     """Return a preparation with the low-pass that was chosen for some logs."""
     known = given if isinstance(given, Preparation) else Preparation()
     own = next(({"cutoff": s.cutoff, "outputs": s.band} for s in samples if s.cutoff), {})

@@ -23,8 +23,8 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import check_commands
+from identifiability.logs.contradictions import check_units
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.mend import check_units
 from identifiability.physical.cad_prior import thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
@@ -123,7 +123,7 @@ def read_moving(robot: Robot, logs: Logs) -> tuple[list[Log], tuple[str, ...]]:
     # Torque beside commands is not looked at.
     known = replace(Conventions.of(robot), commands=robot.servo is not None)
     given = read_recordings(logs, known=known, commands=True, learns=False)
-    return _select(robot, in_memory(given.fitted, Log)), given.hints
+    return _select(robot, in_memory(given.fitted)), given.hints
 
 
 def _select(robot: Robot, logs: Iterable[Log]) -> list[Log]:

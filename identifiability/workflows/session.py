@@ -1,15 +1,15 @@
 """`Session`: what every verb does with its logs first: read, check, prepare, open, weigh.
 
-`Session.read` checks logs and reads them, every row once, `Session.read_sides` those of two sides;
-`Session.follow` gives logs of commands their torque; `Session.prepare` turns them into motion;
-`Session.open` also asks what is odd about them, and refuses what has nothing to explain;
-`Session.gather` gathers the information of their rows, and `Session.weigh` weighs each by its
-noise, and outlying stretches less.
+`Session.read` checks logs and reads them, every row once (`read_recordings`), `Session.read_sides`
+those of two sides; `Session.follow` gives logs of commands their torque; `Session.prepare` turns
+them into motion; `Session.open` also asks what is odd about them, and refuses what has nothing to
+explain: an `Opening`. `Session.gather` gathers the information of their rows, with instruments
+where there are any, and `Session.weigh` weighs each by its noise, and outlying stretches less.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -17,10 +17,12 @@ from typing import Self
 
 import numpy as np
 
+from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives, find_alternatives
 from identifiability.estimation.estimate import (
     Kind,
     Method,
     Outliers,
+    choose_estimator,
     forget_noise,
     settle_noise,
     weigh_outliers,
@@ -29,39 +31,45 @@ from identifiability.estimation.estimator import Estimator
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.errors import LogError, listing
-from identifiability.foundation.names import Array
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.prepare import Preparation, Samples
-from identifiability.logs.prepare.longsamples import Prepared, prepare_log
+from identifiability.logs.prepare import Dataset, Preparation, prepare_log
+from identifiability.logs.prepare.dataset import explain_silence
+from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.preparation import settle_cutoff
-from identifiability.logs.repeats import Recording
 from identifiability.physical.cad_prior import WEAK, share_weight
 from identifiability.physical.feasibility import find_nearest
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
+from identifiability.quality import MeasuredLogs, find_always, find_oddities
+from identifiability.quality.registry import Does, check
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import full_model
-from identifiability.regression.structure import Structure
+from identifiability.regression.regression import Regression
+from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
-from identifiability.workflows.instruments import add_instruments
+from identifiability.workflows.alternatives import Alternative, find_alternative
 from identifiability.workflows.opening import (
     Logs,
-    Opening,
     Progress,
     Recordings,
     list_logs,
-    open_logs,
     quiet,
     read_recordings,
     read_sides,
-    require_signal,
     share,
     state_reading,
+)
+
+#: Why no verdict stands on columns that are read as what they are not, for after "because".
+MISREAD = (
+    "a column seems to have the wrong sign, unit or joint, or to be aliased, as the first remark "
+    "says: mend that, and run again"
 )
 
 #: Stretches that are listed.
@@ -69,6 +77,62 @@ LISTED = 3
 
 #: What follows the statement of an alternative of the model that is used.
 SO = "All that follows is said under that reading."
+
+
+@frozen(kw_only=True)
+class Opening(OfStructure):
+    """What a verb knows before it judges anything.
+
+    Attributes
+    ----------
+    structure : Structure
+        The robot under the unpruned model.
+    samples, validation : tuple of Dataset
+        Logs that are fitted, and that are held out.
+    hints : tuple of str
+        What seems to be wrong with robot file and logs, for the user to check.
+    explained : bool
+        Whether the first of them explains whatever else contradicts.
+    misread : str
+        Why no verdict stands, if columns are not what they are read as, by what the data say.
+    alternative : Alternative or None
+        The model that fitted rows prefer by far to the one that was given.
+    commands : str
+        Of the hints, that which says how torque was made of commands (`Recordings.commands`).
+    """
+
+    structure: Structure
+    samples: tuple[Dataset, ...]
+    validation: tuple[Dataset, ...]
+    hints: tuple[str, ...]
+    explained: bool = False
+    misread: str = ""
+    alternative: Alternative | None = None
+    commands: str = ""
+
+    @cached_property
+    def regression(self) -> Regression:
+        """Columns of the base parameters along the fitted motion."""
+        return self.structure.regression(self.samples)
+
+    @cached_property
+    def unseen(self) -> Regression | None:
+        """The same along motion that was held out; None where none was."""
+        return self.structure.regression(self.validation) if self.validation else None
+
+    @cached_property
+    def silence(self) -> str:
+        """Why the fitted logs have nothing to explain, for after "because"; nothing if they do."""
+        return explain_silence([s.survey for s in self.samples])
+
+
+def find_missing(opening: Opening) -> Alternatives:
+    """Return what may be missing beside the unpruned model."""
+    if opening.silence:
+        return NO_ALTERNATIVES
+    commanded = bool(opening.commands)
+    rows = opening.regression, opening.unseen
+    return find_alternatives(opening.structure, *rows, commanded=commanded)
 
 
 @frozen
@@ -187,15 +251,21 @@ class Session:
             return self.settled
         return settle_cutoff(self.structure.robot, self.recordings.fitted, self.preparation)
 
-    def follow(self, rng: np.random.Generator, values: dict[str, float] | None = None) -> Session:
-        """Return the session with calibrated torque of commands (`Recordings.follow`).
+    def follow(
+        self, rng: np.random.Generator, values: Mapping[str, float] | None = None
+    ) -> Session:
+        """Return the session with calibrated torque of the commands of fitted logs.
 
-        That of held-out logs is not yet (`Recordings.follow_unseen`).
+        What moves by them has the file's bodies, or those of the standard parameters that were
+        fitted to such torque before.
         """
         if not self.recordings.commanded:
             return self
-        followed = self.recordings.follow(self.structure, self.how, rng, self.say, values)
-        return replace(self, recordings=followed, settled=self.how)
+        from identifiability.workflows.commanded import follow_commands  # noqa: PLC0415 - MuJoCo
+
+        self.say("rolling out commands", 0.1)
+        what = self.recordings, self.structure, self.how, rng
+        return replace(self, recordings=follow_commands(*what, values or {}), settled=self.how)
 
     def follow_fitted(
         self,
@@ -212,8 +282,13 @@ class Session:
         that moved it by less than the error it was first stated with, the first is as good.
         """
         found = self._follow_bodies(rng, method, kind, cad_weight)
-        unseen = found.recordings.follow_unseen(self.structure, self.how, rng)
-        return replace(found, recordings=unseen)
+        given = found.recordings
+        if given.rolled is None:
+            return found
+        from identifiability.workflows.commanded import calibrate  # noqa: PLC0415 - MuJoCo
+
+        unseen = calibrate(self.structure, given.held_out, given.values, self.how, rng, {})
+        return replace(found, recordings=replace(given, held_out=unseen))
 
     def _follow_bodies(
         self, rng: np.random.Generator, method: Method, kind: Kind, cad_weight: float | None
@@ -253,7 +328,7 @@ class Session:
         return session if moved.any() else first
 
     def settle(
-        self, done: str = "", prepare: Callable[[Recording], Prepared] | None = None
+        self, done: str = "", prepare: Callable[[Log], Dataset] | None = None
     ) -> tuple[Session, Opening]:
         """Return the session under the model that its fitted logs prefer, and its opening.
 
@@ -266,11 +341,11 @@ class Session:
         """
         opening = self.open(done, prepare)
         other, given = opening.alternative, self.recordings
-        whole = all(isinstance(log, Log) for log in (*given.fitted, *given.held_out))
+        whole = not any(log.long for log in (*given.fitted, *given.held_out))
         if other is None or not (whole or other.keeps_columns):
             return self, opening
         fitted, held_out = (
-            tuple(other.read(x, self.structure.robot) if isinstance(x, Log) else x for x in logs)
+            tuple(x if x.long else other.read(x, self.structure.robot) for x in logs)
             for logs in (given.fitted, given.held_out)
         )
         read = replace(given, fitted=fitted, held_out=held_out)
@@ -282,32 +357,62 @@ class Session:
     def open(
         self,
         done: str = "",
-        prepare: Callable[[Recording], Prepared] | None = None,
+        prepare: Callable[[Log], Dataset] | None = None,
         *,
         seek: bool = True,
     ) -> Opening:
-        """Return the prepared logs, and what is odd about them (`open_logs`).
+        """Return the prepared logs, and what is odd about them.
 
         Parameters
         ----------
         done : str
-            What cannot be done with logs that have nothing to explain, as a participle.
-        prepare : callable(Log or LogFile) -> Samples, optional
+            What cannot be done, as a participle, with fitted logs that have nothing to explain;
+            empty where that is an answer too: then nothing is held out either.
+        prepare : callable(Log) -> Dataset, optional
             Of a whole log, each where the engine puts it; by default `prepare_log`, which puts
             stretches of one there.
         seek : bool
             Whether alternatives of the model are looked for.
         """
-        own = prepare or self._preparing()
-        engine = None if prepare is None else self.engine
-        return open_logs(self.structure, self.recordings, own, done, engine, seek=seek)
+        own_way, recordings, structure = (
+            prepare or self._preparing(),
+            self.recordings,
+            self.structure,
+        )
+        each = map if prepare is None else self.engine.map
+        train = tuple(each(own_way, recordings.fitted))
+        held_out = tuple(each(own_way, recordings.held_out))
+        if done:
+            require_signal(train, done)
+        require_signal(held_out, "verified")
+        split = (text for s in (*train, *held_out) for text in s.hints)
+        own = MeasuredLogs(structure, recordings.fitted, train)
+        hints = (*find_always(own), *recordings.hints, *split)
+        opening = Opening(
+            structure=structure,
+            samples=train,
+            validation=held_out,
+            hints=hints,
+            commands=recordings.commands,
+        )
+        if opening.silence:
+            return replace(opening, validation=())
+        looked = MeasuredLogs(structure, recordings.fitted, train)
+        other = find_alternative(looked) if seek else None
+        odd = find_oddities(looked, explained=other is not None)
+        other = None if odd.misread else other  # of positions that are misread the torque is none
+        explained = odd.explains or other is not None
+        why = MISREAD if odd.misread else ""
+        said = () if other is None else (other.statement,)
+        known = replace(opening, structure=structure, explained=explained, misread=why)
+        return replace(known, alternative=other, hints=(*said, *odd.hints, *hints))
 
-    def prepare(self, recordings: Sequence[Recording], done: str = "") -> list[Prepared]:
+    def prepare(self, recordings: Sequence[Log], done: str = "") -> list[Dataset]:
         """Return some of the logs prepared, for verbs to which what is odd about them is no sign.
 
         Parameters
         ----------
-        recordings : sequence of Log or LogFile
+        recordings : sequence of Log
         done : str
             As of `open`; empty where logs that have nothing to explain will do.
         """
@@ -316,14 +421,14 @@ class Session:
             require_signal(samples, done)
         return samples
 
-    def _preparing(self) -> Callable[[Recording], Prepared]:
+    def _preparing(self) -> Callable[[Log], Dataset]:
         reading = share(self.say, "reading logs", 0.1, 0.2)
         robot = self.structure.robot
         return partial(prepare_log, robot, how=self.how, engine=self.engine, progress=reading)
 
     def gather(self, opening: Opening, method: Method, kind: Kind) -> Weighed:
         """Return the rows of opened logs alike, with instruments where the estimator takes them."""
-        opening, estimator = add_instruments(opening, self.recordings.fitted, method, kind)
+        opening, estimator = self._with_instruments(opening, method, kind)
         building = share(self.say, "building the regression", 0.2, 0.4)
         alike = gather_information(opening.regression, engine=self.engine, progress=building)
         return Weighed(opening, estimator, alike, alike)
@@ -336,6 +441,50 @@ class Session:
         joints, samples = self.structure.robot.joints, rows.opening.samples
         information, burst, _ = weigh_rows(joints, samples, rows.alike, rows.estimator)
         return replace(rows, information=information, burst=burst)
+
+    def _with_instruments(
+        self, opening: Opening, method: Method, kind: Kind
+    ) -> tuple[Opening, Estimator]:
+        """Return fitted samples with second records of their motion, and the estimator for them.
+
+        Without a second record of any motion, or where a log is too long for memory, all are fitted
+        by least squares.
+
+        Raises
+        ------
+        OptionError
+            If method and kind do not go together.
+        LogError
+            If instruments are asked for and a log has no second record of its motion.
+        """
+        plain, chosen = (choose_estimator(method, kind, instruments=x) for x in (False, True))
+        if kind == "ls" or opening.silence or chosen is plain:
+            return opening, plain
+        logs, samples, always = self.recordings.fitted, opening.samples, kind == "iv"
+        short = [s for s in samples if not s.long]
+        found = [
+            None
+            if s.long
+            else add_instrument(
+                opening.robot, log, s, [x for x in short if x is not s], always=always
+            )
+            for log, s in zip(logs, samples, strict=True)
+        ]
+        if always and None in found:
+            raise LogError(
+                f"{logs[found.index(None)].name} has no second record of its motion in memory, "
+                "which instrumental variables need: repeat the motion, or log '<joint>.dq' and "
+                "'<joint>.ddq' as measured or the command in '<joint>.q_ref'; else leave out the "
+                "estimator."
+            )
+        if len(short) < len(samples) or not any(found):
+            return opening, plain
+        note = "it has no second record of its motion, and is fitted as by least squares"
+        every = (
+            s or replace(x, instrument=x.motion, notes=(*x.notes, note))
+            for s, x in zip(found, samples, strict=True)
+        )
+        return replace(opening, samples=tuple(every)), chosen
 
 
 @frozen
@@ -360,9 +509,10 @@ class Weighed:
     burst: str = ""
 
 
+@check("outliers", Does.WEIGHS)
 def weigh_rows(
     joints: Sequence[str],
-    samples: Sequence[Prepared],
+    samples: Sequence[Dataset],
     information: Information,
     estimator: Estimator,
 ) -> tuple[Information, str, Outliers | None]:
@@ -374,7 +524,7 @@ def weigh_rows(
     ----------
     joints : sequence of str
         The n actuated ones.
-    samples : sequence of Samples
+    samples : sequence of Dataset
         The logs that are fitted.
     information : Information
         About all columns.
@@ -384,15 +534,14 @@ def weigh_rows(
     if found is None or found.moved.max() <= REACH:
         return weighed, "", found
     most, where = int(np.argmax(found.moved)), where_outlying(joints, samples, found)
-    said = (
-        f"{where} is weighed down in the fit: with its whole weight "
-        f"{information.columns[most]} moves by {found.moved[most]:.1f} of its standard deviations. "
-        "Errors count it. Look at what happened there."
-    )
+    told = {"parameter": information.columns[most], "moved": float(found.moved[most])}
+    columns = (f"{joints[int(np.argmax(found.beyond.max(0)))]}.tau",)
+    rows = int((found.last - found.first).sum())
+    said = Finding("outliers", where=where, rows=rows, columns=columns, **told)
     return weighed, said, found
 
 
-def where_outlying(joints: Sequence[str], samples: Sequence[Prepared], found: Outliers) -> str:
+def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Outliers) -> str:
     """Return where outliers are, the farthest first, and how far from the model."""
     ends = np.flatnonzero((np.diff(found.log) != 0) | (found.first[1:] > found.last[:-1])) + 1
     stretches = list(pairwise([0, *ends.tolist(), len(found.log)]))
@@ -400,7 +549,7 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Prepared], found: Ou
     named = []
     for a, b in stretches:
         log = samples[int(found.log[a])]
-        start, stop = _times(log, int(found.first[a]), int(found.last[b - 1]))
+        start, stop = log.output_times(np.array([found.first[a], found.last[b - 1] - 1]))
         named.append(f"{log.name} from t = {start:.5g} to {stop:.5g} s")
     beyond = found.beyond.max(0)
     worst = int(np.argmax(beyond))
@@ -408,15 +557,6 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Prepared], found: Ou
         f"{listing(named, LISTED)}: the torque of {joints[worst]} is up to "
         f"{np.sqrt(beyond[worst]):.0f} times farther from the model than usual, and"
     )
-
-
-def _times(samples: Prepared, first: int, last: int) -> Array:
-    """Return the times of two outputs [s], of the second the one before it; of long logs about."""
-    if isinstance(samples, Samples):
-        return samples.output_times()[[first, last - 1]]
-    survey, at = samples.survey, np.array([first, last])
-    times: Array = survey.start + (survey.stop - survey.start) * at / survey.outputs
-    return times
 
 
 def settle_gains(robot: Robot, logs: Logs) -> Robot:
@@ -460,3 +600,25 @@ def settle_prior(
     if share is None:
         share = PHYSICAL_RULES.body_within if commanded and cad_weight is None else 0.0
     return share, share_weight(share) if share else cad_weight
+
+
+def require_signal(samples: Sequence[Dataset], done: str) -> None:
+    """Refuse logs that have nothing to explain.
+
+    Parameters
+    ----------
+    samples : sequence of Dataset
+    done : str
+        What cannot be done, as a participle.
+
+    Raises
+    ------
+    LogError
+    """
+    why = explain_silence([s.survey for s in samples]) if samples else ""
+    if why:
+        names = listing([s.name for s in samples], 4)
+        raise LogError(
+            f"Nothing can be {done}, because {why} ({names}); give logs in which the robot moves "
+            "and its torque changes."
+        )

@@ -15,8 +15,10 @@ from shared import data_folder
 
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.mend import mend_logs
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
+from identifiability.quality import MeasuredLogs
+from identifiability.quality.mends import mend_log
+from identifiability.quality.registry import CHECKS, Does
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -28,8 +30,6 @@ from identifiability.simulation import (
     shipped_trajectory,
     simulate,
 )
-from identifiability.workflows.oddities import MeasuredLogs
-from identifiability.workflows.oddities.check import CHECKS
 
 ROBOTS = {"3-rps": "601", "five-bar": "a", "two-link": "a", "six-dof-arm": "a"}
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
@@ -45,7 +45,8 @@ NOISES = {
     "encoder 10 mrad": Noise(encoder=1e-2),
 }
 
-FINDERS = {one.title: one.find for one in CHECKS if not one.always}
+LOOKS = (Does.MISREADS, Does.EXPLAINS, Does.HINTS)
+FINDERS = {c.key: c.find for c in CHECKS if c.does in LOOKS and not c.always}
 
 
 def good_logs(seeds: int, data: Path | None) -> Iterator[tuple[str, Structure, Log]]:
@@ -111,8 +112,8 @@ def false_frame(seeds: int, data: Path | None) -> pd.DataFrame:
     """Return how many good logs each finder speaks of, one row a robot."""
     rows: dict[str, dict[str, Any]] = {}
     for name, structure, raw in good_logs(seeds, data):
-        (log,), _ = mend_logs([raw])
-        logs = MeasuredLogs(structure, (log,), (prepare_samples(structure.robot, log),))
+        log, _ = mend_log(raw)
+        logs = MeasuredLogs(structure, (log,), (prepare_log(structure.robot, log),))
         row = rows.setdefault(name, {"robot": name, "logs": 0, **dict.fromkeys(FINDERS, 0)})
         row["logs"] += 1
         for what, find in FINDERS.items():

@@ -14,7 +14,7 @@ from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.names import Array
-from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare import Dataset
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
@@ -92,7 +92,7 @@ class Trial:
 
 
 def fit_models(
-    subject: Subject, samples: Sequence[Samples]
+    subject: Subject, samples: Sequence[Dataset]
 ) -> tuple[Regression, Information, list[Estimate]]:
     """Fit every model by ordinary least squares, as the paper does."""
     regression = subject.structure.regression(samples)
@@ -115,9 +115,9 @@ def physically_possible(submodel: Submodel, value: Array) -> bool:
     return bool((value[np.array(asked)] > 0).all())
 
 
-def as_samples(name: str, motion: Motion, tau: Array) -> Samples:
+def as_samples(name: str, motion: Motion, tau: Array) -> Dataset:
     """Return motion and the torque at its samples without any further preparation."""
-    return Samples(name, motion, tau[motion.kept], None, (), "")
+    return Dataset(name, motion, tau[motion.kept], None, (), "")
 
 
 @cache

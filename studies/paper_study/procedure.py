@@ -16,7 +16,7 @@ from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.foundation.names import Array
 from identifiability.logs import fourier
-from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare import Dataset
 from identifiability.robot import complete_motion
 from paper_study.command import Options
 from paper_study.monte_carlo import as_samples, expand_fits, fit_models, physically_possible
@@ -39,7 +39,7 @@ class Fitted:
 
     Attributes
     ----------
-    samples : Samples
+    samples : Dataset
     fits : list of Estimate
         Of Models 1 to 4.
     values : (b, m)
@@ -49,7 +49,7 @@ class Fitted:
     possible : list of bool
     """
 
-    samples: Samples
+    samples: Dataset
     fits: list[Estimate]
     values: Array
     prediction: Prediction
@@ -76,7 +76,7 @@ def filter_periodic(x: Array, cutoff: float) -> Array:
 
 def process(
     subject: Subject, record: Record, cutoff: float = CUTOFF, harmonics: int = HARMONICS
-) -> Samples:
+) -> Dataset:
     """Turn the periods of a record into 750 points of motion and force."""
     period = len(record.t) * CONTROL_STEP
     series = fourier.fit_fourier(record.t, record.q.mean(0), period, harmonics)
@@ -85,7 +85,7 @@ def process(
     return as_samples(f"stand-in {record.trajectory}", motion, force)
 
 
-def fit_record(subject: Subject, samples: Samples) -> Fitted:
+def fit_record(subject: Subject, samples: Dataset) -> Fitted:
     """Fit Models 1 to 4 to one record."""
     regression, _, fits = fit_models(subject, [samples])
     values = expand_fits(subject, fits)
@@ -93,7 +93,7 @@ def fit_record(subject: Subject, samples: Samples) -> Fitted:
     return Fitted(samples, fits, values, predict(regression, values), possible)
 
 
-def predict_record(subject: Subject, samples: Samples, values: Array) -> Prediction:
+def predict_record(subject: Subject, samples: Dataset, values: Array) -> Prediction:
     """Predict the forces of a record with base parameters (b, m)."""
     regression = subject.structure.regression([samples])
     return predict(regression, values)

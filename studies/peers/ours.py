@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.estimator import Estimate
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.regression import Model
@@ -33,7 +33,7 @@ def fit(run: Run) -> Fit:
     robot, model = Robot.load(run.robot), Model.of(*EFFECTS)
     with run.phase("preparation"):
         log = Log("samples", robot.joints, run.t, run.q, run.tau, run.v, run.a, "")
-        samples = prepare_samples(robot, log, Preparation("given", keep_rest=True))
+        samples = prepare_log(robot, log, Preparation("given", keep_rest=True))
     with run.phase("base parameters"):
         structure = Structure.of(robot, model)
     with run.phase("regressor"):  # and its compression: the whole is never in memory

@@ -45,7 +45,7 @@ from spoil import (
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.regression.reduction import (
     build_ladder,
     default_ladder,
@@ -149,7 +149,7 @@ def readers() -> dict[str, Reader]:
     known = Conventions.of(two)
 
     def log(path: Path) -> object:
-        return prepare_samples(two, Log.read(path, known))
+        return prepare_log(two, Log.read(path, known))
 
     def ladder(path: Path) -> object:
         entry = read_ladder(path)

@@ -6,8 +6,7 @@ import pytest
 from identifiability import analyze, prune
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.logfile import LogFile
-from identifiability.logs.mend import mend_logs
+from identifiability.quality.mends import mend_log
 from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.opening import read_recordings
 
@@ -80,9 +79,9 @@ def test_a_burst_that_is_no_single_sample_is_told_by_every_verb(frame):
 
 def test_a_log_without_wrong_values_is_the_one_that_was_given(frame):
     log = Log.from_frame(frame, "a")
-    (same,), hints = mend_logs([log])
+    same, hints = mend_log(log)
     assert same is log
-    assert hints == ()
+    assert hints == []
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet"])
@@ -94,15 +93,15 @@ def test_a_long_file_is_mended_alike_wherever_it_is_read(frame, tmp_path, form):
         frame.to_csv(path, index=False)
     else:
         frame.to_parquet(path, index=False, row_group_size=130)
-    file, log = LogFile.read(path), Log.read(path)
+    file, log = Log.scan(path), Log.read(path)
     raw = file.rows(0, len(file))
     np.testing.assert_array_equal(raw.tau, log.tau)
-    (mended, whole), (hint, other) = mend_logs([file, log])
+    (mended, (hint,)), (whole, (other,)) = mend_log(file), mend_log(log)
     assert hint == other
     assert "5 values lie" in hint
     for rows in ((0, 1000), (250, 302), (302, 999)):
         np.testing.assert_array_equal(mended.rows(*rows).tau, whole.rows(*rows).tau)
-    for first, last, origin, part in mended.overlapping(290, 710, 64, 20):
+    for first, last, origin, part in mended.pieces(64, 20, 290, 710):
         assert origin <= first < last
         np.testing.assert_array_equal(part.tau, whole.tau[origin : origin + len(part)])
         np.testing.assert_array_equal(part.q, whole.q[origin : origin + len(part)])

@@ -7,10 +7,10 @@ from typer.testing import CliRunner
 from identifiability import analyze
 from identifiability.cli import app
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import of_key
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.logfile import LogFile
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.robot import Robot
 from identifiability.workflows.opening import read_recordings
 
@@ -38,7 +38,7 @@ def same(log, arm):
 def test_renamed_joints_are_read_short_and_long_alike_and_the_note_says_so(foreign, arm, write):
     path, names = write("log.csv", foreign), known(columns=MAP)
     logs = [Log.read(path, names), Log.from_frame(foreign, "frame", names)]
-    file = LogFile.read(path, names)
+    file = Log.scan(path, names)
     for log in (*logs, file.rows(0, len(file))):
         same(log, arm)
         renamed, left = log.notes
@@ -92,7 +92,7 @@ def test_a_lock_that_the_log_contradicts_is_refused_short_and_long_alike(called,
         locked(frame)
     known = Conventions.of(Robot.load("two-link", lock=["elbow"]))
     with pytest.raises(LogError, match=r"take the lock out, or give a stretch"):
-        LogFile.read(write("log.csv", frame), known)
+        Log.scan(write("log.csv", frame), known)
     still = np.where(np.arange(len(frame)) == 7, 3.0, 0.001)  # one wrong value moves nothing
     assert all("elbow' stands" not in note for note in locked(frame, **{called: still}))
     assert "lock it there, --lock elbow=0.5" in locked(frame, **{called: 0.5})[-1]
@@ -115,7 +115,7 @@ def partly(frame, tau):
     """Samples of the two-link arm of which the elbow's torque is so."""
     spoilt = frame.drop(columns="elbow.tau") if tau is None else frame.assign(**{"elbow.tau": tau})
     log = Log.from_frame(spoilt, "log", known())
-    return log, prepare_samples(Robot.load("two-link"), log, Preparation(keep_rest=True))
+    return log, prepare_log(Robot.load("two-link"), log, Preparation(keep_rest=True))
 
 
 @pytest.mark.parametrize("tau", [None, np.nan])
@@ -123,12 +123,10 @@ def test_a_joint_without_torque_keeps_its_motion_and_loses_its_equations(tau, ar
     log, samples = partly(arm, tau)
     assert log.unmeasured[:, 1].all()
     assert not log.unmeasured[:, 0].any()
-    rows = f"{len(log)} of {len(log)} rows"
-    assert f"torque is missing ('elbow.tau' in {rows}); motion counts" in log.notes[-1]
     how = Preparation(keep_rest=True)
-    whole = prepare_samples(Robot.load("two-link"), Log.from_frame(arm), how)
+    whole = prepare_log(Robot.load("two-link"), Log.from_frame(arm), how)
     np.testing.assert_array_equal(samples.motion.q, whole.motion.q)
-    assert samples.dwells[:, 1].all()
+    assert not samples.weight[:, 1].any()
     again = log.to_frame()
     assert again["elbow.tau"].isna().all()
     assert Log.from_frame(again, "log", known()).rows(3, 9).unmeasured[:, 1].all()
@@ -138,18 +136,22 @@ def test_a_joint_without_torque_keeps_its_motion_and_loses_its_equations(tau, ar
     for name in ("link1.mx", "link2.mx", "link1.Iyy"):  # the shoulder's torque has them, too
         assert ours[name] == pytest.approx(theirs[name], rel=1e-6)
     assert not any("never" in hint for hint in result.hints)
+    (said,) = of_key(result.hints, "silent")
+    assert f"'elbow.tau' in {len(log)} of {len(log)} rows" in said
 
 
 def test_torque_that_is_missing_for_a_while_is_left_out_there(arm):
     gone = np.isin(np.arange(len(arm)), [7, *range(60, 90)])
     log, samples = partly(arm, np.where(gone, np.nan, arm["elbow.tau"]))
-    np.testing.assert_array_equal(samples.dwells[:, 1], gone)
-    assert not samples.dwells[:, 0].any()
-    assert "torque is missing ('elbow.tau' in 31 of" in log.notes[-1]
+    np.testing.assert_array_equal(samples.weight[:, 1], ~gone)
+    assert samples.weight[:, 0].all()
+    (said,) = of_key(read_recordings([log]).hints, "silent")
+    assert "'elbow.tau' in 31 of" in said
+    assert said.numbers["rows"] == 31
     assert np.isfinite(log.tau).all()
     # Decimated, the filter mixes what is missing with what is beside; one value alone is known.
     how = Preparation(derivatives="butterworth", cutoff=5.0, decimate=4, keep_rest=True)
-    found = prepare_samples(Robot.load("two-link"), log, how).dwells[:, 1]
+    found = prepare_log(Robot.load("two-link"), log, how).weight[:, 1] == 0
     assert found[56:94].all()
     assert not found[:50].any()
 

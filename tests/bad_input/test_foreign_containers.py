@@ -14,7 +14,6 @@ from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.reader import READERS, check_there, reader
-from identifiability.logs.logfile import open_log
 from identifiability.robot import Robot
 from identifiability.workflows.opening import read_recordings
 
@@ -80,7 +79,7 @@ def test_npz_and_mat_are_read_and_said(arrays, known, tmp_path, refused):
             ".npz",
             *((".mat",) if content is not turned and "run" not in content else ()),
         ):
-            log = open_log(path.with_suffix(suffix), known)
+            log = Log.open(path.with_suffix(suffix), known)
             same(log, arrays)
             assert log.notes[0].endswith("(in the robot's order)")
     for content in ({"run3": turned}, {"log": {"state": turned, "cmd": {"q": 0 * arrays["q"]}}}):

@@ -7,7 +7,6 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.logfile import LogFile
 from identifiability.logs.source import check_header
 from identifiability.robot import Robot
 
@@ -31,7 +30,7 @@ def text_of(frame, separator=",", decimal=".", end="\n", units=()):
 
 def read_both(path, known):
     """The log read at once and piece by piece; they are the same."""
-    whole, file = Log.read(path, known), LogFile.read(path, known)
+    whole, file = Log.read(path, known), Log.scan(path, known)
     part = file.rows(0, len(file))
     assert whole.notes == file.notes
     assert (whole.sha256, whole.joints) == (file.sha256, file.joints)
@@ -111,6 +110,18 @@ def test_stated_units_are_converted_and_others_refused(bare, known, write):
     }.items():
         with pytest.raises(LogError, match=sentence):
             Log.read(write("log.csv", text_of(bare, units=units)), known)
+
+
+def test_cells_of_a_header_may_stand_over_several_lines(bare, known, write, monkeypatch):
+    monkeypatch.setattr("identifiability.logs.source.PIECE_BYTES", 5000)
+    angles = bare.assign(**{"elbow.q": np.degrees(bare["elbow.q"])})
+    names = {"elbow.q": '"elbow.q\n[deg]"', "shoulder.tau": '"shoulder.tau\n[Nm]"'}
+    for before in ("", "# run 3\n", "Recorded on Monday\n"):
+        for end in ("\n", "\r\n"):
+            text = before + text_of(angles.rename(columns=names), ";", ",")
+            log = read_both(write("log.csv", text.replace("\n", end)), known)
+            check(log, bare, rtol=1e-9)
+            assert "elbow.q from deg" in log.notes[-1]
 
 
 def test_a_file_cut_anywhere_loses_its_last_line_with_a_note(bare, known, write):

@@ -6,7 +6,7 @@ import pytest
 
 from identifiability.foundation.errors import IdentifiabilityError, LogError
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.robot import Robot
 
 
@@ -145,7 +145,7 @@ def test_a_data_frame_hashes_its_values_and_nothing_else(arm):
 
 def prepare_two_link(frame, **how):
 
-    return prepare_samples(Robot.load("two-link"), Log.from_frame(frame), Preparation(**how))
+    return prepare_log(Robot.load("two-link"), Log.from_frame(frame), Preparation(**how))
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ import pytest
 
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import Preparation
 from identifiability.robot import Robot
 from identifiability.workflows.opening import read_recordings
@@ -19,7 +18,7 @@ def test_derivatives_that_contradict_positions_are_computed_unless_they_are_aske
     known = Conventions.of(Robot.load("two-link"))
     path = write("log.csv", arm.assign(**{column: np.roll(arm[column], 20)}))
     given = Preparation(derivatives="given")
-    for log in (Log.read(path, known), LogFile.read(path, known)):
+    for log in (Log.read(path, known), Log.scan(path, known)):
         read = read_recordings(log)
         (kept,), hints = read.fitted, read.hints
         left = {"elbow.dq": ("q", "tau"), "elbow.ddq": ("q", "dq", "tau")}[column]

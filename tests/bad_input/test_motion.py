@@ -9,7 +9,7 @@ import pytest
 
 from identifiability.estimation.verdict import Class
 from identifiability.logs import Log
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.analyze import analyze
@@ -64,7 +64,7 @@ def test_a_joint_that_never_moves_is_not_identifiable_and_says_why():
 def test_samples_whose_loops_do_not_close_are_dropped_and_reported_with_their_rows(simulated):
     frame = simulated("3-rps")
     frame.loc[[6, 29], "slider1.q"] = 5.0
-    samples = prepare_samples(Robot.load("3-rps"), Log.from_frame(frame))
+    samples = prepare_log(Robot.load("3-rps"), Log.from_frame(frame))
     assert len(samples.motion) == 198
     dropped = "2 of 200 samples were dropped because the loops do not close there (data rows 7, 30)"
     assert dropped in samples.notes
@@ -90,7 +90,7 @@ def stretched(short_of: float):
 def test_a_motion_near_a_singular_configuration_is_reported_with_its_row():
     robot = Robot.load("five-bar")
     t, q = stretched(3e-4)
-    samples = prepare_samples(robot, Log.from_frame(table(robot, t, q)))
+    samples = prepare_log(robot, Log.from_frame(table(robot, t, q)))
     note = next(n for n in samples.notes if "near a singular configuration" in n)
     assert samples.motion.condition > 1e3
     row = int(samples.motion.near_singular[0]) + 1

@@ -5,7 +5,7 @@ import pytest
 
 from identifiability.estimation.estimate import estimate
 from identifiability.logs import Log, fourier, signals
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -52,7 +52,7 @@ def log(simulated):
 
 
 def regression_of(two, log, decimate):
-    samples = prepare_samples(two, log, Preparation("given", decimate=decimate))
+    samples = prepare_log(two, log, Preparation("given", decimate=decimate))
     return Structure.of(two, MODEL).regression([samples])
 
 

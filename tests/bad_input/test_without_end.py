@@ -249,7 +249,6 @@ def cut(path):
 
 
 LOGS = {
-    "a part of MATLAB": ("run.mat", cut, "a part of it is longer than what holds it"),
     "a line": ("run.csv", b"t,q," * 100_000, "no end of a line in its first 262 kB"),
     "columns of a CSV": (
         "run.csv",

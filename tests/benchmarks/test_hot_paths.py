@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.estimation.estimate import estimate
 from identifiability.logs import Log
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import find_base_parameters
@@ -134,7 +134,7 @@ def test_rank_base_parameters_and_fit_of_the_arm(benchmark):
     model = Model.of("rigid_body", "viscous_friction", "coulomb_friction")
     tau = np.random.default_rng(0).normal(size=move.q.shape)
     log = Log("arm", robot.joints, move.t, move.q, tau, move.dq, move.ddq, "")
-    samples = (prepare_samples(robot, log),)
+    samples = (prepare_log(robot, log),)
 
     def work():
         base = find_base_parameters(robot, model)

@@ -14,7 +14,7 @@ IMPORTS = """
 import json, sys
 from identifiability import (
     Log, Model, Regression, Robot, estimate, find_base_parameters, gather_information,
-    prepare_samples,
+    prepare_log,
 )
 json.dump([m for m in sys.argv[1:] if m in sys.modules], sys.stdout)
 """

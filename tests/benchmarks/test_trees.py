@@ -12,7 +12,7 @@ from identifiability import (
     estimate,
     find_base_parameters,
     gather_information,
-    prepare_samples,
+    prepare_log,
 )  # fmt: skip
 from identifiability.estimation.bootstrap import bootstrap
 
@@ -56,7 +56,7 @@ def regression_of(joints, folder):
     data = {"t": t} | {f"{j}.q": x for j, x in zip(robot.joints, q.T, strict=True)}
     data |= {f"{j}.tau": rng.normal(size=SAMPLES) for j in robot.joints}
     pd.DataFrame(data).to_csv(folder / "log.csv", index=False)
-    samples = prepare_samples(robot, Log.read(folder / "log.csv"))
+    samples = prepare_log(robot, Log.read(folder / "log.csv"))
     return Regression(robot, model, (samples,), find_base_parameters(robot, model).kept)
 
 

@@ -8,8 +8,9 @@ import pytest
 from identifiability import analyze, prune
 from identifiability.effects.gravity import horizontal_axes
 from identifiability.effects.nominal import gravity_torque
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.quality import MeasuredLogs
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
@@ -18,7 +19,6 @@ from identifiability.robot.kinematics import turn
 from identifiability.simulation import Campaign, Noise, random_trajectory, simulate
 from identifiability.workflows.alternatives import _evidence, find_alternative
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.oddities import MeasuredLogs
 
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
@@ -34,7 +34,7 @@ def record(name, seed=1, masses=1.0, **noise):
 
 def known(robot, *logs):
     how = settle_cutoff(robot, logs, None)
-    samples = tuple(prepare_samples(robot, log, how) for log in logs)
+    samples = tuple(prepare_log(robot, log, how) for log in logs)
     return MeasuredLogs(Structure.of(robot, MODEL), logs, samples)
 
 

@@ -18,7 +18,7 @@ from identifiability.effects import (
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Parameter
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, random_motion
@@ -32,7 +32,7 @@ def hidden_part(robot, text):
     trajectory = shipped_trajectory(robot, "a")
     plain = simulate(robot, trajectory)
     added = simulate(robot, trajectory, hide=[text])
-    return prepare_samples(robot, plain, Preparation(keep_rest=True)).motion, added.tau - plain.tau
+    return prepare_log(robot, plain, Preparation(keep_rest=True)).motion, added.tau - plain.tau
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ def cubic():
 def test_a_family_that_a_study_registers_is_named(cubic, logs_of, named):
     logs = []
     for log in logs_of("two-link"):
-        move = prepare_samples(Robot.load("two-link"), log, Preparation(keep_rest=True)).motion
+        move = prepare_log(Robot.load("two-link"), log, Preparation(keep_rest=True)).motion
         tau = log.tau.copy()
         tau[:, 1] += 0.02 * move.actuated_v[:, 1] ** 3
         logs.append(

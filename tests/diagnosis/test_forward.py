@@ -8,7 +8,7 @@ import pytest
 from identifiability import Robot
 from identifiability.effects import find_effect
 from identifiability.effects.effect import Part, Placed
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import Campaign, PrescribedMotion, random_trajectory
@@ -33,7 +33,7 @@ def _samples(robot, seed, count=1, hide=()):
     rng = np.random.default_rng(seed)
     motions = [PrescribedMotion.of(random_trajectory(robot, rng)) for _ in range(count)]
     logs = Campaign.of(robot, motions).logs(hide, derivatives=True)
-    return [prepare_samples(robot, log, Preparation(keep_rest=True)) for log in logs]
+    return [prepare_log(robot, log, Preparation(keep_rest=True)) for log in logs]
 
 
 @pytest.mark.parametrize("name", ["two-link", "3-rps", "five-bar", "six-dof-arm", "six-ups"])

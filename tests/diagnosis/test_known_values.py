@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identifiability import IdentifiabilityError, Robot, analyze, diagnose
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 
@@ -25,7 +25,7 @@ def moved(logs, name, phi):
     added = np.array([phi.get(n, 0.0) for n in structure.columns])
     out = []
     for log in logs:
-        s = prepare_samples(robot, log, Preparation(keep_rest=True, decimate=1, cutoff=10.0))
+        s = prepare_log(robot, log, Preparation(keep_rest=True, decimate=1, cutoff=10.0))
         tau = np.array(log.tau)
         tau[s.motion.kept] += structure.model.regressor(robot, s.motion) @ added
         out.append(replace(log, tau=tau))

@@ -7,7 +7,7 @@ import pytest
 
 from identifiability import Robot, diagnose
 from identifiability.effects import title_of
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.regression import Model
 from identifiability.report.results import answer_first
 
@@ -51,7 +51,7 @@ CHANGES |= {"quick": True}
 def gripped(log, since, mass=0.5, at=(0.1, 0.0, 0.05), name="two-link", body="link2"):
     """A log with a mass [kg] at a point [m] of a body from a time on."""
     robot, effect = Robot.load(name), Model.of(f"payload@{body}")
-    motion = prepare_samples(robot, log, Preparation(decimate=1)).motion
+    motion = prepare_log(robot, log, Preparation(decimate=1)).motion
     phi = np.zeros(10)
     phi[:4] = mass, *(mass * np.array(at))
     torque = effect.regressor(robot, motion) @ phi

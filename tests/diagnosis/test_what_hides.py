@@ -3,7 +3,7 @@
 import numpy as np
 
 from identifiability import diagnose, simulate
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -15,7 +15,7 @@ HIDDEN = ("coulomb_asymmetry", "torque_offset")
 
 
 def odds(robot, logs, *model, effects=None):
-    samples = tuple(prepare_samples(robot, log) for log in logs)
+    samples = tuple(prepare_log(robot, log) for log in logs)
     structure = Structure.of(robot, Model.of(*model))
     found = look(Setting(structure, samples, know_nothing(structure)), effects)
     return {t.group.key: t.odds for t in found.before}

@@ -7,7 +7,7 @@ from identifiability import predict
 from identifiability.estimation.estimate import estimate
 from identifiability.foundation.errors import ClosureError, IdentifiabilityError, RobotError
 from identifiability.logs import Log
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import find_base_parameters
@@ -77,7 +77,7 @@ def measured():
 def sigma_of(robot, logs, name):
     model = Model.of(*FULL)
     base = find_base_parameters(robot, model)
-    samples = tuple(prepare_samples(robot, log) for log in logs)
+    samples = tuple(prepare_log(robot, log) for log in logs)
     fit = estimate(gather_information(Regression(robot, model, samples, base.kept)))
     return fit.sigma[fit.columns.index(name)]
 

@@ -12,7 +12,7 @@ import pytest
 
 from identifiability.effects import FAMILIES
 from identifiability.estimation.instrumental import InstrumentalVariables
-from identifiability.logs.prepare import Samples, prepare_samples
+from identifiability.logs.prepare import Dataset, prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
@@ -39,9 +39,9 @@ class Replayed:
     whole: float
 
 
-def fitted_samples(copy: Robot, result, log) -> Samples:
+def fitted_samples(copy: Robot, result, log) -> Dataset:
     """The log along which errors were stated."""
-    samples = prepare_samples(copy, log)
+    samples = prepare_log(copy, log)
     found = None
     if isinstance(result.chosen.estimate.estimator, InstrumentalVariables):
         found = add_instrument(copy, log, samples, always=True)
@@ -53,7 +53,7 @@ def replay(robot: Robot, result, log, folder: Path) -> Replayed:
     path = result.to_json(folder / "result.json")
     exported = export(robot, path, folder / f"fitted{robot.path.suffix}", force=True)
     copy = Robot.load(exported.robot)
-    samples = log if isinstance(log, Samples) else fitted_samples(copy, result, log)
+    samples = log if isinstance(log, Dataset) else fitted_samples(copy, result, log)
     alone: dict = {}
     for piece in samples.pieces(4096):
         alone.setdefault("tau", []).append(piece.down(piece.tau))

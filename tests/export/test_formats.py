@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability import analyze, simulate
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.workflows.export import export
@@ -46,7 +46,7 @@ def test_simulators_read_rotors_and_friction_of_a_urdf_from_its_mjcf(results, tm
     result, path = results["six-dof-arm"]
     exported = export("six-dof-arm", path, tmp_path / "fitted.xml")
     copy = Robot.load(exported.robot)
-    log = prepare_samples(copy, make_log(result.robot, 5))
+    log = prepare_log(copy, make_log(result.robot, 5))
     own = replayed(copy, Reread(path, copy), log, tmp_path)
     assert own.mujoco == pytest.approx(own.pinocchio, rel=1e-6)
     assert own.mujoco == pytest.approx(own.whole, rel=0.02)

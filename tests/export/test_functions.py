@@ -10,7 +10,7 @@ from identifiability import analyze, simulate
 from identifiability.cli import app
 from identifiability.effects.vocabulary import values_in_file
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.regression.reduction import (
     LadderEntry,
     ModelEntry,
@@ -145,7 +145,7 @@ def test_terms_take_what_functions_contain_and_the_torque_stays(text):
     robot, rng = Robot.load("two-link"), np.random.default_rng(0)
     usual = [*USUAL, "torque_offset", "joint_stiffness"]
     structure = Structure.of(robot, Model.of(*usual, text))
-    W = structure.model.regressor(robot, prepare_samples(robot, make_log(robot)).motion)
+    W = structure.model.regressor(robot, prepare_log(robot, make_log(robot)).motion)
     R = W.reshape(-1, W.shape[2])
     phi = np.where(structure.nonnegative, 5.0, rng.normal(size=R.shape[1]))
     (own,) = list_functions(structure)
@@ -169,7 +169,7 @@ def test_terms_take_what_functions_contain_and_the_torque_stays(text):
 def test_no_term_gets_a_sign_that_physics_forbids():
     robot = Robot.load("two-link")
     structure = Structure.of(robot, Model.of(*USUAL, FUNCTIONS[0]))
-    W = structure.model.regressor(robot, prepare_samples(robot, make_log(robot)).motion)
+    W = structure.model.regressor(robot, prepare_log(robot, make_log(robot)).motion)
     R, phi = W.reshape(-1, W.shape[2]), np.zeros(W.shape[2])
     (own,) = list_functions(structure)
     phi[own] = np.linspace(3, -3, len(own))  # pushes on

@@ -167,6 +167,7 @@ def test_the_result_is_a_table_json_and_a_page(run, tmp_path):
         "torque",
         "clock",
         "robot",
+        "ledger",
         "rules",
     ]
     html = found.write_report(tmp_path / "x.html").read_text()

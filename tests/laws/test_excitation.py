@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare import Dataset
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.excite.criteria import (
     IDLE,
@@ -132,7 +132,7 @@ def samples(robot, n=200, seed=0):
     q = np.sin(np.outer(t, w))
     motion = complete_motion(robot, t, q, w * np.cos(np.outer(t, w)), -(w**2) * q)
     tau = np.random.default_rng(seed).standard_normal((n, 2)) * [1.0, 5.0]
-    return Samples(f"log {seed}", motion, tau, None, (), "")
+    return Dataset(f"log {seed}", motion, tau, None, (), "")
 
 
 def test_logs_are_known_by_their_gram_matrix_in_units_of_each_joints_noise(two):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.regression import gather as gather_module
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
@@ -20,7 +20,7 @@ def base(rps, paper_model):
 
 @pytest.fixture
 def regression(rps, paper_model, base, noisy_log):
-    return Regression(rps, paper_model, (prepare_samples(rps, noisy_log),), base.kept)
+    return Regression(rps, paper_model, (prepare_log(rps, noisy_log),), base.kept)
 
 
 @pytest.fixture
@@ -86,9 +86,7 @@ def test_chunks_and_blocks_do_not_matter(regression):
 
 
 def test_two_logs_add_up_to_their_union(rps, paper_model, base, simulated):
-    logs = [
-        prepare_samples(rps, simulated("3-rps", t, seed)) for t, seed in (("601", 0), ("595", 1))
-    ]
+    logs = [prepare_log(rps, simulated("3-rps", t, seed)) for t, seed in (("601", 0), ("595", 1))]
     both = gather_information(Regression(rps, paper_model, tuple(logs), base.kept))
     parts = [gather_information(Regression(rps, paper_model, (s,), base.kept)) for s in logs]
     added = parts[0] + parts[1]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.regression import Regression
@@ -102,7 +102,7 @@ def test_information_with_instruments_is_not_added_to_one_without(rows):
 @pytest.fixture
 def regression(rps, paper_model, noisy_log, exact_log):
     base = find_base_parameters(rps, paper_model)
-    noisy, exact = (prepare_samples(rps, log) for log in (noisy_log, exact_log))
+    noisy, exact = (prepare_log(rps, log) for log in (noisy_log, exact_log))
     return Regression(rps, paper_model, (noisy,), base.kept, (exact,))
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from identifiability.effects.inertia import RigidBody
 from identifiability.estimation.prediction import predict
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import CHUNK, Model, Regression
 from identifiability.regression.structure import Structure
@@ -28,7 +28,7 @@ def made(request):
     robot = Robot.load(name)
     log = simulate(robot, PrescribedMotion.of(shipped_trajectory(robot, trajectory), SAMPLES))
     how = Preparation(decimate=FACTOR, keep_rest=True)
-    return Structure.of(robot, MODEL), prepare_samples(robot, log, how)
+    return Structure.of(robot, MODEL), prepare_log(robot, log, how)
 
 
 @pytest.fixture

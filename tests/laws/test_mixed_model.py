@@ -20,7 +20,7 @@ from identifiability.estimation.mixed_model import (
     member_weights,
 )
 from identifiability.estimation.noise import JointNoise, JointRuns, autocovariance
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.regression.reduction import default_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
@@ -229,7 +229,7 @@ def missing_in(arm, seed, rho, effect=None, gone=0.0):
         x = curve(*(frame[f"{joint}.{k}"].to_numpy() for k in ("q", "dq", "tau")))
         sd = 0.03 * frame[f"{joint}.tau"].std()
         f[f"{joint}.tau"] += size * sd * x / np.sqrt(np.mean(x**2))
-    regression = structure.regression([prepare_samples(robot, Log.from_frame(f, "a"))])
+    regression = structure.regression([prepare_log(robot, Log.from_frame(f, "a"))])
     found = Missing.of(regression, find_families(None), structure.present)
     if gone:
         rng, data = np.random.default_rng(seed), found.seen.data.copy()

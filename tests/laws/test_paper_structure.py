@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import build_ladder, read_ladder
 from identifiability.regression.regression import Model
@@ -117,7 +117,7 @@ def test_the_cad_identities_of_table_8_hold(rps, structure):
 
 
 def test_models_1_to_3_recover_noise_free_parameters_exactly(rps, structure, submodels, exact_log):
-    information = gather_information(structure.regression([prepare_samples(rps, exact_log)]))
+    information = gather_information(structure.regression([prepare_log(rps, exact_log)]))
     truth = structure.nominal_base
     for submodel in submodels[:3]:
         fit = estimate(submodel.reduce(information), "ols")

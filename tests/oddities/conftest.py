@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
+from identifiability.quality import MeasuredLogs, find_oddities
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate
-from identifiability.workflows.oddities import MeasuredLogs, find_oddities
 
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
@@ -29,7 +29,7 @@ def say():
     """A function (structure, log) -> what is odd about it."""
 
     def look(structure, log):
-        logs = MeasuredLogs(structure, (log,), (prepare_samples(structure.robot, log),))
+        logs = MeasuredLogs(structure, (log,), (prepare_log(structure.robot, log),))
         return find_oddities(logs).hints
 
     return look

@@ -8,8 +8,7 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.logfile import LogFile
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.robot import Robot
 
 DEGREES = 180 / np.pi
@@ -26,8 +25,8 @@ def degrees(simulated, tmp_path):
 
 
 @pytest.mark.parametrize("how", ["option", "sidecar"])
-@pytest.mark.parametrize("reader", [Log, LogFile])
-def test_degrees_are_read_where_it_is_said(degrees, how, reader, tmp_path):
+@pytest.mark.parametrize("read", [Log.read, Log.scan])
+def test_degrees_are_read_where_it_is_said(degrees, how, read, tmp_path):
     path, log = degrees
     robot = Robot.load("six-dof-arm", angles="deg")
     if how == "sidecar":
@@ -35,7 +34,7 @@ def test_degrees_are_read_where_it_is_said(degrees, how, reader, tmp_path):
         own = tmp_path / "own.toml"
         own.write_text('angles = "deg"\n' + shipped.sidecar.read_text())
         robot = Robot.load("six-dof-arm", own)
-    read = reader.read(path, Conventions.of(robot))
+    read = read(path, Conventions.of(robot))
     assert "angles were read as degrees" in read.notes
     assert np.allclose(read.rows(0, len(log)).q, log.q, rtol=1e-12)
     assert np.allclose(read.rows(0, len(log)).dq, log.dq, rtol=1e-12)
@@ -51,13 +50,13 @@ def test_sliding_joints_are_in_metres_whatever_angles_are(simulated):
 def test_degrees_must_be_said_and_rad_may_be(degrees):
     path, _ = degrees
     with pytest.raises(LogError, match="it looks like degrees: say --set angles=deg"):
-        prepare_samples(Robot.load("six-dof-arm"), Log.read(path))
+        prepare_log(Robot.load("six-dof-arm"), Log.read(path))
     robot = Robot.load("six-dof-arm", angles="rad")
-    assert len(prepare_samples(robot, Log.read(path)).tau)
+    assert len(prepare_log(robot, Log.read(path)).tau)
 
 
 @pytest.mark.parametrize("turns", [1, -3, 10])
 def test_encoders_that_count_turns_are_never_refused(simulated, turns):
     log = simulated("six-dof-arm", "a")
     more = replace(log, q=log.q + 2 * np.pi * turns)
-    assert len(prepare_samples(Robot.load("six-dof-arm"), more).tau)
+    assert len(prepare_log(Robot.load("six-dof-arm"), more).tau)

@@ -9,7 +9,7 @@ import pytest
 from identifiability import analyze
 from identifiability.effects.nominal import gravity_torque
 from identifiability.foundation.errors import RobotError
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 
@@ -38,7 +38,7 @@ def test_what_is_said_of_compensated_effort_mends_it(good, tmp_path):
     assert "compensated = true under [torque]" in hint
     mended = with_sidecar(structure, tmp_path, "compensated = true")
     assert not any("compensated" in x for x in analyze(mended.robot, light, replicates=0).hints)
-    ours, plain = (prepare_samples(s.robot, x) for s, x in ((mended, light), (structure, log)))
+    ours, plain = (prepare_log(s.robot, x) for s, x in ((mended, light), (structure, log)))
     np.testing.assert_allclose(ours.tau, plain.tau, atol=1e-3 * np.abs(log.tau).max())
     assert any("was added to the measured torque" in note for note in ours.notes)
     said = with_sidecar(structure, tmp_path, "compensated = false").robot

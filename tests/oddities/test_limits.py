@@ -8,16 +8,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.logs.mend import contradictions, looks_like_degrees
+from identifiability.logs.contradictions import contradictions, looks_like_degrees
 from identifiability.logs.reading import unify_rates
+from identifiability.quality import torque as exchanged
+from identifiability.quality import torque as torque_scale
+from identifiability.quality.motion import find_beyond_limits, find_stretches
+from identifiability.quality.timing import find_time_scale
+from identifiability.quality.torque import flat_share
 from identifiability.workflows.analyze import fit
 from identifiability.workflows.analyze import words as several_logs
 from identifiability.workflows.answers import grade_of
-from identifiability.workflows.oddities import torque as exchanged
-from identifiability.workflows.oddities import torque as torque_scale
-from identifiability.workflows.oddities.positions import find_beyond_limits, find_stretches
-from identifiability.workflows.oddities.timing import find_time_scale
-from identifiability.workflows.oddities.torque import flat_share
 
 N = 4000
 RNG = np.random.default_rng(0)

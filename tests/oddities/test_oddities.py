@@ -8,11 +8,11 @@ import scipy
 
 from identifiability import analyze, diagnose, prune
 from identifiability.estimation.verdict import Class
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
+from identifiability.quality import MeasuredLogs, find_oddities
+from identifiability.quality.registry import CHECKS, ORDER, Does, check
+from identifiability.quality.timing import measure_shift
 from identifiability.regression.structure import Structure
-from identifiability.workflows.oddities import MeasuredLogs, find_oddities
-from identifiability.workflows.oddities.check import CHECKS, Does, check
-from identifiability.workflows.oddities.timing import measure_shift
 
 from .conftest import MODEL, record
 
@@ -36,26 +36,27 @@ def test_a_check_of_ones_own_is_one_function(six_axis):
     """What it says goes before what it explains; of columns that are misread it withholds more."""
     structure, log = six_axis
     turned = replace(log, tau=1000.0 * log.tau)
-    logs = MeasuredLogs(structure, (turned,), (prepare_samples(structure.robot, turned),))
+    logs = MeasuredLogs(structure, (turned,), (prepare_log(structure.robot, turned),))
     before = find_oddities(logs)
     assert before.explains
     assert not before.misread
-    for does, rank, hints in (
-        (Does.EXPLAINS, 0, ("Mine.",)),
-        (Does.MISREADS, 0, ("Mine.",)),
-        (Does.HINTS, 0, (*before.hints, "Mine.")),
-        (Does.EXPLAINS, 99, before.hints),
+    sound = MeasuredLogs(structure, (log,), (prepare_log(structure.robot, log),))
+    for does, logs_, hints in (
+        (Does.EXPLAINS, sound, ("Mine.",)),
+        (Does.MISREADS, sound, ("Mine.",)),
+        (Does.HINTS, logs, (*before.hints, "Mine.")),
+        (Does.EXPLAINS, logs, before.hints),
     ):
-        check("mine", does, rank)(lambda _: ("Mine.",))
-        own = next(c for c in CHECKS if c.title == "mine")
+        check("mine", does)(lambda _: ("Mine.",))
+        own = next(c for c in CHECKS if c.key == "mine")
         try:
-            found = find_oddities(logs)
+            found = find_oddities(logs_)
         finally:
             CHECKS.remove(own)
         assert found.hints == hints
         assert found.misread == (does is Does.MISREADS)
-        assert found.explains
-    assert len({c.title for c in CHECKS}) == len({c.rank for c in CHECKS}) == len(CHECKS)
+        assert found.explains == (does is not Does.HINTS or before.explains)
+    assert [c.key for c in CHECKS] == list(ORDER)
 
 
 def test_torque_that_stops_at_a_limit(say, good):
@@ -85,7 +86,7 @@ def test_the_torque_of_one_joint_that_is_late_under_noise():
     at = log.t[:, None] - np.where(np.arange(6) == 3, 1.5, 0.0) * np.median(np.diff(log.t))
     late = [np.interp(t, log.t, x) for t, x in zip(at.T, log.tau.T, strict=True)]
     tau = np.transpose(late) + 0.1 * log.tau.std(0) * rng.standard_normal(log.tau.shape)
-    found = measure_shift(structure, prepare_samples(structure.robot, replace(log, tau=tau)))
+    found = measure_shift(structure, prepare_log(structure.robot, replace(log, tau=tau)))
     assert found.certain
     assert found.joint == 3
     assert abs(found.samples - 1.5) <= 3 * found.sigma <= 0.75

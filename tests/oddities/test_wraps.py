@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from identifiability.logs import Log
-from identifiability.logs.logfile import LogFile
-from identifiability.logs.mend import unwrap_logs
 from identifiability.logs.spikes import TURN, WrapFinder
+from identifiability.quality.mends import unwrap_log
 
 
 @pytest.fixture
@@ -26,7 +25,7 @@ def wrapped(log):
 
 
 def test_a_wrapped_angle_goes_on_and_it_is_said(turning):
-    (log,), (hint,) = unwrap_logs([wrapped(turning)])
+    log, (hint,) = unwrap_log(wrapped(turning))
     assert np.allclose(log.q, turning.q, atol=1e-12)
     assert "'a.q' " in hint
     assert "unwrapped" in hint
@@ -35,7 +34,7 @@ def test_a_wrapped_angle_goes_on_and_it_is_said(turning):
 
 def test_long_files_are_unwrapped_alike(turning, tmp_path):
     path = wrapped(turning).write(tmp_path / "turning.csv")
-    (file,), (hint,) = unwrap_logs([LogFile.read(path)])
+    file, (hint,) = unwrap_log(Log.scan(path))
     assert hint.startswith("turning.csv: angles jump by a whole turn")
     assert np.allclose(file.rows(0, 900).q, turning.q, atol=1e-12)
     assert np.allclose(file.rows(400, 500).q, turning.q[400:500], atol=1e-12)

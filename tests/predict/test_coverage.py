@@ -7,7 +7,7 @@ from identifiability import Robot, analyze
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.prediction import measure_spread, predict
 from identifiability.estimation.uncertainty import assess_uncertainty
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -18,13 +18,13 @@ TRIALS = 24
 @pytest.mark.parametrize("rho", [pytest.param(0.0, marks=pytest.mark.everything), 0.8])
 def test_intervals_cover_the_planted_torque_and_new_samples(rho, make_log, without_noise):
     structure = Structure.of(Robot.load("two-link"), Model.of("rigid_body", "viscous_friction"))
-    other = structure.regression([prepare_samples(structure.robot, without_noise("two-link", "b"))])
+    other = structure.regression([prepare_log(structure.robot, without_noise("two-link", "b"))])
     ((*_, W, _),) = other.chunks()
     truth = W @ true_values(structure, without_noise("two-link", "a"))
     mean, new = [], []
     for seed in range(TRIALS):
         log = explained(structure, make_log("two-link", "a", seed, rho), without_noise)
-        regression = structure.regression([prepare_samples(structure.robot, log)])
+        regression = structure.regression([prepare_log(structure.robot, log)])
         information = gather_information(regression)
         fit = estimate(information)
         found = predict(regression, fit.value[:, None])
@@ -42,14 +42,14 @@ def test_intervals_cover_the_planted_torque_and_new_samples(rho, make_log, witho
 
 
 def true_values(structure, log):
-    information = gather_information(structure.regression([prepare_samples(structure.robot, log)]))
+    information = gather_information(structure.regression([prepare_log(structure.robot, log)]))
     return estimate(information).value
 
 
 def explained(structure, log, without_noise):
     """The log with the torque that the model explains, and its own noise."""
     clean = without_noise("two-link", "a")
-    regression = structure.regression([prepare_samples(structure.robot, clean)])
+    regression = structure.regression([prepare_log(structure.robot, clean)])
     ((*_, W, tau),) = regression.chunks()
     left = tau - W @ true_values(structure, clean)
     columns = {f"{j}.tau": (log.tau - left)[:, k] for k, j in enumerate(log.joints)}

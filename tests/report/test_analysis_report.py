@@ -15,7 +15,7 @@ pytestmark = pytest.mark.pictures
 
 SECTIONS = (
     "prediction", "parameters", "models", "correlated", "motions", "residuals", "physics",
-    "structure", "full-model", "motion", "thresholds", "provenance", "rules",
+    "structure", "full-model", "motion", "thresholds", "provenance", "ledger", "rules",
 )  # fmt: skip
 
 

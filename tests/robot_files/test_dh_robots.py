@@ -18,7 +18,7 @@ from identifiability import (
     estimate,
     find_base_parameters,
     gather_information,
-    prepare_samples,
+    prepare_log,
     simulate,
 )
 from identifiability.effects import default_effects
@@ -113,7 +113,7 @@ def test_the_values_of_the_files_come_back_from_torque_without_noise(name):
     move = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
     assert (robot.limits[:, 0] < move.q.min(0)).all()
     assert (move.q.max(0) < robot.limits[:, 1]).all()
-    samples = prepare_samples(robot, simulate(robot, move))
+    samples = prepare_log(robot, simulate(robot, move))
     assert samples.motion.singular == 0
     fit = estimate(gather_information(Regression(robot, model, (samples,), base.kept)), "ols")
     assert fit.determined.all()

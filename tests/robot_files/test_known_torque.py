@@ -9,7 +9,7 @@ import pytest
 from identifiability import Robot, analyze, inspect
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.foundation.options import OptionError
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.robot.measured_torque import KnownTorque
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.payload import payload
@@ -61,8 +61,8 @@ def test_a_known_torque_is_simulated_and_taken_off_again(tmp_path):
     added[:, elbow] = table.force(bare.q[:, elbow])
     np.testing.assert_allclose(log.tau, bare.tau + added, atol=1e-12)
     how = Preparation(keep_rest=True)
-    samples = prepare_samples(robot, log, how)
-    np.testing.assert_allclose(samples.tau, prepare_samples(plain, bare, how).tau, atol=1e-9)
+    samples = prepare_log(robot, log, how)
+    np.testing.assert_allclose(samples.tau, prepare_log(plain, bare, how).tau, atol=1e-9)
     assert any(
         "known torque was taken off" in note and "4 points" in note for note in samples.notes
     )
@@ -95,8 +95,8 @@ def test_a_line_is_the_spring_of_the_robot_file(tmp_path, joint):
     np.testing.assert_allclose(log.tau, log_of(spring).tau, atol=1e-10)
     assert np.abs(log.tau - log_of(Robot.load("five-bar")).tau).max() > 0.1
     how = Preparation(keep_rest=True)
-    bare = prepare_samples(Robot.load("five-bar"), log_of(Robot.load("five-bar")), how)
-    np.testing.assert_allclose(prepare_samples(robot, log, how).tau, bare.tau, atol=1e-7)
+    bare = prepare_log(Robot.load("five-bar"), log_of(Robot.load("five-bar")), how)
+    np.testing.assert_allclose(prepare_log(robot, log, how).tau, bare.tau, atol=1e-7)
 
 
 def test_nothing_is_extrapolated(tmp_path):
@@ -105,7 +105,7 @@ def test_nothing_is_extrapolated(tmp_path):
     robot = with_sidecar(tmp_path, "two-link", text)
     log = log_of(Robot.load("two-link"))
     with pytest.raises(LogError, match=r"'elbow' is at .* from -0\.1 to 0\.1: .* lie outside"):
-        prepare_samples(robot, log)
+        prepare_log(robot, log)
     with pytest.raises(RobotError, match="nothing is extrapolated"):
         log_of(robot)
     edge = KnownTorque(along="j", table=[(0, 1), (1, 2)])

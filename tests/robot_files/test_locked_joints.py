@@ -13,7 +13,7 @@ from identifiability.cli import app
 from identifiability.foundation.errors import IdentifiabilityError, LogError, RobotError
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.logs import Log
-from identifiability.logs.prepare.longsamples import prepare_samples
+from identifiability.logs.prepare.dataset import prepare_log
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import PrescribedMotion, random_trajectory, simulate
 from identifiability.simulation.forward import ForwardRobot
@@ -270,9 +270,9 @@ def test_joints_that_a_log_lacks_are_proposed_for_locking_with_what_to_write(loa
     assert made.exit_code == 0, made.output
     with pytest.raises(LogError, match="no columns for the actuated joint f1; .* lock it: "
                        r'--lock f1, or locked = \["f1"\] in the sidecar'):  # fmt: skip
-        prepare_samples(robot, Log.read(log))
+        prepare_log(robot, Log.read(log))
     locked = Robot.load(robot.path, lock=["f1"])
-    assert prepare_samples(locked, Log.read(log)).tau.shape[1] == 1
+    assert prepare_log(locked, Log.read(log)).tau.shape[1] == 1
     assert locked.sha256 != robot.sha256
 
 

@@ -16,7 +16,7 @@ from identifiability import (
     estimate,
     find_base_parameters,
     gather_information,
-    prepare_samples,
+    prepare_log,
 )
 from identifiability.regression.regression import Model
 from identifiability.robot import complete_motion
@@ -78,7 +78,7 @@ def test_the_files_values_come_back_from_torque_without_noise(name):
     robot, model = Robot.load(name), Model.of(*EFFECTS)
     kept = find_base_parameters(robot, model).kept
     move = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
-    samples = prepare_samples(robot, simulate(robot, move))
+    samples = prepare_log(robot, simulate(robot, move))
     regression = Regression(robot, model, (samples,), kept)
     fit = estimate(gather_information(regression), "ols")
     assert fit.determined.all()

@@ -6,7 +6,7 @@ import pytest
 
 from identifiability.logs import signals, tables
 from identifiability.logs import source as scan
-from identifiability.logs.prepare import longsamples
+from identifiability.logs.prepare import dataset
 from identifiability.regression import regression as windows
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
@@ -17,9 +17,9 @@ def sizes(monkeypatch):
     """A function that sets how long pieces and stretches are."""
 
     def chosen(piece=700, shortest=1500, rows=400, characters=30_000, window=None):
-        monkeypatch.setattr(longsamples, "PIECE", piece)
-        monkeypatch.setattr(longsamples, "MARGINS", 0)
-        monkeypatch.setattr(longsamples, "SHORTEST", shortest)
+        monkeypatch.setattr(dataset, "PIECE", piece)
+        monkeypatch.setattr(dataset, "MARGINS", 0)
+        monkeypatch.setattr(dataset, "SHORTEST", shortest)
         monkeypatch.setattr(tables, "PIECE_ROWS", rows)
         monkeypatch.setattr(scan, "PIECE_BYTES", characters)
         monkeypatch.setattr(scan, "WHOLE", characters)

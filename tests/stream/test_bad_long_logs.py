@@ -6,9 +6,8 @@ from identifiability import analyze
 from identifiability.foundation.engines.local import Processes, Serial
 from identifiability.foundation.errors import ClosureError, LogError
 from identifiability.logs import Log
-from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.longsamples import prepare_log
+from identifiability.logs.prepare.dataset import prepare_log
 from identifiability.robot import Robot
 
 ROWS = 4000
@@ -38,7 +37,7 @@ def refusal(action) -> str:
 
 
 def same_refusal(path) -> str:
-    streamed, whole = refusal(lambda: LogFile.read(path)), refusal(lambda: Log.read(path))
+    streamed, whole = refusal(lambda: Log.scan(path)), refusal(lambda: Log.read(path))
     assert streamed == whole
     return streamed
 
@@ -73,9 +72,9 @@ def test_damaged_ends_and_middles(frame, saved, tmp_path):
     content = csv.read_bytes()
     whole = content.rstrip(b"\n").rpartition(b",")[0]  # the last line lost its last field
     csv.write_bytes(whole)
-    assert len(Log.read(csv)) == len(LogFile.read(csv)) == ROWS - 1
+    assert len(Log.read(csv)) == len(Log.scan(csv)) == ROWS - 1
     csv.write_bytes(content[:-1])  # its last digit may be missing
-    short, long = Log.read(csv), LogFile.read(csv)
+    short, long = Log.read(csv), Log.scan(csv)
     assert len(short) == len(long) == ROWS - 1
     assert (
         short.notes
@@ -91,9 +90,9 @@ def test_damaged_ends_and_middles(frame, saved, tmp_path):
     parquet = saved(frame)
     content = parquet.read_bytes()
     parquet.write_bytes(content[:-200])
-    assert "cannot be read as Parquet" in refusal(lambda: LogFile.read(parquet))
+    assert "cannot be read as Parquet" in refusal(lambda: Log.scan(parquet))
     parquet.write_bytes(content[:9000] + bytes(3000) + content[12000:])
-    assert "cannot be read as Parquet" in refusal(lambda: LogFile.read(parquet))
+    assert "cannot be read as Parquet" in refusal(lambda: Log.scan(parquet))
     assert "There is no log file" in same_refusal(tmp_path / "none.csv")
     assert "19 samples, too few" in same_refusal(saved(frame.iloc[:19]))
     assert "0 samples, too few" in same_refusal(saved(frame.iloc[:0]))
@@ -102,7 +101,7 @@ def test_damaged_ends_and_middles(frame, saved, tmp_path):
 @pytest.mark.parametrize("form", ["csv", "parquet"])
 def test_a_file_that_changes_meanwhile_is_noticed(form, frame, saved):
     path = saved(frame, form)
-    file = LogFile.read(path)
+    file = Log.scan(path)
     robot = Robot.load("two-link")
     samples = prepare_log(robot, file, engine=Serial())
     saved(frame.iloc[:-1], form)
@@ -119,16 +118,16 @@ def test_what_leaves_nothing_of_a_long_log_is_refused(frame_of, saved):
     frame = frame_of("3-rps", periods=4)
     frame[next(c for c in frame if c.endswith(".q"))] += 3.0
     with pytest.raises(ClosureError, match="close at none of the"):
-        prepare_log(Robot.load("3-rps"), LogFile.read(saved(frame)), engine=Serial())
+        prepare_log(Robot.load("3-rps"), Log.scan(saved(frame)), engine=Serial())
     arm = frame_of("two-link", periods=2)
     with pytest.raises(LogError, match="too short to be decimated by 300"):
         prepare_log(
-            Robot.load("two-link"), LogFile.read(saved(arm)), Preparation(decimate=300),
+            Robot.load("two-link"), Log.scan(saved(arm)), Preparation(decimate=300),
             engine=Serial(),
         )  # fmt: skip
     with pytest.raises(LogError, match="too long to search its period"):
         prepare_log(
-            Robot.load("two-link"), LogFile.read(saved(arm)), Preparation("fourier"),
+            Robot.load("two-link"), Log.scan(saved(arm)), Preparation("fourier"),
             engine=Serial(),
         )  # fmt: skip
 
@@ -140,7 +139,7 @@ def test_a_wrong_sample_of_a_long_file_is_named_and_weighs_nothing(frame, tmp_pa
     spoilt.loc[2000:2024, "shoulder.tau"] *= 10
     path = tmp_path / "log.parquet"
     spoilt.to_parquet(path, index=False, row_group_size=700)
-    log = LogFile.read(path)
+    log = Log.scan(path)
     parts, whole = (analyze("two-link", x, replicates=20) for x in (log, Log.read(path)))
     wrong, burst = parts.hints
     assert wrong == whole.hints[0]

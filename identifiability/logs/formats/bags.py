@@ -16,26 +16,20 @@ They stand for torque where no joint has effort.
 from __future__ import annotations
 
 import hashlib
-import sqlite3
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Collection, Iterable, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array, numbered
-from identifiability.logs.form import PLAIN, Form
-from identifiability.logs.formats.reader import (
-    MOST_BYTES,
-    MOST_DESCRIBED,
-    Whole,
-    check_values,
-    reader,
-)
+from identifiability.logs.form import PLAIN
+from identifiability.logs.formats.reader import Whole, check_values, reader
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -79,16 +73,6 @@ BASE = {
     ),
 }
 
-#: Bytes of a message of joint states: some ten thousand joints.
-MOST_MESSAGE = 1_000_000
-
-
-#: How long the longest is, by what stands before each; nothing of them is read.
-_LONGEST = (
-    "select max(length(data)) from messages join topics on topics.id = messages.topic_id "
-    "where topics.type in (?, ?)"
-)
-
 #: Field of the message for every channel of a log.
 FIELDS = {"q": "position", "dq": "velocity", "tau": "effort"}
 
@@ -119,23 +103,11 @@ def hash_files(path: Path) -> str:
     return digest.hexdigest()
 
 
-class MixedJointsError(LogError):
-    """Messages of one topic tell of different joints.
-
-    Attributes
-    ----------
-    groups : list of tuple of str
-        Those of each kind of message.
-    """
-
-    groups: list[tuple[str, ...]]
-
-
 def read_bag(
     path: str | Path,
     topic: str | None = None,
     joints: Sequence[str] | None = None,
-    still: Callable[[str], bool] | None = None,
+    known: Conventions | None = None,
 ) -> pd.DataFrame:
     """Read the joint states of a bag as a table with the columns of a log.
 
@@ -147,10 +119,10 @@ def read_bag(
         Needed where several topics hold joint states; behind a comma that of commands.
     joints : sequence of str, optional
         Which joints, for topics that also tell of others (grippers); messages that lack one of
-        them are passed over. By default all, and every message must hold the same.
-    still : callable(str), optional
-        Whether a joint's positions count though no effort tells of it: such as is locked, or has a
-        motor that nobody measures.
+        them are passed over. By default those of the robot where messages differ, else all.
+    known : Conventions, optional
+        Of the robot: of its joints, those that are locked among them, positions count though no
+        effort tells of them.
 
     Returns
     -------
@@ -164,22 +136,23 @@ def read_bag(
     LogError
         If the bag cannot be read, or has no such topic or joints.
     """
+    from identifiability.logs.conventions import Conventions  # noqa: PLC0415 - robots are heavy
+
     bag, named = split_topic(path)
     try:
         with _opened(bag) as reader:
             name, _, of = (topic or named or "").partition(",")
             states = _choose_topic(bag, reader, name or None)
             goal = _choose_commands(bag, reader, of)
-            messages = _messages(bag, reader, states)
-            frame = _collect(bag, states, messages, joints, still, commanded=bool(goal))
-            frame = _add_commands(bag, reader, frame, goal) if goal else frame
-            return _add_base(bag, reader, frame)
+            told = _States(bag, states, known or Conventions())
+            told.read(_messages(reader, states, JOINT_STATE))
+            frame = told.frame(joints, commanded=bool(goal))
+            frame = _add_commands(reader, frame, goal) if goal else frame
+            return _add_base(reader, frame)
     except LogError:
         raise
     except MemoryError:  # mostly a length that was spoilt
-        raise LogError(
-            f"{bag} cannot be read as a bag: it is damaged, or larger than the memory."
-        ) from None
+        raise LogError(Finding("bag.damaged", bag)) from None
     except Exception as error:  # noqa: BLE001 - foreign parsers may raise anything
         reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
         raise LogError(f"{bag} cannot be read as a bag: {reason}.") from None
@@ -194,66 +167,16 @@ def _opened(path: Path) -> Iterator[Any]:
         from rosbags.highlevel import AnyReader  # noqa: PLC0415 - an extra
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
     except ImportError:
-        raise LogError(
-            f"{path} is a bag, which needs the extra 'ros': "
-            "pip install 'robot-identifiability[ros]'."
-        ) from None
-    _check_files(path)
+        raise LogError(Finding("bag.extra", path)) from None
     with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
-        for part in reader.readers:
-            _check_chunks(getattr(part, "storage", None))
         yield reader
 
 
-def _check_files(path: Path) -> None:
-    """Refuse a bag that would be read without end.
-
-    Raises
-    ------
-    LogError
-    """
-    described = path / "metadata.yaml"
-    if described.is_file() and described.stat().st_size > MOST_DESCRIBED:
-        raise LogError(f"{described} is larger than {MOST_DESCRIBED // 10**6} MB; record anew.")
-    for file in [path, *path.glob("*.db3")] if path.is_dir() else [path]:
-        if file.suffix == ".db3" and file.is_file():
-            with closing(sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True)) as base:
-                found = base.execute("select type, name, sql from sqlite_master").fetchall()
-                unreal = ("view", "trigger")
-                if any(kind in unreal or "VIRTUAL" in (sql or "") for kind, _, sql in found):
-                    raise LogError(f"{file} computes its messages and holds none; record anew.")
-                if {"messages", "topics"} <= {name for _, name, _ in found}:
-                    _check_length(file, base.execute(_LONGEST, JOINT_STATE).fetchone()[0] or 0)
-
-
-def _check_chunks(storage: Any) -> None:
-    """Refuse an MCAP whose messages stand together in parts that do not fit in memory.
-
-    Raises
-    ------
-    LogError
-    """
-    for part in getattr(storage, "storages", [storage]):
-        longest = max((c.uncompressed_size for c in getattr(part, "chunks", ())), default=0)
-        if longest > MOST_BYTES:
-            raise LogError(
-                f"{part.path} has {longest / 1e6:.0f} MB together in one part; up to "
-                f"{MOST_BYTES // 10**6} MB are read: record joint states alone."
-            )
-
-
-def _check_length(path: Path, length: int) -> None:
-    """Refuse a message of joint states that no robot sends.
-
-    Raises
-    ------
-    LogError
-    """
-    if length > MOST_MESSAGE:
-        raise LogError(
-            f"{path} has a message of joint states of {length / 1e6:.0f} MB; up to "
-            f"{MOST_MESSAGE // 10**6} MB are read: it is damaged, or no robot's."
-        )
+def _messages(reader: Any, topic: str, kinds: Collection[str]) -> Iterator[tuple[int, Any]]:
+    """Time of recording [ns] and message, for every message of a topic of some types."""
+    own = [c for c in reader.connections if c.topic == topic and c.msgtype in kinds]
+    for connection, recorded, raw in reader.messages(connections=own):
+        yield recorded, reader.deserialize(raw, connection.msgtype)
 
 
 def _choose_topic(path: Path, reader: Any, wanted: str | None) -> str:
@@ -264,17 +187,11 @@ def _choose_topic(path: Path, reader: Any, wanted: str | None) -> str:
         return str(wanted)
     if not found:
         others = sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})
-        raise LogError(
-            f"{path} has no topic of type sensor_msgs/JointState; it holds "
-            f"{listing(others) or 'nothing'}."
-        )
+        raise LogError(Finding("bag.none", path, others=listing(others) or "nothing"))
     if wanted is None:
-        first = {topic: next(_messages(path, reader, topic), None) for topic in found}
+        first = {topic: next(_messages(reader, topic, JOINT_STATE), None) for topic in found}
         told = [t for t, x in first.items() if x and np.isfinite(x[1].effort).any()]
-        raise LogError(
-            f"{path} has joint states on the topics {listing(found)}; name one of them as "
-            f"'{path}:{(told or found)[0]}'."
-        )
+        raise LogError(Finding("bag.several", path, topics=[*found], first=(told or found)[0]))
     raise LogError(
         f"{path} has no joint states on the topic '{wanted}'{near_match(wanted, found)} It has "
         f"them on {listing(found)}."
@@ -300,14 +217,12 @@ def _choose_commands(path: Path, reader: Any, wanted: str) -> str:
     return chosen[0] if len(chosen) == 1 else ""
 
 
-def _add_commands(path: Path, reader: Any, frame: pd.DataFrame, topic: str) -> pd.DataFrame:
+def _add_commands(reader: Any, frame: pd.DataFrame, topic: str) -> pd.DataFrame:
     """Return a table of joint states with the commands that were recorded last before each."""
-    connections = [c for c in reader.connections if c.topic == topic and c.msgtype in COMMANDS]
-    names_of, of, dot_of = COMMANDS[connections[0].msgtype]
+    kind = next(c.msgtype for c in reader.connections if c.topic == topic)
+    names_of, of, dot_of = COMMANDS[kind]
     when, rows, called = list[int](), list[tuple[Array, ...]](), tuple[str, ...]()
-    for connection, recorded, raw in reader.messages(connections=connections):
-        _check_length(path, len(raw))
-        message = reader.deserialize(raw, connection.msgtype)
+    for recorded, message in _messages(reader, topic, COMMANDS):
         point = getattr(message, of)
         if hasattr(point, "positions"):
             given = (point.positions, point.velocities)
@@ -333,7 +248,7 @@ def _add_commands(path: Path, reader: Any, frame: pd.DataFrame, topic: str) -> p
     return frame
 
 
-def _add_base(path: Path, reader: Any, frame: pd.DataFrame) -> pd.DataFrame:
+def _add_base(reader: Any, frame: pd.DataFrame) -> pd.DataFrame:
     """Return a table of joint states with what messages about a base, and of wrenches, hold.
 
     By their own stamps, on straight lines, at the times of the joint states. Of a type on several
@@ -344,11 +259,8 @@ def _add_base(path: Path, reader: Any, frame: pd.DataFrame) -> pd.DataFrame:
     for topic, kind in topics.items():
         if kind in several and "{topic}" not in BASE[kind][0][1]:
             continue
-        connections = [c for c in reader.connections if c.topic == topic and c.msgtype == kind]
         when, rows = list[float](), list[list[float]]()
-        for connection, _, raw in reader.messages(connections=connections):
-            _check_length(path, len(raw))
-            message = reader.deserialize(raw, connection.msgtype)
+        for _, message in _messages(reader, topic, BASE):
             stamp = message.header.stamp
             when.append(stamp.sec + 1e-9 * stamp.nanosec - frame.attrs["start"])
             rows.append([attrgetter(f"{of}.{a}")(message) for of, _, ax in BASE[kind] for a in ax])
@@ -361,122 +273,121 @@ def _add_base(path: Path, reader: Any, frame: pd.DataFrame) -> pd.DataFrame:
     return frame
 
 
-def _messages(path: Path, reader: Any, topic: str) -> Iterator[tuple[int, Any]]:
-    """Time of recording [ns] and message, for every message of a topic."""
-    connections = [c for c in reader.connections if c.topic == topic and c.msgtype in JOINT_STATE]
-    for connection, recorded, raw in reader.messages(connections=connections):
-        _check_length(path, len(raw))
-        yield recorded, reader.deserialize(raw, connection.msgtype)
+class _States:
+    """Joint states of one topic: names, values and stamps of every message."""
 
+    def __init__(self, path: Path, topic: str, known: Conventions) -> None:
+        self.path, self.topic, self.known = path, topic, known
+        self.names: list[tuple[str, ...]] = []
+        self.values: list[dict[str, Array]] = []
+        self.clocks: list[tuple[int, int]] = []
+        self.mixed = False
 
-def _collect(
-    path: Path,
-    topic: str,
-    messages: Iterable[tuple[int, Any]],
-    joints: Sequence[str] | None,
-    still: Callable[[str], bool] | None,
-    *,
-    commanded: bool,
-) -> pd.DataFrame:
-    import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
+    def read(self, messages: Iterable[tuple[int, Any]]) -> None:
+        """Take in all messages, with the times at which they were recorded [ns]."""
+        for recorded, message in messages:
+            self.names.append(tuple(message.name))
+            own = {c: np.asarray(getattr(message, f), float) for c, f in FIELDS.items()}
+            self.values.append(own)
+            stamp = message.header.stamp
+            self.clocks.append((stamp.sec * 10**9 + stamp.nanosec, recorded))
+            if not len(self.names) % 100_000:
+                check_values(self.path, len(self.names) * len(self.names[0]) * len(FIELDS))
 
-    wanted = () if joints is None else tuple(joints)
-    clocks, rows, groups = [], [], dict[tuple[str, ...], Array]()
-    for recorded, message in messages:
-        names = tuple(message.name)
-        groups.setdefault(names, np.asarray(message.position, float))
-        if joints is None:
-            wanted = wanted or names
-            if sorted(names) != sorted(wanted) or len(set(names)) < len(names):
-                continue
-        places = {name: k for k, name in reversed([*enumerate(names)])}
-        if wanted and places.keys() >= set(wanted):
-            order = [places[j] for j in wanted]
-            rows.append({c: _pick(getattr(message, f), names, order) for c, f in FIELDS.items()})
-            measured = message.header.stamp
-            if not len(rows) % 100_000:
-                check_values(path, len(rows) * len(wanted) * len(FIELDS))
-            clocks.append((measured.sec * 10**9 + measured.nanosec, recorded))
-    if joints is None:
-        _check_same(path, topic, list(groups))
-    if not rows:
-        _refuse_parts(path, topic, groups, wanted)
-    stamped, recordings = np.array(clocks, dtype=np.int64).T
-    stamp = stamped if stamped.min() > 0 else recordings
-    sequence = np.argsort(stamp, kind="stable")
-    columns = {"t": (stamp[sequence] - stamp.min()) * 1e-9}
-    values = {c: _joined([row[c] for row in rows], len(wanted))[sequence] for c in FIELDS}
-    known: dict[str, Array] = {c: np.any(np.isfinite(x), axis=0) for c, x in values.items()}
-    lacking = [channel for channel in ("q", "tau") if not known[channel].any()]
-    if lacking and (lacking != ["tau"] or not commanded):
+    def choose(self) -> tuple[str, ...]:
+        """Return the joints of all messages; where these differ, those of the robot.
+
+        Raises
+        ------
+        LogError
+        """
+        groups = [*dict.fromkeys(self.names)]
+        first = groups[0] if groups else ()
+        odd = [g for g in groups if sorted(g) != sorted(first) or len({*g}) < len(g)]
+        if not odd:
+            return first
+        self.mixed = True
+        rename = self.known.columns.apply
+        called = {rename(name): name for name in sorted({n for g in groups for n in g})}
+        for joints in (self.known.motors, self.known.joints):
+            if joints and {*joints} <= {*called}:
+                needed = [called[j] for j in joints]
+                group = next((g for g in groups if {*needed} <= {*g}), ())
+                return (*needed, *(n for n in group if rename(n) in self.known.locked))
         raise LogError(
-            f"{path}: the joint states on {topic} have no {FIELDS[lacking[0]]} in some or all "
-            "messages; record a topic that has position and effort, or commands beside position."
+            f"{self.path}: messages on {self.topic} tell of different joints ({listing(first)}; "
+            f"then {listing(odd[0])}), and no message of all joints that are needed; if they are "
+            "called otherwise, add --map 'OLD=NEW', or in Python read_bag(path, joints=[…])."
         )
-    driven = np.flatnonzero(known["q" if lacking else "tau"])  # the others are passive
-    # Velocities that nobody measured are none, and torque that stands for commands is not there.
-    for channel in FIELDS:
-        if channel not in lacking and (channel != "dq" or known["dq"][driven].all()):
-            columns |= {f"{wanted[k]}.{channel}": values[channel][:, k] for k in driven}
-    for k, name in enumerate(wanted):
-        if still and still(name) and known["q"][k]:
-            columns.setdefault(f"{name}.q", values["q"][:, k])
-    frame = pd.DataFrame(columns)
-    frame.attrs["start"] = float(stamp.min()) * 1e-9  # on the clock of the stamps
-    frame.attrs["recorded"] = recordings[sequence]
-    return frame
 
+    def frame(self, joints: Sequence[str] | None, *, commanded: bool) -> pd.DataFrame:
+        """Return what messages of all wanted joints say, by their stamps."""
+        import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
 
-def _joined(rows: Sequence[Array | None], joints: int) -> Array:
-    """Return the values of all messages, (N, n); NaN if some message leaves the field empty."""
-    known = [row for row in rows if row is not None]
-    return np.array(known) if len(known) == len(rows) else np.full((len(rows), joints), np.nan)
-
-
-def _check_same(path: Path, topic: str, groups: Sequence[Sequence[str]]) -> None:
-    """Refuse messages that tell of different joints.
-
-    Raises
-    ------
-    MixedJointsError
-    """
-    for names in groups:
-        if sorted(names) != sorted(groups[0]) or len(set(names)) < len(names):
-            error = MixedJointsError(
-                f"{path}: messages on {topic} tell of different joints ({listing(groups[0])}; then "
-                f"{listing(names)}), and no message of all joints that are needed; if they are "
-                "called otherwise, add --map 'OLD=NEW', or in Python read_bag(path, joints=[…])."
+        wanted = self.choose() if joints is None else tuple(joints)
+        at = [k for k, names in enumerate(self.names) if wanted and {*wanted} <= {*names}]
+        if not at:
+            self._refuse(wanted)
+        stamped, recordings = np.array([self.clocks[k] for k in at], np.int64).T
+        stamp = stamped if stamped.min() > 0 else recordings
+        sequence = np.argsort(stamp, kind="stable")
+        columns = {"t": (stamp[sequence] - stamp.min()) * 1e-9}
+        values = {c: self._stack(c, wanted, at)[sequence] for c in FIELDS}
+        told: dict[str, Array] = {c: np.any(np.isfinite(x), axis=0) for c, x in values.items()}
+        lacking = [channel for channel in ("q", "tau") if not told[channel].any()]
+        if lacking and (lacking != ["tau"] or not commanded):
+            raise LogError(
+                f"{self.path}: the joint states on {self.topic} have no {FIELDS[lacking[0]]} in "
+                "some or all messages; record a topic that has position and effort, or commands "
+                "beside position."
             )
-            error.groups = [tuple(names) for names in groups]
-            raise error
+        driven = np.flatnonzero(told["q" if lacking else "tau"])  # the others are passive
+        # Velocities that nobody measured are none, torque that stands for commands is not there.
+        for channel in FIELDS:
+            if channel not in lacking and (channel != "dq" or told["dq"][driven].all()):
+                columns |= {f"{wanted[k]}.{channel}": values[channel][:, k] for k in driven}
+        own = {*self.known.motors, *self.known.joints, *self.known.locked}
+        for k, name in enumerate(wanted):
+            if self.known.columns.apply(name) in own and told["q"][k]:
+                columns.setdefault(f"{name}.q", values["q"][:, k])
+        frame = pd.DataFrame(columns)
+        frame.attrs["start"] = float(stamp.min()) * 1e-9  # on the clock of the stamps
+        frame.attrs["recorded"] = recordings[sequence]
+        frame.attrs["mixed"] = self.mixed
+        return frame
 
+    def _stack(self, channel: str, wanted: Sequence[str], at: Sequence[int]) -> Array:
+        """Return a channel of some messages, (m, n); NaN if one leaves the field empty."""
+        rows = []
+        for k in at:
+            names, values = self.names[k], self.values[k][channel]
+            if len(values) != len(names):
+                return np.full((len(at), len(wanted)), np.nan)
+            rows.append(values[[names.index(j) for j in wanted]])
+        return np.array(rows)
 
-def _refuse_parts(
-    path: Path, topic: str, groups: Mapping[tuple[str, ...], Array], wanted: Sequence[str]
-) -> NoReturn:
-    """Refuse a topic of which no message tells of all joints; say which those lack that tell most.
+    def _refuse(self, wanted: Sequence[str]) -> None:
+        """Refuse a topic of which no message tells of all joints; say what those lack.
 
-    Raises
-    ------
-    LogError
-    """
-    most = max(groups, key=lambda names: len(set(names) & set(wanted)), default=())
-    there, lacking = ([j for j in wanted if (j in most) is told] for told in (True, False))
-    if not there:
-        raise LogError(f"{path} has no joint states on {topic} that tell of {listing(wanted, 4)}.")
-    at = {n: p for names, position in groups.items() for n, p in zip(names, position, strict=False)}
-    locks = " ".join(f"--lock {j}={at.get(j, 0.0):.4g}" for j in lacking)
-    raise LogError(
-        f"{path}: the messages on {topic} that tell of {listing(there, 3)} do not tell of "
-        f"{listing(lacking, 4)}, which the robot has a motor for. If it does not move (a gripper, "
-        f"say), lock it where it stands: {locks}."
-    )
-
-
-def _pick(values: Any, names: Sequence[str], order: Sequence[int]) -> Array | None:
-    """Values of some joints, or None where the message leaves the field empty."""
-    array = np.asarray(values, float)
-    return array[list(order)] if len(array) == len(names) else None
+        Raises
+        ------
+        LogError
+        """
+        most = max(self.names, key=lambda names: len({*names} & {*wanted}), default=())
+        there, lacking = ([j for j in wanted if (j in most) is told] for told in (True, False))
+        if not there:
+            raise LogError(
+                f"{self.path} has no joint states on {self.topic} that tell of "
+                f"{listing(wanted, 4)}."
+            )
+        pairs = [*zip(self.names, self.values, strict=True)][::-1]  # the first counts
+        stands = {n: x for names, own in pairs for n, x in zip(names, own["q"], strict=False)}
+        locks = " ".join(f"--lock {j}={stands.get(j, 0.0):.4g}" for j in lacking)
+        raise LogError(
+            f"{self.path}: the messages on {self.topic} that tell of {listing(there, 3)} do not "
+            f"tell of {listing(lacking, 4)}, which the robot has a motor for. If it does not move "
+            f"(a gripper, say), lock it where it stands: {locks}."
+        )
 
 
 @reader(
@@ -496,28 +407,9 @@ def read_joints(path: Path, known: Conventions) -> Whole:
     """
     bag = split_topic(path)[0]
     digest = hash_files(bag) if bag.exists() else ""
-    frame, form = _read_asked(path, known)
+    frame = read_bag(path, known=known)
     if hash_files(bag) != digest:
         raise LogError(f"{bag} changed while it was read; wait until it is complete.")
+    note = "messages that do not tell of the robot's joints were passed over"
+    form = replace(PLAIN, notes=(note,)) if frame.attrs.pop("mixed") else PLAIN
     return frame, form, digest
-
-
-def _read_asked(path: Path, known: Conventions) -> tuple[pd.DataFrame, Form]:
-    own = {*known.motors, *known.joints, *known.locked}
-
-    def still(name: str) -> bool:
-        return known.columns.apply(name) in own
-
-    try:
-        return read_bag(path, still=still), PLAIN
-    except MixedJointsError as mixed:
-        names = {name for group in mixed.groups for name in group}
-        called = {known.columns.apply(name): name for name in sorted(names)}
-        for joints in (known.motors, known.joints):
-            if joints and set(joints) <= set(called):
-                note = "messages that do not tell of the robot's joints were passed over"
-                needed = [called[j] for j in joints]
-                group = next((g for g in mixed.groups if set(needed) <= set(g)), ())
-                needed += [x for x in group if known.columns.apply(x) in known.locked]
-                return read_bag(path, joints=needed, still=still), replace(PLAIN, notes=(note,))
-        raise

@@ -16,19 +16,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import numbered
-from identifiability.logs.aliases import guess_column
 from identifiability.logs.form import PLAIN, Form, find_form
 from identifiability.logs.formats.reader import (
-    MOST_SHEET_BYTES,
     Whole,
     check_archive,
     check_columns,
-    check_elements,
     check_sheets,
     check_values,
     reader,
 )
+from identifiability.logs.names import guess_column
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,9 +60,7 @@ def read_npz(path: Path, _: Conventions) -> Whole:
     except ValueError as error:
         if "pickle" not in str(error):  # whose advice would be to load it all the same
             raise
-        raise LogError(
-            f"{path} holds something else than arrays of numbers and text; leave it out."
-        ) from None
+        raise LogError(Finding("arrays.objects", path)) from None
     return frame_of(arrays, str(path)), PLAIN, sha256(content).hexdigest()
 
 
@@ -118,9 +115,7 @@ def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:
     shaped = {k: np.atleast_1d(x.squeeze()) for k, x in numbers.items()}
     times = [k for k, x in shaped.items() if x.ndim == 1 and _is_time(k)]
     if not times:
-        raise LogError(
-            f"{source} has no array 't' of times [s]; it holds {listing(sorted(flat)) or 'none'}."
-        )
+        raise LogError(Finding("arrays.time", source, arrays=listing(sorted(flat)) or "none"))
     length = max(len(shaped[k]) for k in times)
     columns: dict[str, Any] = {}
     lost: list[str] = []
@@ -140,10 +135,7 @@ def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:
     kinds = {g.kind for k in columns if (g := guess_column(k, k, names))}
     if not {"q", "tau"} <= kinds and lost:
         shapes = [f"{k} {_shape(flat[k])}" for k in lost]
-        raise LogError(
-            f"{source}: of {length} times there are no positions and torques; other sizes have "
-            f"{listing(shapes)}. Give (N, n) arrays with a row a sample."
-        )
+        raise LogError(Finding("arrays.sizes", source, length=length, arrays=[*shapes]))
     return pd.DataFrame(columns)
 
 
@@ -173,10 +165,7 @@ def stack_arrays(
     shapes = {x.shape for x in arrays.values()}
     if times.ndim != 1 or shapes != {(len(times), *next(iter(shapes))[-1:])}:
         told = ", ".join(f"{kind} is {_shape(x)}" for kind, x in {"t": times, **arrays}.items())
-        raise LogError(
-            f"{source}: {told}; give t as (N,) and all else as (N, n), a row a sample, a column a "
-            "joint."
-        )
+        raise LogError(Finding("arrays.shapes", source, shapes=told))
     count = next(iter(shapes))[1]
     names = numbered(count) if joints is None else tuple(joints)
     if len(names) != count or len({*names}) < count:
@@ -228,11 +217,7 @@ def _read_mat(path: Path, content: bytes) -> Mapping[str, Any]:
     from scipy.io import loadmat  # noqa: PLC0415 - only who has such a file pays for it
 
     if content.startswith(_NEWER):
-        raise LogError(
-            f"{path} is a MATLAB file of version 7.3 (HDF5), which is not read; save it in MATLAB "
-            f"with save('{path.name}', 't', 'q', 'tau', '-v7'), or write CSV."
-        )
-    check_elements(path, content)
+        raise LogError(Finding("arrays.matlab", path, name=path.name))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # on objects of MATLAB's own, which hold no arrays
         found: Mapping[str, Any] = loadmat(BytesIO(content), simplify_cells=True)
@@ -243,17 +228,13 @@ def _read_sheet(path: Path, content: bytes) -> tuple[pd.DataFrame, Form]:
     """Return the first sheet of a workbook that holds anything."""
     import pandas as pd  # noqa: PLC0415
 
-    check_archive(path, content, MOST_SHEET_BYTES)
     check_sheets(path, content)
     try:
         sheets = pd.read_excel(
             BytesIO(content), sheet_name=None, header=None, dtype=object, engine="openpyxl"
         )
     except ImportError:
-        raise LogError(
-            f"{path} is a sheet of Excel, which needs the extra 'excel': pip install "
-            "'robot-identifiability[excel]'; or save it as CSV."
-        ) from None
+        raise LogError(Finding("arrays.excel", path)) from None
     cut = {str(k): x.dropna(how="all").dropna(axis=1, how="all") for k, x in sheets.items()}
     filled = {name: sheet for name, sheet in cut.items() if not sheet.empty}
     if not filled:

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import numbered
-from identifiability.logs.aliases import KINDS
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.reader import (
     MOST_DESCRIBED,
@@ -28,6 +28,7 @@ from identifiability.logs.formats.reader import (
     check_values,
     reader,
 )
+from identifiability.logs.names import KINDS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -124,10 +125,7 @@ def read_episode(path: str | Path) -> pd.DataFrame:
     folder, _ = split_episodes(path)
     episodes = list_episodes(path)
     if len(episodes) > 1:
-        raise LogError(
-            f"{path} has {len(episodes)} episodes, and each is a log; name one as "
-            f"'{folder.name}:0'."
-        )
+        raise LogError(Finding("dataset.several", path, count=len(episodes), name=folder.name))
     number = int(split_episodes(episodes[0])[1])
     info = _read_info(folder)
     # In v2 each has a file of its own: else a thousand files are opened a thousand times.
@@ -136,10 +134,7 @@ def read_episode(path: str | Path) -> pd.DataFrame:
     wanted = [name for name in FEATURES if name in data.schema.names]
     lacking = {"timestamp", "episode_index", "observation.state"} - {*data.schema.names}
     if lacking:
-        raise LogError(
-            f"{folder} lacks {listing(sorted(lacking))} in its data; a log needs times and the "
-            "positions of the joints, observation.state."
-        )
+        raise LogError(Finding("dataset.columns", folder, columns=[*sorted(lacking)]))
     rows = data.to_table(columns=["timestamp", *wanted], filter=ds.field("episode_index") == number)
     if not rows.num_rows:
         raise LogError(f"{folder} has no row of episode {number}; its files are not complete.")
@@ -164,10 +159,7 @@ def _read_info(folder: Path) -> Mapping[str, Any]:
         raise LogError(f"{folder / INFO} cannot be read as JSON: {reason}.") from None
     version = str(info.get("codebase_version", "")) if isinstance(info, dict) else ""
     if not version.startswith(("v2.", "v3.")):
-        raise LogError(
-            f"{folder} is a LeRobot dataset of version '{version}', and v2.0 to v3 are read; "
-            "convert it with LeRobot's own script."
-        )
+        raise LogError(Finding("dataset.version", folder, version=version))
     return dict(info)
 
 

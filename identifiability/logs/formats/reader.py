@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import re
-import struct
 import zipfile
-import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import Finding, sentences
 from identifiability.foundation.values import frozen
 from identifiability.logs.form import Form
 
@@ -28,25 +27,6 @@ Read: TypeAlias = "Callable[[Path, Conventions], Whole]"
 
 #: What is said where nothing lies.
 MISSING = "There is no log file '{}'; give a CSV or Parquet file."
-
-#: Files that are logs for others, and what to do with them.
-REFUSED = {
-    ".xls": "an old sheet of Excel; save it as .xlsx or CSV",
-    ".ods": "a sheet of LibreOffice; save it as .xlsx or CSV",
-    ".h5": "HDF5; write its arrays as .npz, CSV or Parquet",
-    ".hdf5": "HDF5; write its arrays as .npz, CSV or Parquet",
-    ".npy": "one array without names; write t, q and tau together as .npz",
-    ".json": "JSON; write its values as CSV or Parquet",
-    ".jsonl": "JSON; write its values as CSV or Parquet",
-    ".yaml": "YAML; write its values as CSV or Parquet",
-    ".yml": "YAML; write its values as CSV or Parquet",
-    ".xml": "XML; write its values as CSV or Parquet",
-    ".pkl": "a pickle, which can run any program when it is read; write CSV or Parquet",
-    ".pickle": "a pickle, which can run any program when it is read; write CSV or Parquet",
-    ".tdms": "TDMS; export it as CSV",
-    ".zip": "an archive; unpack it",
-    ".gz": "compressed; unpack it",
-}
 
 #: What can be read, for sentences.
 READ = (
@@ -157,9 +137,9 @@ def check_suffix(path: Path) -> None:
     ------
     LogError
     """
-    what = REFUSED.get(path.suffix.lower())
+    what = sentences()["file.foreign"].get(path.suffix.lower())
     if what:
-        raise LogError(f"{path} is {what}.")
+        raise LogError(Finding("file.foreign", path, what=what))
 
 
 def check_text(path: Path, start: bytes) -> None:
@@ -173,10 +153,7 @@ def check_text(path: Path, start: bytes) -> None:
         raise LogError(f"{path} is Parquet by its content; name it so: {path.stem}.parquet.")
     if b"\0" in start:
         kind = f"a {path.suffix} file" if path.suffix else "a file without an ending"
-        raise LogError(
-            f"{path} is {kind} that holds no text, and is none that is known: {READ}; export it as "
-            "one of these."
-        )
+        raise LogError(Finding("file.kind", path, kind=kind, read=READ))
 
 
 # How large a log may be, so that one without end is a sentence and not all the memory.
@@ -207,10 +184,7 @@ def check_columns(path: Path | str, count: int) -> None:
     LogError
     """
     if count > MOST_COLUMNS:
-        raise LogError(
-            f"{path} has {count} columns; logs of up to {MOST_COLUMNS} are read: give those of the "
-            "robot's joints alone."
-        )
+        raise LogError(Finding("file.columns", path, count=count, most=MOST_COLUMNS))
 
 
 def check_values(path: Path | str, count: int) -> None:
@@ -238,26 +212,23 @@ def check_archive(path: Path, content: bytes, most: int | None = None) -> None:
         parts = archive.infolist()
     if len(parts) > MOST_PARTS:
         raise LogError(f"{path} has {len(parts)} parts; files of up to {MOST_PARTS} are read.")
-    _check_unpacked(path, sum(part.file_size for part in parts), most or MOST_BYTES)
+    most = most or MOST_BYTES
+    if sum(part.file_size for part in parts) > most:
+        raise LogError(Finding("file.size", path, most=most // 10**6, instead=_INSTEAD))
 
 
 def check_sheets(path: Path, content: bytes) -> None:
-    """Refuse a workbook that says of itself more than it holds, or has cells far out.
+    """Refuse a workbook that is larger than memory, or has cells far out.
 
     Raises
     ------
     LogError
     """
+    check_archive(path, content, MOST_SHEET_BYTES)
     with zipfile.ZipFile(BytesIO(content)) as archive:
-        for part in archive.infolist():
-            data = part.filename.startswith(("xl/worksheets/", "xl/sharedStrings", "xl/media/"))
-            if not data and part.file_size > MOST_DESCRIBED:
-                raise LogError(
-                    f"{path}: its part '{part.filename}' is larger than "
-                    f"{MOST_DESCRIBED // 10**6} MB; save the sheet alone as CSV."
-                )
-            if part.filename.startswith("xl/worksheets/"):
-                _check_places(path, archive.read(part))
+        for name in archive.namelist():
+            if name.startswith("xl/worksheets/"):
+                _check_places(path, archive.read(name))
 
 
 def _check_places(path: Path, sheet: bytes) -> None:
@@ -270,67 +241,3 @@ def _check_places(path: Path, sheet: bytes) -> None:
         width, height = max(width, column), max(height, int(digits[:9]))
     check_columns(path, width)
     check_values(path, width * height)
-
-
-def check_elements(path: Path, content: bytes) -> None:
-    """Refuse a MATLAB file (version 5) that is larger than memory, or whose parts do not fit.
-
-    What reads it believes the lengths that it states, and may read what lies beyond the file.
-
-    Raises
-    ------
-    LogError
-    """
-    order = {b"MI": ">", b"IM": "<"}.get(content[126:128])
-    if order is None:  # of version 4; its own reader says what else it may be
-        return
-    try:
-        unpacked = 0
-        for kind, element in _elements(memoryview(content)[128:], order):
-            if kind == _COMPRESSED:
-                unpacking, left, pieces = zlib.decompressobj(), bytes(element), list[bytes]()
-                while left and unpacked <= MOST_BYTES:
-                    pieces.append(unpacking.decompress(left, 1_000_000))
-                    unpacked, left = unpacked + len(pieces[-1]), unpacking.unconsumed_tail
-                _check_unpacked(path, unpacked, MOST_BYTES)
-                _check_nested(memoryview(b"".join(pieces)), order)
-            elif kind == _MATRIX:
-                _check_nested(element, order)
-    except struct.error:
-        raise LogError(
-            f"{path} is damaged: a part of it is longer than what holds it; copy it again, or save "
-            "it anew."
-        ) from None
-
-
-#: Types of elements of a MATLAB file that hold others.
-_MATRIX, _COMPRESSED = 14, 15
-
-
-def _elements(content: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
-    """Yield type and content of the elements of a MATLAB file; struct.error if one does not fit."""
-    at = 0
-    while at < len(content):
-        kind, size = struct.unpack_from(f"{order}II", content, at)
-        if kind >> 16:  # up to four bytes stand beside their length
-            at += 8
-            continue
-        inside = content[at + 8 : at + 8 + size]
-        if len(inside) < size:
-            raise struct.error
-        yield kind, inside
-        at += 8 + size + (0 if kind == _COMPRESSED else -size % 8)
-
-
-def _check_nested(content: memoryview, order: str) -> None:
-    for kind, element in _elements(content, order):
-        if kind == _MATRIX:
-            _check_nested(element, order)
-
-
-def _check_unpacked(path: Path, size: int, most: int) -> None:
-    if size > most:
-        raise LogError(
-            f"{path} unpacks to more than {most // 10**6} MB, up to which such files are read: "
-            f"{_INSTEAD}."
-        )

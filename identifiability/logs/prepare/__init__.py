@@ -1,7 +1,6 @@
-"""From `Log` to `Samples`: derivatives, closed loops, rests and decimation, whole or in parts."""
+"""From `Log` to `Dataset`: derivatives, closed loops, rests and decimation, whole or in parts."""
 
-from identifiability.logs.prepare.longsamples import prepare_samples
+from identifiability.logs.prepare.dataset import Dataset, prepare_log
 from identifiability.logs.prepare.preparation import Preparation
-from identifiability.logs.prepare.samples import Samples
 
-__all__ = ["Preparation", "Samples", "prepare_samples"]
+__all__ = ["Dataset", "Preparation", "prepare_log"]

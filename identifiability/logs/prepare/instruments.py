@@ -23,25 +23,14 @@ from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, fourier, signals
-from identifiability.logs.gaps import StaleRule
-from identifiability.logs.prepare.plan import (
-    Plan,
-    Smoothing,
-    joint_log,
-    lowest_cutoff,
-    noise_level,
-    resolution,
-)
-from identifiability.logs.prepare.preparation import SHORT
-from identifiability.logs.prepare.samples import Samples
+from identifiability.logs.prepare.dataset import Dataset
+from identifiability.logs.prepare.plan import joint_log, lowest_cutoff, noise_level, resolution
 from identifiability.logs.rules import RULES
 from identifiability.robot import Motion, Robot, complete_motion
 
-#: Position, velocity and acceleration of the actuated joints at all N rows of a log, each (N, n);
-#: which record it is; and velocity with its standard deviation of all that was measured of it, the
-#: log's own included, (N, 2, n): what signs are taken of. None where nothing is better than the
-#: log's own, smoothed.
-SecondRecord: TypeAlias = "tuple[Sequence[Array] | Array, str, Array | None]"
+#: Position, velocity and acceleration of the actuated joints at all N rows of a log, each (N, n),
+#: and which record it is.
+SecondRecord: TypeAlias = "tuple[Sequence[Array] | Array, str]"
 
 #: While the lag of a repetition is looked for, positions may differ by this share of how much
 #: they vary (rms).
@@ -74,11 +63,11 @@ ROUNDS, FEW = 4, 4096
 def add_instrument(
     robot: Robot,
     log: Log,
-    samples: Samples,
-    others: Sequence[Samples] = (),
+    samples: Dataset,
+    others: Sequence[Dataset] = (),
     *,
     always: bool = False,
-) -> Samples | None:
+) -> Dataset | None:
     """Return the samples with a second record of their motion and a note; None if there is none.
 
     Parameters
@@ -86,8 +75,8 @@ def add_instrument(
     robot : Robot
     log : Log
         What the samples were prepared from.
-    samples : Samples
-    others : sequence of Samples
+    samples : Dataset
+    others : sequence of Dataset
         Other logs, which may have the same motion.
     always : bool
         Also where noise is negligible, and so is what it does to least squares.
@@ -95,26 +84,22 @@ def add_instrument(
     found = _find_record(joint_log(robot, log), samples, others, always=always)
     if found is None:
         return None
-    (record, note, speed), own = found, samples.motion
-    motion = complete_along(robot, own, record)
+    record, note = found
+    motion = complete_along(robot, samples.motion, record)
     if motion is None:
         return None
-    if speed is not None and own.smooth_v is not None:
-        other = speed[own.kept]
-        less = other[:, 1:] < own.smooth_v[:, 1:]  # noise in proportion to speed turns no sign
-        own = replace(own, smooth_v=np.where(less, other, own.smooth_v))
     # Both have one sign: what is left of an expected sign depends on neither.
-    motion = replace(motion, smooth_v=own.smooth_v)
-    return replace(samples, motion=own, instrument=motion, notes=(*samples.notes, note))
+    motion = replace(motion, smooth_v=samples.motion.smooth_v)
+    return replace(samples, instrument=motion, notes=(*samples.notes, note))
 
 
 def _find_record(
-    log: Log, samples: Samples, others: Sequence[Samples], *, always: bool
+    log: Log, samples: Dataset, others: Sequence[Dataset], *, always: bool
 ) -> SecondRecord | None:
     """Return a second record of the motion of a log on the joint side; None where there is none."""
     if log.rollout is not None:
         motion = _derive(log.rollout, log, samples.cutoff)
-        return motion, "the instruments' motion is that of the robot rolled out from commands", None
+        return motion, "the instruments' motion is that of the robot rolled out from commands"
     channels = [x for x in (log.q, log.dq, log.ddq) if x is not None]
     # While a coarse encoder stands still, its noise does so too: differences do not see it.
     noise = [np.maximum(noise_level(x, log.t), resolution(x) / np.sqrt(12)) for x in channels]
@@ -165,7 +150,7 @@ def complete_along(robot: Robot, measured: Motion, other: Sequence[Array] | Arra
 # the motion. Clocks are aligned by the lag at which positions agree, to a fraction of a sample.
 
 
-def _find_repetitions(log: Log, samples: Samples, others: Sequence[Samples]) -> SecondRecord | None:
+def _find_repetitions(log: Log, samples: Dataset, others: Sequence[Dataset]) -> SecondRecord | None:
     """Return the mean of the repetitions of a motion; None where there are too few."""
     own, dt = samples.motion, signals.sampling_step(log.t)
     total, count = np.zeros((3, *own.actuated_q.shape)), np.zeros(len(own))
@@ -180,14 +165,10 @@ def _find_repetitions(log: Log, samples: Samples, others: Sequence[Samples]) -> 
     measured, full = (own.actuated_q, own.actuated_v, own.actuated_a), np.zeros((3, *log.q.shape))
     mean = total / np.maximum(count, 1)[:, None]
     full[:, own.kept] = np.where(count[:, None] > 0, mean, measured)
-    many, speed = count.mean(), None
-    note = f"the instruments' motion is the mean of its repetitions, on average of {many:.3g}"
-    if log.dq is not None and samples.cutoff is None and len(own) > SHORT:
-        every = log.dq.copy()
-        every[own.kept] = (many * full[1, own.kept] + log.dq[own.kept]) / (many + 1)
-        smoothing = Smoothing.choose([every], dt)
-        speed = None if smoothing is None else smoothing.apply(every, dt)
-    return full, note, speed
+    note = (
+        f"the instruments' motion is the mean of its repetitions, on average of {count.mean():.3g}"
+    )
+    return full, note
 
 
 def find_lag(own: Motion, other: Motion) -> float | None:
@@ -346,7 +327,8 @@ def _fit_series(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> 
         period = fourier.find_period(t[::step], clearest, harmonics)
         if RULES.series_samples * harmonics * signals.sampling_step(t) > period:
             continue
-        motion = fourier.fit_fourier_jointly(t, channels, noise, period, harmonics).motion(t)
+        fit = fourier.fit_fourier(t, channels[0], period, harmonics, *channels[1:], noise=noise)
+        motion = fit.motion(t)
         pairs = zip(channels, motion, noise, strict=False)
         if not all(_explained(x - y, x, level) for x, y, level in pairs):
             continue
@@ -354,11 +336,7 @@ def _fit_series(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> 
             "the instruments' motion is a Fourier series of all that was measured of it, of "
             f"{harmonics} harmonics with period {period:.6g} s"
         )
-        speed = None
-        if log.dq is not None:
-            sd = noise[1] * np.sqrt((2 * harmonics + 1) / len(log))
-            speed = np.stack([motion[1], np.broadcast_to(sd, motion[1].shape)], axis=1)
-        return motion, note, speed
+        return motion, note
     return None
 
 
@@ -379,7 +357,7 @@ def _smooth(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> Seco
             if cutoff * dt > SHARED:
                 return None
             smooth[k] = signals.lowpass(x, dt, cutoff)
-    return smooth, "the instruments' motion is the measured one smoothed", None
+    return smooth, "the instruments' motion is the measured one smoothed"
 
 
 def _smoothest(x: Array, noise: Array, dt: float, highest: float) -> float:
@@ -413,7 +391,7 @@ def _follow_command(log: Log, cutoff: float | None) -> SecondRecord | None:
         f"the instruments' motion is the commanded one, "
         f"{'delayed' if later >= 0 else 'advanced'} by {1e3 * abs(later):.3g} ms"
     )
-    return motion, note, None
+    return motion, note
 
 
 def _derive(q: Array, log: Log, cutoff: float | None) -> tuple[Array, Array, Array]:
@@ -427,39 +405,3 @@ def _derive(q: Array, log: Log, cutoff: float | None) -> tuple[Array, Array, Arr
 def _delay(t: Array, x: Array, later: float) -> Array:
     """Return signals x (N, n) as they were so much earlier [s]."""
     return np.stack([np.interp(t - later, t, column) for column in x.T], 1)
-
-
-# How much of an acceleration that was computed is noise.
-
-
-def noise_share(robot: Robot, log: Log, cutoff: float | None, seed: int = 0) -> float:
-    """Return the largest share that noise has of a joint's acceleration (rms); 0 of short logs.
-
-    Parameters
-    ----------
-    robot : Robot
-    log : Log
-    cutoff : float or None [Hz]
-        Of the low-pass of computed derivatives; None where they were measured.
-    seed : int
-    """
-    if len(log) < SHORT:
-        return 0.0
-    log = replace(joint_log(robot, StaleRule.of([log]).mend(log)), base=None)
-    if cutoff is None:
-        size = np.zeros(1) if log.ddq is None else log.ddq.std(0)
-        level = np.zeros(1) if log.ddq is None else noise_level(log.ddq, log.t)
-    else:
-        plan = Plan(signals.sampling_step(log.t), cutoff, None, float(log.t[0]), None, 1, ())
-        rng = np.random.default_rng(seed)
-        q = _white_as(log.q, log.t, rng)
-        dq = None if log.dq is None else _white_as(log.dq, log.t, rng)
-        size = plan.derive(log)[2].std(0)
-        level = plan.derive(replace(log, q=q, dq=dq))[2].std(0)
-    return float(np.max(level[size > 0] / size[size > 0], initial=0.0))
-
-
-def _white_as(x: Array, t: Array, rng: np.random.Generator) -> Array:
-    """Return white noise of the size of that in signals (N, n)."""
-    level = np.maximum(noise_level(x, t), resolution(x) / np.sqrt(12))
-    return np.asarray(level * rng.standard_normal(x.shape))

@@ -12,17 +12,17 @@ from functools import partial
 import numpy as np
 
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Count, Derivatives, Positive, check_fields
 from identifiability.foundation.rounding import format_count
 from identifiability.foundation.values import frozen
-from identifiability.logs import fourier, signals
+from identifiability.logs import Log, fourier, signals
 from identifiability.logs.commands import of_commands
+from identifiability.logs.contradictions import check_units, find_contradictions
 from identifiability.logs.gaps import Gaps, StaleRule, fill
-from identifiability.logs.log import Log, join_logs
-from identifiability.logs.logfile import LogFile
-from identifiability.logs.mend import check_units, find_contradictions
+from identifiability.logs.log import join_logs
 from identifiability.logs.prepare.plan import (
     ORDER,
     Plan,
@@ -59,14 +59,13 @@ class Windows:
     stale: StaleRule | None
 
     @staticmethod
-    def of(log: Log | LogFile, *, mend: bool) -> Windows:
+    def of(log: Log, *, mend: bool) -> Windows:
         """Return the windows of a log, with repeated values interpolated or as they are."""
-        at = signals.spread_windows(len(log))
-        raw = [log.rows(a, b) for a, b in at]
+        at, raw = map(list, zip(*log.windows(), strict=True))
         gaps = Gaps.of(log.name, log.clock, [w.t for w in raw])
         rule = StaleRule.of(raw) if mend else None
         logs = raw if rule is None else [rule.mend(w) for w in raw]
-        return Windows(logs, [a for a, _ in at], gaps, rule)
+        return Windows(logs, at, gaps, rule)
 
     def even(self, longest: float) -> list[Log]:
         """Return stretches of even steps: short gaps are filled, others split the windows."""
@@ -103,16 +102,14 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
         return replace(plan, hints=tuple(uneven))
     notes, hints, split = [*plan.notes], uneven, np.isin(gaps.rows + 1, grid.breaks)
     if len(grid.after) and plan.cutoff is not None:
-        notes.append(
-            f"lost samples ({int(grid.lost.sum())}, at most {gaps.length[~split].max():.3g} s from "
-            "one to the next) were bridged by cubics, which half a period of what is kept allows"
-        )
+        longest = float(gaps.length[~split].max())
+        notes.append(Finding("bridged", gaps.name, rows=int(grid.lost.sum()), longest=longest))
     if len(grid.breaks):
         hints.append(
             f"{gaps.name} lacks samples for {gaps.tell(split)}: it was taken as "
             f"{len(grid.breaks) + 1} stretches, and nothing was computed from one to the next."
         )
-        notes.append(f"the log was split into {len(grid.breaks) + 1} stretches at long gaps")
+        notes.append(Finding("split", gaps.name, parts=len(grid.breaks) + 1))
     return replace(plan, grid=grid, notes=tuple(notes), hints=tuple(hints))
 
 
@@ -193,7 +190,7 @@ class SettledPreparation(Preparation):
 
 def settle_cutoff(
     robot: Robot,
-    logs: Sequence[Log | LogFile],
+    logs: Sequence[Log],
     how: Preparation | None,
 ) -> Preparation:
     """Return a preparation with one cut-off for all logs: what is compared has one band.
@@ -201,7 +198,7 @@ def settle_cutoff(
     Parameters
     ----------
     robot : Robot
-    logs : sequence of Log or LogFile
+    logs : sequence of Log
         That decide: the fitted ones. What is held out has no say in what is fitted.
     how : Preparation or None
 
@@ -228,7 +225,7 @@ def _settle(robot: Robot, logs: Sequence[Windows], how: Preparation) -> SettledP
     return SettledPreparation(**{**vars(how), **own})
 
 
-def _is_filtered(log: Log | LogFile, how: Preparation) -> bool:
+def _is_filtered(log: Log, how: Preparation) -> bool:
     """Return whether derivatives of a log are computed after a low-pass."""
     have = {"dq", "ddq"} <= set(log.channels)
     return how.derivatives == "butterworth" or (how.derivatives == "auto" and not have)
@@ -246,7 +243,7 @@ def _choose_band(robot: Robot, logs: Sequence[Windows], cutoff: float | None) ->
     return choose_band(spectra, [robot.is_prismatic(int(k)) for k in robot.actuated], cutoff)
 
 
-def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
+def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
     """Decide how a log is prepared.
 
     Raises
@@ -304,18 +301,18 @@ def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
     )
 
 
-def _find_stays(robot: Robot, log: Log | LogFile, raw: Windows, how: Preparation) -> Stays:
+def _find_stays(robot: Robot, log: Log, raw: Windows, how: Preparation) -> Stays:
     """Return how long joints of a log stay about zero speed."""
     plan = _plan_motion(robot, log, raw, how)
     return Stays.of(plan, [joint_log(robot, w) for w in raw.logs], raw.origins)
 
 
-def _plan_motion(robot: Robot, log: Log | LogFile, raw: Windows, how: Preparation) -> Plan:
+def _plan_motion(robot: Robot, log: Log, raw: Windows, how: Preparation) -> Plan:
     """Return how the motion of a log is derived, gap by gap."""
     return plan_gaps(_plan_derivatives(robot, log, raw.gaps, how), raw.gaps, len(log))
 
 
-def _plan_derivatives(robot: Robot, log: Log | LogFile, gaps: Gaps, how: Preparation) -> Plan:
+def _plan_derivatives(robot: Robot, log: Log, gaps: Gaps, how: Preparation) -> Plan:
     have = {"dq", "ddq"} <= set(log.channels)
     if how.derivatives == "given" and not have:
         raise LogError(
@@ -330,7 +327,7 @@ def _plan_derivatives(robot: Robot, log: Log | LogFile, gaps: Gaps, how: Prepara
     return _plan_filter(log, gaps, plan, how)
 
 
-def _plan_filter(log: Log | LogFile, gaps: Gaps, plan: Plan, how: Preparation) -> Plan:
+def _plan_filter(log: Log, gaps: Gaps, plan: Plan, how: Preparation) -> Plan:
     dt, jitter, cutoff = gaps.step, "", how.cutoff
     if gaps.jitter > RULES.clock_rounded:
         jitter = f" (time stamps jitter by {100 * gaps.jitter:.0f} % of a step; taken as even)"
@@ -355,7 +352,7 @@ def _plan_filter(log: Log | LogFile, gaps: Gaps, plan: Plan, how: Preparation) -
     return replace(plan, step=dt, cutoff=cutoff, band=outputs, notes=(note,))
 
 
-def _plan_series(robot: Robot, log: Log | LogFile, plan: Plan, how: Preparation) -> Plan:
+def _plan_series(robot: Robot, log: Log, plan: Plan, how: Preparation) -> Plan:
     count = 2 * how.harmonics + 1
     if 2 * count > len(log):
         raise LogError(
@@ -368,21 +365,16 @@ def _plan_series(robot: Robot, log: Log | LogFile, plan: Plan, how: Preparation)
             f"The period {how.period:g} s does not fit {log.name}: with {how.harmonics} harmonics "
             f"it must lie between {low:.4g} s (its sampling) and {high:.4g} s (its length)."
         )
-    if isinstance(log, Log):
-        whole = joint_log(robot, log)
-        t = whole.t - plan.start
-        period = how.period or fourier.find_period(t, whole.q, how.harmonics)
-        fit = fourier.fit_fourier(t, whole.q, period, how.harmonics, whole.dq, whole.ddq)
-        left = float(np.sqrt(np.mean((whole.q - fit.motion(t)[0]) ** 2)))
-    else:
-        if how.period is None:
-            raise LogError(
-                f"{log.name} is too long to search its period; give the period of the motion [s]."
-            )
-        period = how.period
-        parts = (joint_log(robot, raw) for *_, raw in log.overlapping(0, len(log), PIECE, 0))
-        pieces = ((part.t - plan.start, part.q, part.dq, part.ddq) for part in parts)
-        fit, left = fourier.fit_fourier_pieces(pieces, period, how.harmonics)
+    if how.period is None and log.long:
+        raise LogError(
+            f"{log.name} is too long to search its period; give the period of the motion [s]."
+        )
+    period = how.period or fourier.find_period(
+        log.t - plan.start, joint_log(robot, log).q, how.harmonics
+    )
+    parts = (joint_log(robot, raw) for *_, raw in log.pieces(PIECE))
+    pieces = ((part.t - plan.start, part.q, part.dq, part.ddq) for part in parts)
+    fit, left = fourier.fit_fourier_pieces(pieces, period, how.harmonics)
     words = [WORDS[c] for c in ("q", "dq", "ddq") if c in log.channels]
     fitted = " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
     note = (

@@ -36,7 +36,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH, percent
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import (
     combine_with_file,
     mass_rows,
@@ -51,8 +51,9 @@ from identifiability.regression.reduction import LadderSource, Submodel
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.answers import state_joints
-from identifiability.workflows.opening import Opening, state_provenance
+from identifiability.workflows.opening import state_provenance
 from identifiability.workflows.predict import Fit, Predicts, settled
+from identifiability.workflows.session import Opening
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -521,8 +522,8 @@ OF_JOINT = (
 
 def tell_errors(
     robot: Robot,
-    samples: Sequence[Prepared],
-    validation: Sequence[Prepared],
+    samples: Sequence[Dataset],
+    validation: Sequence[Dataset],
     fitted: Prediction,
     unseen: Prediction,
 ) -> pd.DataFrame:
@@ -535,7 +536,7 @@ def tell_errors(
     Parameters
     ----------
     robot : Robot
-    samples, validation : sequences of Samples
+    samples, validation : sequences of Dataset
         Logs that were fitted, and that were held out; without these the former were held out in
         turns.
     fitted, unseen : Prediction

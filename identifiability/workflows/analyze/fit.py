@@ -16,7 +16,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_number
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Preparation, Samples, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.logs.prepare.preparation import SettledPreparation, settle_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Band
@@ -34,8 +34,8 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
-from identifiability.workflows.opening import Opening, Recordings
-from identifiability.workflows.session import Session, Weighed
+from identifiability.workflows.opening import Recordings
+from identifiability.workflows.session import Opening, Session, Weighed
 
 
 @frozen
@@ -63,8 +63,8 @@ class DelayErrors:
         for logs in () if opening.silence else session.recordings.later:
             samples = list(opening.samples)
             for k, log in logs.items():
-                own, moved = samples[k], prepare_samples(opening.robot, log, session.how)
-                if isinstance(own, Samples) and moved.tau.shape == own.tau.shape:
+                own, moved = samples[k], prepare_log(opening.robot, log, session.how)
+                if moved.tau.shape == own.tau.shape:
                     samples[k] = replace(own, tau=moved.tau)
             later.append(gather_information(opening.structure.regression(samples)))
         return cls(rows.alike, tuple(later), rows.estimator)

@@ -31,7 +31,7 @@ from identifiability.foundation.rounding import (
 )
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
-from identifiability.logs.repeats import Recording
+from identifiability.logs import Log
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.rules import Thresholds as Believable
 from identifiability.workflows.analyze.assessment import JudgedModel, Laddered, ModelResult
@@ -88,7 +88,7 @@ class Analysis(Laddered):
         Posteriors of the selected model, where they were asked for.
     thresholds
         As asked for.
-    recordings : tuple of Log or LogFile
+    recordings : tuple of Log
         What the fitted logs were prepared from.
     several : SeveralLogs or None
         Whether the logs, or stretches of one, lead to the same values of the selected model.
@@ -102,7 +102,7 @@ class Analysis(Laddered):
     belief: Belief | None = None
     thresholds: Thresholds = field(default_factory=Thresholds)
     settings: Mapping[str, object] = field(default_factory=dict)
-    recordings: tuple[Recording, ...] = ()
+    recordings: tuple[Log, ...] = ()
     several: SeveralLogs | None = None
     folds: Folds | None = None
 

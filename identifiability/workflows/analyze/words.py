@@ -18,7 +18,7 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.rounding import format_count, format_number
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.dataset import Dataset
 from identifiability.regression.structure import BaseParameters
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.assessment import ModelResult
@@ -78,7 +78,7 @@ class SeveralLogs:
 
 
 def compare_logs(
-    joints: Sequence[str], samples: Sequence[Prepared], result: ModelResult
+    joints: Sequence[str], samples: Sequence[Dataset], result: ModelResult
 ) -> SeveralLogs:
     """Return what logs say of each other under a model.
 
@@ -86,7 +86,7 @@ def compare_logs(
     ----------
     joints : sequence of str
         The n actuated ones.
-    samples : sequence of Samples
+    samples : sequence of Dataset
         The fitted logs.
     result : ModelResult
     """

@@ -42,16 +42,8 @@ from identifiability.workflows.analyze.fit import (
 )
 from identifiability.workflows.analyze.result import Analysis
 from identifiability.workflows.analyze.words import compare_logs, doubt, state_mounting, state_weak
-from identifiability.workflows.opening import (
-    Logs,
-    Opening,
-    Progress,
-    find_missing,
-    quiet,
-    running,
-    share,
-)
-from identifiability.workflows.session import Session, Weighed, settle_prior
+from identifiability.workflows.opening import Logs, Progress, quiet, running, share
+from identifiability.workflows.session import Opening, Session, Weighed, find_missing, settle_prior
 
 
 @renamed(cad_weight="cad_prior")

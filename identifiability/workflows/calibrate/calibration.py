@@ -46,7 +46,8 @@ from identifiability.workflows.commands import (
     name_logs,
     source_name,
 )
-from identifiability.workflows.opening import Progress, quiet, require_signal, share
+from identifiability.workflows.opening import Progress, quiet, share
+from identifiability.workflows.session import require_signal
 
 Word = Literal["yes", "no", "not enough trials"]
 

@@ -18,8 +18,7 @@ from identifiability.foundation.engines.local import Engine
 from identifiability.foundation.engines.mapping import Steps
 from identifiability.foundation.numbers import Share, exact_share
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.robot.closure import known_torque
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.diagnose import diagnose
@@ -67,12 +66,12 @@ def measure_false_names(
 
     The model is fitted beside the effects that a diagnosis names, which are left out.
     """
-    robot, logs = analysis.robot, in_memory(analysis.recordings, Log)
+    robot, logs = analysis.robot, in_memory(analysis.recordings)
     how: Any = analysis.settings["preparation"]
     judge = partial(diagnose, robot, preparation=how, quick=True)
     found = judge(logs, model=analysis.effects, seed=seed)
-    samples = [prepare_samples(robot, x, replace(how, decimate=1)) for x in logs]
-    moves = [np.ones(s.tau.shape, bool) if s.dwells is None else ~s.dwells for s in samples]
+    samples = [prepare_log(robot, x, replace(how, decimate=1)) for x in logs]
+    moves = [s.weight > 0 for s in samples]
     data, tau = np.concatenate(moves), np.concatenate([s.tau for s in samples])
     W = np.concatenate([found.model.regressor(robot, s.motion) for s in samples])
     runs = find_runs(samples)

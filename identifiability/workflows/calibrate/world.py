@@ -24,7 +24,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier
-from identifiability.logs.prepare import Preparation, Samples
+from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.instruments import add_instrument, complete_along
 from identifiability.logs.prepare.plan import Plan, joint_log, noise_size
 from identifiability.logs.prepare.preparation import make_plan
@@ -49,7 +49,7 @@ class MotionErrors:
 
     Attributes
     ----------
-    samples : Samples
+    samples : Dataset
         The true motion: the second record where there is one, else as prepared; errors that it has
         make the new ones do a little less.
     log : Log
@@ -64,7 +64,7 @@ class MotionErrors:
         Whether it has a second record, which may be that of another log.
     """
 
-    samples: Samples
+    samples: Dataset
     log: Log
     plan: Plan
     sd: Array
@@ -72,7 +72,7 @@ class MotionErrors:
     instrumented: bool
 
     @staticmethod
-    def of(robot: Robot, samples: Samples, raw: Log, how: Preparation) -> MotionErrors:
+    def of(robot: Robot, samples: Dataset, raw: Log, how: Preparation) -> MotionErrors:
         """Return the errors of a log that was prepared."""
         if samples.cutoff is not None:
             how = replace(how, cutoff=samples.cutoff, outputs=samples.band)
@@ -90,7 +90,7 @@ class MotionErrors:
         exact = beside is not None
         return MotionErrors(true, _with(log, at), plan, sd, exact, instrumented)
 
-    def measure(self, robot: Robot, rng: np.random.Generator) -> tuple[Log, Samples]:
+    def measure(self, robot: Robot, rng: np.random.Generator) -> tuple[Log, Dataset]:
         """Return the log with new errors and its samples, at the same times."""
         e = self.sd * rng.standard_normal(self.sd.shape)
         log, noise, plan = _with(self.log, _channels(self.log) + e), _with(self.log, e), self.plan
@@ -116,7 +116,7 @@ def measure_anew(
 
 def sample_anew(
     robot: Robot, motion: Sequence[MotionErrors], rng: np.random.Generator
-) -> list[Samples]:
+) -> list[Dataset]:
     """Return the samples of all logs with new errors, and instruments as the logs have them."""
     found = [m.measure(robot, rng) for m in motion]
     out = []
@@ -318,7 +318,7 @@ class World:
             Of the bootstrap in each.
         rng : numpy.random.Generator
         """
-        samples, logs = in_memory(analysis.samples, Samples), in_memory(analysis.recordings, Log)
+        samples, logs = in_memory(analysis.samples), in_memory(analysis.recordings)
         how: Any = analysis.settings["preparation"]
         motion = tuple(
             MotionErrors.of(analysis.robot, s, raw, how)

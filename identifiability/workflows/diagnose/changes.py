@@ -539,11 +539,11 @@ def without_outliers(setting: Setting, outliers: Outliers) -> Setting:
     for k in np.unique(outliers.log):
         s, own = samples[k], outliers.log == k
         t, at = s.motion.t, s.output_times()
-        gone = np.zeros(s.tau.shape, bool) if s.dwells is None else s.dwells.copy()
+        gone = s.weight <= 0
         beside = at[1] - at[0]
         for a, b in zip(outliers.first[own], outliers.last[own], strict=True):
             gone[(t >= at[a] - beside) & (t <= at[b - 1] + beside)] = True
-        samples[k] = replace(s, dwells=gone)
+        samples[k] = replace(s, weight=1.0 - gone)
     return replace(setting, samples=tuple(samples))
 
 

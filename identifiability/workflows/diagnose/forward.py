@@ -22,8 +22,8 @@ from identifiability.foundation.numbers import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
-from identifiability.logs.prepare import Samples
-from identifiability.logs.prepare.samples import join_motions
+from identifiability.logs.prepare import Dataset
+from identifiability.logs.prepare.dataset import join_motions
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, complete_motion
@@ -129,7 +129,7 @@ class Physical:
 def compare_forward(
     before: Physical,
     after: Physical,
-    unseen: Sequence[Samples],
+    unseen: Sequence[Dataset],
     rng: np.random.Generator,
     stretches: int = STRETCHES,
 ) -> ForwardGap:
@@ -138,7 +138,7 @@ def compare_forward(
     Parameters
     ----------
     before, after : Physical
-    unseen : sequence of Samples
+    unseen : sequence of Dataset
         Logs that neither was fitted to.
     rng : numpy.random.Generator
         For the interval.
@@ -179,8 +179,8 @@ def compare_forward(
 
 
 def _starts(
-    unseen: Sequence[Samples], dt: float, steps: int, most: int
-) -> list[tuple[Samples, int]]:
+    unseen: Sequence[Dataset], dt: float, steps: int, most: int
+) -> list[tuple[Dataset, int]]:
     """Return (log, first row) of evenly spaced stretches without gaps."""
     found = []
     for samples in unseen:
@@ -199,7 +199,7 @@ def _starts(
     return [found[k] for k in np.linspace(0, len(found) - 1, most).astype(int)]
 
 
-def _mean_torque(fit: Physical, samples: Samples, rows: np.ndarray) -> Array:
+def _mean_torque(fit: Physical, samples: Dataset, rows: np.ndarray) -> Array:
     """Return the torque over each step, (S, n): what was recorded, less its delay."""
     t, tau = samples.motion.t, samples.tau
     out = np.empty((len(rows), tau.shape[1]))
@@ -227,7 +227,7 @@ def joint_values(fit: Physical) -> dict[str, float]:
     return out
 
 
-def extra_effects(fit: Physical, at: Sequence[tuple[Samples, np.ndarray]]) -> OtherEffects | None:
+def extra_effects(fit: Physical, at: Sequence[tuple[Dataset, np.ndarray]]) -> OtherEffects | None:
     """Return what the model has and MuJoCo does not, or None.
 
     Parameters

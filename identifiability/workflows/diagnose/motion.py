@@ -19,10 +19,9 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.log import join_logs
-from identifiability.logs.prepare import Preparation, Samples
+from identifiability.logs.prepare import Dataset, Preparation
+from identifiability.logs.prepare.dataset import prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.logs.prepare.longsamples import Prepared, prepare_samples
-from identifiability.logs.repeats import Recording
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.regression.structure import Structure
@@ -57,12 +56,12 @@ class Roles:
         In words, to follow "on".
     """
 
-    fit: tuple[Recording, ...]
-    verify: tuple[Recording, ...]
+    fit: tuple[Log, ...]
+    verify: tuple[Log, ...]
     verified_on: str
 
 
-def assign_roles(logs: Sequence[Recording], validate: Sequence[Recording]) -> Roles:
+def assign_roles(logs: Sequence[Log], validate: Sequence[Log]) -> Roles:
     """Return the roles of fitted and held-out logs.
 
     Every held-out log verifies. Without any the last log is set aside, or the last part of the
@@ -89,7 +88,7 @@ def assign_roles(logs: Sequence[Recording], validate: Sequence[Recording]) -> Ro
     return Roles(tuple(logs), tuple(validate), verified_on)
 
 
-def _one_log(log: Recording) -> Roles:
+def _one_log(log: Log) -> Roles:
     fewest = SHORTEST / LAST
     if len(log) < fewest:
         raise LogError(
@@ -106,14 +105,14 @@ def _one_log(log: Recording) -> Roles:
 
 
 def prepare_rows(
-    robot: Robot, log: Recording, how: Preparation | None, most: int = MOST_SAMPLES
-) -> Samples:
+    robot: Robot, log: Log, how: Preparation | None, most: int = MOST_SAMPLES
+) -> Dataset:
     """Return a log ready for a diagnosis: decimated to its band, thinned if it is very long.
 
     Measured derivatives do not need a filter, but questions need few rows: torque and columns are
     low-passed alike to ten times the band of the motion.
     """
-    looks = [log.rows(a, b) for a, b in signals.spread_windows(len(log))]
+    looks = [window for _, window in log.windows()]
     step = float(np.median(np.concatenate([np.diff(w.t) for w in looks])))
     even = log.clock.longest.length < LOG_RULES.gap * step  # no filter reaches across a gap
     if how is None and even and {"dq", "ddq"} <= set(log.channels):
@@ -126,19 +125,19 @@ def prepare_rows(
             factor -= 1
         how = Preparation(decimate=max(factor, 1))
     how = how or Preparation()
-    if not isinstance(log, Log):
+    if log.long:
         long = len(log) > READ * most
         windows = spread(len(log), READ * STRETCH, most // STRETCH) if long else [(0, len(log))]
         log = join_logs([log.rows(a, b) for a, b in windows])
-    return thin(prepare_samples(robot, log, how), most)
+    return thin(prepare_log(robot, log, how), most)
 
 
 def along_rollouts(
     structure: Structure,
-    samples: Sequence[Prepared],
-    logs: Sequence[Recording],
+    samples: Sequence[Dataset],
+    logs: Sequence[Log],
     values: Mapping[str, float],
-) -> tuple[Prepared, ...]:
+) -> tuple[Dataset, ...]:
     """Return samples of logs of commands along the motion of their rollouts.
 
     Torque of commands is made of the very positions that columns are made of, so that steps of
@@ -149,8 +148,8 @@ def along_rollouts(
     Parameters
     ----------
     structure : Structure
-    samples : sequence of Samples
-    logs : sequence of Log or LogFile
+    samples : sequence of Dataset
+    logs : sequence of Log
         What they were prepared from.
     values : mapping
         Standard parameters by name of what was rolled out.
@@ -158,12 +157,12 @@ def along_rollouts(
     robot, model = structure.robot, structure.model
     known = {**robot.nominal, **values}
     phi = np.array([known.get(name, 0.0) for name in structure.columns])
-    out = list[Prepared]()
+    out = list[Dataset]()
     for own, log in zip(samples, logs, strict=True):
         found = None
-        if isinstance(own, Samples) and isinstance(log, Log) and log.rollout is not None:
+        if log.rollout is not None:
             found = add_instrument(robot, log, own)
-        if isinstance(own, Samples) and found is not None and found.instrument is not None:
+        if found is not None and found.instrument is not None:
             moved = found.instrument
             more = (model.regressor(robot, moved) - model.regressor(robot, own.motion)) @ phi
             own = replace(own, motion=moved, tau=own.tau + more)  # noqa: PLW2901 - the same
@@ -171,7 +170,7 @@ def along_rollouts(
     return tuple(out)
 
 
-def thin(samples: Samples, most: int = MOST_SAMPLES) -> Samples:
+def thin(samples: Dataset, most: int = MOST_SAMPLES) -> Dataset:
     """Return evenly spaced stretches of samples that are more than a diagnosis needs."""
     if samples.outputs <= most:
         return samples

@@ -13,7 +13,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Preparation, Samples
+from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.physical.cad_prior import state_rows
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -28,7 +28,7 @@ class Setting:
     ----------
     structure : Structure
         The robot under the model that is diagnosed.
-    samples, validation : tuple of Samples
+    samples, validation : tuple of Dataset
         Fitted, and unseen.
     known : KnownValues
         What is known of the model's values beside the logs.
@@ -46,9 +46,9 @@ class Setting:
     """
 
     structure: Structure
-    samples: tuple[Samples, ...]
+    samples: tuple[Dataset, ...]
     known: KnownValues
-    validation: tuple[Samples, ...] = ()
+    validation: tuple[Dataset, ...] = ()
     fixed: bool = False
     seed: int = 0
     verified_on: str = ""

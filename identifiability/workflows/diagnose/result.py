@@ -25,7 +25,7 @@ from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import digits, error_text, join, percent
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare import Dataset
 from identifiability.physical.cad_prior import WEAK, real_robot_dict, share_weight
 from identifiability.physical.feasibility import find_nearest
 from identifiability.physical.fitted_model import FittedModel
@@ -398,8 +398,8 @@ def _standard_values(d: Findings) -> Array:
 
 def fit_physical(
     structure: Structure,
-    samples: Sequence[Samples],
-    unseen: Sequence[Samples] = (),
+    samples: Sequence[Dataset],
+    unseen: Sequence[Dataset] = (),
     cad_weight: float | None = None,
 ) -> Physical:
     """Return the real robot that explains some logs best under a model.

@@ -14,7 +14,7 @@ from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.torque_errors import change_interval
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare import Dataset
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose.problem import KnownValues
@@ -29,23 +29,23 @@ class Rows:
     seen : Excerpt
         Torque that the columns should explain, beside what is known, and those of the model whose
         values are not exact.
-    samples : tuple of Samples
+    samples : tuple of Dataset
     measured : (N, n) [N·m or N]
         Measured torque, low-passed like the columns.
     """
 
     seen: Excerpt
-    samples: tuple[Samples, ...]
+    samples: tuple[Dataset, ...]
     measured: Array
 
     @staticmethod
-    def of(structure: Structure, samples: Sequence[Samples], known: KnownValues) -> Rows:
+    def of(structure: Structure, samples: Sequence[Dataset], known: KnownValues) -> Rows:
         """Return the rows of some logs.
 
         Parameters
         ----------
         structure : Structure
-        samples : sequence of Samples
+        samples : sequence of Dataset
         known : KnownValues
             What is known of the values beforehand.
         """

@@ -19,7 +19,7 @@ from identifiability.foundation.engines.mapping import Engine, Serial, one_threa
 from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.prepare import Preparation, Samples
+from identifiability.logs.prepare import Preparation
 from identifiability.physical.cad_prior import share_weight
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import (
@@ -55,17 +55,17 @@ from identifiability.workflows.diagnose.problem import (
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
 from identifiability.workflows.opening import (
     Logs,
-    Opening,
     Progress,
     Recordings,
     in_memory,
     quiet,
     read_recordings,
-    require_signal,
     state_provenance,
 )
 from identifiability.workflows.session import (
+    Opening,
     Session,
+    require_signal,
     settle_gains,
     settle_prior,
     weigh_rows,
@@ -224,7 +224,7 @@ class _Asked:
             both = ((opening.samples, roles.fit), (opening.validation, roles.verify))
             along = [along_rollouts(opening.structure, s, logs, given.values) for s, logs in both]
             opening = replace(opening, samples=along[0], validation=along[1])
-        fit, verify = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
+        fit, verify = (in_memory(s) for s in (opening.samples, opening.validation))
         require_signal(verify, "verified")
         session.say("building columns", 0.1)
         near = know_share(self.near, opening.structure, refitted=True) if self.near else None

@@ -17,7 +17,7 @@ from identifiability.foundation.errors import IdentifiabilityError, ModelError, 
 from identifiability.foundation.names import Array, find_named
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.dataset import Dataset
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choose_model
 from identifiability.regression.regression import Model, Regression
@@ -318,7 +318,7 @@ def add_beside(robot: Robot, model: Model, effects: Sequence[Effect]) -> Questio
     return Question(structure, whole, columns.astype(int), names, units, (), every_one)
 
 
-def gather_known(question: Question, samples: Sequence[Prepared], planned: int) -> Known:
+def gather_known(question: Question, samples: Sequence[Dataset], planned: int) -> Known:
     """Return what logs say; without logs nothing, and the next log has the `planned` samples."""
     k, n = len(question.columns), len(question.structure.robot.actuated)
     if not samples:

@@ -26,7 +26,7 @@ from identifiability.foundation.options import (
 )
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.dataset import Dataset
 from identifiability.regression.reduction import ModelLike, free_again, unused_ladder
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.excite.criteria import (
@@ -151,7 +151,7 @@ def excite(
 
 def _start(
     question: Question, logs: Logs | None, preparation: Preparation | None, engine: Engine | None
-) -> tuple[list[Prepared], tuple[str, ...]]:
+) -> tuple[list[Dataset], tuple[str, ...]]:
     """Return what was measured already, if anything, and what was mended of it."""
     if logs is None:
         return [], ()

@@ -31,7 +31,6 @@ from identifiability.foundation.options import ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
-from identifiability.logs.mend import REPLACED
 from identifiability.physical.cad_prior import state_mass
 from identifiability.physical.feasibility import is_another
 from identifiability.physical.pseudo_inertia import check_body
@@ -60,6 +59,12 @@ class JointEntry(Entry):
     joint: str
     error: float | None
     error_files: dict[str, float | None] = Field(default={})
+
+
+class FindingEntry(Entry):
+    """What was noticed of the logs, or done with them."""
+
+    key: str
 
 
 class PhysicalEntry(Entry):
@@ -94,13 +99,13 @@ class Result(Entry):
     missing_functions: tuple[MissingEntry, ...] = ()
     full_parameters: tuple[VerdictEntry, ...] = ()
     rollout: RolloutEntry | None = None
-    hints: tuple[str, ...] = ()
+    findings: tuple[FindingEntry, ...] = ()
     preparation: Mapping[str, tuple[str, ...]] = Field(default_factory=dict)
 
     @property
     def mended(self) -> bool:
         """Whether samples of the logs were replaced: errors are of the logs as they are then."""
-        return any(REPLACED in h for h in self.hints)
+        return any(found.key == "spikes" for found in self.findings)
 
 
 def check_result(robot: Robot, path: Path, content: Result, known: set[str]) -> None:

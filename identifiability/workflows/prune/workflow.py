@@ -45,7 +45,7 @@ from identifiability.foundation.options import (
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.samples import find_signal
+from identifiability.logs.prepare.dataset import find_signal
 from identifiability.physical.feasibility import PhysicalResult, certify_model
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import (
@@ -68,7 +68,7 @@ from identifiability.workflows.analyze.assessment import (
 )
 from identifiability.workflows.analyze.fit import DelayErrors, check_cutoff, settle_robot
 from identifiability.workflows.analyze.words import WORSE, compare_logs, state_mounting, state_weak
-from identifiability.workflows.opening import Logs, Progress, find_missing, quiet, running, share
+from identifiability.workflows.opening import Logs, Progress, quiet, running, share
 from identifiability.workflows.prune.elimination import (
     Search,
     Step,
@@ -80,7 +80,7 @@ from identifiability.workflows.prune.elimination import (
 )
 from identifiability.workflows.prune.moves import propose_moves
 from identifiability.workflows.prune.result import Ladder, Measured, PrunedModel
-from identifiability.workflows.session import Session, Weighed, settle_prior
+from identifiability.workflows.session import Session, Weighed, find_missing, settle_prior
 
 #: Models as good as the best, and smaller ones, whose physical certificate is asked for.
 CERTIFIED = 4

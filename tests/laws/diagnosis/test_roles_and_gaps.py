@@ -6,7 +6,7 @@ from scipy import stats
 
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
-from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare import Dataset
 from identifiability.logs.signals import Decimation
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.calibrate.false_names import FalseNames
@@ -58,7 +58,7 @@ def test_long_logs_are_looked_at_in_even_stretches():
         q = np.stack([np.sin(t), np.cos(t)], 1)
         motion = complete_motion(two, t, q, q, q)
         d = Decimation(factor) if factor > 1 else None
-        whole = Samples("log", motion, q, d, (), "")
+        whole = Dataset("log", motion, q, d, (), "")
         found = thin(whole)
         if n == 6000:
             assert found is whole

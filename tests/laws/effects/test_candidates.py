@@ -9,7 +9,7 @@ from identifiability.effects import FAMILIES, find_families
 from identifiability.effects.effect import measure_spans
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.groups import with_reversals
-from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare import Dataset
 from identifiability.logs.signals import Decimation
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
@@ -139,7 +139,7 @@ def test_what_dissipates_or_stores_has_a_sign_and_what_biases_has_none(polar, ge
 def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move):
     parts = [move(polar, T[:120]), move(polar, T[120:])]
     rng = np.random.default_rng(0)
-    logs = [Samples("log", m, rng.standard_normal((len(m), 2)), None, (), "") for m in parts]
+    logs = [Dataset("log", m, rng.standard_normal((len(m), 2)), None, (), "") for m in parts]
     candidates, _ = listed(polar, parts[0], "joint_stiffness", "torque_offset")
     model = Model.of("rigid_body", "viscous_friction")
     structure = Structure.of(polar, model)
@@ -174,7 +174,7 @@ def test_no_stretch_of_rows_reaches_across_a_gap(polar, move, factor):
     kept = np.r_[0:130, 140:300]
     m = replace(move(polar, T)[kept], kept=kept)
     d = Decimation(factor) if factor > 1 else None
-    log = Samples("log", m, np.ones((len(m), 2)), d, (), "")
+    log = Dataset("log", m, np.ones((len(m), 2)), d, (), "")
     model = Model.of("viscous_friction")
     structure = Structure.of(polar, model)
     rows = Rows.of(structure, [log, log], know_nothing(structure))

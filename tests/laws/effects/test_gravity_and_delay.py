@@ -9,7 +9,7 @@ from identifiability.effects import find_families
 from identifiability.effects.gravity import GravityTilt, horizontal_axes
 from identifiability.effects.inertia import Payload, RigidBody
 from identifiability.effects.measurement import CommandDelay, EncoderBias, TimeDelay, nominal_torque
-from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare import Dataset
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.servo import Servo
@@ -194,7 +194,7 @@ def test_a_delay_does_not_look_across_gaps(polar, by_hand):
 def test_a_delay_does_not_look_from_log_to_log(polar, by_hand):
     motion = swung(polar, by_hand, fine(by_hand, 40))
     parts = [motion[np.arange(a, b)] for a, b in ((0, 20), (20, 40))]
-    logs = tuple(Samples("log", m, np.zeros((20, 2)), None, (), "") for m in parts)
+    logs = tuple(Dataset("log", m, np.zeros((20, 2)), None, (), "") for m in parts)
     model = Model((TimeDelay(),))
     found = [W.copy() for _, _, W, _ in Regression(polar, model, logs).chunks()]
     for W, m in zip(found, parts, strict=True):

@@ -15,7 +15,7 @@ from .made import ar1
 ROWS, SIZE, TRUTH = 600, 5, np.array([1.0, -1.0, 0.5])
 WLS = find_estimator("wls")
 LOGS = [
-    SimpleNamespace(name=n, survey=SimpleNamespace(start=10.0, stop=12.0, outputs=k))
+    SimpleNamespace(name=n, output_times=lambda at, k=k: 10.0 + 2.0 * at / k)
     for n, k in (("one", 400), ("two", 200))
 ]
 
@@ -116,7 +116,7 @@ def test_the_sentence_names_log_time_joint_and_parameter():
     W, tau = rows()
     tau[500:510, 1] += 5.0 * W[500:510, 1, 2]
     _, text, _ = weigh_rows(["shoulder", "elbow"], LOGS, gathered(W, tau), WLS)
-    assert text.startswith("two from t = 11 to 11.1 s: the torque of elbow is up to ")
+    assert text.startswith("two from t = 11 to 11.09 s: the torque of elbow is up to ")
     assert " is weighed down in the fit: with its whole weight c moves by " in text
     assert weigh_rows(["shoulder", "elbow"], LOGS, gathered(*rows()), WLS)[1] == ""
     tau = rows()[1]

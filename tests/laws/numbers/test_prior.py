@@ -9,7 +9,7 @@ import pytest
 from identifiability import analyze
 from identifiability.estimation.evidence import Score
 from identifiability.estimation.uncertainty import remembering_covariance
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.physical import project
 from identifiability.physical.cad_prior import WEIGHTS, CadPrior
 from identifiability.physical.feasibility import choose_prior, stands_elsewhere
@@ -175,7 +175,7 @@ def plant(robot, at, noise):
     """A log of base parameters that no robot has, analyzed."""
     log = logs_of(robot, (1,))[0]
     structure = Structure.of(robot, ladder_model(default_ladder(robot)))
-    parts = structure.regression([prepare_samples(robot, log)]).parts()
+    parts = structure.regression([prepare_log(robot, log)]).parts()
     rows = np.concatenate([chunk.W for part in parts for chunk in part.chunks()])
     tau = rows @ at(structure) + noise * np.random.default_rng(3).normal(size=log.tau.shape)
     return analyze(robot, replace(log, tau=tau), replicates=0).models[0]

@@ -8,8 +8,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from identifiability.logs import Log
-from identifiability.logs.logfile import LogFile
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.plan import noise_level, resolution
 from identifiability.robot import Robot
@@ -49,7 +48,7 @@ def noisy(robot, periodic, seed=0, level=1.0):
 
 
 def record(robot, log, how=None, **options):
-    return add_instrument(robot, log, prepare_samples(robot, log, how), **options)
+    return add_instrument(robot, log, prepare_log(robot, log, how), **options)
 
 
 def errors(samples, exact, rows):
@@ -142,7 +141,7 @@ def test_a_repetition_on_another_clock_is_found_and_its_errors_are_its_own(robot
     moved = {k: CubicSpline(again.t, getattr(again, k))(t) for k in ("q", "dq", "ddq")}
     again = replace(again, t=7.0 + log.t[:-100], tau=again.tau[:-100], **moved)
     how = Preparation(keep_rest=True)
-    samples, other = (prepare_samples(robot, x, how) for x in (log, again))
+    samples, other = (prepare_log(robot, x, how) for x in (log, again))
     found = add_instrument(robot, log, samples, [other])
     assert "repetitions, on average of 0.9" in found.notes[-1]
     for first, second in errors(found, exact, samples.motion.kept):
@@ -157,7 +156,7 @@ def test_more_repetitions_have_less_noise(robot):
         Preparation(keep_rest=True),
         [noisy(robot, False, seed)[0] for seed in range(1, 8)],
     )
-    samples, *again = (prepare_samples(robot, x, how) for x in (log, *others))
+    samples, *again = (prepare_log(robot, x, how) for x in (log, *others))
     samples = add_instrument(robot, log, samples, again)
     assert "repetitions" in samples.notes[-1]
     for first, second in errors(samples, exact, samples.motion.kept):
@@ -168,7 +167,7 @@ def test_more_repetitions_have_less_noise(robot):
 def test_positions_alone_have_their_repetition(robot):
     log, again, _ = twice(robot, level=0.1)
     log, again = positions_only(log), positions_only(again, name="again")
-    samples, other = (prepare_samples(robot, x) for x in (log, again))
+    samples, other = (prepare_log(robot, x) for x in (log, again))
     assert add_instrument(robot, log, samples) is None
     assert "repetitions" in add_instrument(robot, log, samples, [other]).notes[-1]
 
@@ -176,7 +175,7 @@ def test_positions_alone_have_their_repetition(robot):
 def test_rounding_that_repeats_with_the_motion_is_no_second_record(robot):
     log, again, _ = twice(robot, level=0.0)
     rounded = [positions_only(x, q=2e-3 * np.rint(x.q / 2e-3)) for x in (log, again)]
-    samples, other = (prepare_samples(robot, x) for x in rounded)
+    samples, other = (prepare_log(robot, x) for x in rounded)
     assert add_instrument(robot, rounded[0], samples, [other]) is None
 
 
@@ -184,8 +183,8 @@ def test_another_motion_is_no_repetition(robot):
     log, _ = noisy(robot, periodic=False, level=0.1)
     log, other = log.rows(0, 900), positions_only(log.rows(1000, 2000), name="other")
     log = positions_only(log)
-    samples = prepare_samples(robot, log)
-    assert add_instrument(robot, log, samples, [prepare_samples(robot, other)]) is None
+    samples = prepare_log(robot, log)
+    assert add_instrument(robot, log, samples, [prepare_log(robot, other)]) is None
 
 
 def test_the_command_is_followed_with_its_delay_unless_it_is_a_copy(robot):
@@ -202,7 +201,7 @@ def test_the_command_is_followed_with_its_delay_unless_it_is_a_copy(robot):
     assert record(robot, elsewhere, Preparation(cutoff=10.0)) is None
 
 
-@pytest.mark.parametrize("read", [Log.read, LogFile.read])
+@pytest.mark.parametrize("read", [Log.read, Log.scan])
 def test_commands_are_read_unless_they_have_gaps(robot, tmp_path, read):
     log, _ = noisy(robot, periodic=True)
     frame = replace(log, q_ref=log.q + 1.0).to_frame()

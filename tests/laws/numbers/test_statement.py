@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.logs.prepare.samples import explain_silence
+from identifiability.logs.prepare.dataset import explain_silence
 from identifiability.workflows.analyze.words import doubt
 
 

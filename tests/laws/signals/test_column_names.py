@@ -9,8 +9,8 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Renames
 from identifiability.logs import Log
-from identifiability.logs.aliases import RULES, find_unit, guess_column, words_of
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.names import RULES, find_unit, guess_column, words_of
 
 ARM = tuple(f"panda_joint{k}" for k in (1, 2, 3))
 UR = ("shoulder_pan_joint", "elbow_joint", "wrist_3_joint")

@@ -12,10 +12,8 @@ from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.gaps import Gaps, fill
-from identifiability.logs.logfile import LogFile
-from identifiability.logs.prepare import Preparation, longsamples, prepare_samples
+from identifiability.logs.prepare import Preparation, dataset, prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.plan import noise_level
 from identifiability.logs.signals import has_gap
 from identifiability.logs.spectrum import bandwidth_of_windows
@@ -54,7 +52,7 @@ def without(total, *gaps):
 
 def prepared(two, rows, **how):
     log = Log.from_frame(frame(rows), "log")
-    return prepare_samples(two, log, Preparation(**{"cutoff": CUTOFF, "keep_rest": True, **how}))
+    return prepare_log(two, log, Preparation(**{"cutoff": CUTOFF, "keep_rest": True, **how}))
 
 
 @pytest.mark.parametrize("row", range(300, 306))
@@ -149,19 +147,19 @@ def test_the_band_is_that_of_the_motion_and_not_of_its_gaps(two):
 def test_a_late_stamp_is_no_gap_and_an_uneven_clock_is_refused(two):
     late = np.zeros(2000)
     late[700] = 0.9 * DT
-    s = prepare_samples(two, Log.from_frame(frame(np.arange(2000), jitter=late)))
+    s = prepare_log(two, Log.from_frame(frame(np.arange(2000), jitter=late)))
     assert (s.hints, len(s.breaks)) == ((), 0)
     assert any("jitter by 90 % of a step" in note for note in s.notes)
     assert not any("lost samples" in note for note in s.notes)
     log = Log.from_frame(frame(np.cumsum(np.tile([1, 1, 9], 700))), "log")
     with pytest.raises(LogError, match="log is sampled so unevenly"):
-        prepare_samples(two, log)
+        prepare_log(two, log)
 
 
 def test_a_log_with_derivatives_of_its_own_loses_nothing_at_short_gaps(two):
     for lost, split in ((10, 0), (100, 1)):
         log = Log.from_frame(frame(without(2000, (999, lost)), derivatives=True))
-        s = prepare_samples(two, log, Preparation(keep_rest=True))
+        s = prepare_log(two, log, Preparation(keep_rest=True))
         assert len(s.tau) == 2000 - lost - split
         assert len(s.hints) == split
 
@@ -171,7 +169,7 @@ def test_repeated_values_are_not_interpolated_from_beyond_a_gap(two):
     table = frame(rows)
     for joint in ("shoulder", "elbow"):  # the last but one before the gap repeats
         table.loc[1498, f"{joint}.q"] = table.loc[1497, f"{joint}.q"]
-    found = prepare_samples(two, Log.from_frame(table), Preparation(cutoff=40.0, decimate=1))
+    found = prepare_log(two, Log.from_frame(table), Preparation(cutoff=40.0, decimate=1))
     true = prepared(two, rows, cutoff=40.0, decimate=1)
     inside = slice(1300, 1500)
     assert any("repeat the sample before" in note for note in found.notes)
@@ -181,15 +179,15 @@ def test_repeated_values_are_not_interpolated_from_beyond_a_gap(two):
 
 
 def test_a_long_file_with_gaps_is_read_as_a_short_one(two, tmp_path, monkeypatch):
-    monkeypatch.setattr(longsamples, "PIECE", 700)
-    monkeypatch.setattr(longsamples, "MARGINS", 0)
-    monkeypatch.setattr(longsamples, "SHORTEST", 1500)
+    monkeypatch.setattr(dataset, "PIECE", 700)
+    monkeypatch.setattr(dataset, "MARGINS", 0)
+    monkeypatch.setattr(dataset, "SHORTEST", 1500)
     table = frame(without(9000, (1999, 5), (3499, 200), (3699 + 30, 400), (6999, 11)))
     path = tmp_path / "log.parquet"
     table.to_parquet(path, index=False)
     how = Preparation(cutoff=CUTOFF)
-    whole = prepare_samples(two, Log.read(path), how)
-    parts = prepare_log(two, LogFile.read(path), how, engine=Serial())
+    whole = prepare_log(two, Log.read(path), how)
+    parts = prepare_log(two, Log.scan(path), how, engine=Serial())
     assert (parts.outputs, parts.starts, parts.hints) == (whole.outputs, whole.starts, whole.hints)
     assert (parts.notes, parts.survey.lost) == (whole.notes, whole.survey.lost)
     model = Model.of("rigid_body")
@@ -203,7 +201,7 @@ def test_a_long_file_with_gaps_is_read_as_a_short_one(two, tmp_path, monkeypatch
 def test_gaps_of_a_part_of_a_file_are_counted_from_its_first_row(tmp_path):
     path = tmp_path / "log.parquet"
     frame(without(3000, (999, 5), (1999, 50))).to_parquet(path, index=False)
-    whole, part = LogFile.read(path), LogFile.read(path).cut(900, 2500, "part").cut(10, 1500, "p")
+    whole, part = Log.scan(path), Log.scan(path).cut(900, 2500, "part").cut(10, 1500, "p")
     t = Log.read(path).t
     found = Gaps.of("p", part.clock, [part.rows(0, len(part)).t])
     assert found.rows.tolist() == [999 - 910, 1994 - 910]
@@ -239,7 +237,7 @@ def test_the_smoothed_motion_is_no_second_record_across_a_gap(two):
             table[column] += size * rng.standard_normal(len(table))
         table[["shoulder.q", "elbow.q"]] += 0.3 * np.sqrt(table["t"].to_numpy())[:, None]
         log = Log.from_frame(table)
-        samples = prepare_samples(two, log, Preparation(keep_rest=True))
+        samples = prepare_log(two, log, Preparation(keep_rest=True))
         record = add_instrument(two, log, samples)
         assert (record is not None and "smoothed" in record.notes[-1]) == found
 
@@ -254,12 +252,12 @@ def test_nothing_is_simulated_forward_along_a_bridged_gap(two):
 def test_uneven_steps_that_add_up_are_said(two):
     for share, said in ((0.004, 0), (0.05, 1)):
         t = np.cumsum(DT * (1 + 0.45 * (np.random.default_rng(5).random(3000) < share)))
-        s = prepare_samples(two, Log.from_frame(frame(t / DT)), Preparation(cutoff=CUTOFF))
+        s = prepare_log(two, Log.from_frame(frame(t / DT)), Preparation(cutoff=CUTOFF))
         assert len(s.hints) == said
         assert not said or "sampled unevenly: the mean step is 2.5 % off" in s.hints[0]
     noise = 0.3 * DT * np.random.default_rng(6).uniform(-1, 1, 3000)
     jitter = Log.from_frame(frame(np.arange(3000), jitter=noise))
-    assert prepare_samples(two, jitter, Preparation(cutoff=CUTOFF)).hints == ()
+    assert prepare_log(two, jitter, Preparation(cutoff=CUTOFF)).hints == ()
 
 
 def test_a_step_of_one_and_a_half_usual_ones_is_a_gap():

@@ -9,7 +9,6 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Renames
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.logfile import LogFile
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
 from identifiability.robot.measured_torque import MeasuredTorque
@@ -109,6 +108,6 @@ def test_a_long_file_has_the_torques_of_a_short_one(load, tmp_path):
     known = Conventions.of(load("[torque]\ngain = {a = 11, b = -7}\n"))
     path = tmp_path / "log.parquet"
     table("current").to_parquet(path, index=False)
-    short, long = Log.read(path, known), LogFile.read(path, known)
+    short, long = Log.read(path, known), Log.scan(path, known)
     np.testing.assert_array_equal(long.rows(20, 90).tau, short.tau[20:90])
     assert long.notes == short.notes

@@ -6,7 +6,6 @@ import pytest
 
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log, source
-from identifiability.logs.logfile import LogFile, open_log
 from identifiability.logs.reading import unify_rates
 
 W = 2 * np.pi * np.array([0.8, 1.1])
@@ -145,17 +144,17 @@ def test_a_long_file_of_several_rates_is_read_as_a_short_one(tmp_path, monkeypat
     path = tmp_path / "log.parquet"
     q, tau = 0.002 * np.arange(4000) + 0.0007, 0.01 * np.arange(790) + 0.0031
     merged(topic(q, "q"), topic(tau, "tau")).to_parquet(path)
-    short = open_log(path)
+    short = Log.open(path)
     monkeypatch.setattr(source, "LONG", 100)
-    long = open_log(path)
+    long = Log.open(path)
     assert long.notes == short.notes
     np.testing.assert_array_equal(long.q, short.q)
     monkeypatch.setattr(source, "MOST", 100)
     with pytest.raises(LogError, match=r"log.parquet has columns at rates of their own and is too"):
-        open_log(path)
+        Log.open(path)
     same = topic(q, "q").join(topic(q, "tau").drop(columns="t"))
     same.to_parquet(path)
-    assert isinstance(open_log(path), LogFile)
+    assert Log.open(path).long
     monkeypatch.setattr(source, "MOST", 10**6)
     same.iloc[(np.arange(4000) // 5) * 5].assign(t=q).to_parquet(path)
-    assert len(open_log(path)) == 800
+    assert len(Log.open(path)) == 800

@@ -10,9 +10,9 @@ import pytest
 from identifiability.effects.transmission import split_runs
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
-from identifiability.logs.mend import check_units, find_contradictions
-from identifiability.logs.prepare import Preparation, Samples, prepare_samples
-from identifiability.logs.prepare.samples import Survey, explain_silence, find_signal
+from identifiability.logs.contradictions import check_units, find_contradictions
+from identifiability.logs.prepare import Dataset, Preparation, prepare_log
+from identifiability.logs.prepare.dataset import Survey, explain_silence, find_signal
 from identifiability.logs.signals import Decimation
 from identifiability.robot import Robot, complete_motion
 
@@ -44,7 +44,7 @@ def samples_of(two, kept, factor, own=None):
     motion = replace(complete_motion(two, 0.01 * kept, *wave(0.01 * kept)), kept=kept)
     tau = np.repeat(kept[:, None], 2, axis=1).astype(float)
     d = Decimation(factor) if factor > 1 else None
-    return Samples("log", motion, tau, d, (), "", own)
+    return Dataset("log", motion, tau, d, (), "", own)
 
 
 @pytest.mark.parametrize("factor", [2, 3])
@@ -99,9 +99,9 @@ def test_what_is_no_data_is_so_of_columns_and_torque_alike(two):
     factor, rows = 96, np.arange(3, 3000)
     s = samples_of(two, rows, 1)
     stands = ((rows // 211) % 2 == 0)[:, None] & np.array([True, False])
-    s = replace(s, tau=s.motion.actuated_a, decimation=Decimation(factor, 9), dwells=stands)
+    s = replace(s, tau=s.motion.actuated_a, decimation=Decimation(factor, 9), weight=1.0 - stands)
     for p in s.pieces(10**6):
-        column = p.masked(p.down(p.silenced(p.motion.actuated_a.copy())))
+        column = p.weighed(p.down(p.silenced(p.motion.actuated_a.copy())))
         assert 0 < p.moves[:, 0].sum() < len(p.moves)
         np.testing.assert_allclose(column, p.torque, atol=2e-3 * np.abs(s.tau).max())
 
@@ -140,17 +140,17 @@ def test_decimation_keeps_the_band_up_to_the_cut_off(two):
     t = 0.002 * np.arange(4000)
     log = log_of(t, dq=None, ddq=None)
     for cutoff, factor in ((10.0, 25), (12.0, 20), (60.0, 4), (130.0, None), (200.0, None)):
-        d = prepare_samples(two, log, Preparation(cutoff=cutoff, keep_rest=True)).decimation
+        d = prepare_log(two, log, Preparation(cutoff=cutoff, keep_rest=True)).decimation
         assert (None if d is None else d.factor) == factor
     longer = log_of(0.002 * np.arange(9000), dq=None, ddq=None)
-    slow = prepare_samples(two, longer, Preparation(cutoff=2.0, keep_rest=True)).decimation
+    slow = prepare_log(two, longer, Preparation(cutoff=2.0, keep_rest=True)).decimation
     assert (slow.factor, slow.every) == (123, 3)
     # What the motion's low-pass lets through is in no column of fewer samples.
-    wide = prepare_samples(two, log, Preparation(decimate=96, keep_rest=True))
+    wide = prepare_log(two, log, Preparation(decimate=96, keep_rest=True))
     assert wide.cutoff * 0.002 * wide.decimation.every <= 0.2001
-    given = prepare_samples(two, log_of(t), Preparation(keep_rest=True))
+    given = prepare_log(two, log_of(t), Preparation(keep_rest=True))
     assert given.decimation is None  # measured derivatives need no filter
-    wanted = prepare_samples(two, log_of(t), Preparation(decimate=7, keep_rest=True))
+    wanted = prepare_log(two, log_of(t), Preparation(decimate=7, keep_rest=True))
     assert wanted.decimation.factor == 7
 
 
@@ -158,13 +158,13 @@ def test_derivatives_are_those_of_the_motion_inside_a_log(two):
     t = 0.002 * np.arange(6000)
     exact = wave(t)
     for log, error in ((log_of(t, dq=None, ddq=None), 1e-3), (log_of(t, ddq=None), 1e-3)):
-        m = prepare_samples(two, log, Preparation(cutoff=20.0, decimate=1)).motion
+        m = prepare_log(two, log, Preparation(cutoff=20.0, decimate=1)).motion
         for found, x in zip((m.actuated_q, m.actuated_v, m.actuated_a), exact, strict=True):
             inside = np.abs(found - x)[500:-500]
             assert inside.max() < error * np.abs(x).max()
     # Given velocities are differentiated once, and are not made anew from the positions.
     other = log_of(t, dq=1.5 * exact[1], ddq=None)  # a remark, and not refused
-    m = prepare_samples(two, other, Preparation(cutoff=20.0, decimate=1)).motion
+    m = prepare_log(two, other, Preparation(cutoff=20.0, decimate=1)).motion
     for found, x in ((m.actuated_v, exact[1]), (m.actuated_a, exact[2])):
         inside = np.abs(found - 1.5 * x)[500:-500]
         assert inside.max() < 2e-3 * np.abs(x).max()
@@ -173,7 +173,7 @@ def test_derivatives_are_those_of_the_motion_inside_a_log(two):
 def test_a_fourier_series_of_the_log_starts_at_its_first_time(two):
     t = 0.01 * np.arange(1000) + 77.0
     how = Preparation(derivatives="fourier", period=10.0, harmonics=11, keep_rest=True)
-    m = prepare_samples(two, log_of(t), how).motion
+    m = prepare_log(two, log_of(t), how).motion
     for found, x in zip((m.actuated_q, m.actuated_v, m.actuated_a), wave(t), strict=True):
         np.testing.assert_allclose(found, x, atol=1e-6 * np.abs(x).max())
 
@@ -196,7 +196,7 @@ def test_the_survey_of_two_parts_is_that_of_both(two):
     for name in ("low", "high", "torque", "torque_range"):
         np.testing.assert_array_equal(getattr(both, name), getattr(whole, name))
     assert (whole.dropped, whole.first_dropped) == (7, (3, 4, 5, 6, 7))
-    notes = whole.notes(60)
+    notes = whole.notes("log", ("a", "b"), 60)
     assert notes[0].startswith("7 of 60 samples were dropped")
     assert "data rows 4, 5, 6, 7, 8 …" in notes[0]
     assert "first in data row 10" in notes[1]

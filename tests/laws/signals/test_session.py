@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.logs import Log
-from identifiability.logs.logfile import LogFile
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare import prepare_log
 from identifiability.logs.repeats import share_clock
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, random_trajectory
@@ -54,12 +53,12 @@ def test_the_start_comes_with_the_motion_and_not_with_values(tmp_path):
     fitted = read_recordings(logs).fitted
     for one, same in zip(logs, fitted, strict=True):
         assert prepare_rows(robot, same, None).motion.start == one.start
-        assert prepare_samples(robot, same).motion[3:90].start == one.start
+        assert prepare_log(robot, same).motion[3:90].start == one.start
     assert [one.start for one in read_recordings([*logs, log("c", None)]).fitted] == [None] * 3
     # It is in no file, so that it is not read from one whose times begin at zero.
     path = logs[1].write(tmp_path / "log.csv")
     assert Log.read(path).start is None
-    long = replace(LogFile.read(path), start=4.0)
+    long = replace(Log.scan(path), start=4.0)
     assert prepare_rows(robot, long, None).motion.start == 4.0
-    pieces = list(long.overlapping(0, 500, 100, 10))
+    pieces = list(long.pieces(100, 10))
     assert {piece.start for *_, piece in pieces} == {4.0}

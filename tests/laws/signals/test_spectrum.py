@@ -7,7 +7,7 @@ import pytest
 
 from identifiability.logs import Log, signals
 from identifiability.logs.gaps import StaleRule, find_stale, interpolate
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum, choose_band
@@ -157,8 +157,8 @@ def test_all_logs_have_the_cut_off_of_the_widest_band():
     slow, fast = log_of(100.0, 0.7, "slow"), log_of(200.0, 1.4, "fast")
     how = settle_cutoff(robot, [slow, fast], None)
     assert how.outputs == pytest.approx(14.0, abs=0.6)
-    assert prepare_samples(robot, slow, how).cutoff == how.cutoff
-    assert prepare_samples(robot, slow).band == pytest.approx(7.0, abs=0.6)
+    assert prepare_log(robot, slow, how).cutoff == how.cutoff
+    assert prepare_log(robot, slow).band == pytest.approx(7.0, abs=0.6)
     assert settle_cutoff(robot, [slow], Preparation(cutoff=3.0)).cutoff == 3.0
     measured = replace(slow, dq=slow.q, ddq=slow.q)
     assert settle_cutoff(robot, [measured], None).cutoff is None
@@ -184,7 +184,7 @@ def test_repeated_values_are_mended_and_said():
     rule = StaleRule.of([hurt])
     assert set(rule.share) == {"q"}
     assert np.abs(rule.mend(hurt).q - log.q).max() < 0.1 * np.abs(q - log.q).max()
-    samples, clean = prepare_samples(robot, hurt), prepare_samples(robot, log)
+    samples, clean = prepare_log(robot, hurt), prepare_log(robot, log)
     assert samples.cutoff == pytest.approx(clean.cutoff)
     assert f"position in {100 * rule.share['q']:.2g} %" in " ".join(samples.notes)
     error = np.abs(samples.motion.actuated_a - clean.motion.actuated_a)

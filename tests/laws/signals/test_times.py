@@ -7,7 +7,6 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.logfile import LogFile
 from identifiability.logs.signals import held_since
 
 #: What one of each is in s.
@@ -55,6 +54,12 @@ def test_what_may_be_either_is_asked(step):
     assert "the times are in ns" in since.notes[0]
     assert read(table(step), time_unit="s").notes == ()
     assert read(table(step), time_unit="ms").t[1] == step / 1e3
+
+
+def test_a_unit_that_the_log_states_is_taken_whatever_the_steps_are():
+    slow = table(2.0)
+    np.testing.assert_array_equal(read(slow.rename(columns={"t": "t [s]"})).t, slow["t"])
+    assert "--time-unit s if they are seconds" in read(slow).notes[0]
 
 
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
@@ -125,7 +130,7 @@ def test_a_long_file_has_the_times_of_a_short_one(form, times, tmp_path):
     path = tmp_path / f"log.{form}"
     made = frame.assign(t=given)
     made.to_csv(path, index=False) if form == "csv" else made.to_parquet(path, index=False)
-    short, long = Log.read(path), LogFile.read(path)
+    short, long = Log.read(path), Log.scan(path)
     np.testing.assert_allclose(short.t, frame["t"], rtol=0, atol=5e-7)
     np.testing.assert_array_equal(long.rows(100, 900).t, short.t[100:900])
     assert (long.clock.first, long.clock.last) == (short.t[0], short.t[-1])

@@ -1,28 +1,38 @@
-"""`Samples`: a log made ready for the regression: motion of every joint, torque, and how.
+"""`Dataset`: the rows of a log, made ready for the regression, in memory or when asked for.
 
-A `Survey` is what there is to know of it as a whole; parts of a log add up.
+Motion of every joint, torque, how much each row counts, and what was done; a `Survey` is what there
+is to know of it as a whole, and parts of a log add up. A log that does not fit in memory is
+prepared anew, stretch by stretch, whenever its rows are gone through.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import pairwise
+from operator import add
 from typing import Any
 
 import numpy as np
 
+from identifiability.foundation.engines.local import Serial
+from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.errors import ClosureError, LogError, RobotError
+from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
+from identifiability.foundation.options import checked
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.base import AFTER, UP
+from identifiability.logs.log import join_logs
 from identifiability.logs.prepare.plan import Plan, joint_log
+from identifiability.logs.prepare.preparation import Preparation, make_plan
 from identifiability.logs.rules import RULES
 from identifiability.logs.signals import is_constant, never_moves
-from identifiability.robot import Motion, Robot, complete_motion
+from identifiability.logs.tables import is_parquet
+from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
 from identifiability.robot.closure import known_torque, project
 from identifiability.robot.floating import SIX, closed_contacts, wrench_torque
 
@@ -34,12 +44,6 @@ from identifiability.robot.floating import SIX, closed_contacts, wrench_torque
 
 #: Rows of a log, from the first to the last (exclusive).
 Rows = tuple[int, int]
-
-#: Why torque has no weight.
-DWELLS = (
-    "torque of a joint that stands has no weight, as dry friction may be anything up to its level "
-    "there"
-)
 
 #: Rows that a note lists.
 LISTED = 5
@@ -136,31 +140,25 @@ class Survey:
             torque_range=np.stack([np.minimum(low, later_low), np.maximum(high, later_high)]),
         )
 
-    def notes(self, total: int) -> list[str]:
-        """Return what happened to the samples of a log with `total` of them, for the report."""
-        notes = []
+    def notes(self, name: str, joints: Sequence[str], total: int) -> list[Finding]:
+        """Return what was done with the samples of a log with `total` of them."""
+        notes, first = [], ", ".join(str(k + 1) for k in self.first_dropped)
         if self.dropped:
-            first = ", ".join(str(k + 1) for k in self.first_dropped)
-            more = " …" if self.dropped > LISTED else ""
-            notes.append(
-                f"{self.dropped} of {total} samples were dropped because the loops do not close "
-                f"there (data rows {first}{more})"
-            )
+            first += " …" if self.dropped > LISTED else ""
+            notes.append(Finding("unclosed", name, rows=self.dropped, all=total, where=first))
         if self.singular:
-            notes.append(
-                f"{self.singular} samples lie near a singular configuration (first in data row "
-                f"{self.first_singular[0] + 1}, condition number up to {self.condition:.1e}); "
-                "torques there are amplified errors"
-            )
+            at = {"first": self.first_singular[0] + 1, "condition": self.condition}
+            notes.append(Finding("singular", name, rows=self.singular, **at))
         if self.lost:
-            notes.append(f"{self.lost} of {total} samples beside long gaps were left out")
+            notes.append(Finding("beside_gaps", name, rows=self.lost, all=total))
+        rest = dict(zip(joints, (self.outputs - self.rows).tolist(), strict=True))
+        rest = {j: k for j, k in rest.items() if k > 0}
+        if rest:
+            where = ", ".join(f"{j} {percent(k / self.outputs)}" for j, k in rest.items())
+            columns = tuple(f"{j}.tau" for j in rest)
+            rows = sum(rest.values())
+            notes.append(Finding("standing", name, rows=rows, columns=columns, where=where))
         return notes
-
-    def dwells(self, joints: Sequence[str]) -> list[str]:
-        """Return at which joints how much torque has no weight, for the report."""
-        shares = 1 - self.rows / max(self.outputs, 1)
-        told = [f"{j} {percent(s)}" for j, s in zip(joints, shares, strict=True) if s > 0]
-        return [f"{DWELLS}: {', '.join(told)} of the time"] if told else []
 
 
 def stands_still(surveys: Sequence[Survey]) -> np.ndarray:
@@ -206,7 +204,7 @@ def _inside(rows: np.ndarray, own: Rows | None) -> np.ndarray:
     return rows if own is None else rows[(rows >= own[0]) & (rows < own[1])]
 
 
-# `Samples`: a log made ready for the regression: motion of every joint, torque, and how.
+# `Dataset`: a log made ready for the regression: motion of every joint, torque, and how.
 
 
 @frozen
@@ -222,15 +220,15 @@ class Piece:
     decimation : Decimation or None
     again : int
         How many of its first samples are the last ones of the piece before.
-    dwells : (N, n) bool or None
-        Where a joint's torque is no data; None where all is.
+    weight : (N, n)
+        How much torque of each joint counts, from 0 for no data to 1.
     """
 
     motion: Motion
     tau: Array
     decimation: signals.Decimation | None
-    again: int = 0
-    dwells: np.ndarray | None = None
+    again: int
+    weight: Array
 
     @property
     def coarse(self) -> signals.Decimation | None:
@@ -241,27 +239,34 @@ class Piece:
         """Return x (N, …) low-passed and decimated, if there is any decimation."""
         return x if self.coarse is None else self.coarse.apply(x)
 
+    @cached_property
+    def _lost(self) -> np.ndarray | None:
+        """Where torque is no data, (N, n) bool; None for nowhere."""
+        lost = self.weight <= 0
+        return lost if lost.any() else None
+
     @property
-    def moves(self) -> np.ndarray | None:
-        """Where, at its outputs, torque of each joint is data, (m, n) bool; None for all."""
-        return None if self.dwells is None else ~self.dwells[self.at]
+    def moves(self) -> np.ndarray:
+        """Where, at its outputs, torque of each joint is data, (m, n) bool."""
+        found: np.ndarray = self.weight[self.at] > 0
+        return found
 
     @property
     def torque(self) -> Array:
-        """Torque at its outputs, zero where it is no data, (m, n)."""
+        """Torque at its outputs by the root of its weight, (m, n)."""
         tau, d = np.array(self.tau), self.decimation
         if d is None:
-            return self.masked(tau)
-        if self.dwells is not None:
+            return self.weighed(tau)
+        if self._lost is not None:
             # A sample of the columns stands for those around it.
-            tau[self.dwells[(np.arange(len(tau)) + d.every // 2) // d.every]] = 0.0
-        return self.masked(d.apply(tau))
+            tau[self._lost[(np.arange(len(tau)) + d.every // 2) // d.every]] = 0.0
+        return self.weighed(d.apply(tau))
 
     @property
     def raw(self) -> Array:
         """The same as it was measured, not low-passed, (m, n)."""
         every = 1 if self.decimation is None else self.decimation.every
-        return self.masked(np.array(self.tau[::every][self.at]))
+        return self.weighed(np.array(self.tau[::every][self.at]))
 
     def silenced(self, x: Array, joint: int | None = None) -> Array:
         """Return inputs (N, n, …), or (N, …) of a joint, that are zero where torque is no data.
@@ -269,17 +274,18 @@ class Piece:
         Torque and columns alike, before a filter draws on them: what is low-passed is then related
         as it is where the joint moves, however near. They are written over.
         """
-        if self.dwells is not None and self.decimation is not None:
-            x[self.dwells if joint is None else self.dwells[:, joint]] = 0.0
+        if self._lost is not None and self.decimation is not None:
+            x[self._lost if joint is None else self._lost[:, joint]] = 0.0
         return x
 
-    def masked(self, x: Array, joint: int | None = None) -> Array:
-        """Return rows (m, n, …), or (m, …) of a joint, that are zero where torque is no data.
+    def weighed(self, x: Array, joint: int | None = None) -> Array:
+        """Return rows (m, n, …), or (m, …) of a joint, by the root of their weight.
 
         They are written over.
         """
-        if self.dwells is not None:
-            x[self.dwells[self.at] if joint is None else self.dwells[self.at][:, joint]] = 0.0
+        weight = self.weight[self.at] if joint is None else self.weight[self.at][:, joint]
+        if not (weight == 1).all():
+            x *= np.sqrt(weight).reshape(*weight.shape, *(1,) * (x.ndim - weight.ndim))
         return x
 
     @property
@@ -290,20 +296,25 @@ class Piece:
 
 
 @frozen
-class Samples:
-    """A prepared log.
+class Dataset:
+    """A prepared log. Make one with `prepare_log`.
 
     Attributes
     ----------
     name : str
     motion : Motion
-        Of every joint, at the samples whose loops close.
+        Of every joint, at the samples whose loops close; of a log that is too long for memory at
+        some of them, evenly spaced.
     tau : (N, n) [N·m or N]
         Measured torque at the same samples, less what is known beforehand.
+    weight : (N, n)
+        How much it counts, from 0, where it is no data because the joint stands or nobody measured
+        it, to 1.
     decimation : Decimation or None
         Applied alike to regressor and torque.
     notes : tuple of str
-        How the derivatives were made and what was dropped, for the report.
+        How the derivatives were made and what was dropped, for the report; findings among them
+        are its `ledger`.
     sha256 : str
     own : (int, int) or None
         Rows of the log at which outputs are wanted, where the others are only what the filter
@@ -320,10 +331,10 @@ class Samples:
         Rows of the log before which so many samples are missing that it is split there.
     hints : tuple of str
         What seems to be wrong with the log.
-    dwells : (N, n) bool or None
-        Where a joint stands, so that its torque has no weight; None for nowhere.
     path : str
         As of the log.
+    stretches : tuple of Stretch
+        What all rows of a long log are prepared from; none where they are in memory.
     """
 
     name: str
@@ -339,11 +350,34 @@ class Samples:
     lost: int = 0
     breaks: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     hints: tuple[str, ...] = ()
-    dwells: np.ndarray | None = None
     path: str = ""
+    weight: Array = field(default_factory=lambda: np.ones((1, 1)))
+    stretches: tuple[Stretch, ...] = field(default=(), repr=False)
+
+    def __post_init__(self) -> None:
+        """Count every row alike where nobody says otherwise."""
+        if self.weight.shape != self.tau.shape:
+            object.__setattr__(self, "weight", np.broadcast_to(self.weight, self.tau.shape))
 
     @property
-    def beside(self) -> Samples | None:
+    def ledger(self) -> tuple[Finding, ...]:
+        """What was done with its rows and columns when it was prepared."""
+        return tuple(of_key(self.notes))
+
+    @property
+    def long(self) -> bool:
+        """Whether its rows do not fit in memory, and are prepared when they are gone through."""
+        return bool(self.stretches)
+
+    def divided(self) -> list[Dataset]:
+        """Return what is worked on one by one: the stretches of a long log, or all in memory."""
+        if not self.long:
+            return [self]
+        none = self.take(slice(0))  # small to send, large to compute
+        return [replace(none, stretches=(stretch,)) for stretch in self.stretches]
+
+    @property
+    def beside(self) -> Dataset | None:
         """The samples along the second record of the motion."""
         other = self.instrument
         return None if other is None else replace(self, motion=other, instrument=None)
@@ -361,13 +395,17 @@ class Samples:
     @cached_property
     def outputs(self) -> int:
         """Number of samples after decimation."""
-        return sum(self.run_outputs)
+        return self.survey.outputs if self.long else sum(self.run_outputs)
 
     @cached_property
     def starts(self) -> tuple[int, ...]:
         """The outputs with which a stretch begins: the first, and those behind a long gap."""
         if not len(self.breaks):
             return (0,)
+        if self.long:
+            before = np.cumsum([0, *(s.outputs for s in self.divided())])[:-1]
+            at = before[np.isin([s.first for s in self.stretches], self.breaks)]
+            return (0, *(int(k) for k in np.unique(at) if 0 < k < self.outputs))
         kept, d = self.motion.kept, self.decimation
         at = np.arange(len(kept))
         if d is not None:
@@ -397,13 +435,14 @@ class Samples:
     @cached_property
     def survey(self) -> Survey:
         """What there is to know of the whole log."""
+        if self.long:
+            every: list[Survey] = [s.survey for s in self.stretches]
+            return reduce(add, every)
         n = self.tau.shape[1]
-        none, every = np.empty((0, n)), np.ones((0, n), bool)
         # Samples a piece when torque is summed.
         parts = [(p.torque, p.moves) for p in self.pieces(1024)]
-        tau = np.concatenate([none, *(x for x, _ in parts)])
-        moves = [every, *(np.ones(x.shape, bool) if m is None else m for x, m in parts)]
-        where = np.concatenate(moves)
+        tau = np.concatenate([np.empty((0, n)), *(x for x, _ in parts)])
+        where = np.concatenate([np.empty((0, n), bool), *(m for _, m in parts)])
         low, high = (
             f(0, initial=s * np.inf, where=where) for f, s in ((tau.min, 1), (tau.max, -1))
         )
@@ -411,12 +450,23 @@ class Samples:
         return replace(survey, lost=self.lost, rows=where.sum(0))
 
     def pieces(self, size: int) -> Iterator[Piece]:
-        """Yield pieces of about `size` samples of the motion."""
+        """Yield pieces of about `size` samples of the motion.
+
+        Raises
+        ------
+        LogError
+            If the file of a long log changed meanwhile.
+        """
+        if self.long:
+            for stretch in self.stretches:
+                for part in stretch.parts():
+                    yield from part.pieces(size)
+            return
         d = self.decimation
         if d is None:
             for start in range(0, len(self.tau), size):
                 rows = slice(start, start + size)
-                yield Piece(self.motion[rows], self.tau[rows], None, 0, self._dwells_in(rows))
+                yield Piece(self.motion[rows], self.tau[rows], None, 0, self.weight[rows])
             return
         step = max(1, size // d.coarse.factor)
         for start, _, count in self._stretches:
@@ -433,34 +483,76 @@ class Samples:
                     span = d.every * (motion.t[-1] - motion.t[0]) / (end - 1 - begin)
                     # None is missing between them: they are rows of a log that has no others.
                     motion = replace(motion, span=float(span), kept=motion.kept // d.every)
-                yield Piece(motion, tau, d, again, self._dwells_in(some))
+                yield Piece(motion, tau, d, again, self.weight[some])
 
-    def take(self, rows: slice | np.ndarray) -> Samples:
-        """Return some of the samples."""
+    def take(self, rows: slice | np.ndarray) -> Dataset:
+        """Return some of the samples in memory."""
         other = None if self.instrument is None else self.instrument[rows]
-        taken = replace(self, motion=self.motion[rows], tau=self.tau[rows], instrument=other)
-        return replace(taken, dwells=self._dwells_in(rows))
+        motion, tau, weight = self.motion[rows], self.tau[rows], self.weight[rows]
+        taken = replace(self, motion=motion, tau=tau, weight=weight)
+        return replace(taken, instrument=other, stretches=())
 
-    def thin(self, step: int) -> Samples:
-        """Return every `step`-th sample, without decimation filter."""
-        return replace(self.take(slice(None, None, step)), decimation=None)
+    def thin(self, step: int) -> Dataset:
+        """Return about every `step`-th sample of all, of those in memory; without decimation."""
+        rows = self.stretches[-1].last if self.long else len(self.tau)
+        every = max(1, round(step * len(self.tau) / max(rows, 1)))
+        return replace(self.take(slice(None, None, every)), decimation=None)
 
-    def _dwells_in(self, rows: slice | np.ndarray) -> np.ndarray | None:
-        return None if self.dwells is None else self.dwells[rows]
-
-    def output_times(self) -> Array:
-        """Return the times of the samples after decimation, (outputs,) [s]."""
+    def output_times(self, at: slice | np.ndarray = slice(None)) -> Array:
+        """Return the times of samples after decimation [s], all by default; of long logs about."""
+        if self.long:
+            span = self.survey.stop - self.survey.start
+            return self.survey.start + span * np.arange(self.outputs)[at] / self.outputs
         if self.decimation is None:
-            return self.motion.t
+            return self.motion.t[at]
         d = self.decimation
-        at = [start + d.reach + d.factor * np.arange(n) for start, _, n in self._stretches]
-        times: Array = self.motion.t[np.concatenate(at)] if at else np.empty(0)
+        rows = [start + d.reach + d.factor * np.arange(n) for start, _, n in self._stretches]
+        times: Array = self.motion.t[np.concatenate([np.empty(0, int), *rows])[at]]
         return times
+
+
+@frozen
+class Stretch:
+    """Consecutive rows of a long log and all that it takes to prepare them: one task of a pass.
+
+    Attributes
+    ----------
+    robot : Robot
+    log : Log
+    plan : Plan
+    first, last : int
+        Rows [first, last).
+    piece : int
+        Samples that are prepared at a time.
+    survey : Survey
+        What there is to know of them; None while it is made.
+    """
+
+    robot: Robot
+    log: Log
+    plan: Plan
+    first: int
+    last: int
+    piece: int
+    survey: Any = None
+
+    def parts(self) -> Iterator[Dataset]:
+        """Yield the rows prepared, some thousand at a time.
+
+        Raises
+        ------
+        LogError
+            If the file changed meanwhile.
+        """
+        reach, rows = self.plan.reach, (self.first, self.last)
+        for first, last, origin, log in self.log.pieces(self.piece, reach, *rows):
+            own = (first, last)
+            yield prepare_rows(self.robot, log, origin, self.plan, own, anywhere=False)
 
 
 def prepare_rows(
     robot: Robot, log: Log, origin: int, plan: Plan, own: Rows, *, anywhere: bool = True
-) -> Samples:
+) -> Dataset:
     """Prepare some rows of a log by a plan.
 
     Parameters
@@ -498,7 +590,7 @@ def prepare_rows(
     tau = log.tau[part][motion.kept] - _known_torque(robot, log.name, motion)
     if robot.base is not None and log.base is not None:
         tau = motion.freed(tau + _pushed(robot, motion, log.base[part][motion.kept]))
-    dwells = None if plan.dwells is None else plan.dwells.find(log, dq)[part][motion.kept]
+    dwells = None if plan.dwells is None else plan.dwells.find(dq)[part][motion.kept]
     if robot.base is not None:
         dwells = _silent(motion, dwells)
     if log.unmeasured is not None:
@@ -516,9 +608,22 @@ def prepare_rows(
     rows = ("kept", "dropped", "near_singular")
     moved = {k: getattr(motion, k) + origin + part.start for k in rows}
     motion = replace(motion, **moved, start=log.start)
-    samples = Samples(log.name, motion, tau, plan.decimation, (), log.sha256, own, plan.cutoff)
-    samples = replace(samples, lost=lost, breaks=breaks, hints=plan.hints, dwells=dwells)
-    return replace(samples, band=plan.band, path=log.path)
+    return Dataset(
+        log.name,
+        motion,
+        tau,
+        plan.decimation,
+        (),
+        log.sha256,
+        own=own,
+        cutoff=plan.cutoff,
+        band=plan.band,
+        lost=lost,
+        breaks=breaks,
+        hints=plan.hints,
+        path=log.path,
+        weight=np.ones((1, 1)) if dwells is None else 1.0 - dwells,
+    )
 
 
 def _touch(robot: Robot, log: Log) -> Array | None:
@@ -592,3 +697,117 @@ def check_left(name: str, left: int, total: int, notes: Sequence[str]) -> None:
             f"{name}: {left} of {total} samples are left{why}, too few to say anything; at least "
             f"{RULES.fewest} are needed and some hundreds are usual."
         )
+
+
+# From a `Log` to a `Dataset`.
+
+
+#: Samples that are prepared at a time, at least; and in units of what filters draw on.
+PIECE, MARGINS = 8_192, 4
+
+#: Stretches that a log is divided into, at most, and the fewest samples of one.
+STRETCHES, SHORTEST = 64, 65_536
+
+
+@checked
+def prepare_log(
+    robot: KnownRobot,
+    log: Log,
+    how: Preparation | None = None,
+    *,
+    engine: Engine | None = None,
+    progress: Steps | None = None,
+) -> Dataset:
+    """Turn a log into rows: pick the joints, make derivatives, close the loops.
+
+    Parameters
+    ----------
+    robot : Robot
+    log : Log
+    how : Preparation, optional
+    engine : Engine, optional
+        Where the stretches of a long log are surveyed; by default here.
+    progress : callable(int, int), optional
+
+    Raises
+    ------
+    LogError, ClosureError
+    """
+    how = how or Preparation()
+    plan = make_plan(robot, log, how)
+    if log.long:
+        found = _prepare_long(robot, log, plan, engine or Serial(), progress)
+    else:
+        found = prepare_rows(robot, log, 0, plan, (0, len(log)))
+    survey = found.survey
+    notes = [*plan.notes, *survey.notes(log.name, robot.joints, len(log))]
+    check_left(log.name, survey.kept, len(log), notes)
+    while plan.factor > 1 and found.outputs < RULES.fewest:
+        if how.decimate is not None or log.long:
+            raise LogError(
+                f"{log.name} is too short to be decimated by {plan.factor}: of its {len(log)} "
+                f"samples fewer than {RULES.fewest} are left; give a longer log or a smaller "
+                "decimation."
+            )
+        plan = replace(plan, factor=plan.factor - 1)
+        found = replace(found, decimation=plan.decimation)
+    notes = [*notes, *plan.remarks]
+    if plan.decimation is not None:
+        what = {"factor": plan.factor, "rate": 1.0 / (plan.step * plan.factor)}
+        notes.append(Finding("decimated", log.name, rows=len(log), columns=("all",), **what))
+    return replace(found, notes=tuple(notes), own=None)
+
+
+def _prepare_long(
+    robot: Robot, log: Log, plan: Plan, engine: Engine, progress: Steps | None
+) -> Dataset:
+    """Return a log divided into stretches that were surveyed, with some samples of it."""
+    if robot.closed:  # before a long time is spent on loops that close nowhere
+        # Samples in the middle of each window whose loops are tried first.
+        middles = [(a + b) // 2 for a, b in signals.spread_windows(len(log))]
+        tried = joint_log(robot, join_logs([log.rows(m, m + 64) for m in middles]))
+        complete_motion(robot, tried.t, tried.q, 0 * tried.q, 0 * tried.q)
+    stretches = divide(robot, log, plan)
+    found = list(engine.map(survey_stretch, stretches, progress=progress))
+    surveyed = (replace(s, survey=own) for s, (own, _) in zip(stretches, found, strict=True))
+    return replace(_join([part for _, part in found]), stretches=tuple(surveyed))
+
+
+def divide(robot: Robot, log: Log, plan: Plan) -> tuple[Stretch, ...]:
+    """Return the stretches of a log; they depend on the file alone, not on who works on them."""
+    assert log.file is not None
+    rows, table, most = len(log), log.file.table, STRETCHES
+    if is_parquet(table.path):
+        # Rows inside a group are reached by reading all that come before them.
+        groups = [row for row, _ in table.pieces]
+        # Times a log that may be read to reach the rows of its stretches, before these
+        # become fewer.
+        if max(b - a for a, b in pairwise(groups)) * STRETCHES > 4 * rows:
+            most = max(8, min(STRETCHES, 2 * (len(groups) - 1)))
+    count = min(most, max(1, rows // SHORTEST))
+    edges = np.linspace(0, rows, count + 1).astype(int).tolist()
+    if plan.grid is not None:
+        edges = sorted({*edges, *plan.grid.breaks.tolist()})
+    piece = max(PIECE, MARGINS * plan.reach)
+    return tuple(Stretch(robot, log, plan, a, b, piece) for a, b in pairwise(edges))
+
+
+def survey_stretch(stretch: Stretch) -> tuple[Survey, Dataset]:
+    """Return the survey of a stretch, and some of its samples."""
+    # Samples of the whole log that are kept, evenly spaced.
+    step = max(1, len(stretch.log) // 4096)
+    surveys, shown = [], []
+    for part in stretch.parts():
+        assert part.own is not None
+        surveys.append(part.survey)
+        kept = part.motion.kept
+        own = (kept % step == 0) & (kept >= part.own[0]) & (kept < part.own[1])
+        shown.append(part.take(np.flatnonzero(own)))
+    return reduce(add, surveys), _join(shown)
+
+
+def _join(parts: Sequence[Dataset]) -> Dataset:
+    """Return rows one after the other."""
+    motion = join_motions([s.motion for s in parts if len(s.motion)] or [parts[0].motion])
+    tau, weight = (np.concatenate([getattr(s, k) for s in parts]) for k in ("tau", "weight"))
+    return replace(parts[0], motion=motion, tau=tau, weight=weight)

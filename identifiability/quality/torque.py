@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import lru_cache, partial
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 
-from identifiability.foundation.errors import ClosureError, listing
+from identifiability.foundation.errors import ClosureError
+from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.commands import of_commands
 from identifiability.logs.gaps import smallest_change
+from identifiability.quality.registry import Does, MeasuredLogs, check, without
+from identifiability.quality.rules import RULES
 from identifiability.robot import Motion, complete_motion
-from identifiability.workflows.oddities.check import Does, MeasuredLogs, check, unexplained, without
-from identifiability.workflows.oddities.rules import RULES
 
 # Torque in another unit, or before a gear: its size beside what the robot file's masses ask for.
 #
@@ -26,53 +27,35 @@ from identifiability.workflows.oddities.rules import RULES
 # the drive too. A file can be wrong, but hardly by a factor of `unit_factor`.
 
 
-#: What is to be done about gains.
-REMEDY = (
-    "state the gain of each joint in the sidecar ([torque]), or correct the masses of the file."
-)
-
-
 #: Units of torque that people give, and how many of them make one N·m or N.
 UNITS = {"mN·m (or mN)": 1e3, "N·cm": 1e2, "N·mm": 1e3, "kN·m (or kN)": 1e-3}
 
 
-@check(
-    "torque in another unit",
-    Does.EXPLAINS,
-    6,
-    says="The measured torque … what the masses of the robot file ask for, …",
-    means="The torque column is a current, a percentage, before the gear, or in another unit; "
-    "or the file's masses are guesses.",
-    do="State what one unit gives at the joint: `[torque] gain = {elbow = 110}` (torque "
-    "constant × ratio), or find it from a weighed load (`identifiability payload --mass`).",
-)
-def find_torque_scale(logs: MeasuredLogs) -> tuple[str, ...]:
-    """Return one sentence on torque of all joints whose size contradicts the file, or none.
+@check("unit", Does.EXPLAINS)
+def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
+    """Return torque of all joints whose size contradicts the file.
 
     What one joint alone contradicts is another model (`alternatives`), or bodies of other masses.
     """
     if not logs.weighs:
-        return ()
+        return []
     factors = measure_factors(logs)
     share = factors[np.isfinite(factors)]
     odd = np.abs(np.log(share)) > np.log(RULES.unit_factor)
     # Factors of two joints do not differ by more than this.
     apart = not odd.any() and len(share) > 1 and share.max() >= 8.0 * share.min()
     if not len(share) or not (odd.all() or apart):
-        return ()
+        return []
     middle = float(np.exp(np.median(np.log(share))))
+    how = phrase("unit", "apart")
     # Factors of all joints are one unit if they lie within this factor of their middle.
     if (np.abs(np.log(share / middle)) < np.log(1.5)).all():
-        return (
-            f"The measured torque is {_multiple(share)} what the masses of the robot file ask for, "
-            f"at all joints alike{_name_unit(middle)}: check its unit (N·m or N) and the file's "
-            "masses; a factor by joint can be stated in the sidecar ([torque]).",
-        )
-    return (
-        f"The measured torque is {_multiple(share)} what the masses of the robot file ask for, by "
-        "another factor at each joint: it looks like motor currents, percent, or torque before the "
-        f"gears; {REMEDY}",
-    )
+        names = [u for u, f in UNITS.items() if 1 / 2 < middle / f < 2]
+        named = f", as if it were in {' or '.join(names)}" if names else ""
+        how = phrase("unit", "alike", name=named)
+    low, high = (f"{x:.2g}" for x in (share.min(), share.max()))
+    multiple = f"{low} times" if low == high else f"{low} … {high} times"
+    return [Finding("unit", multiple=multiple, how=how, factors=share.tolist())]
 
 
 def measure_factors(logs: MeasuredLogs) -> Array:
@@ -129,16 +112,6 @@ def _factor(predicted: Array, measured: Array, ordinary: Array) -> float:
     return slope if slope > 0 else np.nan
 
 
-def _multiple(factors: Array) -> str:
-    low, high = (f"{x:.2g}" for x in (factors.min(), factors.max()))
-    return f"{low} times" if low == high else f"{low} … {high} times"
-
-
-def _name_unit(factor: float) -> str:
-    names = [u for u, f in UNITS.items() if 1 / 2 < factor / f < 2]
-    return f", as if it were in {' or '.join(names)}" if names else ""
-
-
 # Torque that stops at an extreme value: what a drive was asked for beyond it is not in the log.
 
 
@@ -149,17 +122,9 @@ RUN = 4
 BAND: Tolerance = 0.01
 
 
-@check(
-    "at a limit",
-    Does.HINTS,
-    23,
-    says="Torque stops at an extreme value (…)",
-    means="A drive or sensor saturated: what the torque would have been is not in the log.",
-    do="Leave these stretches out, or move less fast; `limit` in `[servo]` states it for "
-    "commanded robots, whose saturated samples have no weight.",
-)
-def find_saturation(logs: MeasuredLogs) -> tuple[str, ...]:
-    """Return one sentence on torque columns with flat tops, or none."""
+@check("flat", Does.HINTS)
+def find_saturation(logs: MeasuredLogs) -> list[Finding]:
+    """Return torque columns with flat tops."""
     found: dict[str, tuple[float, float]] = {}
     for _, log in logs.windows():
         if of_commands(log):  # a servo's own limit, and no data there
@@ -171,17 +136,12 @@ def find_saturation(logs: MeasuredLogs) -> tuple[str, ...]:
                 share = flat_share(side * column)
                 if share > found.get(joint, (0.0, 0.0))[0]:
                     found[joint] = share, side * float((side * column).max())
-    if not found:
-        return ()
     said = [
-        f"'{joint}.tau' stays at {value:.4g} in {percent(share, 2)} of the samples"
+        phrase("flat", "one", joint=joint, value=value, share=share)
         for joint, (share, value) in found.items()
     ]
-    return (
-        f"Torque stops at an extreme value ({listing(said, 4)}): a drive or sensor at its limit; "
-        "what it should have been is not in the log, so leave these stretches out or move less "
-        "fast.",
-    )
+    columns = tuple(f"{joint}.tau" for joint in found)
+    return [Finding("flat", where=said, columns=columns)] if found else []
 
 
 def flat_share(x: Array) -> float:
@@ -230,21 +190,12 @@ class _Change:
     says: str = ""
 
 
-@check(
-    "exchanged joints, degrees",
-    Does.MISREADS,
-    2,
-    says="…: read so, the unpruned model would err by … instead of ….",
-    means="Joints, signs or units of columns are other ones than the robot file's: read "
-    "otherwise, the same log makes sense.",
-    do="Look at the joint that is named; `--map OLD=NEW` exchanges columns, `--set angles=deg` "
-    "reads degrees, and a sign is turned in the log or in the file.",
-)
-def find_exchanged(logs: MeasuredLogs) -> tuple[str, ...]:
-    """Return one sentence on joints that are exchanged, turned, or in degrees, or none."""
+@check("exchanged", Does.MISREADS)
+def find_exchanged(logs: MeasuredLogs) -> list[Finding]:
+    """Return which joints are exchanged, turned, or in degrees."""
     robot, n = logs.robot, len(logs.joints)
     if robot.closed or robot.base is not None or n < 2:
-        return ()
+        return []
     plain = _Change(tuple(range(n)), (1.0,) * n, tuple(range(n)), (1.0,) * n)
     stride = max(1, len(logs.torque) // ENOUGH_ROWS)
     some, torque = logs.motion[::stride], logs.torque[::stride]
@@ -253,46 +204,37 @@ def find_exchanged(logs: MeasuredLogs) -> tuple[str, ...]:
     given = _error(regressor, torque, plain)
     # Relative error of the unpruned model up to which nothing is looked for.
     if not given > 0.1:
-        return ()
+        return []
     tried = [(_error(regressor, torque, c), c) for c in _candidates(logs, plain)]
     least, best = min(tried, key=lambda pair: pair[0])
     if least**2 >= RULES.mixed_error * given**2 or not best.says:
-        return ()
-    return (
-        f"{best.says}: read so, the unpruned model would err by {percent(least, 2)} instead of "
-        f"{percent(given, 2)}. Check which column is which, and its unit and direction.",
-    )
+        return []
+    return [Finding("exchanged", what=best.says, least=least, given=given)]
 
 
 def _candidates(logs: MeasuredLogs, plain: _Change) -> Iterator[_Change]:
     """Yield what the columns might have been meant to be."""
     names, n = logs.joints, len(logs.joints)
     same, one = plain.order, plain.factor
-    near = n > MOST
-    for i, j in combinations(range(n), 2):
-        if near and j > i + 1:
-            continue
+    say = partial(phrase, "exchanged")
+    pairs = combinations(range(n), 2) if n <= MOST else pairwise(range(n))
+    for i, j in pairs:
         order = list(same)
         order[i], order[j] = j, i
         swap, pair = tuple(order), f"{names[i]} and {names[j]}"
-        yield _Change(swap, one, same, one, f"The positions of {pair} seem to be exchanged")
-        yield _Change(swap, one, swap, one, f"The joints {pair} seem to be exchanged")
+        yield _Change(swap, one, same, one, say("positions", pair=pair))
+        yield _Change(swap, one, swap, one, say("joints", pair=pair))
         yield _Change(same, one, swap, one)
-    for k in range(n):
+    slides = [logs.robot.is_prismatic(int(k)) for k in logs.robot.actuated]
+    for k, joint in enumerate(names):
         turned = tuple(-1.0 if i == k else 1.0 for i in range(n))
         small = tuple(DEGREE if i == k else 1.0 for i in range(n))
-        who = names[k]
-        yield _Change(
-            same, turned, same, one, f"The positions of {who} seem to have the wrong sign"
-        )
-        yield _Change(same, turned, same, turned, f"The joint {who} seems to turn the other way")
+        yield _Change(same, turned, same, one, say("sign", joint=joint))
+        yield _Change(same, turned, same, turned, say("way", joint=joint))
         yield _Change(same, one, same, turned)
-        if not logs.robot.is_prismatic(int(logs.robot.actuated[k])):
-            yield _Change(same, small, same, one, f"The angles of {who} seem to be degrees")
-    slides = [logs.robot.is_prismatic(int(k)) for k in logs.robot.actuated]
-    angles = tuple(1.0 if s else DEGREE for s in slides)
-    advice = "The angles seem to be degrees (--set angles=deg)"
-    yield _Change(same, angles, same, one, advice)
+        if not slides[k]:
+            yield _Change(same, small, same, one, say("angle", joint=joint))
+    yield _Change(same, tuple(1.0 if s else DEGREE for s in slides), same, one, say("angles"))
     yield _Change(same, one, same[::-1], one)
     for shift in range(1, n):
         yield _Change(same, one, same[shift:] + same[:shift], one)
@@ -322,3 +264,19 @@ def _error(regressor: Callable[..., Array | None], tau: Array, change: _Change) 
         return 0.0
     W = regressor(change.order, change.factor)
     return np.inf if W is None else unexplained(W / spread[:, None], tau / spread)
+
+
+def unexplained(W: Array, tau: Array) -> float:
+    """Return what a regressor (m, n, p) and offsets leave of torque (m, n), as a share."""
+    m, n, p = W.shape
+    if m * n < 2 * (p + n):
+        return 0.0
+    A = (W - W.mean(0)).reshape(m * n, p)
+    b = (tau - tau.mean(0)).reshape(-1)
+    length = np.linalg.norm(A, axis=0)
+    A = A[:, length > 0] / length[length > 0]
+    square, V = np.linalg.eigh(A.T @ A)
+    kept = square > ROUNDOFF * square[-1]
+    fit = (V[:, kept].T @ (A.T @ b)) / np.sqrt(square[kept])
+    size, explained = float(b @ b), float(fit @ fit)
+    return float(max(1.0 - explained / size, 0.0) ** 0.5)

@@ -1,29 +1,34 @@
-"""Which column of a table is what: its joint and channel, whatever the table calls it.
+"""Which column of a table is what: its joint and channel, and what makes SI units of it.
 
-By names, by numbers (``q1`` … ``q6``, ``position[0]``, ``qpos[7]``), or as the user maps them;
-what is missing is said with the remedy ready to copy.
+By names, by numbers (``q1`` … ``q6``, ``position[0]``, ``qpos[7]``), or as the user maps them.
+Units are those that the log states, else what the sidecar says; torque columns may hold currents or
+torques of motors, times any unit or dates. What is missing is said with the remedy ready to copy.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import field, replace
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
-from identifiability.foundation.errors import LogError, listing, near_match
-from identifiability.foundation.names import Array
+from identifiability.foundation.errors import LogError, listing, near_match, nearest
+from identifiability.foundation.findings import Finding
+from identifiability.foundation.names import TIME_UNITS, Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.aliases import (
+from identifiability.logs.checks import CHANNELS, COMMANDS, to_floats
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.names import (
     BARE,
     COMMANDED,
     INDEX,
     KINDS,
     SPELLED,
-    Guess,
+    Column,
     find_unit,
     guess_column,
     split_unit,
@@ -31,13 +36,18 @@ from identifiability.logs.aliases import (
     words_for,
     words_of,
 )
-from identifiability.logs.checks import CHANNELS, COMMANDS
-from identifiability.logs.conventions import Conventions
-from identifiability.robot.parts import Entry
+from identifiability.logs.rules import RULES
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: A unit of each channel, for sentences.
 EXAMPLES = {"t": "ms", "q": "deg", "q_ref": "deg", "dq": "deg/s", "ddq": "deg/s2", "tau": "Nm"}
 EXAMPLES |= {"dq_ref": "deg/s", "tau_ff": "Nm", "current": "A"}
+
+#: Channels that are angles or their rates, and one degree [rad].
+ANGULAR = ("q", "dq", "ddq", "q_ref", "dq_ref")
+DEGREE = math.pi / 180
 
 #: A joint's name and a word for its channel.
 _CHANNEL_LAST = re.compile(r"(?P<joint>.+?)(?P<between>[._\- ]+)(?P<kind>[A-Za-z]+)")
@@ -45,53 +55,6 @@ _CHANNELS_SAY = {*KINDS, *COMMANDED, "ff"}
 
 #: What sentences call what every joint needs.
 _WORDS = {"q": "position", "tau": "torque"}
-
-
-@frozen
-class Column:
-    """One column of a log.
-
-    Attributes
-    ----------
-    name : str
-        ``t``, ``<joint>.q`` …
-    source : str
-        What the table calls it.
-    factor : float
-        From its values to SI units.
-    offset : float
-        What is taken from its values before.
-    dates : int or None
-        Of times that are dates, the first one [ns since 1970]; None for numbers.
-    low, high : float
-        Of its values, beyond which they act no further.
-    unit : str
-        As the log states it; empty if it does not.
-    current : bool
-        Whether it is the current of a motor, in the place of a torque.
-    """
-
-    name: str
-    source: str
-    factor: float = 1.0
-    offset: float = 0.0
-    dates: int | None = None
-    low: float = -np.inf
-    high: float = np.inf
-    unit: str = ""
-    current: bool = False
-
-    @property
-    def is_time(self) -> bool:
-        """Whether it holds times that are no seconds."""
-        return self.name == "t" and (self.factor, self.offset, self.dates) != (1.0, 0.0, None)
-
-    def scale(self, values: Array) -> Array:
-        """Return values of the table, (N,), in SI units."""
-        values = values - self.offset if self.offset else values
-        if self.low > -np.inf or self.high < np.inf:
-            values = np.clip(values, self.low, self.high)
-        return values if self.factor == 1.0 else values * self.factor
 
 
 @frozen
@@ -181,12 +144,14 @@ def name_columns(
     own = [g for n, g in taken.items() if n == "t" or (g.joint in wanted and g.kind in CHANNELS)]
     held = [g for g in taken.values() if g.joint in known.locked and g.kind == "q"]
     columns, locked = (
-        tuple(_column(g, units or {}, source, known) for g in those) for those in (own, held)
+        tuple(_in_si(c, units or {}, source, known) for c in those) for those in (own, held)
     )
+    columns, torque_notes = _settle_torque(columns, wanted, known, source)
+    notes = (*_tell(names, columns, wanted, how), *_tell_angles(wanted, known), *torque_notes)
     return Naming(
         columns,
         wanted,
-        tuple(_tell(names, own, columns, wanted, how)),
+        notes,
         labels,
         locked,
         made=() if "tau" in needed else tuple(f"{j}.tau" for j in wanted),
@@ -194,7 +159,7 @@ def name_columns(
     )
 
 
-def _guess(names: Mapping[str, str], known: Conventions) -> list[Guess]:
+def _guess(names: Mapping[str, str], known: Conventions) -> list[Column]:
     """Return what columns are, as far as their names say so."""
     joints = (*known.motors, *known.joints, *known.locked)
     if not known.joints:
@@ -204,14 +169,14 @@ def _guess(names: Mapping[str, str], known: Conventions) -> list[Guess]:
     return [g for g in guesses if g is not None and (known.joints or g.literal)]
 
 
-def _refuse_repeated(found: Sequence[str], guesses: Sequence[Guess], source: str) -> None:
+def _refuse_repeated(found: Sequence[str], guesses: Sequence[Column], source: str) -> None:
     called = Counter(column.strip() for column in found)
     for column in sorted(g.source.strip() for g in guesses):
         if called[column] > 1:
             raise LogError(f"{source} has the column '{column}' more than once; keep one of them.")
 
 
-def _has_torque(names: Mapping[str, str], guesses: Sequence[Guess]) -> bool:
+def _has_torque(names: Mapping[str, str], guesses: Sequence[Column]) -> bool:
     """Whether any column that is no command tells by its name that it is torque or current."""
     commands = {g.source for g in guesses if g.kind in COMMANDS}
     others = (words_of(f"{c} {n}") for c, n in names.items() if c not in commands)
@@ -231,9 +196,9 @@ def _all_there(
     return ()
 
 
-def _choose(guesses: Sequence[Guess], known: Conventions, source: str) -> dict[str, Guess]:
+def _choose(guesses: Sequence[Column], known: Conventions, source: str) -> dict[str, Column]:
     """Return the one column of each channel of each joint, and of time."""
-    found: dict[str, list[Guess]] = {}
+    found: dict[str, list[Column]] = {}
     for guess in guesses:
         if guess.kind not in ("current", BARE):
             found.setdefault(guess.name, []).append(guess)
@@ -254,7 +219,7 @@ def _choose(guesses: Sequence[Guess], known: Conventions, source: str) -> dict[s
 
 
 def _unmeasured(
-    names: Mapping[str, str], taken: Mapping[str, Guess], known: Conventions
+    names: Mapping[str, str], taken: Mapping[str, Column], known: Conventions
 ) -> list[str]:
     """Return the torques that a table lacks of joints whose positions it has.
 
@@ -268,7 +233,7 @@ def _unmeasured(
     return [f"{j}.tau" for j in lacking]
 
 
-def _free(names: Mapping[str, str], taken: Mapping[str, Guess]) -> list[str]:
+def _free(names: Mapping[str, str], taken: Mapping[str, Column]) -> list[str]:
     """Return the columns that are not taken for anything."""
     used = {g.source for g in taken.values()}
     return [name for column, name in names.items() if column not in used]
@@ -280,62 +245,108 @@ def _may_be_torque(column: str, joint: str) -> bool:
     if {*words_of(joint)} <= {*words_of(column)}:
         return _kind(column) not in SPELLED and kinds <= {"tau"}
     owner = _owner(column)
-    return bool(owner) and kinds == {"tau"} and near_match(owner, [joint]).endswith("?")
+    return bool(owner) and kinds == {"tau"} and nearest(owner, [joint]) is not None
 
 
-def _column(guess: Guess, units: Mapping[str, str], source: str, known: Conventions) -> Column:
-    """Return a column with what makes SI units of its values, as far as the log says it.
+# What makes SI units of a column: what the log states, else what the sidecar says.
+
+
+def _in_si(column: Column, units: Mapping[str, str], source: str, known: Conventions) -> Column:
+    """Return a column with what makes SI units of its values.
 
     Raises
     ------
     LogError
         If it states a unit that is not known, or none of its channel's.
     """
-    name = guess.source.strip()
-    unit = guess.unit or find_unit(units.get(guess.source, "")) or split_unit(name)[1]
-    kind = "current" if guess.current else guess.kind
-    entry = guess.entry or Entry(guess.name)
-    column = Column(guess.name, guess.source, entry.factor, low=entry.low, high=entry.high)
+    name = column.source.strip()
+    unit = column.unit or find_unit(units.get(column.source, "")) or split_unit(name)[1]
+    kind = "current" if column.current else column.kind
     if unit is not None:
         unit.check(kind, name, source)
-        column = replace(column, factor=column.factor * unit.factor, unit=unit.text)
-    unread = "" if unit else unread_unit(name, (*known.motors, *known.joints))
+        return replace(column, unit=unit, factor=column.gear * unit.factor)
+    unread = unread_unit(name, (*known.motors, *known.joints))
     if unread and name not in dict(known.columns.rules):
         gain = (
-            f"give what one of it is in N·m or N ([torque] gain = {{{guess.joint} = …}} in the "
-            f"sidecar) with --map '{name}={guess.name}'"
+            f"give what one of it is in N·m or N ([torque] gain = {{{column.joint} = …}} in the "
+            f"sidecar) with --map '{name}={column.name}'"
         )
         raise LogError(
             f"{source}: the column '{name}' states the unit '{unread}', which is not known; "
-            f"say in which one {guess.name} is given, as in --map '{name}={guess.name} "
-            f"[{EXAMPLES[kind]}]', or {gain if guess.kind == 'tau' else 'correct the header'}."
+            f"say in which one {column.name} is given, as in --map '{name}={column.name} "
+            f"[{EXAMPLES[kind]}]', or {gain if column.kind == 'tau' else 'correct the header'}."
         )
-    return replace(column, current=guess.current)
+    factor, offset = column.gear, 0.0
+    if kind in ANGULAR and column.joint in known.scales:
+        factor, zero = known.scales[column.joint]
+        offset = -zero / factor if kind in ("q", "q_ref") else 0.0
+    elif kind in ANGULAR and column.joint in known.degrees:
+        factor = DEGREE
+    return replace(column, factor=factor, offset=offset)
+
+
+def _settle_torque(
+    columns: Sequence[Column], joints: Sequence[str], known: Conventions, source: str
+) -> tuple[tuple[Column, ...], list[str]]:
+    """Return columns with torque in N·m or N at the joints, and how it was read.
+
+    Raises
+    ------
+    LogError
+        If a current has no gain, or a motor's torque no ratio.
+    """
+    torque = known.torque
+    given = {c.joint: c for c in columns if c.kind == "tau" and c.joint in joints}
+    unknown = [j for j, c in given.items() if c.current and not torque.has_gain(j)]
+    if unknown:
+        raise LogError(Finding("columns.gain", source, joints=[*unknown], first=unknown[0]))
+    loose = [j for j in given if j not in known.motors and not torque.has_ratio(j)]
+    if torque.side == "motor" and loose:
+        raise LogError(Finding("columns.ratio", source, joints=[*loose], first=loose[0]))
+    factors = {j: torque.factor(j) for j in given}
+    currents = any(c.current for c in given.values())
+    changed = {j: f for j, f in factors.items() if f != 1.0 or given[j].current}
+    out = tuple(
+        replace(c, factor=c.factor * factors[c.joint])
+        if c.kind == "tau" and c.joint in factors
+        else c
+        for c in columns
+    )
+    shown = listing([f"{j}: {f:.6g}" for j, f in changed.items()], 4)
+    what = "torques are currents times" if currents else "torques were multiplied by"
+    notes = [f"{what} what the sidecar says ({shown})"] if changed else []
+    return out, [*notes, BEHIND] if torque.side == "link" else notes
+
+
+#: What is said of a sensor behind the gears.
+BEHIND = (
+    "torque was measured behind the gears, where no inertia of rotors is seen: the model has none"
+)
+
+
+def _tell_angles(joints: Sequence[str], known: Conventions) -> list[str]:
+    own = [f"{j}: {s:.6g}, {o:.6g}" for j, (s, o) in known.scales.items() if j in joints]
+    told = f"positions were scaled and shifted as the sidecar says ({listing(own, 4)})"
+    degrees = any(j in known.degrees and j not in known.scales for j in joints)
+    return [*([told] if own else []), *(["angles were read as degrees"] if degrees else [])]
 
 
 def _tell(
-    names: Mapping[str, str],
-    own: Sequence[Guess],
-    columns: Sequence[Column],
-    wanted: Sequence[str],
-    how: str,
+    names: Mapping[str, str], own: Sequence[Column], wanted: Sequence[str], how: str
 ) -> list[str]:
     """Return what is read otherwise than literally, half a sentence each."""
     renamed = [f"{old.strip()} is {new}" for old, new in names.items() if old.strip() != new]
     called = [
-        f"{'its index' if g.source == INDEX else repr(g.source)} as {g.name}"
-        for g in own
-        if not g.literal
+        f"{'its index' if c.source == INDEX else repr(c.source)} as {c.name}"
+        for c in own
+        if not c.literal
     ]
-    geared = [f"'{g.source}' by {g.entry.factor:.6g}" for g in own
-              if g.entry is not None and g.entry.factor != 1.0]  # fmt: skip
-    converted = [f"{c.name} from {c.unit}" for c in columns if c.unit and c.factor != 1.0]
-    used = {g.source for g in own}
-    left = dict.fromkeys(
-        owner
-        for column, name in names.items()
-        if column not in used and (owner := _owner(name)) not in wanted and _kind(name) in CHANNELS
-    )
+    geared = [f"'{c.source}' by {c.gear:.6g}" for c in own if c.gear != 1.0]
+    converted = [f"{c.name} from {c.unit.text}" for c in own if c.unit and c.unit.factor != 1.0]
+    used = {c.source for c in own}
+    free = [name for column, name in names.items() if column not in used]
+    left = [n for n in free if _kind(n) in CHANNELS and _owner(n) not in wanted]
+    left = list(dict.fromkeys(map(_owner, left)))
     told = {
         f"columns were renamed ({listing(renamed, 3)})": renamed,
         f"columns were taken for what their names usually mean: {listing(called, 4)}{how}": called,
@@ -356,7 +367,7 @@ _ENTRY = re.compile(rf"(.*?)[./_ ]*(?<![A-Za-z])({'|'.join(ARRAYS)})[./_ ]*(.*)"
 _BEFORE = {"data", "d", "mjdata", "mj", "sim", "state", "log"}
 
 
-def find_entries(names: Mapping[str, str], known: Conventions) -> dict[str, Guess | None]:
+def find_entries(names: Mapping[str, str], known: Conventions) -> dict[str, Column | None]:
     """Return the columns that are called as MuJoCo calls its arrays, and what they are; or None.
 
     Parameters
@@ -371,7 +382,7 @@ def find_entries(names: Mapping[str, str], known: Conventions) -> dict[str, Gues
         if match:
             before = "" if _BEFORE.issuperset(words_of(match[1])) else match[1]
             found[column] = match[2], before.rpartition("/")[2] or match[3].strip("[]() ")
-    out: dict[str, Guess | None] = {}
+    out: dict[str, Column | None] = {}
     for column, (array, key) in found.items():
         keys = {k for a, k in found.values() if a == array}
         own = known.entries.get(f"{array}@{len(keys)}", known.entries.get(array, {}))
@@ -379,7 +390,10 @@ def find_entries(names: Mapping[str, str], known: Conventions) -> dict[str, Gues
         entry = own.get(str(int(key) - 1) if from_one else key)
         joint, _, kind = entry.column.rpartition(".") if entry else ("", "", "")
         unit = split_unit(names[column])[1]
-        out[column] = Guess(column, kind, joint, -1, unit, entry=entry) if entry else None
+        out[column] = None
+        if entry:
+            given = Column(column, kind, joint, -1, unit, gear=entry.factor)
+            out[column] = replace(given, low=entry.low, high=entry.high)
     used = {}  # the first array that states a torque
     for column, (array, _) in found.items():
         guess = out[column]
@@ -389,12 +403,12 @@ def find_entries(names: Mapping[str, str], known: Conventions) -> dict[str, Gues
 
 
 def settle_numbers(
-    guesses: Sequence[Guess],
+    guesses: Sequence[Column],
     source: str,
     known: Conventions,
     names: Mapping[str, str],
     first: Mapping[str, str],
-) -> tuple[list[Guess], dict[str, str], str]:
+) -> tuple[list[Column], dict[str, str], str]:
     """Return the guesses with joints instead of numbers, as far as that is certain.
 
     Columns beside them may hold the joints' names (``name0``, as recorders of ROS write); else the
@@ -402,7 +416,7 @@ def settle_numbers(
 
     Parameters
     ----------
-    guesses : sequence of Guess
+    guesses : sequence of Column
     source : str
         What sentences call the table.
     known : Conventions
@@ -413,7 +427,7 @@ def settle_numbers(
 
     Returns
     -------
-    guesses : list of Guess
+    guesses : list of Column
     labels : dict of str to str
         Columns with names of joints that were followed.
     how : str
@@ -433,7 +447,7 @@ def settle_numbers(
         how = " (the names that stand in the log say which joint it is)"
         return [*told, *out], dict(labels.values()), how
     named = {g.name for g in told}
-    found: list[Guess] = []
+    found: list[Column] = []
     for kind in CHANNELS:
         own = [g for g in loose if g.kind == kind]
         if own and not {f"{j}.{kind}" for j in known.joints} <= named:
@@ -457,7 +471,7 @@ def _labels(names: Mapping[str, str], first: Mapping[str, str]) -> dict[int, tup
     return found
 
 
-def _in_order(loose: Sequence[Guess], source: str, known: Conventions) -> list[Guess]:
+def _in_order(loose: Sequence[Column], source: str, known: Conventions) -> list[Column]:
     """Return guesses of one channel with the joints of the robot's order, if all are there."""
     numbers = {g.number for g in loose}
     count, kind = len(known.joints), loose[0].kind
@@ -492,7 +506,7 @@ def _number(joint: str) -> int | None:
 
 
 def settle_commands(
-    taken: dict[str, Guess],
+    taken: dict[str, Column],
     names: Mapping[str, str],
     source: str,
     known: Conventions,
@@ -508,12 +522,10 @@ def settle_commands(
     """
     if not known.joints or known.motion_alone:
         return False
-    found: dict[str, list[Guess]] = {}
-    for guess in [g for g in taken.values() if g.kind in COMMANDS]:
-        found.setdefault(guess.kind, []).append(guess)
-    for kind, those in found.items():
-        has = {g.joint for g in those}
-        own = known.motors if has & {*known.motors} else known.joints
+    given = [c for c in taken.values() if c.kind in COMMANDS]
+    for kind in dict.fromkeys(c.kind for c in given):
+        has = [c.joint for c in given if c.kind == kind]
+        own = known.motors if {*has} & {*known.motors} else known.joints
         lacking = [j for j in own if j not in has]
         if lacking and known.servo is not None and not torque:
             end = min((end for end, what in SPELLED.items() if what == kind), key=len)
@@ -522,42 +534,43 @@ def settle_commands(
                 f"{source} has commands ('.{end}') of {listing(has)} and none of "
                 f"{listing(lacking)}; give '{lacking[0]}.{end}' as well{mend}."
             )
-        for guess in those if lacking else ():
-            del taken[guess.name]
+        for joint in has if lacking else ():
+            del taken[f"{joint}.{kind}"]
     if torque:
         return False
-    commands = [g for g in taken.values() if g.kind in ("q_ref", "dq_ref")]
-    if known.servo is not None and not any(g.kind in COMMANDS for g in taken.values()):
+    joint = known.joints[0]
+    if known.servo is not None and not any(c.kind in COMMANDS for c in taken.values()):
         raise LogError(
             f"{source} has neither torque nor commands of the robot's joints, "
-            f"{listing(known.joints)}; give what was measured of every one, "
-            f"'{known.joints[0]}.tau', or the positions that its servo was told, "
-            f"'{known.joints[0]}.cmd'. Of its columns {listing(list(names))} say which these are, "
-            f"as in --map 'OLD={known.joints[0]}.cmd'."
+            f"{listing(known.joints)}; give what was measured of every one, '{joint}.tau', or the "
+            f"positions that its servo was told, '{joint}.cmd'. Of its columns "
+            f"{listing(list(names))} say which these are, as in --map 'OLD={joint}.cmd'."
         )
-    if commands and known.servo is None:
-        why = (
-            "nothing states the gains of the servos that make torque of them; give them in the "
-            "sidecar: [servo] kp = …, kv = … (or as <position> actuators of an MJCF). Where "
-            'nobody knows them, [servo] kp = "fit" lets the logs tell them, in units of the robot '
-            "file's bodies."
-        )
-        if known.base is not None:
-            why = (
-                f"the robot file says that '{known.base.body}' floats: torque is made of commands "
-                "only of a robot that is held. If it hung on a stand, add --set base=fixed (or "
-                'base = "fixed" in the sidecar); if it did not, log the torque.'
-            )
-        columns = listing([repr(g.source) for g in commands], 2)
-        raise LogError(f"{source} has commands ({columns}) and no torque, and {why}")
-    return bool(commands)
+    told = [repr(c.source) for c in taken.values() if c.kind in ("q_ref", "dq_ref")]
+    if told and known.servo is None:
+        what = _NO_SERVO if known.base is None else _NO_STAND.format(body=known.base.body)
+        raise LogError(f"{source} has commands ({listing(told, 2)}) and no torque, and {what}")
+    return bool(told)
+
+
+#: Why commands are no torque.
+_NO_SERVO = (
+    "nothing states the gains of the servos that make torque of them; give them in the sidecar: "
+    "[servo] kp = …, kv = … (or as <position> actuators of an MJCF). Where nobody knows them, "
+    '[servo] kp = "fit" lets the logs tell them, in units of the robot file\'s bodies.'
+)
+_NO_STAND = (
+    "the robot file says that '{body}' floats: torque is made of commands only of a robot that is "
+    'held. If it hung on a stand, add --set base=fixed (or base = "fixed" in the sidecar); if it '
+    "did not, log the torque."
+)
 
 
 # What is missing, with the remedy ready to copy.
 
 
 def _refuse_missing(
-    names: Mapping[str, str], taken: Mapping[str, Guess], source: str, known: Conventions
+    names: Mapping[str, str], taken: Mapping[str, Column], source: str, known: Conventions
 ) -> NoReturn:
     """Refuse a log that lacks what is needed, and say what it has instead.
 
@@ -565,44 +578,45 @@ def _refuse_missing(
     ------
     LogError
     """
-    measured = {n: g for n, g in taken.items() if g.kind not in COMMANDS}
-    free = [n for n in _free(names, measured) if _kind(n) not in SPELLED or not _is_own(n, known)]
+    measured = {n: c for n, c in taken.items() if c.kind not in COMMANDS}
+    free = [
+        n
+        for n in _free(names, measured)
+        if _kind(n) not in SPELLED or (known.joints and _owner(n) not in known.joints)
+    ]
     every = listing(list(names.values()))
     if "t" not in taken:
         likely = [n for n in free if n.casefold().startswith("time")]
-        raise LogError(
-            f"{source} has no column 't' (time in s). It has the columns {every}. If one of them "
-            f"is it, add --map '{[*likely, 'OLD'][0]}=t'; rows at an even rate need one, too: "
-            "their number / rate."
-        )
-    has = list(dict.fromkeys(g.joint for g in taken.values() if g.kind in ("q", "tau")))
+        raise LogError(Finding("columns.time", source, columns=every, first=[*likely, "OLD"][0]))
+    has = list(dict.fromkeys(c.joint for c in taken.values() if c.kind in ("q", "tau")))
     missing = [j for j in known.joints if j not in has]
-    strange = _strangers(free, known)
-    if missing and strange:
-        _refuse_strangers(missing, strange, source, known)
-    for joint in has:
-        for kind, other in (("tau", "q"), ("q", "tau")):
+    strange = _strangers(free, known) if missing else []
+    of = f"no columns for the actuated joint{'s' if len(missing) > 1 else ''} {listing(missing)}"
+    if strange:
+        pairs = _pair_names(missing, strange, known)
+        maps = listing([f"--map '{old}={new}'" for old, new in pairs], between=" ")
+        left = [m for m in missing if m not in {new for _, new in pairs}]
+        raise LogError(
+            f"{source} has {of}, but for {listing(strange)}, which the robot does not have"
+            f"{f'; if these are they, add {maps}' if pairs else ''}"
+            f"{propose_locks(left, known.joints)}."
+        )
+    kinds = (("tau", "q"), ("q", "tau"))
+    half = [(j, *pair) for j in has for pair in kinds if f"{j}.{pair[0]}" not in taken]
+    for joint, kind, other in half:
+        if joint not in known.locked:
             name = f"{joint}.{kind}"
-            if name in taken or joint in known.locked:
-                continue
-            end = near_match(name, free)
+            likely = free if nearest(name, free) is None else []
             told = f" If it is one of {listing(free, 4)}, add --map '{[*free, ''][0]}={name}'."
             raise LogError(
-                f"{source} has '{joint}.{other}' but no {_WORDS[kind]} column '{name}'{end} Every "
-                f"actuated joint needs both.{told if free and end == '.' else ''}"
+                f"{source} has '{joint}.{other}' but no {_WORDS[kind]} column '{name}'"
+                f"{near_match(name, free)} Every actuated joint needs both.{told if likely else ''}"
             )
     if not has:
-        raise LogError(
-            f"{source} has no position column; expected '<joint>.q' and '<joint>.tau' for every "
-            f"actuated joint, found {every}."
-        )
-    locks = propose_locks(missing, known.joints)
+        raise LogError(Finding("columns.none", source, columns=every))
     told = " or '<joint>.cmd'" if known.servo else ""
-    raise LogError(
-        f"{source} has no columns for the actuated joint{'s' if len(missing) > 1 else ''} "
-        f"{listing(missing)}; every actuated joint needs '<joint>.q' and '<joint>.tau'"
-        f"{told}{locks or f'. It has the columns {every}'}."
-    )
+    locks = propose_locks(missing, known.joints) or f". It has the columns {every}"
+    raise LogError(Finding("columns.missing", source, what=of, command=told, remedy=locks))
 
 
 def _strangers(columns: Sequence[str], known: Conventions) -> list[str]:
@@ -620,39 +634,21 @@ def _strangers(columns: Sequence[str], known: Conventions) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def _by_number(names: Sequence[str]) -> dict[int, str]:
-    """Return the first name of each number."""
-    found: dict[int, str] = {}
-    for name in names:
-        number = _number(name)
-        if number is not None:
-            found.setdefault(number, name)
-    return found
+def _pair_names(
+    missing: Sequence[str], strange: Sequence[str], known: Conventions
+) -> list[tuple[str, str]]:
+    """Return which foreign joints may be which missing ones.
 
-
-def _refuse_strangers(
-    missing: Sequence[str], strange: Sequence[str], source: str, known: Conventions
-) -> NoReturn:
-    """Refuse a log that calls joints otherwise, and propose which is which.
-
-    Where it has some of the joints by their own names, the others are of another device, unless
-    they are spelt nearly alike.
+    Where a log has some of the joints by their own names, the others are of another device, unless
+    they are spelt nearly alike; else numbers say which is which, or the order.
     """
     if len(missing) < len(known.joints):
-        pairs = [(s, m) for m in missing for s in strange if near_match(m, [s]).endswith("?")]
-    else:
-        ours, theirs = _by_number(missing), _by_number(strange)
-        pairs = [(theirs[k], name) for k, name in ours.items() if k in theirs]
-        pairs = pairs if len(pairs) > 1 else list(zip(strange, missing, strict=False))
-    maps = listing([f"--map '{old}={new}'" for old, new in pairs], between=" ")
-    of = "joint" if len(missing) == 1 else "joints"
-    found = {new for _, new in pairs}
-    raise LogError(
-        f"{source} has no columns for the actuated {of} {listing(missing)}, but for "
-        f"{listing(strange)}, which the robot does not have"
-        f"{f'; if these are they, add {maps}' if pairs else ''}"
-        f"{propose_locks([m for m in missing if m not in found], known.joints)}."
-    )
+        return [(s, m) for m in missing for s in strange if nearest(m, [s]) is not None]
+    theirs = {_number(name): name for name in reversed(strange)}
+    first = {_number(name): name for name in reversed(missing)}
+    own = [(k, n) for n in missing if (k := _number(n)) in theirs and first[k] == n]
+    pairs = [(theirs[k], name) for k, name in own if k is not None]
+    return pairs if len(pairs) > 1 else list(zip(strange, missing, strict=False))
 
 
 def propose_locks(missing: Sequence[str], wanted: Sequence[str]) -> str:
@@ -663,10 +659,6 @@ def propose_locks(missing: Sequence[str], wanted: Sequence[str]) -> str:
     options = " ".join(f"--lock {name}" for name in missing)
     names = ", ".join(f'"{name}"' for name in missing)
     return f". If {they} not move, lock {line}: {options}, or locked = [{names}] in the sidecar"
-
-
-def _is_own(name: str, known: Conventions) -> bool:
-    return not known.joints or _owner(name) in known.joints
 
 
 def _owner(name: str) -> str:
@@ -691,3 +683,144 @@ def rename(name: str, known: Conventions) -> str:
     elif cut and cut["kind"].casefold() in _CHANNELS_SAY:
         parts[-1] = known.columns.apply(cut["joint"]) + cut["between"] + cut["kind"]
     return "/".join(parts) + name[len(plain) :]
+
+
+# What a log's times are given in: seconds, thousandths of them, dates; taken only when certain.
+#
+# A unit that the sidecar, an option or the column itself states is taken. Else steps of up to half
+# a second are seconds, and longer ones in the one unit in which they are steps of a log of motion.
+
+
+#: First samples that show which steps there are.
+SHOWN = 20_000
+
+
+def settle_time(naming: Naming, first: pd.DataFrame, source: str, known: Conventions) -> Naming:
+    """Return what a log takes from a table, with its times in seconds.
+
+    Parameters
+    ----------
+    naming : Naming
+    first : DataFrame
+        Its first rows.
+    source : str
+        What sentences call the table.
+    known : Conventions
+
+
+    Raises
+    ------
+    LogError
+        If the times may be in more than one unit.
+    """
+    time = next(c for c in naming.columns if c.name == "t")
+    given = first[time.source]
+    dates = as_dates(given, 0)
+    if dates is not None and len(dates):
+        start = int(dates.iloc[0])
+        day = f"{np.datetime64(start, 'ns').astype('datetime64[s]')}".replace("T", " ")
+        what = "are durations" if given.dtype.kind == "m" else f"are dates, from {day} on"
+        note = f"the times {what}, and were read in seconds from the first"
+        return _with(naming, replace(time, dates=start, factor=1.0), note)
+    t = to_floats(given)[:SHOWN] if given.dtype.kind not in "cb" else np.empty(0)
+    if len(t) < 3 or not np.isfinite(t).all() or not np.median(np.diff(t)) > 0:
+        return naming  # what is wrong with them is said by others
+    unit, why = known.time_unit, "as was said"
+    if not unit and time.unit is None:  # what the log states is taken
+        unit, why = _find_unit(t, source)
+    factor = TIME_UNITS[unit] if unit else time.factor
+    notes = [f"the times are in {unit}, {why}"] if unit and unit != "s" else []
+    offset = float(t[0]) if RULES.epoch[0] < t[0] * factor < RULES.epoch[1] else 0.0
+    if offset:
+        notes.append("the times count from 1970, and were read from the first on")
+    return _with(naming, replace(time, factor=factor, offset=offset), *notes)
+
+
+def start_of(naming: Naming) -> float | None:
+    """Return the seconds since 1970 that a log's times count from; None where they do not say."""
+    time = next(c for c in naming.columns if c.name == "t")
+    seconds = time.offset * time.factor if time.dates is None else time.dates * 1e-9
+    return seconds if RULES.epoch[0] < seconds < RULES.epoch[1] else None
+
+
+_POINTED = re.compile(r"^(\d{1,2})\.(\d{1,2})\.(\d{4})[T ]+")
+_OF_A_DAY = re.compile(r"\d{1,2}:\d\d:\d\d(?:\.\d+)?")
+
+
+def _as_iso(date: re.Match[str]) -> str:
+    return f"{date[3]}-{int(date[2]):02d}-{int(date[1]):02d} "
+
+
+def as_dates(given: pd.Series, start: int) -> pd.Series | None:
+    """Return dates, durations or texts of such in ns after `start`, as whole numbers.
+
+    Texts are of ISO 8601, dates with points (the day first), or times of a day; a comma may stand
+    before fractions of a second. None if some are something else.
+    """
+    import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
+
+    if given.dtype.kind not in "mMOUST" or pd.api.types.is_numeric_dtype(given):
+        return None
+    times = given
+    if given.dtype.kind not in "mM":
+        if not given.map(lambda x: isinstance(x, str)).all() or to_numbers(given).notna().any():
+            return None
+        texts = given.str.strip().str.replace(r"(?<=:\d\d),(?=\d+$)", ".", regex=True)
+        texts = texts.str.replace(_POINTED, _as_iso, regex=True)
+        times = pd.to_datetime(texts, format="ISO8601", errors="coerce", utc=True)
+        if times.isna().all() and texts.str.fullmatch(_OF_A_DAY).all():
+            times = pd.to_timedelta(texts)
+    if times.isna().any():
+        return None
+    if getattr(times.dtype, "tz", None) is not None:
+        times = times.dt.tz_convert(None)
+    kind = "timedelta64[ns]" if times.dtype.kind == "m" else "datetime64[ns]"
+    return pd.Series(times.to_numpy(kind).astype(np.int64) - start)
+
+
+def to_numbers(given: pd.Series) -> pd.Series:
+    """Return a column as numbers; NaN for what is none."""
+    import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
+
+    return pd.to_numeric(given, errors="coerce")
+
+
+def as_times(given: pd.Series, time: Column) -> pd.Series:
+    """Return a column of times in seconds; as it is where it holds what is no time."""
+    import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
+
+    if time.dates is not None:
+        dates = as_dates(given, time.dates)
+        return given if dates is None else dates * 1e-9
+    if time.factor == 1.0 and not time.offset:
+        return given
+    times = to_numbers(given)
+    return given if times.isna().any() else pd.Series(time.scale(times.to_numpy(float)))
+
+
+def _with(naming: Naming, time: Column, *notes: str) -> Naming:
+    columns = tuple(time if c.name == "t" else c for c in naming.columns)
+    return replace(naming, columns=columns, notes=(*naming.notes, *notes))
+
+
+def _find_unit(t: Array, source: str) -> tuple[str, str]:
+    """Return the unit of times (N,) and why; nothing for seconds.
+
+    Raises
+    ------
+    LogError
+        If it may be more than one.
+    """
+    step = float(np.median(np.diff(t)))
+    if step <= RULES.slowest_step:
+        return "", ""
+    fits = [u for u, size in TIME_UNITS.items() if RULES.steps[0] <= step * size <= RULES.steps[1]]
+    dated = [u for u in fits if RULES.epoch[0] < t[0] * TIME_UNITS[u] < RULES.epoch[1]]
+    fits = dated or fits
+    if not fits:  # what is wrong with them is said by others
+        return "", ""
+    each = [f"{u} ({1 / (step * TIME_UNITS[u]):.4g} Hz)" for u in fits]
+    if len(fits) == 1:
+        why = f"for they rise by {step:.6g} from sample to sample: {each[0]}"
+        return fits[0], f"{why} (--set time_unit=s if they are seconds)"
+    raise LogError(Finding("clock.unit", source, step=step, units=" or ".join(each)))

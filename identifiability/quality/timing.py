@@ -5,23 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import scipy
 
+from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.linalg import RANK_TOLERANCE
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
-from identifiability.logs.prepare import Samples
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare import Dataset
 from identifiability.logs.prepare.plan import joint_log
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum, choose_band
+from identifiability.quality.registry import Does, MeasuredLogs, check
+from identifiability.quality.rules import RULES
 from identifiability.regression.structure import Structure
-from identifiability.workflows.oddities.check import Does, MeasuredLogs, check
-from identifiability.workflows.oddities.rules import RULES
 
 # Torque that is late, or early, beside its motion, and positions beside their velocities.
 #
@@ -37,18 +38,9 @@ BYTES: Tolerance = 3e7
 BESIDE = 5
 
 
-@check(
-    "late",
-    Does.EXPLAINS,
-    9,
-    says="Columns seem to be apart in time: …",
-    means="Columns were recorded with different delays, or put together from different clocks; "
-    "a millisecond at speed looks like friction or inertia.",
-    do="Shift the columns by what is said, or log what was measured together. Of a base that "
-    "moves, let all channels pass one filter.",
-)
-def find_late(logs: MeasuredLogs) -> tuple[str, ...]:
-    """Return one sentence on torque or positions that are late or early, or none."""
+@check("late", Does.EXPLAINS)
+def find_late(logs: MeasuredLogs) -> list[Finding]:
+    """Return torque or positions that are late or early."""
     parts = []
     for recording, samples in zip(logs.recordings, logs.samples, strict=True):
         windows = [recording.rows(a, b) for a, b in signals.spread_windows(len(recording))]
@@ -60,14 +52,9 @@ def find_late(logs: MeasuredLogs) -> tuple[str, ...]:
         ):
             if own is not None and own.certain:
                 whose = "all joints" if own.joint < 0 else logs.joints[own.joint]
-                parts.append(f"in {samples.name} {what} of {whose}, {own.text} beside {other}")
-    if not parts:
-        return ()
-    return (
-        f"Columns seem to be apart in time: {'; '.join(parts[:3])}. Rows may hold what was read at "
-        "different moments, or a velocity the difference to the row before: shift the columns, or "
-        "log what was measured together.",
-    )
+                told = {"log": samples.name, "what": what, "whose": whose, "other": other}
+                parts.append(phrase("late", "one", **told, **own.words))
+    return [Finding("late", where="; ".join(parts[:3]))] if parts else []
 
 
 @frozen
@@ -114,16 +101,16 @@ class Shift:
         return told and sized and self.chance < 0.001
 
     @property
-    def text(self) -> str:
-        """How much, in words."""
+    def words(self) -> dict[str, Any]:
+        """How much, for a sentence."""
         size, way = abs(self.samples), "late" if self.samples > 0 else "early"
         much = (
             f"{size:.2f} ± {1.96 * self.sigma:.2f}" if size <= RULES.shift_most else f"{size:.0f}"
         )
-        return f"{much} samples ({size * self.step:.2g} s) {way}"
+        return {"much": much, "seconds": size * self.step, "way": way}
 
 
-def measure_shift(structure: Structure, prepared: Prepared) -> Shift | None:
+def measure_shift(structure: Structure, prepared: Dataset) -> Shift | None:
     """Return by how much the torque of all joints is late, or where that is not certain of one.
 
     None where a log is too short to tell. A small delay d adds ``−d τ'`` to the torque τ of the
@@ -137,7 +124,7 @@ def measure_shift(structure: Structure, prepared: Prepared) -> Shift | None:
     long = min(LONG, int(BYTES / (8 * n * max(len(structure.base.kept), 1))))
     first = max(0, (len(motion) - long) // 2)
     rows = np.arange(first, min(len(motion), first + long))
-    down = (isinstance(prepared, Samples) and prepared.decimation) or signals.Decimation(2)
+    down = (not prepared.long and prepared.decimation) or signals.Decimation(2)
     ends = np.flatnonzero(np.diff(motion.kept[rows]) != 1) + 1
     runs = [r for r in np.split(rows, ends) if down.outputs(len(r)) > 0]
     outputs = sum(down.outputs(len(r)) for r in runs)
@@ -147,7 +134,7 @@ def measure_shift(structure: Structure, prepared: Prepared) -> Shift | None:
         return None
     dt = float(np.median(np.diff(motion.t) / np.diff(motion.kept)))
 
-    still = np.zeros(samples.tau.shape, bool) if samples.dwells is None else samples.dwells
+    still = samples.weight <= 0
     at = [slice(down.reach, len(r) - down.reach, down.factor) for r in runs]
     moves = np.concatenate([~still[r][k] for r, k in zip(runs, at, strict=True)])
 
@@ -260,9 +247,9 @@ def _test_shift(slopes: Array, y: Array, known: Array, dt: float) -> Shift | Non
     return one if one.certain and not whole.certain else whole
 
 
-def _consecutive(prepared: Prepared) -> Samples | None:
+def _consecutive(prepared: Dataset) -> Dataset | None:
     """Return samples that follow each other, undecimated."""
-    if isinstance(prepared, Samples):
+    if not prepared.long:
         return replace(prepared, decimation=None, instrument=None)
     middle = prepared.stretches[len(prepared.stretches) // 2]
     return next((replace(p, decimation=None) for p in middle.parts() if len(p.tau)), None)
@@ -271,20 +258,11 @@ def _consecutive(prepared: Prepared) -> Samples | None:
 # Time in another unit: speeds that contradict the file's limits, or too few samples.
 
 
-@check(
-    "time in another unit",
-    Does.MISREADS,
-    4,
-    says="The time may be in another unit than s: …",
-    means="The robot would move far faster or slower than its file allows, or hardly be sampled.",
-    do="`--set time_unit=ms` (or `us`, `ns`, `min`), or `[time]` in the sidecar.",
-)
-def find_time_scale(logs: MeasuredLogs) -> tuple[str, ...]:
-    """Return one sentence on time in another unit, or none."""
+@check("clock", Does.MISREADS)
+def find_time_scale(logs: MeasuredLogs) -> list[Finding]:
+    """Return speeds that contradict the file's limits, or too few samples."""
     why = _by_limits(logs) or _by_rate(logs)
-    if not why:
-        return ()
-    return (f"The time may be in another unit than s: {why}. Check the column 't'.",)
+    return [Finding("clock", why=why)] if why else []
 
 
 def _by_limits(logs: MeasuredLogs) -> str:
@@ -293,44 +271,27 @@ def _by_limits(logs: MeasuredLogs) -> str:
     known = np.isfinite(limits) & (limits > 0)
     if not known.any():
         return ""
-    speed = np.abs(logs.motion.actuated_v).max(0)
-    if (speed[known] > RULES.speed_beyond * limits[known]).all():
-        k = int(np.flatnonzero(known)[np.argmax(speed[known] / limits[known])])
-        return (
-            f"every joint moves faster than {RULES.speed_beyond:g} times its speed limit "
-            f"({logs.joints[k]} {speed[k]:.3g}, limit {limits[k]:.3g})"
-        )
-    return ""
+    speed, times = np.abs(logs.motion.actuated_v).max(0), RULES.speed_beyond
+    if not (speed[known] > times * limits[known]).all():
+        return ""
+    k = int(np.flatnonzero(known)[np.argmax(speed[known] / limits[known])])
+    told = {"joint": logs.joints[k], "speed": speed[k], "limit": limits[k]}
+    return phrase("clock", "limits", times=times, **told)
 
 
 def _by_rate(logs: MeasuredLogs) -> str:
     for log in logs.recordings:
         step = (log.clock.last - log.clock.first) / max(len(log) - 1, 1)
         if step > LOG_RULES.slowest_step:
-            return f"{log.name} has one sample in {step:.3g} s, too few for a robot in motion"
+            return phrase("clock", "rate", log=log.name, step=step)
     return ""
 
 
 # Velocities or accelerations that contradict what they are derived from.
 
 
-@check(
-    "derivative of another motion",
-    Does.MISREADS,
-    1,
-    says="A derivative contradicts its position: …",
-    means="A velocity or acceleration column is of another joint, in another unit, late, or "
-    "filtered until little of the motion is left.",
-    do="Leave the column out (it is then computed), or give the right one; `--set "
-    "derivatives=given` uses it all the same.",
-)
-def find_wrong_rates(logs: MeasuredLogs) -> tuple[str, ...]:
-    """Return one sentence on given derivatives of another motion, or none."""
-    found = [f"in {s.name} {note}" for s in logs.samples for note in s.notes if CONTRADICTS in note]
-    if not found:
-        return ()
-    return (f"A derivative contradicts its position: {'; '.join(found[:3])}.",)
-
-
-#: What such a note holds (`logs.units.find_contradictions`).
-CONTRADICTS = "' contradicts '"
+@check("rates", Does.MISREADS)
+def find_wrong_rates(logs: MeasuredLogs) -> list[Finding]:
+    """Return given derivatives of another motion."""
+    found = [f"in {s.name} {x}" for s in logs.samples for x in of_key(s.notes, "derivative")]
+    return [Finding("rates", where=found)] if found else []

@@ -2,6 +2,11 @@
 
 One table of rules (`RULES`) has them all, a row each: words, the channel that they are of, units
 and what one of them is. Units stand in a row under the header or in the names.
+
+A name is cut into words and numbers, ``/joint_states/panda_joint1/position`` into *joint, states,
+panda, joint, 1, position*. It is taken for a channel of a joint if it holds the joint's name or its
+number, one word for the channel, and beside these only words that say nothing. A command is no
+measurement.
 """
 
 from __future__ import annotations
@@ -10,16 +15,12 @@ import math
 import re
 from collections.abc import Sequence
 from functools import cache
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-
-if TYPE_CHECKING:
-    from identifiability.robot.parts import Entry
-
-# Units that a log states for its columns, in a row under the header or in the names.
-
 
 #: What each channel of a log can be measured in.
 DIMENSIONS = {
@@ -203,6 +204,12 @@ def is_no_unit(text: str) -> bool:
     return (inner[1] if inner else text.strip()).casefold() in NONE
 
 
+def are_units(row: Sequence[str]) -> bool:
+    """Whether a row states the units of its columns."""
+    units = [find_unit(cell) for cell in row]
+    return any(units) and all(u or is_no_unit(x) for u, x in zip(units, row, strict=True))
+
+
 def bracketed(name: str) -> str:
     """Return what stands in brackets at the end of a name, nothing if there are none."""
     inner = _BRACKETS.search(name)
@@ -220,14 +227,6 @@ def split_unit(name: str) -> tuple[str, Unit | None]:
     inner = _BRACKETS.search(name)
     unit = find_unit(inner[1]) if inner else None
     return (name[: inner.start()].strip(), unit) if inner and unit else (name, None)
-
-
-# What names of columns usually mean: drivers, recorders and toolboxes have habits of their own.
-#
-# A name is cut into words and numbers, ``/joint_states/panda_joint1/position`` into *joint,
-# states, panda, joint, 1, position*. It is taken for a channel of a joint if it holds the joint's
-# name or its number, one word for the channel, and beside these only words that say nothing. A
-# command is no measurement.
 
 
 #: Words for each channel, and the channel of each word.
@@ -267,8 +266,8 @@ INDEX = "__index_level_0__"
 
 
 @frozen
-class Guess:
-    """What a column is by its name.
+class Column:
+    """What a column of a table is, and what makes SI units of its values.
 
     Attributes
     ----------
@@ -281,13 +280,19 @@ class Guess:
     number : int
         −1 if there is none.
     unit : Unit or None
-        As far as the name states it.
+        As far as the log states it.
     literal : bool
         Whether it is called as it is here.
     current : bool
-        Whether it is taken for the torque though it is a current.
-    entry : Entry or None
-        What MuJoCo keeps under this name.
+        Whether it is the current of a motor, in the place of a torque.
+    gear : float
+        What the robot file makes of it, where MuJoCo keeps it under this name.
+    factor, offset : float
+        From its values, less the offset, to SI units.
+    dates : int or None
+        Of times that are dates, the first one [ns since 1970]; None for numbers.
+    low, high : float
+        Of its values, beyond which they act no further.
     """
 
     source: str
@@ -297,12 +302,29 @@ class Guess:
     unit: Unit | None = None
     literal: bool = False
     current: bool = False
-    entry: Entry | None = None
+    gear: float = 1.0
+    factor: float = 1.0
+    offset: float = 0.0
+    dates: int | None = None
+    low: float = -np.inf
+    high: float = np.inf
 
     @property
     def name(self) -> str:
         """What it is called here."""
         return f"{self.joint}.{self.kind}" if self.joint else self.kind
+
+    @property
+    def is_time(self) -> bool:
+        """Whether it holds times that are no seconds."""
+        return self.kind == "t" and (self.factor, self.offset, self.dates) != (1.0, 0.0, None)
+
+    def scale(self, values: Array) -> Array:
+        """Return values of the table, (N,), in SI units."""
+        values = values - self.offset if self.offset else values
+        if self.low > -np.inf or self.high < np.inf:
+            values = np.clip(values, self.low, self.high)
+        return values if self.factor == 1.0 else values * self.factor
 
 
 def words_of(name: str) -> list[str]:
@@ -325,7 +347,7 @@ def _compounds() -> dict[str, tuple[str, str]]:
     return {a + b: (a, b) for a in known for b in known if a + b not in known}
 
 
-def guess_column(source: str, name: str, joints: Sequence[str]) -> Guess | None:
+def guess_column(source: str, name: str, joints: Sequence[str]) -> Column | None:
     """Return what a column is; None if its name does not say so.
 
     With a word for what was wanted in its name it is a command.
@@ -340,7 +362,7 @@ def guess_column(source: str, name: str, joints: Sequence[str]) -> Guess | None:
     plain, unit = split_unit(name)
     owner, _, end = plain.rpartition(".")
     if plain == "t" or (owner in joints and end in SPELLED):
-        return Guess(source, SPELLED.get(end, "t"), owner, -1, unit, literal=True)
+        return Column(source, SPELLED.get(end, "t"), owner, -1, unit, literal=True)
     if unit is None and unread_unit(name, joints):  # what it is of can be told all the same
         plain = name[: name.rindex(bracketed(name)) - 1]
     parts = [p for p in plain.split("/") if p]
@@ -362,7 +384,7 @@ def guess_column(source: str, name: str, joints: Sequence[str]) -> Guess | None:
     if others or not kind or len(kinds) > 1 or len(numbers) > (not joint):
         return None
     number = int(numbers[0]) if numbers and len(numbers[0]) < 4 else -1
-    return Guess(source, kind, joint, number, unit)
+    return Column(source, kind, joint, number, unit)
 
 
 def _pair(words: list[str], unit: Unit | None) -> tuple[list[str], Unit | None]:
@@ -394,16 +416,16 @@ def unread_unit(name: str, joints: Sequence[str]) -> str:
     return "" if plain else text
 
 
-def _guess_time(source: str, words: list[str], unit: Unit | None) -> Guess | None:
+def _guess_time(source: str, words: list[str], unit: Unit | None) -> Column | None:
     """Return a column of time."""
     if source == INDEX:
-        return Guess(source, "t")
+        return Column(source, "t")
     if unit is None and len(words) > 1 and words[-1] in _TIME_UNITS:
         unit, words = find_unit(words[-1]), words[:-1]
     left = [w for w in words if w not in SILENT and w != "header"]
     if unit is not None and unit.dimension != "time":
         return None
-    return Guess(source, "t", unit=unit) if left and TIME_WORDS.issuperset(left) else None
+    return Column(source, "t", unit=unit) if left and TIME_WORDS.issuperset(left) else None
 
 
 def take_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]:

@@ -1,0 +1,150 @@
+"""`Finding`: what was noticed or done, by key; the sentences of all stand in `findings.toml`.
+
+A finding *is* its sentence, so that whoever only shows it takes it for text; whoever asks what it
+is asks for its key, and never for a part of its text.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from enum import StrEnum
+from functools import cache
+from pathlib import Path
+from string import Formatter
+from typing import TYPE_CHECKING, Any
+
+from identifiability.foundation.errors import listing
+from identifiability.foundation.numbers import percent
+
+if TYPE_CHECKING:
+    from identifiability.foundation.answers import Table
+
+
+class Level(StrEnum):
+    """How grave a finding is."""
+
+    INFO = "info"
+    HINT = "hint"
+    DOUBT = "doubt"
+    REFUSAL = "refusal"
+
+
+class _Filler(Formatter):
+    """Fills the holes of a sentence: names are listed, ``{n:one|many}`` goes by a number."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if "|" in format_spec:
+            one, many = format_spec.split("|")
+            return one if (value if isinstance(value, (int, float)) else len(value)) == 1 else many
+        if isinstance(value, (list, tuple)):
+            return listing(value, int(format_spec or 4))
+        if format_spec.endswith("%"):
+            return percent(value, int(format_spec[:-1] or 2))
+        return format(value, format_spec)
+
+
+@cache
+def sentences() -> Mapping[str, Mapping[str, str]]:
+    """Return the one table of sentences: by key ``level``, ``says``, ``means``, ``do`` and parts.
+
+    ``done`` is what a check did with the rows that it names, for the ledger.
+    """
+    return tomllib.loads(Path(__file__).with_name("findings.toml").read_text(encoding="utf-8"))
+
+
+def phrase(key: str, part: str, /, **numbers: Any) -> str:
+    """Return a part of the sentences of a key with its holes filled."""
+    return _Filler().vformat(sentences()[key][part].strip(), (), numbers)
+
+
+class Finding(str):
+    """A sentence with what it was made of.
+
+    Attributes
+    ----------
+    key : str
+        What it is, a key of `sentences`.
+    subject : str
+        Log, joint or file that it is about; empty where it is about all.
+    numbers : mapping
+        What fills its sentence; ``rows`` and ``columns`` are what the ledger says was touched.
+
+    Example
+    -------
+    >>> found = Finding("wraps", "a.csv", where=["'elbow.q' at 2 rows"], rows=2)
+    >>> found.key, found.level.value, found.done
+    ('wraps', 'info', 'read as going on')
+    """
+
+    __slots__ = ("key", "numbers", "subject")
+    key: str
+    subject: str
+    numbers: Mapping[str, Any]
+
+    def __new__(cls, key: str, subject: object = "", /, **numbers: Any) -> Finding:
+        """Fill the sentence of a key, ``{subject}`` with the subject."""
+        return _again(phrase(key, "says", subject=subject, **numbers), key, str(subject), numbers)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _again, (str(self), self.key, self.subject, dict(self.numbers))
+
+    def of_log(self, name: str) -> Finding:
+        """Return the same as it is said of one log of several."""
+        return _again(f"{name}: {self}", self.key, name, self.numbers)
+
+    @property
+    def level(self) -> Level:
+        """How grave it is."""
+        return Level(sentences()[self.key].get("level", Level.REFUSAL))
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it; empty where its sentence says it."""
+        return sentences()[self.key].get("do", "").strip()
+
+    @property
+    def done(self) -> str:
+        """What was done, as a participle; empty where it is only said."""
+        return sentences()[self.key].get("done", "")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        plain = {k: list(x) if isinstance(x, tuple) else x for k, x in self.numbers.items()}
+        return {"key": self.key, "level": self.level.value, "subject": self.subject, **plain}
+
+
+def _again(text: str, key: str, subject: str, numbers: Mapping[str, Any]) -> Finding:
+    """Return a finding with its text."""
+    self = str.__new__(Finding, text)
+    self.key, self.subject, self.numbers = key, subject, numbers
+    return self
+
+
+def of_key(texts: Iterable[str], *keys: str) -> list[Finding]:
+    """Return the findings of some keys among sentences; all findings if no key is given."""
+    found = [text for text in texts if isinstance(text, Finding)]
+    return [x for x in found if not keys or x.key in keys]
+
+
+def ledger(said: Iterable[str], *, every: bool = False) -> tuple[Table, ...]:
+    """Return the table of what checks did with the rows of logs; none where nothing was done.
+
+    Parameters
+    ----------
+    said : iterable of str
+        Hints and notes of a result, of which findings are asked.
+    every : bool
+        Whether what was only said stands in it, too.
+    """
+    from identifiability.foundation.answers import Column, Table  # noqa: PLC0415 - pandas
+
+    columns = (
+        Column("check", get="key"),
+        Column("of", get="subject"),
+        Column("rows", get=lambda x: str(x.numbers.get("rows", ""))),
+        Column("columns", get=lambda x: listing(x.numbers.get("columns", ()), 4)),
+        Column("what was done", get=lambda x: x.done or "said"),
+    )
+    rows = [x for x in of_key(said) if every or x.done]
+    return (Table.of("What was done with the logs", columns, rows),) if rows else ()

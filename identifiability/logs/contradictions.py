@@ -1,0 +1,195 @@
+"""Columns that can be seen to be wrong: by the joints' limits, by derivatives that do not fit.
+
+A change of unit or sign is refused; what merely contradicts is remarked on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.logs.log import Log, join_logs
+from identifiability.logs.rules import RULES
+from identifiability.logs.spikes import TURN
+from identifiability.robot import Robot
+
+#: Units of length that people give instead of SI, and how many make one of SI.
+_LENGTHS = {"mm": 1e3, "cm": 1e2}
+
+
+def check_units(robot: Robot, windows: Sequence[Log]) -> None:
+    """Refuse degrees given as radians and millimetres given as metres, where they can be seen.
+
+    Parameters
+    ----------
+    robot : Robot
+    windows : sequence of Log
+        Stretches of one log, or all of it as one.
+
+    Raises
+    ------
+    LogError
+    """
+    log = windows[0]
+    if robot.angles is None:
+        _check_angles(robot, windows)
+    for k, joint in enumerate(log.joints):
+        if robot.is_prismatic(int(robot.actuated[k])):
+            q = np.concatenate([w.q[:, k] for w in windows])
+            low, high = robot.limits[k]
+            fits = [u for u, f in _LENGTHS.items() if _fits(q, low, high, f)]
+            if fits:
+                raise LogError(
+                    f"{log.name}: {_span(joint, q)}, which does not fit the joint's limits "
+                    f"{low:.4g} … {high:.4g} m; it looks like {fits[0]}: convert it to m."
+                )
+    for c in contradictions(join_logs(windows)):
+        if c.in_unit:
+            raise LogError(
+                f"{log.name}: '{c.joint}.{c.kind}' is {1 / c.slope:.4g} times the time derivative "
+                f"of '{c.joint}.{c.of}'; one of them (or the time) is in another unit or has "
+                "another sign: give all in SI units."
+            )
+
+
+def looks_like_degrees(q: Array, low: float, high: float) -> bool:
+    """Return whether positions (N,) fit limits [rad] in degrees, and not in rad by whole turns."""
+    middle = round((float(np.median(q)) - 0.5 * (low + high)) / (2 * np.pi)) * 2 * np.pi
+    if (
+        not np.isfinite(middle)
+        or np.mean((q - middle < low) | (q - middle > high)) < RULES.positions_odd
+    ):
+        return False
+    return _fits(q, low, high, 180 / np.pi)
+
+
+def _fits(q: Array, low: float, high: float, factor: float) -> bool:
+    """Return whether positions (N,) do not fit limits as they are, but divided by a factor do."""
+    if not np.isfinite(high - low) or np.mean((q < low) | (q > high)) <= 0.5:
+        return False
+    return bool(np.mean((q >= low * factor) & (q <= high * factor)) > 1 - RULES.positions_odd)
+
+
+def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
+    """Refuse degrees where most joints that turn, and have limits, show them."""
+    bounded = [
+        k
+        for k, dof in enumerate(robot.actuated)
+        if not robot.is_prismatic(int(dof)) and np.isfinite(np.ptp(robot.limits[k]))
+    ]
+    columns = {k: np.concatenate([w.q[:, k] for w in windows]) for k in bounded}
+    for is_odd, why in ((looks_like_degrees, _DEGREES), (_beyond, _TICKS)):
+        odd = [k for k in bounded if is_odd(columns[k], *robot.limits[k])]
+        if 2 * len(odd) > len(bounded):
+            joint, (low, high) = windows[0].joints[odd[0]], robot.limits[odd[0]]
+            raise LogError(
+                f"{windows[0].name}: {_span(joint, columns[odd[0]])}, and the joint's limits are "
+                f"{low:.4g} … {high:.4g} rad: it {why} what ticks or normalised units are: "
+                f"[columns] {joint} = {{scale = …, offset = …}} in the sidecar (rad = scale × "
+                "value + offset)."
+            )
+
+
+#: What positions beyond limits are, and what to say.
+_DEGREES = (
+    'looks like degrees: say --set angles=deg (or angles = "deg" in the sidecar), or --set '
+    "angles=rad if they are rad, or"
+)
+_TICKS = "spans more than twice the joint's limits; say"
+
+
+def _beyond(q: Array, low: float, high: float) -> bool:
+    """Return whether positions (N,) span more than limits and two turns do, wherever zero is."""
+    return float(np.ptp(q)) > 2 * max(high - low, TURN)
+
+
+def _span(joint: str, q: Array) -> str:
+    return f"'{joint}.q' spans {q.min():.4g} … {q.max():.4g}"
+
+
+@frozen
+class Contradiction:
+    """A given derivative that does not fit what it is derived from.
+
+    Attributes
+    ----------
+    joint, kind, of : str
+        Whose, which channel, and of which it should be the derivative.
+    explained : float
+        Share of the variance of what it is derived from that its integral explains.
+    slope : float
+        With this factor.
+    """
+
+    joint: str
+    kind: str
+    of: str
+    explained: float
+    slope: float
+
+    @property
+    def text(self) -> str:
+        """It in half a sentence."""
+        explained = 100 * max(self.explained, 0.0)
+        told = {"joint": self.joint, "kind": self.kind, "of": self.of, "slope": self.slope}
+        return phrase("contradictions", "one", explained=explained, **told)
+
+    @property
+    def in_unit(self) -> bool:
+        """Whether it is the derivative, but in another unit or of another sign."""
+        return self.explained > 1 - RULES.derivative_unexplained and not 0.5 < self.slope < 2
+
+
+def contradictions(log: Log) -> list[Contradiction]:
+    """Return every given derivative that does not fit what it is derived from.
+
+    It finds columns of other joints, of desired motion, delayed or filtered too much. They are
+    compared by integration, which forgives noise where differentiation would not.
+    """
+    found, least = [], 1 - RULES.derivative_unexplained
+    for kind, of in (("dq", "q"), ("ddq", "dq")):
+        rate, x = getattr(log, kind), getattr(log, of)
+        if rate is None or x is None:
+            continue
+        for k, joint in enumerate(log.joints):
+            fit = _compare(log.t, x[:, k], rate[:, k])
+            if fit is None:
+                continue
+            slope, unexplained = fit
+            if unexplained > RULES.derivative_unexplained or not least < slope < 1 / least:
+                found.append(Contradiction(joint, kind, of, 1 - unexplained, slope))
+    return found
+
+
+def find_contradictions(log: Log) -> list[Finding]:
+    """Return one remark for every given derivative that does not fit what it is derived from."""
+    return [Finding("derivative", log.name, one=c.text) for c in contradictions(log)]
+
+
+def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float] | None:
+    """Return by how much the integral of a rate (N,) must be multiplied, and what it leaves.
+
+    None if the motion does not stand out from the noise.
+    """
+    dt = np.diff(t)
+    whole = dt < RULES.gap_kept * np.median(dt)
+    given = np.cumsum(np.where(whole, np.diff(x), 0.0))
+    integral = np.cumsum(np.where(whole, 0.5 * (rate[1:] + rate[:-1]) * dt, 0.0))
+    # An offset of the rate is a drift of its integral, which says nothing of its shape.
+    drift = np.column_stack([np.ones(len(dt)), t[1:] - t[0]])
+    Q = np.linalg.qr(drift)[0]
+    given, integral = given - Q @ (Q.T @ given), integral - Q @ (Q.T @ integral)
+    noise = np.sqrt(np.mean(np.diff(x, 2) ** 2) / 6) if len(x) > 2 else 0.0
+    size = float(np.sqrt(np.mean(given**2)))
+    # Motion must stand out this much from the noise of single samples to be compared.
+    if not size > 4.0 * noise or not size > 0:
+        return None
+    square = float(integral @ integral)
+    slope = float(given @ integral) / square if square > 0 else 0.0
+    left = given - slope * integral
+    return slope, float(left @ left) / float(given @ given)

@@ -1,0 +1,382 @@
+"""What can be mended in logs: it is mended when they are read, in the registry's order, and said.
+
+Torque and rows that stand still in motion, angles within one turn, single wrong samples, commands
+without torque, derivatives of another motion, rows that were given before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import chain, pairwise
+from typing import Any
+
+import numpy as np
+
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.names import Array
+from identifiability.logs import Log
+from identifiability.logs.commands import of_commands
+from identifiability.logs.contradictions import contradictions
+from identifiability.logs.log import join_logs
+from identifiability.logs.rules import RULES
+from identifiability.logs.spikes import Spike, Wraps, mend_column
+from identifiability.quality.registry import Does, Reading, check
+from identifiability.robot.floating import BASE_JOINTS
+
+#: Wrong values that a hint lists.
+LISTED = 3
+
+
+def _windows(log: Log) -> list[Log]:
+    """Return a log, or of a long one the windows that decisions about it are made on."""
+    return [window for _, window in log.windows()] if log.long else [log]
+
+
+@check("silent", Does.MENDS)
+def tell_silent(logs: Reading) -> Reading:
+    """Say where torque was not measured: its equations are left out."""
+    return logs.having(logs.every, (x for log in logs.every for x in _find_silent(log)))
+
+
+def _find_silent(log: Log) -> list[Finding]:
+    if log.unmeasured is None:
+        return []
+    gone = dict(zip(log.joints, log.unmeasured.sum(0).tolist(), strict=True))
+    lost = {j: n for j, n in gone.items() if n}
+    where = [phrase("silent", "one", joint=j, rows=n, all=len(log)) for j, n in lost.items()]
+    told = {"rows": max(lost.values(), default=0), "columns": [f"{j}.tau" for j in lost]}
+    return [Finding("silent", log.name, where=where, **told)] if lost else []
+
+
+# What stands still while the robot moves: a sensor or a logger hangs there.
+#
+# Torque of a joint that never changes was not measured; where it stops changing its sensor hangs,
+# unless it stands at its largest or smallest value, as a motor at its limit does. Rows that repeat
+# from the midst of a motion on are the logger's.
+
+
+@check("stuck", Does.MENDS)
+def drop_still(logs: Reading) -> Reading:
+    """Leave out torque, and rows, that stand still while the robot moves."""
+    return logs.each(drop_stuck)
+
+
+def drop_stuck(log: Log) -> tuple[Log, list[Finding]]:
+    """Return a log without rows and torque that stand still in mid-motion, and what was found."""
+    if log.long:
+        tau = np.concatenate([w.tau for w in _windows(log)])
+        never = np.ptp(tau, axis=0) == 0
+        if not never.any() or never.all():
+            return log, []
+        stuck = {j: float(x) for j, x, n in zip(log.joints, tau[0], never, strict=True) if n}
+        silenced = log.changed(partial(_silence, joints=tuple(stuck)))
+        return silenced, [_state_never(log, stuck)]
+    if log.motion_alone or log.commanded or len(log) < RULES.stuck:
+        return log, []
+    left, hung = _drop_hung(log)
+    left, silent = _silence_stuck(left)
+    return left, hung + silent
+
+
+def _silence(log: Log, _: int, joints: tuple[str, ...]) -> Log:
+    gone = np.tile(np.isin(log.joints, joints), (len(log), 1))
+    return replace(log, unmeasured=gone if log.unmeasured is None else gone | log.unmeasured)
+
+
+def _drop_hung(log: Log) -> tuple[Log, list[Finding]]:
+    x = np.hstack([getattr(log, kind) for kind in log.channels])
+    step = np.abs(np.diff(log.q, axis=0))
+    size = np.sqrt(np.mean(step**2, axis=0))
+    # A robot that comes to rest does so by and by.
+    runs = [(a, b) for a, b in _runs(x) if a > 1 and (step[a - 1] > RULES.moving * size).any()]
+    gone = np.zeros(len(log), bool)
+    for a, b in runs:
+        gone[a + 1 : b] = True
+    if not runs or len(log) - gone.sum() < RULES.fewest:
+        return log, []
+    where = [f"{a + 2}–{b} (from t = {log.t[a]:.6g} s)" for a, b in runs]
+    rows = int(gone.sum())
+    found = Finding("hung", log.name, where=where, rows=rows, all=len(log), columns=("all",))
+    return log.each(lambda c: c[~gone], t=log.t[~gone]), [found]
+
+
+def _silence_stuck(log: Log) -> tuple[Log, list[Finding]]:
+    low, high = log.tau.min(0), log.tau.max(0)
+    never = low == high
+    if never.all() or not np.ptp(log.q, axis=0).any():
+        return log, []
+    gone = np.zeros(log.tau.shape, bool) if log.unmeasured is None else log.unmeasured.copy()
+    never &= ~gone.all(0) & ~np.isin(log.joints, BASE_JOINTS)  # which nothing drives
+    gone[:, never] = True
+    stuck = {j: float(x) for j, x, n in zip(log.joints, low, never, strict=True) if n}
+    found = [_state_never(log, stuck)] if stuck else []
+    for k in np.flatnonzero(~never & (low < high)):
+        for a, b in _runs(log.tau[:, [k]]):
+            at_limit = log.tau[a, k] in (low[k], high[k])
+            rests = np.ptp(log.q[a:b, k]) <= RULES.moving * np.ptp(log.q[:, k])
+            if at_limit or rests or gone[a, k]:
+                continue
+            gone[a:b, k] = True
+            joint, value = log.joints[k], float(log.tau[a, k])
+            where = phrase("stuck", "stands", joint=joint, value=value, first=a + 1, last=b)
+            columns = (f"{joint}.tau",)
+            found.append(Finding("stuck", log.name, where=[where], rows=b - a, columns=columns))
+    return (replace(log, unmeasured=gone), found) if found else (log, [])
+
+
+def _state_never(log: Log, stuck: dict[str, float]) -> Finding:
+    where = [f"'{joint}.tau' = {x:.4g}" for joint, x in stuck.items()]
+    columns = [f"{joint}.tau" for joint in stuck]
+    return Finding("unmeasured", log.name, where=where, columns=columns, rows=len(log))
+
+
+def _runs(x: Array) -> list[tuple[int, int]]:
+    """Return where values (N, c) stand still for longer than they usually do, as [first, last)."""
+    changes = np.flatnonzero((np.diff(x, axis=0) != 0).any(1)) + 1
+    edges = np.concatenate([[0], changes, [len(x)]])
+    lengths = np.diff(edges)
+    long = lengths >= RULES.stuck * max(1.0, float(np.median(lengths)))
+    return [(int(a), int(a + n)) for a, n in zip(edges[:-1][long], lengths[long], strict=True)]
+
+
+# Angles that were written within one turn, and single wrong samples: none that stands alone
+# decides what is identified.
+
+
+@check("wraps", Does.MENDS)
+def unwrap(logs: Reading) -> Reading:
+    """Undo the jumps of wrapped angles."""
+    return logs.each(unwrap_log)
+
+
+def unwrap_log(log: Log) -> tuple[Log, list[Finding]]:
+    """Return a log with the jumps of wrapped angles undone, and what was found."""
+    found = log.wraps
+    if not found:
+        return log, []
+    rows = sum(len(w.rows) for w in found.values())
+    where = [f"'{j}.q' at {len(w.rows)} rows" for j, w in found.items()]
+    said = Finding("wraps", log.name, where=where, columns=[f"{j}.q" for j in found], rows=rows)
+    return log.changed(partial(_undo, found=found)), [said]
+
+
+def _undo(log: Log, origin: int, found: dict[str, Wraps]) -> Log:
+    pairs = zip(log.joints, log.q.T, strict=True)
+    columns = [found[j].undo(x, origin) if j in found else x for j, x in pairs]
+    return replace(log, q=np.stack(columns, 1))
+
+
+@check("spikes", Does.MENDS)
+def replace_wrong(logs: Reading) -> Reading:
+    """Replace wrong samples by what those beside them say."""
+    return logs.each(mend_log)
+
+
+def mend_log(log: Log) -> tuple[Log, list[Finding]]:
+    """Return a log with its wrong samples replaced, and what was found; itself if nothing was."""
+    wrong = log.spikes
+    if not wrong:
+        return log, []
+    return log.changed(partial(_mend, wrong=wrong)), [_state_wrong(log, wrong)]
+
+
+def _mend(log: Log, origin: int, wrong: dict[str, tuple[Spike, ...]]) -> Log:
+    channels: dict[str, Any] = {}
+    for kind in log.channels:
+        columns = zip(log.joints, getattr(log, kind).T, strict=True)
+        each = [mend_column(x, wrong.get(f"{joint}.{kind}", ()), origin) for joint, x in columns]
+        channels[kind] = np.stack(each, 1)
+    return replace(log, **channels)
+
+
+def _state_wrong(log: Log, wrong: dict[str, tuple[Spike, ...]]) -> Finding:
+    found = sorted((s.row, name, s) for name, spikes in wrong.items() for s in spikes)
+    where = [
+        phrase("spikes", "value", row=row + 1, t=float(log.rows(row, row + 1).t[0]), column=name,
+               value=s.value, instead=s.instead)
+        for row, name, s in found[:LISTED]
+    ]  # fmt: skip
+    more = f"; and {len(found) - LISTED} more" if len(found) > LISTED else ""
+    where_all = "; ".join(where)
+    columns = tuple(wrong)
+    return Finding("spikes", log.name, rows=len(found), where=where_all, more=more, columns=columns)
+
+
+# Commands without torque, and derivatives of another motion.
+
+
+@check("commands", Does.MENDS)
+def compute_torque(logs: Reading) -> Reading:
+    """Compute torque of commands; how late they act is found, and said, when they are followed."""
+    if logs.torque is None:
+        return logs
+    before, after = logs.every, logs.torque(logs.every)
+    speeds = tuple(b.dq if of_commands(a) else None for b, a in zip(before, after, strict=True))
+    return replace(logs.having(after), speeds=speeds)
+
+
+@check("contradictions", Does.MENDS)
+def drop_contradicting(logs: Reading) -> Reading:
+    """Leave out derivatives that contradict positions, unless the given ones are asked for.
+
+    Those of another unit or sign are left to be refused (`check_units`).
+    """
+    asked = logs.how is not None and logs.how.derivatives == "given"
+    return logs if asked else logs.each(_drop_contradictions)
+
+
+def _drop_contradictions(log: Log) -> tuple[Log, list[Finding]]:
+    wrong = [c for c in contradictions(join_logs(_windows(log))) if not c.in_unit]
+    if not wrong:
+        return log, []
+    # What is derived from a wrong velocity cannot be compared with anything.
+    gone = ("dq", "ddq") if any(c.kind == "dq" for c in wrong) else ("ddq",)
+    names = {"dq": "velocities", "ddq": "accelerations"}
+    words = " and ".join(names[c] for c in gone if c in log.channels)
+    where, columns = [c.text for c in wrong], [f"{c.joint}.{c.kind}" for c in wrong]
+    told = {"channels": words, "columns": columns, "rows": len(log)}
+    return log.without(gone), [Finding("contradictions", log.name, where=where, **told)]
+
+
+# Rows that are given more than once: copies are no new evidence, however often they come.
+#
+# A measurement that is repeated has noise of its own. Rows whose positions, torques and, where all
+# logs have them, measured speeds agree to a ten-thousandth of how much they vary, many rows on end,
+# are therefore copies: a log joined to itself, a cut of another log, a log that was written again
+# with fewer digits. Torque that saturates or has few steps agrees many rows on end by chance, too,
+# where a motion is repeated: only rows in which torque or speed changes are counted, and how often
+# these then agree nearby, where the motion does, says how many of them chance explains.
+
+
+#: Consecutive rows that must agree with consecutive earlier ones; standstills count as one.
+RUN = 16
+
+#: Rows on each side of a run that say how often torque agrees by chance.
+NEARBY = 64 * RUN
+
+
+@check("copies", Does.MENDS)
+def count_once(logs: Reading) -> Reading:
+    """Leave out rows that came before; measured speeds tell repetitions from copies."""
+    if not logs.learns:
+        return logs
+    every = logs.every
+    for k, speed in enumerate(logs.speeds):
+        if speed is not None:
+            every[k] = replace(every[k], dq=speed)
+    *kept, hints = drop_repeats(every[: len(logs.fitted)], every[len(logs.fitted) :])
+    fitted, held_out = (
+        tuple(x.without(("dq",)) if of_commands(x) else x for x in some) for some in kept
+    )
+    return replace(logs, fitted=fitted, held_out=held_out, hints=(*logs.hints, *hints))
+
+
+def drop_repeats(
+    logs: Sequence[Log], held_out: Sequence[Log] = ()
+) -> tuple[list[Log], list[Log], tuple[Finding, ...]]:
+    """Return fitted and held-out logs without rows that came before, and what was found.
+
+    Motion alone is a plan and no measurement: it may go round as often as it likes.
+
+    Raises
+    ------
+    LogError
+        If nothing is left of a held-out log.
+    """
+    every = [*logs, *held_out]
+    pairs = zip(every, _find_copies(every), strict=True)
+    left = [_keep(log, copied & (not log.motion_alone)) for log, copied in pairs]
+    counts = zip(every, (sum(len(part) for part in kept) for kept in left), strict=True)
+    found = tuple(
+        Finding("copies", log.name, rows=len(log) - count, all=len(log))
+        for log, count in counts
+        if count < len(log)
+    )
+    n = len(logs)
+    for log, kept in zip(held_out, left[n:], strict=True):
+        if not kept:
+            raise LogError(Finding("twice.rows", "", log=log.name))
+    return list(chain(*left[:n])), list(chain(*left[n:])), found
+
+
+def _keep(log: Log, copied: np.ndarray) -> list[Log]:
+    """Return the stretches of a log that are no copies and long enough to be used."""
+    if not copied.any():
+        return [log]
+    if log.long:
+        return [] if copied.mean() >= RULES.nearly_all else [log]
+    edges = np.flatnonzero(np.diff(np.concatenate([[1], copied.astype(int), [1]])))
+    stretches = [(a, b) for a, b in edges.reshape(-1, 2).tolist() if b - a >= RULES.fewest]
+    if len(stretches) == 1:
+        return [log.rows(*stretches[0])]
+    return [log.cut(a, b, f"{log.name}, rows {a + 1}–{b}") for a, b in stretches]
+
+
+def _find_copies(logs: Sequence[Log]) -> list[np.ndarray]:
+    """Return which of the rows that are looked at came before, for each log."""
+    parts = [(k, part) for k, log in enumerate(logs) for part in _windows(log)]
+    owner = np.repeat([k for k, _ in parts], [len(p) for _, p in parts])
+    joints = [j for j in logs[0].joints if all(j in log.joints for log in logs)] if logs else []
+    if not joints or not len(owner):
+        return [np.zeros(int((owner == k).sum()), bool) for k in range(len(logs))]
+    speeds = all("dq" in log.channels for log in logs)
+    kinds = ("q", "tau", "dq") if speeds else ("q", "tau")  # positions come first
+    at = [[p.joints.index(j) for j in joints] for _, p in parts]
+    each = [[getattr(p, c)[:, own] for c in kinds] for (_, p), own in zip(parts, at, strict=True)]
+    starts = np.cumsum([0, *(len(p) for _, p in parts)])[:-1]
+    copied = _match(np.concatenate([np.hstack(x) for x in each]), starts, len(joints))
+    return [copied[owner == k] for k in range(len(logs))]
+
+
+def _near(rows: Array, kinds: int) -> Array:
+    """Return how close the values of rows (N, kinds · n) are taken as equal."""
+    spread = rows.std(0).reshape(kinds, -1)
+    # No difference below this share of how much the liveliest joint varies counts: what never
+    # moves varies by rounding.
+    floor = 1e-7 * spread.max(1, initial=0.0, keepdims=True)
+    # Values agree within this share of their standard deviation.
+    near: Array = np.maximum(0.0001 * spread, np.maximum(floor, np.finfo(float).tiny)).ravel()
+    return near
+
+
+def _match(rows: Array, starts: np.ndarray, joints: int) -> np.ndarray:
+    """Return which rows continue a run of copies of earlier ones, (N,) bool.
+
+    Rows are (N, k · joints), positions first; runs do not reach over `starts`.
+    """
+    near = _near(rows, rows.shape[1] // joints)
+    cells = np.rint((rows - rows.mean(0)) / near).astype(np.int64)
+    mix = np.random.default_rng(0).integers(1, 2**63, rows.shape[1], np.uint64) | np.uint64(1)
+    keys = (cells.astype(np.uint64) * mix).sum(1, dtype=np.uint64)
+    _, at, which, times = np.unique(
+        keys, return_index=True, return_inverse=True, return_counts=True
+    )
+    index = np.arange(len(rows))
+    back = index - at[which]
+    # Where rows come often by chance, those that come twice say how far back the copied ones are.
+    lags, votes = np.unique(back[(back > 0) & (times[which] == 2)], return_counts=True)
+    # Distances between rows that come twice that are followed, the most frequent.
+    for lag in lags[np.argsort(votes)][-16:].tolist():
+        back[lag:][keys[lag:] == keys[:-lag]] = lag
+    still = np.concatenate([[False], keys[1:] == keys[:-1]])
+    since = np.maximum.accumulate(np.where(still, 0, index))  # first row of a standstill
+    behind = back[since]
+    begins = np.diff(behind, prepend=-1) != 0
+    begins[starts] = True
+    changes = np.abs(np.diff(rows[:, joints:], axis=0)) > near[joints:]  # of torque or speed
+    told = np.concatenate([[True], np.asarray(changes.any(1))])
+    copied = np.zeros(len(rows), bool)
+    for a, b in pairwise([*np.flatnonzero(begins).tolist(), len(rows)]):
+        lag, count = int(behind[a]), np.count_nonzero(told[a:b] & ~still[a:b])
+        if lag > 0 and count >= RUN:
+            beside = np.r_[max(lag, a - NEARBY) : a, b : min(len(rows), b + NEARBY)]
+            beside = beside[told[beside]]
+            same = np.abs(rows[beside] - rows[beside - lag]) <= near
+            moved, again = (np.asarray(part.all(1)) for part in np.hsplit(same, [joints]))
+            chance = again[moved].mean() if moved.any() else 0.0
+            # A run that chance explains comes less often than this in all the rows.
+            copied[a:b] = chance >= RULES.nearly_all or len(rows) * chance**count < 0.01
+    return copied

@@ -1,0 +1,296 @@
+"""The registry of data-quality checks: what each looks at, in which order, and what follows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from enum import StrEnum
+from functools import cached_property
+from typing import Any, TypeAlias, TypeVar
+
+import numpy as np
+
+from identifiability.effects.nominal import has_masses, rigid_torque
+from identifiability.foundation.findings import Finding
+from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.logs import Log
+from identifiability.logs.commands import of_commands
+from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare.dataset import Dataset, join_motions
+from identifiability.regression.structure import Structure
+from identifiability.robot import Motion, Robot
+
+#: The order of all checks: of mends that in which they act, of explanations that in which they are
+#: asked, of all others that in which they are said. A user's own stand behind.
+ORDER = (
+    *("silent", "stuck", "wraps", "spikes", "commands", "contradictions", "copies"),
+    *("rates", "unheld", "turned", "soles", "exchanged", "clock", "unit", "late"),
+    *("limits", "stopped", "flat"),
+    *("bodies", "assembly", "signs", "outside", "still", "slips", "outliers"),
+)
+
+#: Returns findings of `MeasuredLogs`, none for sound logs; what mends returns logs that are being
+#: read (`Reading`) as they are then, with what it found.
+Find: TypeAlias = Callable[..., Any]
+
+F = TypeVar("F", bound=Find)
+
+
+class Does(StrEnum):
+    """What follows from what a check says."""
+
+    MENDS = "it is mended when logs are read, and said"
+    MISREADS = "columns are read as what they are not: no verdict stands"
+    EXPLAINS = "whatever else contradicts physics follows from it, and is not said"
+    HINTS = "it is said"
+    WEIGHS = "rows have less weight in the fit, and it is said where that moves a value"
+
+
+@frozen
+class Check:
+    """A data-quality check.
+
+    Attributes
+    ----------
+    key : str
+        Its place in `ORDER`, and of its sentences.
+    does : Does
+    find : callable(MeasuredLogs) -> sequence of Finding, or callable(Reading) -> Reading
+    always : bool
+        Whether it also looks at logs that have nothing to explain; what it says is of the robot
+        file, or of all logs together.
+    """
+
+    key: str
+    does: Does
+    find: Find
+    always: bool = False
+
+    @property
+    def rank(self) -> int:
+        """Its place in the order."""
+        return ORDER.index(self.key) if self.key in ORDER else len(ORDER)
+
+
+#: All checks, in their order.
+CHECKS: list[Check] = []
+
+
+def check(key: str, does: Does, *, always: bool = False) -> Callable[[F], F]:
+    """Register a check; parameters as in `Check`.
+
+    Example
+    -------
+    ::
+
+        @check("brake", Does.HINTS)
+        def find_brake(logs):
+            dragging = ...
+            return (f"{listing(dragging)} drags: release its brake, and log anew.",)
+    """
+
+    def decorate(find: F) -> F:
+        CHECKS.append(Check(key, does, find, always))
+        CHECKS.sort(key=lambda one: one.rank)
+        return find
+
+    return decorate
+
+
+# Logs that are being read: what can be mended is.
+
+
+@frozen
+class Reading:
+    """Logs that are being read.
+
+    Attributes
+    ----------
+    fitted, held_out : tuple of Log
+    how : Preparation or None
+        How they will be prepared.
+    torque : callable(logs) -> logs, or None
+        What makes torque of commands where a log has none of its own.
+    hints : tuple of Finding
+        What was mended.
+    speeds : tuple of (N, n) or None
+        Of logs of commands those that were measured, in order; their torque is made without.
+    learns : bool
+        Whether something is learnt of the rows, so that each counts once.
+    """
+
+    fitted: tuple[Log, ...]
+    held_out: tuple[Log, ...]
+    how: Preparation | None = None
+    torque: Callable[[list[Log]], list[Log]] | None = None
+    hints: tuple[str, ...] = ()
+    speeds: tuple[Array | None, ...] = ()
+    learns: bool = True
+
+    @property
+    def every(self) -> list[Log]:
+        """All logs, the fitted ones first."""
+        return [*self.fitted, *self.held_out]
+
+    def having(self, every: Iterable[Log], hints: Iterable[str] = ()) -> Reading:
+        """Return the same of as many other logs, with what is said of them."""
+        logs, n = tuple(every), len(self.fitted)
+        return replace(self, fitted=logs[:n], held_out=logs[n:], hints=(*self.hints, *hints))
+
+    def each(self, mend: Callable[[Log], tuple[Log, list[Finding]]]) -> Reading:
+        """Return the logs, each mended by itself."""
+        pairs = [mend(log) for log in self.every]
+        return self.having((log for log, _ in pairs), (x for _, found in pairs for x in found))
+
+
+def mend(logs: Reading) -> Reading:
+    """Return logs with everything mended that can be, and each mend said."""
+    for one in CHECKS:
+        if one.does is Does.MENDS:
+            logs = one.find(logs)
+    return logs
+
+
+# Logs that were prepared: columns as they were measured, and what the robot file predicts.
+
+
+#: Samples, spread over all logs, at which measured torque is compared with the file's.
+ENOUGH = 1000
+
+
+@frozen
+class MeasuredLogs:
+    """Logs as they were measured, and the same prepared.
+
+    Attributes
+    ----------
+    structure : Structure
+    recordings : tuple of Log
+        As they were measured.
+    samples : tuple of Dataset or LongSamples
+        The same prepared, in the same order.
+    """
+
+    structure: Structure
+    recordings: tuple[Log, ...]
+    samples: tuple[Dataset, ...]
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.structure.robot
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Its actuated joints."""
+        return self.robot.joints
+
+    def windows(self) -> Iterator[tuple[int, Log]]:
+        """Yield the columns of every log as they were measured, and the row they begin at.
+
+        Long logs are looked at in the windows that decisions about them are made on.
+        """
+        for log in self.recordings:
+            yield from log.windows()
+
+    @cached_property
+    def _thinned(self) -> tuple[Motion, Array, np.ndarray]:
+        each = max(1, ENOUGH // len(self.samples))
+        few = [s.thin(max(1, s.survey.kept // each)) for s in self.samples]
+        tau, weight = (np.concatenate([getattr(s, k) for s in few]) for k in ("tau", "weight"))
+        return join_motions([s.motion for s in few]), tau, weight > 0
+
+    @property
+    def motion(self) -> Motion:
+        """Some samples of all logs."""
+        return self._thinned[0]
+
+    @property
+    def torque(self) -> Array:
+        """Measured torque at them, (N, n) [N·m or N]."""
+        return self._thinned[1]
+
+    @property
+    def data(self) -> np.ndarray:
+        """Where it is data, (N, n) bool."""
+        return self._thinned[2]
+
+    @cached_property
+    def weighs(self) -> bool:
+        """Whether the robot file states masses to compare with."""
+        return has_masses(self.robot)
+
+    @cached_property
+    def predicted(self) -> Array:
+        """Rigid-body torque by the file's masses at the same samples, (N, n)."""
+        return rigid_torque(self.robot, self.motion)
+
+    @cached_property
+    def stated(self) -> Array:
+        """Torque by every value that the file states, friction and rotors too, (N, n).
+
+        NaN at joints whose drive the file says nothing of.
+        """
+        structure = self.structure
+        W = structure.model.regressor(self.robot, self.motion)
+        tau: Array = W @ structure.nominal
+        drives = [n for n, x in zip(structure.columns, structure.nominal, strict=True) if x > 0]
+        known = [any(n.startswith(f"{j}.") for n in drives) for j in self.joints]
+        return np.where(known, tau, np.nan)
+
+    def ordinary(self, joint: int) -> Array:
+        """Return what any drive adds at a joint: friction, rotor inertia, offset, (N, 4)."""
+        v, a = self.motion.actuated_v[:, joint], self.motion.actuated_a[:, joint]
+        return np.column_stack([np.ones(len(v)), v, np.sign(v), a])
+
+
+def without(x: Array, known: Array) -> Array:
+    """Return what is left of x (N, …) when known columns (N, k) are projected out."""
+    size = np.linalg.norm(known, axis=0)
+    Q, R = np.linalg.qr(known / np.where(size > 0, size, 1.0))
+    kept = np.abs(np.diag(R)) > ROUNDOFF
+    Q = Q[:, kept]
+    left: Array = x - Q @ (Q.T @ x)
+    return left
+
+
+@frozen
+class Oddities:
+    """What is odd about logs.
+
+    Attributes
+    ----------
+    hints : tuple of Finding
+    explains : bool
+        Whether the first of them explains whatever else contradicts.
+    misread : bool
+        Whether it says that columns have the wrong sign, unit or joint: values found from them are
+        those of another robot.
+    """
+
+    hints: tuple[str, ...] = ()
+    explains: bool = False
+    misread: bool = False
+
+
+def find_oddities(logs: MeasuredLogs, *, explained: bool = False) -> Oddities:
+    """Return what is odd about logs; one explanation is enough, if none is known.
+
+    What says that columns are misread is asked for all the same.
+    """
+    beside = [x for c in CHECKS if c.does is Does.HINTS and not c.always for x in c.find(logs)]
+    # Torque that servos made of commands has no column that could be another one.
+    commanded = any(map(of_commands, logs.recordings))
+    kinds = (Does.MISREADS,) if explained else (Does.MISREADS, Does.EXPLAINS)
+    asked = [] if commanded else [c for c in CHECKS if c.does in kinds]
+    found = ((c, c.find(logs)) for c in asked)
+    which, first = next((pair for pair in found if pair[1]), (None, ()))
+    misread = which is not None and which.does is Does.MISREADS
+    return Oddities((*first, *beside), bool(first), misread)
+
+
+def find_always(logs: MeasuredLogs) -> tuple[str, ...]:
+    """Return what is odd about the robot file, and about all logs together, also of silent ones."""
+    return tuple(text for c in CHECKS if c.always for text in c.find(logs))

@@ -1,0 +1,62 @@
+"""What is noticed and done bears a key; the ledger says which rows it was done to."""
+
+import json
+import pickle
+
+import pytest
+from typer.testing import CliRunner
+
+from identifiability import analyze, inspect
+from identifiability.cli import app
+from identifiability.foundation.findings import Finding, Level, ledger, of_key, phrase
+
+
+@pytest.fixture
+def spoilt(simulated):
+    frame = simulated("two-link", "a", samples=600).to_frame()
+    frame.loc[[100, 400], "elbow.tau"] *= 1e4
+    frame["shoulder.q"] = frame["shoulder.q"].round(3)
+    return frame.drop(columns=[c for c in frame if c.endswith("dq")])
+
+
+def test_a_finding_is_its_sentence_and_what_it_was_made_of():
+    found = Finding("wraps", "a.csv", where=["'elbow.q' at 2 rows"], rows=2)
+    assert found.startswith("a.csv: angles jump by a whole turn ('elbow.q' at 2 rows); they")
+    assert (found.key, found.subject, found.level) == ("wraps", "a.csv", Level.INFO)
+    again = pickle.loads(pickle.dumps(found))
+    assert again == found
+    assert (again.key, again.numbers) == (found.key, found.numbers)
+    other = found.of_log("b.csv")
+    assert other == f"b.csv: {found}"
+    assert of_key([found, "plain", other], "wraps") == [found, other]
+    assert of_key([found, "plain"], "spikes") == []
+
+
+def test_holes_take_lists_shares_and_go_by_numbers():
+    assert phrase("soles", "says", contacts=["a"]).startswith("a stays flat on the ground while i")
+    assert phrase("soles", "says", contacts=["a", "b"]).startswith("a, b stay flat")
+    assert phrase("repeated", "part", name="torque", share=0.0123) == "torque in 1.2 %"
+
+
+def test_the_ledger_is_a_table_of_what_was_done(spoilt):
+    found = analyze("two-link", spoilt, replicates=0)
+    assert {x.key for x in found.findings} >= {"spikes"}
+    (table,) = found.ledger()
+    rows = [tuple(cell.text for cell in row) for row in table.rows]
+    assert ("spikes", "log 1", "2", "elbow.tau", "replaced by their neighbours") in rows
+    assert ledger(["plain"]) == ()
+    every = inspect("two-link", spoilt).ledger()[0]
+    assert len(every.rows) >= len(table.rows)
+
+
+def test_page_terminal_and_json_show_it(spoilt, tmp_path):
+    spoilt.to_csv(tmp_path / "log.csv", index=False)
+    out = [tmp_path / name for name in ("a.json", "a.html")]
+    run = ["analyze", "two-link", str(tmp_path / "log.csv"), "--quick", "--json", str(out[0])]
+    done = CliRunner().invoke(app, [*run, "--report", str(out[1])])
+    assert done.exit_code == 0, done.output
+    assert "What was done with the logs" in done.output
+    told = json.loads(out[0].read_text())["findings"]
+    (spikes,) = (x for x in told if x["key"] == "spikes")
+    assert (spikes["rows"], spikes["columns"], spikes["level"]) == (2, ["elbow.tau"], "hint")
+    assert "replaced by their neighbours" in out[1].read_text()
