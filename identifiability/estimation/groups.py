@@ -20,15 +20,8 @@ from identifiability.effects import Family
 from identifiability.effects.friction import REVERSALS, ReversalFriction
 from identifiability.effects.functions import FunctionOfSessionTime
 from identifiability.estimation.loads import LOAD
-from identifiability.estimation.mixed_model import (
-    EVERYWHERE,
-    Group,
-    MixedModel,
-    Products,
-    Term,
-    rich_noise,
-)
-from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, Runs
+from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Products, Term
+from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, Runs, rich_noise
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen

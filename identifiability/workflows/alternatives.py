@@ -26,8 +26,8 @@ from identifiability.effects.inertia import ActuatorInertia
 from identifiability.effects.nominal import gravity_torque
 from identifiability.effects.transmission import Hysteresis
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
-from identifiability.estimation.mixed_model import Products, rich_noise
-from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns
+from identifiability.estimation.mixed_model import Products
+from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, rich_noise
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
