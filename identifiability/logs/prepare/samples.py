@@ -220,8 +220,6 @@ class Piece:
     tau : ((N - 1) e + 1, n) [N·m or N]
         Of every sample: e are between two of the motion's.
     decimation : Decimation or None
-    again : int
-        How many of its first samples are the last ones of the piece before.
     dwells : (N, n) bool or None
         Where a joint's torque is no data; None where all is.
     """
@@ -229,7 +227,6 @@ class Piece:
     motion: Motion
     tau: Array
     decimation: signals.Decimation | None
-    again: int = 0
     dwells: np.ndarray | None = None
 
     @property
@@ -416,7 +413,7 @@ class Samples:
         if d is None:
             for start in range(0, len(self.tau), size):
                 rows = slice(start, start + size)
-                yield Piece(self.motion[rows], self.tau[rows], None, 0, self._dwells_in(rows))
+                yield Piece(self.motion[rows], self.tau[rows], None, self._dwells_in(rows))
             return
         step = max(1, size // d.coarse.factor)
         for start, _, count in self._stretches:
@@ -427,13 +424,12 @@ class Samples:
                 some: slice | np.ndarray = slice(begin, end)
                 if d.every > 1:  # a copy, that does not keep what lies between
                     some = np.arange(begin, end, d.every)
-                again = 2 * d.coarse.reach + 1 - d.coarse.factor if first else 0
                 motion, tau = self.motion[some], self.tau[begin:end]
                 if d.every > 1:
                     span = d.every * (motion.t[-1] - motion.t[0]) / (end - 1 - begin)
                     # None is missing between them: they are rows of a log that has no others.
                     motion = replace(motion, span=float(span), kept=motion.kept // d.every)
-                yield Piece(motion, tau, d, again, self._dwells_in(some))
+                yield Piece(motion, tau, d, self._dwells_in(some))
 
     def take(self, rows: slice | np.ndarray) -> Samples:
         """Return some of the samples."""
