@@ -20,8 +20,7 @@ from identifiability.effects import find_families, title_of
 from identifiability.effects.effect import Placed
 from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import Missing
-from identifiability.estimation.mixed_model import SIZES, Group, Term, rise_of
-from identifiability.estimation.noise import JointNoise
+from identifiability.estimation.mixed_model import SIZES, rise_of
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.answers import Cell, Column, Table
 from identifiability.foundation.linalg import NEARLY
@@ -42,8 +41,6 @@ CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
 MOST: Tolerance = 0.99
 #: Instants at most at which something may change.
 INSTANTS = 40
-#: Parts of a block in which an instant is looked for again.
-FINER = 10
 #: Rounds in which noise is that without what is likeliest.
 ROUNDS = 2
 #: Shortest block of time [s], and time constants of drifts in shares of all the time.
@@ -269,11 +266,7 @@ class Scan:
         """Return where each candidate may act, and the log odds of the likeliest drift."""
         products = missing.products(edges=self.edges)
         model, own = missing.model(products), self.candidates
-        terms = tuple(
-            Term(Group(*p.candidate.group, (t.columns,), 0.0), 0, t.variance, 0.0)
-            for p, t in zip(self.naming.parts, self.naming.terms, strict=True)
-        )
-        s = model.solve(terms)
+        s = model.solve()
         at = np.concatenate([c.columns for c in own]) + missing.fixed
         columns = np.concatenate([at, s.columns, [products.width]])
         scale = np.append(model.scale, 1.0)[columns]
@@ -344,19 +337,6 @@ class Scan:
                 )
         return stays, drift
 
-    def finer(self, stay: Stay) -> Scan:
-        """Return the same with small blocks about the ends of the likeliest of a stay."""
-        k, first = int(np.argmax(stay.odds)), int(self.count[: stay.log].sum())
-        own = np.array(self.edges[first : first + int(self.count[stay.log]) + 1])
-        ends = [int(x[k]) for x in (stay.first, stay.last) if 0 < x[k] < self.count[stay.log]]
-        cuts = [np.linspace(own[e - 1], own[e + 1], 2 * FINER + 1) for e in ends]
-        fine = np.unique(np.concatenate([own, *cuts]).astype(int))
-        count, stop = self.count.copy(), first + len(own)
-        count[stay.log] = len(fine) - 1
-        return replace(
-            self, edges=[*self.edges[:first], *fine.tolist(), *self.edges[stop:]], count=count
-        )
-
     def _drifts(self) -> Array:
         """Return how a drift may go, in each block (s, blocks): in one log, or in the session."""
         seen, logs = self.naming.fitted.seen, np.repeat(np.arange(len(self.count)), self.count)
@@ -374,14 +354,6 @@ class Scan:
             for course in (1.0 - x, np.exp(-x / DECAYS[0]), np.exp(-x / DECAYS[1])):
                 out += [np.nan_to_num(course), np.nan_to_num(1.0 - course)]
         return np.array(out)
-
-    def white(self) -> Missing:
-        """Return all beside white noise as large as what the fit leaves: where to begin to look."""
-        naming = self.naming
-        left = naming.left(range(len(naming.parts)), naming.fit(range(len(naming.parts))))
-        size = np.sqrt(np.sum(left**2, axis=0) / naming.fitted.counts)
-        noise = tuple(JointNoise(np.empty(0), max(float(s), 1e-300)) for s in size)
-        return replace(self.missing, given=noise)
 
     def without(self, stay: Stay) -> Missing:
         """Return all beside the noise that there is where the likeliest of a stay does not act."""
@@ -416,26 +388,19 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
     scan = Scan.of(naming, families)
     if not scan.candidates:
         return None
-    stays, drift = scan.stays(scan.white())
-    missing = scan.missing
+    stays, drift = scan.stays(scan.missing)
     for _ in range(ROUNDS):
-        best = _best(stays)
-        if best is None:
+        if not stays:
             return None
-        missing = scan.without(best)
-        stays, drift = scan.stays(missing)
-        again = _best(stays)
-        if again is not None and again.where == best.where:
+        best = _best(stays)
+        stays, drift = scan.stays(scan.without(best))
+        if _best(stays).where == best.where:
             break
-    found, best = _likeliest(scan, stays, drift), _best(stays)
-    if found is None or best is None or found.whole:
-        return found
-    finer = scan.finer(best)
-    return _likeliest(finer, finer.stays(missing)[0], drift) or found
+    return _likeliest(scan, stays, drift)
 
 
-def _best(stays: Sequence[Stay]) -> Stay | None:
-    return max(stays, key=lambda x: float(x.odds.max()), default=None)
+def _best(stays: Sequence[Stay]) -> Stay:
+    return max(stays, key=lambda x: float(x.odds.max()))
 
 
 def _held(c: Candidate) -> Candidate:
@@ -482,7 +447,7 @@ def _likeliest(scan: Scan, stays: Sequence[Stay], drift: float) -> Change | None
     stays for good, and no drift, may be a rival. Of two logs nobody knows which is odd.
     """
     naming, edges, count = scan.naming, scan.edges, scan.count
-    best = max(stays, key=lambda x: float(x.odds.max()))
+    best = _best(stays)
     k, odds = int(np.argmax(best.odds)), float(best.odds.max())
     lasting = max(drift, *(t.odds for t in naming.after)) if naming.after else drift
     lasts = best.last[k] - best.first[k] == count[best.log]

@@ -279,13 +279,8 @@ class _Asked:
         looked = look(setting, self.effects)
         self.session.say("naming effects", 0.3)
         change = None if setting.fixed else find_change(looked, self.effects)
-        named = None
-        if change is None or change.whole:
-            named = name_missing(looked)
-            if named.parts and not setting.fixed:
-                change = find_change(named, self.effects)
         without = None if change is None else leave_out(setting, change)
-        named = named or name_missing(looked)
+        named = name_missing(looked)
         if without is None:
             return named
         # Unseen rows cannot show what changed, but that nothing did.
