@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from identifiability import analyze
 from identifiability.cli import app
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.noise import ResidualNoise, find_runs, fit_residual_noise
+from identifiability.estimation.noise import JointRuns, ResidualNoise, find_runs, fit_residual_noise
 from identifiability.foundation.numbers import REACH, clustered_share, exact_share
 from identifiability.foundation.options import OptionError
 from identifiability.regression.regression import Model, Regression
@@ -32,6 +32,10 @@ from .posterior.ranking import build_target, calibrate_posterior
 @pytest.fixture(scope="module")
 def analysis(simulated_session):
     return analyze("3-rps", simulated_session("3-rps", "601", 0), replicates=0)
+
+
+def runs_of(rows, runs):
+    return JointRuns((tuple(runs),) * rows.shape[1])
 
 
 def outcomes(analysis, noise, trials):
@@ -207,7 +211,7 @@ def test_noise_is_seen_through_what_the_fit_swallows(analysis):
     rho, naive, seen, sizes = 0.97, [], [], []
     for seed in range(4):
         noise = 50.0 * ar1(np.random.default_rng(seed), rho, len(W), 3)
-        found = fit_residual_noise(noise, W, [(0, len(W))])
+        found = fit_residual_noise(noise, W, runs_of(noise, [(0, len(W))]))
         seen += [p[0] if len(p) else 0.0 for p in found.pacf]
         sizes += found.sd.tolist()
         left = noise[:, 0] - W[:, 0] @ np.linalg.lstsq(W[:, 0], noise[:, 0], rcond=None)[0]
@@ -223,7 +227,7 @@ def test_noise_of_higher_order_and_gaps_between_stretches_are_kept():
     truth = ResidualNoise((np.array([0.6, -0.5]), np.empty(0)), np.array([2.0, 1.0]))
     runs = [(0, 2000), (2000, 6000)]
     noise = truth.simulate(runs, np.random.default_rng(0))
-    found = fit_residual_noise(noise, np.ones((6000, 2, 1)), runs)
+    found = fit_residual_noise(noise, np.ones((6000, 2, 1)), runs_of(noise, runs))
     assert found.orders == (2, 0)
     np.testing.assert_allclose(found.pacf[0], truth.pacf[0], atol=4 * 6000**-0.5)
     np.testing.assert_allclose(found.sd, truth.sd, rtol=0.1)
@@ -236,15 +240,15 @@ def test_noise_of_higher_order_and_gaps_between_stretches_are_kept():
     across = np.corrcoef(pairs[1:-1:2, 0], pairs[2::2, 0])[0, 1]
     assert inside == pytest.approx(0.9, abs=0.02)
     assert abs(across) < 4 * 2000**-0.5
-    assert fit_residual_noise(pairs, np.ones((4000, 1, 1)), many).pacf[0][0] > 0.85
+    assert fit_residual_noise(pairs, np.ones((4000, 1, 1)), runs_of(pairs, many)).pacf[0][0] > 0.85
 
 
 def test_a_log_without_noise_is_calibrated_without_a_word(analysis):
     W = np.random.default_rng(0).normal(size=(200, 2, 5))
-    found = fit_residual_noise(W @ np.arange(5.0), W, [(0, 200)])
+    found = fit_residual_noise(W @ np.arange(5.0), W, runs_of(W, [(0, 200)]))
     assert found.orders == (0, 0)
     assert (found.sd < 1e-12).all()
-    zero = fit_residual_noise(np.zeros((200, 2)), W, [(0, 200)])
+    zero = fit_residual_noise(np.zeros((200, 2)), W, runs_of(W, [(0, 200)]))
     np.testing.assert_array_equal(zero.sd, 0.0)
 
 

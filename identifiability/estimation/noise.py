@@ -110,11 +110,6 @@ def take_data(runs: Runs, y: Array, *others: Array) -> tuple[Runs, list[Array]]:
     return list(pairwise(ends)), [x[inside] for x in (y, *others)]
 
 
-def runs_of(runs: Runs | JointRuns, joint: int) -> Runs:
-    """Return the stretches of a joint."""
-    return runs.each[joint] if isinstance(runs, JointRuns) else runs
-
-
 def levinson(pacf: Array) -> tuple[list[Array], Array]:
     """Return predictors of order 0 … p and their error variances, the last one 1.
 
@@ -308,52 +303,52 @@ class RestrictedLikelihood:
 
     Parameters
     ----------
-    lagged : LaggedProducts
-        Of an orthonormal basis (N, k) and of what it leaves of a series of unit length.
-    left : float
-        Sum of squares of what it leaves.
-    scale : float
-        Length of the series.
+    y : (N,)
+    basis : (N, k)
+        Orthonormal, of what is fixed.
+    runs : Runs
+    random : sequence of (N, …), optional
+        What may be random.
     floor : float, optional
-    prior : (k,), optional
+
+    Attributes
+    ----------
+    prior : (k + …,)
         Precision of what is random, in that of the innovations; zero for what is fixed, as all is
-        by default.
+        at first.
     """
 
     def __init__(
         self,
-        lagged: LaggedProducts,
-        left: float,
-        scale: float,
+        y: Array,
+        basis: Array,
+        runs: Runs,
+        random: Sequence[Array] = (),
         floor: float = FLOOR,
-        prior: Array | None = None,
     ) -> None:
-        self.lagged, self.scale, self.k = lagged, scale, lagged.products.shape[1] - 1
-        self.rows = lagged.rows
-        self.prior = np.zeros(self.k) if prior is None else prior
-        self.dof = max(self.rows - int(np.sum(self.prior == 0)), 1)
-        self.floor = floor * left / self.rows
-        self.left = left * scale**2 / self.dof
+        self.scale = float(np.linalg.norm(y)) or 1.0
+        beside = y / self.scale
+        beside = beside - basis @ (basis.T @ beside)
+        Z = np.concatenate([basis, *random], axis=1)
+        # By a pivoted factor: singular values do not always converge.
+        rest = beside - Z @ scipy.linalg.lstsq(Z, beside, lapack_driver="gelsy")[0]
+        self.lagged = LaggedProducts.of(np.column_stack([Z, beside]), runs)
+        self.rows, self.k = self.lagged.rows, Z.shape[1]
+        self.fixed = float(beside @ beside)
+        self.floor = floor * float(rest @ rest) / self.rows
+        self.prior = np.zeros(self.k)
+        self.left = float(rest @ rest) * self.scale**2 / self.dof
+        self.rounding = float(rest @ rest) <= RESIDUAL_ROUNDING**2
 
     @property
-    def silent(self) -> bool:
-        """Whether what is left is rounding."""
-        return bool(self.left * self.dof <= (RESIDUAL_ROUNDING * self.scale) ** 2)
-
-    @staticmethod
-    def of(y: Array, basis: Array, runs: Runs, floor: float = FLOOR) -> RestrictedLikelihood:
-        """Return that of a series y (N,) beside an orthonormal basis (N, k)."""
-        scale = float(np.linalg.norm(y)) or 1.0
-        left = y / scale
-        left = left - basis @ (basis.T @ left)
-        lagged = LaggedProducts.of(np.column_stack([basis, left]), runs)
-        return RestrictedLikelihood(lagged, float(left @ left), scale, floor)
+    def dof(self) -> int:
+        """Rows beside what is fixed, one at least."""
+        return max(self.rows - int(np.sum(self.prior == 0)), 1)
 
     def with_prior(self, prior: Array) -> RestrictedLikelihood:
         """Return that of the same rows under another prior (k,)."""
         other = copy(self)
         other.prior = prior
-        other.dof = max(self.rows - int(np.sum(prior == 0)), 1)
         return other
 
     def deviances(self, theta: Array, at: np.ndarray, precisions: Array) -> Array:
@@ -434,7 +429,7 @@ class RestrictedLikelihood:
         None explains more than the highest: orders between are tried while they may pay by that.
         """
         best = theta = np.empty(0)
-        if self.silent:
+        if self.rounding:
             return best
         price, least, lowest = np.log(self.dof), self.deviance(best), -np.inf
         for order in range(1, HIGHEST_ORDER + 1):
@@ -489,26 +484,14 @@ class JointNoise:
 ARNoise = tuple[JointNoise, ...]
 
 
-def span_columns(blocks: Sequence[Array], most: int) -> Array:
-    """Return an orthonormal basis (N, k) of blocks of columns, block by block while there is room.
-
-    Of a block that does not fit whole the directions that stand out most are taken.
-    """
-    basis = np.empty((len(blocks[0]), 0))
-    for block in blocks:
-        length = np.linalg.norm(block, axis=0)
-        unit = block[:, length > 0] / length[length > 0]
-        left = unit - basis @ (basis.T @ unit)
-        left -= basis @ (basis.T @ left)
-        if not left.shape[1] or basis.shape[1] >= most:
-            continue
-        # Of the products: the singular value decomposition of some blocks does not converge.
-        squares, vectors = np.linalg.eigh(left.T @ left)
-        first = max(
-            int((squares <= RULES.column_short**2).sum()), len(squares) - (most - basis.shape[1])
-        )
-        kept = (left @ (vectors[:, first:] / np.sqrt(squares[first:])))[:, ::-1]
-        basis = np.column_stack([basis, kept])
+def span_columns(X: Array, most: int) -> Array:
+    """Return an orthonormal basis (N, k) of columns: so many directions that stand out at most."""
+    length = np.linalg.norm(X, axis=0)
+    unit = X[:, length > 0] / length[length > 0]
+    # Of the products: the singular value decomposition of some columns does not converge.
+    squares, vectors = np.linalg.eigh(unit.T @ unit)
+    first = max(int((squares <= RULES.column_short**2).sum()), len(squares) - most)
+    basis: Array = (unit @ (vectors[:, first:] / np.sqrt(squares[first:])))[:, ::-1]
     return basis
 
 
@@ -530,24 +513,17 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
     if not len(y):
         return silent
     most = int(RULES.columns_most * len(y))
-    basis = span_columns([X], most)
+    basis = span_columns(X, most)
     # As many columns as rows would leave nothing, and no noise.
     parts, room = list[Array](), 2 * most - basis.shape[1]
     for part in map(_principal, random):
         if 0 < part.shape[1] <= room:
             parts.append(part)
             room -= part.shape[1]
-    scale = float(np.linalg.norm(y)) or 1.0
-    left = y / scale
-    left = left - basis @ (basis.T @ left)
-    Z = np.concatenate([basis, *parts], axis=1)
-    # By a pivoted factor: singular values do not always converge.
-    rest = left - Z @ scipy.linalg.lstsq(Z, left, lapack_driver="gelsy")[0]
-    lagged = LaggedProducts.of(np.column_stack([Z, left]), runs)
-    every = RestrictedLikelihood(lagged, float(rest @ rest), scale)
-    if every.silent:  # what rounding leaves says nothing, unless something that is missing is exact
-        exact = JointNoise(np.empty(0), NEARLY * scale / np.sqrt(len(y)))
-        return exact if left @ left > NEARLY**2 else silent
+    every = RestrictedLikelihood(y, basis, runs, parts)
+    if every.rounding:  # it says nothing, unless something that is missing is exact
+        exact = JointNoise(np.empty(0), NEARLY * every.scale / np.sqrt(len(y)))
+        return exact if every.fixed > NEARLY**2 else silent
     owner = np.repeat(np.arange(-1, len(parts)), [basis.shape[1], *(p.shape[1] for p in parts)])
     found = [_settle(every, owner, np.full(len(parts), start)) for start in (PRECISIONS[-1], 1.0)]
     _, best, prior = min(found, key=lambda x: x[0])
@@ -608,10 +584,6 @@ def _principal(Z: Array) -> Array:
 # 1977].
 
 
-#: Rows that are fitted; more tell nothing new of the noise.
-MOST_ROWS = 20_000
-
-
 @frozen
 class ResidualNoise:
     """Stationary autoregressive noise; actuators are independent.
@@ -669,22 +641,18 @@ class ResidualNoise:
         return out * self.innovation
 
 
-def fit_residual_noise(tau: Array, W: Array, runs: Runs | JointRuns) -> ResidualNoise:
+def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> ResidualNoise:
     """Return the noise of torque beside the columns that are fitted to it.
 
     Parameters
     ----------
     tau : (N, n)
     W : (N, n, k)
-    runs : sequence of (start, stop)
-        Stretches without gaps.
+    runs : JointRuns
+        Stretches of data without gaps.
     """
-    each = [
-        rich_noise(
-            [W[:, j]], y, [(a, min(b, MOST_ROWS)) for a, b in runs_of(runs, j) if a < MOST_ROWS]
-        )
-        for j, y in enumerate(tau.T)
-    ]
+    pairs = zip(tau.T, runs.each, strict=True)
+    each = [rich_noise([W[:, j]], y, own) for j, (y, own) in enumerate(pairs)]
     innovation = np.array([own.sigma for own in each])
     return ResidualNoise(
         tuple(own.pacf for own in each), np.where(np.isfinite(innovation), innovation, 0.0)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from identifiability.estimation.noise import (
+    JointRuns,
     autocovariance,
     colour,
     fit_residual_noise,
@@ -53,7 +54,7 @@ def test_slow_noise_is_not_taken_for_fast_noise_beside_many_smooth_columns():
         y = np.concatenate([ar1((90,), 0.8, rng) for _ in range(4)])
         left = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
         naive.append(left[1:] @ left[:-1] / (left @ left))
-        noise = fit_residual_noise(y[:, None], columns[:, None], runs)
+        noise = fit_residual_noise(y[:, None], columns[:, None], JointRuns((tuple(runs),)))
         covariance = autocovariance(noise.pacf[0], 1)
         fitted.append(covariance[1] / covariance[0])
     assert np.mean(naive) < 0.6
