@@ -19,8 +19,7 @@ import numpy as np
 from scipy.special import logsumexp, softmax
 
 from identifiability.effects import find_families
-from identifiability.estimation.groups import Excerpt, Missing
-from identifiability.estimation.loads import LOAD
+from identifiability.estimation.groups import LOAD, Excerpt, Missing
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
     RIDGE,

@@ -45,8 +45,7 @@ from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
-from identifiability.workflows.alternatives import Alternative, find_alternative
-from identifiability.workflows.gravity import about_gravity
+from identifiability.workflows.alternatives import Alternative, about_gravity, find_alternative
 from identifiability.workflows.oddities import (
     MeasuredLogs,
     Reading,

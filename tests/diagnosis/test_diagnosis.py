@@ -19,7 +19,7 @@ from identifiability.robot import Robot
 from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.diagnose.findings import Rival, headline
 from identifiability.workflows.diagnose.motion import STRETCH, prepare_rows, thin
-from identifiability.workflows.diagnose.rows import explained_share
+from identifiability.workflows.diagnose.problem import explained_share
 
 HIDDEN = "stribeck_friction@slider1+slider3=0.03"
 #: What it may be, with what it resembles and what no motion here shows.

@@ -14,9 +14,9 @@ from identifiability.robot.description import Tilt
 from identifiability.robot.kinematics import turn
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.simulation.mujoco_robot import MujocoRobot
+from identifiability.workflows.alternatives import about_gravity
 from identifiability.workflows.export import export
 from identifiability.workflows.export.workflow import write_parameters
-from identifiability.workflows.gravity import about_gravity
 
 ANGLES = (1.0, 30.0, 90.0, 180.0)
 

@@ -33,8 +33,7 @@ from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.columns import Candidate, is_body, list_candidates, number
 from identifiability.workflows.diagnose.findings import call
 from identifiability.workflows.diagnose.naming import Naming
-from identifiability.workflows.diagnose.problem import Setting
-from identifiability.workflows.diagnose.rows import Rows
+from identifiability.workflows.diagnose.problem import Rows, Setting
 
 #: What may begin and end while a robot is logged: a load, a brake or dirt, a counterweight.
 CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
