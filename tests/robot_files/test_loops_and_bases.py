@@ -28,7 +28,7 @@ def test_a_closure_by_body_and_anchor_closes_where_the_file_is_drawn(bodies, agr
 def test_a_loop_of_the_sidecar_may_end_in_the_world(load_text):
     text = parallelogram("", home="0.7 -0.7")
     loop = '[[loops]]\nbody1 = "world"\npoint1 = [0.6, 0, 0]\nbody2 = "rocker"\n'
-    robot = load_text(text, sidecar=loop + 'point2 = [-0.4, 0, 0]\naxes = ["x", "z"]')
+    robot = load_text(text, sidecar=loop + "point2 = [-0.4, 0, 0]")
     assert robot.passive == ("knee", "heel")
 
 
@@ -89,7 +89,7 @@ def test_a_floating_robot_with_loops_of_its_own_floats_and_a_free_platform_lacks
         "<worldbody>", f"<worldbody>{plate}"
     )
     with pytest.raises(
-        RobotError, match=r"The free joint 'f' can only be passive in a closed loop"
+        RobotError, match=r"Ball and floating joints \(f\) can only be passive in a closed loop"
     ):
         load_text(text)
     # Tied to nothing that a motor moves it is an object beside the robot.
@@ -99,7 +99,7 @@ def test_a_floating_robot_with_loops_of_its_own_floats_and_a_free_platform_lacks
 @pytest.mark.parametrize("actuator", [MOTORS, "", '<actuator><motor joint="shoulder"/></actuator>'])
 def test_a_ball_joint_is_told_and_the_advice_helps(actuator, load_text):
     text = BALL.replace(MOTORS, actuator)
-    with pytest.raises(RobotError, match=r"ball.*'elbow'.* three hinges in one body"):
+    with pytest.raises(RobotError, match=r"elbow.* three hinges in one body"):
         load_text(text)
     hinges = [f'<joint name="elbow_{a}" axis="{x}"/>'
               for a, x in zip("xyz", ("1 0 0", "0 1 0", "0 0 1"), strict=True)]  # fmt: skip

@@ -185,7 +185,7 @@ LINK = {"name": "a", "joint": "j"}
         (lambda r: r.with_body("link2", inertia=(1, 1, 9)), RobotError, "No real body"),
         (lambda r: r.with_body("link2", centre=(1, 2)), RobotError, "a centre of three numbers"),
         (lambda r: r.with_values({"link2.q": 1.0}), RobotError, "no parameter 'link2.q'"),
-        (lambda r: r.with_lock(["knee"]), RobotError, "no joint 'knee'"),
+        (lambda r: r.with_lock(["knee"]), RobotError, "names 'knee', which"),
         (lambda r: r.save("arm.pdf"), Exception, "does not end in .xml or .urdf"),
         (lambda _: Robot.build([{**LINK, "d": 1}]), RobotError, "has 'd', which"),
         (lambda _: Robot.build([{**LINK, "axis": (0, 0, 0)}]), RobotError, "zero"),

@@ -13,12 +13,9 @@ from identifiability.estimation.bootstrap import bootstrap, merge_blocks, scatte
 from identifiability.estimation.estimate import estimate, find_estimator, register_estimator
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.least_squares import OrdinaryLeastSquares, refit
-from identifiability.estimation.refits import Asked, Equations
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.options import OptionError
-from identifiability.workflows.prune.elimination import Remaining, assess_stability, find_path
-from identifiability.workflows.prune.moves import Kind, Move
 
 from .made import gather
 
@@ -154,81 +151,6 @@ def test_what_a_fit_finds_of_columns_is_what_its_estimator_says(rows):
         found = Ridge.shrink_by(estimator, M, R) if isinstance(estimator, Ridge) else None
         found = np.linalg.lstsq(R @ M, R, rcond=None)[0] if found is None else found
         np.testing.assert_allclose(exact, found, rtol=1e-8, atol=1e-12)
-
-
-class Halved(OrdinaryLeastSquares):
-    """Inherits everything but its refits."""
-
-    def refit(self, information, fit, counts):
-        return super().refit(information, fit, counts) / 2
-
-
-def pruned(method):
-    """Return the search and the stability of a path over columns of which one is idle."""
-    rng = np.random.default_rng(5)
-    W = rng.normal(size=(640, 2, 6)) @ (0.3 + np.eye(6))
-    W[:, :, 5] = W[:, :, 0]
-    tau = W @ [1.0, 1.0, 0.0, -2.0, 0.02, 0.0] + 0.3 * rng.normal(size=(640, 2))
-    search = find_path(
-        gather(W, tau, size=10), method=method,
-        suggested=[Move(Kind.TIE, tie=(("p0", "p1"),)), Move(Kind.TIE, tie=(("p3", "p4"),))],
-    )  # fmt: skip
-    stable = assess_stability(
-        search, search.steps[search.choose()].partition,
-        np.random.default_rng(6), replicates=20, length=10.0,
-    )  # fmt: skip
-    return search, stable
-
-
-def test_refits_that_are_asked_for_prune_as_updates_do():
-    """The estimator's own refits, one by one, and the updates of least squares: one path."""
-    (quick, first), (asked, second) = pruned("ols"), pruned(Plain())
-    assert isinstance(quick.whitened.refitter, Equations)
-    assert isinstance(asked.whitened.refitter, Asked)
-    assert len(quick.steps) == len(asked.steps) == 7
-    for a, b in zip(quick.steps, asked.steps, strict=True):
-        assert a.move == b.move
-        np.testing.assert_array_equal(a.partition.group, b.partition.group)
-        np.testing.assert_allclose(b.values, a.values, rtol=1e-6, atol=1e-9)
-        np.testing.assert_allclose(b.score.squares, a.score.squares, rtol=1e-6)
-        # Of a rest an estimator of one's own says values, and its errors by the share it is.
-        np.testing.assert_allclose(b.score.density, a.score.density, rtol=0.02, atol=0.1)
-    assert [r.move for r in quick.refused] == [r.move for r in asked.refused]
-    np.testing.assert_array_equal(first.sizes, second.sizes)
-    np.testing.assert_array_equal(first.survives, second.survives)
-
-
-def test_every_model_of_a_path_is_refitted_by_the_estimator_without_each_fold():
-    search, _ = pruned(method := Ridge(1.0))
-    information = search.whitened.refitter.information
-    counts = np.vstack([np.ones(64), search.whitened.folds.train])
-    for step in search.steps[1:]:
-        M = step.partition.matrix[:5]
-        part = information.reduce(M, [f"c{k}" for k in range(M.shape[1])])
-        refits = method.refit(part, method.fit(part), counts) @ M.T
-        np.testing.assert_allclose(step.values[:, :5], refits, rtol=1e-7, atol=1e-9)
-    # What it costs to lose a column is the rise of the estimator's own loss.
-    F = method.loss(information, method.fit(information))
-    first = search.steps[2]  # after the idle column
-    models = (np.eye(5), first.partition.matrix[:5])
-    least = [np.linalg.lstsq(F[:, :5] @ M, F[:, 5], rcond=None)[1][0] for M in models]
-    rise = Remaining.of(search.whitened.fit()).cost(first.move)
-    assert rise == pytest.approx(least[1] - least[0], rel=1e-6)
-
-
-def test_blocks_that_are_drawn_twice_curve_the_loss_of_asked_refits_twice():
-    search, _ = pruned(Plain())
-    once = np.ones(len(search.whitened.folds.test))
-    for many in (1, 2):
-        train = search.whitened.folds.train
-        found = search.whitened.refitter.start(train, many * once).curvature
-        np.testing.assert_allclose(found, many * np.eye(len(found)), atol=1e-9)
-
-
-def test_who_inherits_from_least_squares_and_refits_otherwise_is_asked():
-    plain, halved = (pruned(m)[0].steps[0] for m in (OrdinaryLeastSquares(), Halved()))
-    np.testing.assert_allclose(halved.values, plain.values / 2, rtol=1e-6)
-    assert halved.score.squares.sum() > 2 * plain.score.squares.sum()
 
 
 def test_analysis_and_pruning_follow_the_estimator(ridge, simulated):

@@ -87,23 +87,6 @@ def test_the_joint_whose_error_grows_in_a_log_is_seen():
     np.testing.assert_allclose(m.errors, [[0.1, 0.1], [0.1, 1.0], [0.1, 0.1]], rtol=0.1)
 
 
-@pytest.mark.everything
-def test_the_interval_holds_another_motions_values_where_motions_scatter():
-    held, plain, alone = [], [], []
-    for seed in range(40):
-        rng = np.random.default_rng([8, seed])
-        scatter = 0.25 * rng.standard_normal((5, 4)) * [1.0, 3.0, 0.5, 1.0]
-        m, fit = compare(VALUES + scatter[:4], [9, seed])
-        sigma = np.sqrt(1.0 / (m.sd**-2.0).sum(0))
-        off = np.abs(VALUES + scatter[4] - fit.value)
-        held.append(off <= 1.96 * np.hypot(sigma, m.between))
-        plain.append(off <= 1.96 * sigma)
-        alone.append(np.abs(m.values - fit.value) <= 1.96 * np.hypot(sigma, m.between))
-    assert np.mean(plain) < 0.6
-    assert np.mean(held) >= 0.9  # ± .02
-    assert np.mean(alone) >= 0.95
-
-
 def test_the_variance_ratio_is_that_of_the_values():
     ratios, truth = [], []
     for seed in range(24):

@@ -11,7 +11,7 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import assess_uncertainty, recurrence
 from identifiability.estimation.verdict import Class
 
-from .made import ar1, fit_of, gather
+from .made import ar1, gather
 
 
 def assess(samples, columns=4, *, rho=0.0, actuators=2, size=1, replicates=100, seed=0):
@@ -36,11 +36,6 @@ def judged(fit, found, rules=None):
 
 def kinds(verdicts):
     return {v.verdict for v in verdicts}
-
-
-def test_the_word_is_public_and_the_threshold_is_stated():
-    assert Class.NOT_JUDGED.value == "not judged"
-    assert Thresholds().outputs_per_parameter == 3.0
 
 
 @pytest.mark.parametrize(("least", "judges"), [(3.0, True), (100.0, False)])
@@ -112,23 +107,6 @@ def test_without_bootstrap_and_scores_the_robust_deviation_is_not_the_white_one(
     verdicts = judged(fit, found)
     assert kinds(verdicts) == {Class.NOT_JUDGED}
     assert "the bootstrap needs 8" in verdicts[0].reason
-
-
-def test_without_scores_nothing_is_judged():
-    fit, found = assess(200, size=20)  # ten blocks: enough for one road, too few for the other
-    assert found.bootstrap is not None
-    assert found.scores is None
-    assert kinds(judged(fit, found)) == {Class.NOT_JUDGED}
-
-
-def test_what_the_motion_leaves_open_is_said_as_before():
-    evidence = Grounds(
-        fit_of([1.0, 2.0], [0.01, 0.01], [False, True]), np.array([np.inf, 0.01]), np.ones(2),
-        np.ones(2), np.ones(2), 1.0, ("Only with another.", ""), ("Too short.",) * 2,
-    )  # fmt: skip
-    first, second = decide(["label"] * 2, ["kg"] * 2, evidence)
-    assert (first.verdict, first.reason) == (Class.NOT_IDENTIFIABLE, "Only with another.")
-    assert (second.verdict, second.reason) == (Class.NOT_JUDGED, "Too short.")
 
 
 @pytest.mark.parametrize("logs", [(20,), (43,), (20, 23), (17, 13, 13)])
