@@ -24,8 +24,9 @@ from identifiability.effects import FAMILIES, Family
 from identifiability.effects.friction import REVERSALS, ReversalFriction
 from identifiability.effects.functions import FunctionOfSessionTime
 from identifiability.effects.nominal import has_masses, reference_values
-from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Products
+from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Products, Term
 from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, Runs, rich_noise
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
@@ -110,6 +111,8 @@ def fit_loads(structure: Structure, X: Array, y: Array, data: np.ndarray) -> Rob
 EXCERPT = (6_000, 6, 1_000)
 #: Families of bodies, with typical values of their kinds.
 BODIES = {"rigid_body": LOAD, "payload": {f"payload_{kind}": x for kind, x in LOAD.items()}}
+#: Names at most beside which the noise of a joint is measured.
+NAMED = 3
 #: Blocks of rows over which gains on unseen motion are summed.
 BLOCKS = 10
 
@@ -283,8 +286,10 @@ class Missing:
         ]
         return sorted(whole, key=lambda c: (not c.family.unnamed, c.family.rank))
 
-    def joint_noise(self, joint: int, runs: Runs) -> JointNoise:
-        """Return the noise of a joint in some stretches.
+    def joint_noise(
+        self, joint: int, runs: Runs, named: Sequence[Sequence[int]] = ()
+    ) -> JointNoise:
+        """Return the noise of a joint in some stretches, beside columns of names, too.
 
         How logs of a session differ says nothing of its memory within them.
         """
@@ -296,13 +301,39 @@ class Missing:
             for x in self._acting_in(joint, c.columns)
         ]
         smooth = [c.columns for c in self._smooth if c.family.name != FunctionOfSessionTime.name]
-        random = [self._acting_in(joint, columns) for columns in smooth]
+        random = [self._acting_in(joint, columns) for columns in (*named, *smooth)]
         blocks = [np.column_stack([X[:, X.any(0)], *session])]
         blocks += [np.stack(x, 1) for x in random if x]
         return rich_noise(blocks, self.seen.y[:, joint], runs)
 
     def _acting_in(self, joint: int, columns: Sequence[int]) -> list[Array]:
         return [self.entries[joint, k] for k in columns if (joint, k) in self.entries]
+
+    def beside(self, likely: Sequence[Term]) -> Missing:
+        """Return the same with the noise beside what is nearly named, too, the likeliest first.
+
+        No function has what passive joints, or the way that led to a state, add to the torque:
+        noise that was measured without that would have it for its own, and hide it.
+        """
+        near = RULES.name - RULES.rival
+        named: dict[int, list[list[int]]] = defaultdict(list)
+        for t in likely:
+            family = self.sets[t.key][0][0].family
+            if family.unnamed or t.group.place == EVERYWHERE or t.odds < near:
+                continue
+            columns = (t.columns - self.fixed).tolist()
+            for j in {j for j, k in self.entries if k in columns}:
+                named[j] += [columns] * (len(named[j]) < NAMED)
+        if not named:
+            return self
+        noise = [
+            self.joint_noise(j, self.seen.runs.each[j], named[j]) if named[j] else own
+            for j, own in enumerate(self.noise)
+        ]
+        other = replace(self, given=tuple(noise))
+        same = ("entries", "acting", "scale", "sets", "groups")
+        vars(other).update({name: vars(self)[name] for name in same if name in vars(self)})
+        return other
 
     def products(
         self,

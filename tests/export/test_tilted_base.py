@@ -12,7 +12,6 @@ from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import turn
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.simulation.mujoco_robot import MujocoRobot
-from identifiability.workflows.alternatives import about_gravity
 from identifiability.workflows.export import export
 from identifiability.workflows.export.workflow import write_parameters
 

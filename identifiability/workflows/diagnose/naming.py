@@ -239,6 +239,10 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
     missing = Missing(every, fitted.seen, root, noise)
     model = missing.model()
     before = tuple(model.gains())
+    again = missing.beside(before)
+    if again is not missing:
+        missing, model = again, again.model()
+        before = tuple(model.gains())
     found = Naming(
         setting=setting,
         fitted=fitted,
