@@ -6,10 +6,10 @@ What to use when:
 - `inspect` needs no logs: what a robot file holds, which columns a log must have; with logs it says
   what is in them and what is odd about them;
 - `prune` finds the reduced model that is worth using, `diagnose` what a model misses;
-- `predict` of a result gives torque along other logs, and `from_json` reads a result back for it;
+- `predict` gives torque along other logs by a result, or with ``forward=True`` the positions to
+  which commands or torques move its robot; `from_json` reads a result back;
 - `payload` weighs what hangs on a body of a robot that was fitted without it, `compare` says what
   changed between two logs or results;
-- `rollout` moves robots by logged commands and says by how much their positions err;
 - `analyze_many` asks the same of many robots: one table, and a page each;
 - `calibrate` measures how far the answers can be trusted, `export` writes them as a robot file;
 - `Robot.load` and `Log.read` read files; `simulate` makes logs of a robot that is known;
@@ -20,6 +20,8 @@ What to use when:
 Names are imported when they are first used: ``import identifiability`` is quick.
 """
 
+# ruff: noqa: I001 - a type checker wants each name twice, and isort then a line for each
+
 from __future__ import annotations
 
 from importlib import import_module
@@ -28,34 +30,52 @@ from typing import TYPE_CHECKING, Any
 from identifiability.foundation import __version__, hand_down
 
 if TYPE_CHECKING:
-    from identifiability.effects.effect import Effect
-    from identifiability.estimation.estimate import estimate
-    from identifiability.estimation.estimator import Estimate
-    from identifiability.estimation.rules import Thresholds
-    from identifiability.estimation.verdict import Verdict
-    from identifiability.foundation.errors import IdentifiabilityError
-    from identifiability.logs import Log
-    from identifiability.logs.prepare import Preparation, Samples, prepare_samples
-    from identifiability.regression.gather import gather_information
-    from identifiability.regression.information import Information
-    from identifiability.regression.regression import Model, Regression
-    from identifiability.regression.structure import BaseParameters, find_base_parameters
-    from identifiability.report import plot
-    from identifiability.robot import Motion, Robot
-    from identifiability.simulation import Noise, Trajectory, simulate
-    from identifiability.workflows.analyze import Analysis, analyze
-    from identifiability.workflows.calibrate.calibration import Calibration, calibrate
-    from identifiability.workflows.compare import Comparison, compare
-    from identifiability.workflows.diagnose import Diagnosis, diagnose
-    from identifiability.workflows.excite import Excitation, excite
-    from identifiability.workflows.export import Exported, export
-    from identifiability.workflows.inspect import Inspection, inspect
-    from identifiability.workflows.many import Fleet, analyze_many
-    from identifiability.workflows.payload import Load, payload
-    from identifiability.workflows.predict import Fit, TorquePrediction
-    from identifiability.workflows.prune import Ladder, prune
-    from identifiability.workflows.rollout import RolledOut, rollout
-    from identifiability.workflows.study import Study, new_study
+    from identifiability.effects.effect import Effect as Effect
+    from identifiability.estimation.estimate import estimate as estimate
+    from identifiability.estimation.estimator import Estimate as Estimate
+    from identifiability.estimation.rules import Thresholds as Thresholds
+    from identifiability.estimation.verdict import Verdict as Verdict
+    from identifiability.foundation.errors import IdentifiabilityError as IdentifiabilityError
+    from identifiability.logs import Log as Log
+    from identifiability.logs.prepare import (
+        Preparation as Preparation,
+        Samples as Samples,
+        prepare_samples as prepare_samples,
+    )
+    from identifiability.regression.gather import gather_information as gather_information
+    from identifiability.regression.information import Information as Information
+    from identifiability.regression.regression import Model as Model, Regression as Regression
+    from identifiability.regression.structure import (
+        BaseParameters as BaseParameters,
+        find_base_parameters as find_base_parameters,
+    )
+    from identifiability.report import plot as plot
+    from identifiability.robot import Motion as Motion, Robot as Robot
+    from identifiability.simulation import (
+        Noise as Noise,
+        Trajectory as Trajectory,
+        simulate as simulate,
+    )
+    from identifiability.workflows.analyze import Analysis as Analysis, analyze as analyze
+    from identifiability.workflows.calibrate.calibration import (
+        Calibration as Calibration,
+        calibrate as calibrate,
+    )
+    from identifiability.workflows.compare import Comparison as Comparison, compare as compare
+    from identifiability.workflows.diagnose import Diagnosis as Diagnosis, diagnose as diagnose
+    from identifiability.workflows.excite import Excitation as Excitation, excite as excite
+    from identifiability.workflows.export import Exported as Exported, export as export
+    from identifiability.workflows.inspect import Inspection as Inspection, inspect as inspect
+    from identifiability.workflows.many import Fleet as Fleet, analyze_many as analyze_many
+    from identifiability.workflows.payload import Load as Load, payload as payload
+    from identifiability.workflows.predict import (
+        Fit as Fit,
+        PositionPrediction as PositionPrediction,
+        TorquePrediction as TorquePrediction,
+        predict as predict,
+    )
+    from identifiability.workflows.prune import Ladder as Ladder, prune as prune
+    from identifiability.workflows.study import Study as Study, new_study as new_study
 
 
 #: Where each public name stands.
@@ -86,65 +106,14 @@ _HOMES = {
         "workflows.inspect": ("Inspection", "inspect"),
         "workflows.many": ("Fleet", "analyze_many"),
         "workflows.payload": ("Load", "payload"),
-        "workflows.predict": ("Fit", "TorquePrediction"),
+        "workflows.predict": ("Fit", "PositionPrediction", "TorquePrediction", "predict"),
         "workflows.prune": ("Ladder", "prune"),
-        "workflows.rollout": ("RolledOut", "rollout"),
         "workflows.study": ("Study", "new_study"),
     }.items()
     for name in names
 }
 
-__all__ = [
-    "Analysis",
-    "BaseParameters",
-    "Calibration",
-    "Comparison",
-    "Diagnosis",
-    "Effect",
-    "Estimate",
-    "Excitation",
-    "Exported",
-    "Fit",
-    "Fleet",
-    "IdentifiabilityError",
-    "Information",
-    "Inspection",
-    "Ladder",
-    "Load",
-    "Log",
-    "Model",
-    "Motion",
-    "Noise",
-    "Preparation",
-    "Regression",
-    "Robot",
-    "RolledOut",
-    "Samples",
-    "Study",
-    "Thresholds",
-    "TorquePrediction",
-    "Trajectory",
-    "Verdict",
-    "__version__",
-    "analyze",
-    "analyze_many",
-    "calibrate",
-    "compare",
-    "diagnose",
-    "estimate",
-    "excite",
-    "export",
-    "find_base_parameters",
-    "gather_information",
-    "inspect",
-    "new_study",
-    "payload",
-    "plot",
-    "prepare_samples",
-    "prune",
-    "rollout",
-    "simulate",
-]
+__all__ = ["__version__", *_HOMES]  # noqa: PLE0604 - names
 
 
 #: Functions that went, and what does their work.
@@ -162,50 +131,14 @@ def __getattr__(name: str) -> Any:
     return value
 
 
-def _notebook_piece(*given: Any) -> Any:
-    from identifiability.report.results import notebook_piece  # noqa: PLC0415
-
-    return notebook_piece(*given)
-
-
-def _notebook_result(*given: Any) -> Any:
-    from identifiability.report.results import notebook_result  # noqa: PLC0415
-
-    return notebook_result(*given)
-
-
-def _write_page(*given: Any) -> Any:
-    from identifiability.report.results import write_result  # noqa: PLC0415
-
-    return write_result(*given)
-
-
-def _draw_figures(*given: Any) -> Any:
-    from identifiability.report.results import draw_figures  # noqa: PLC0415
-
-    return draw_figures(*given)
-
-
-def _result_plots(*given: Any) -> Any:
-    from identifiability.report.plot import Plots  # noqa: PLC0415
-
-    return Plots(*given)
-
-
-def _save_robot(*given: Any) -> Any:
-    from identifiability.workflows.export.workflow import save_robot  # noqa: PLC0415
-
-    return save_robot(*given)
-
-
 # Lower rooms ask for these, which stand above them, or are extras that no room imports.
 hand_down(
-    notebook_piece=_notebook_piece,
-    notebook_result=_notebook_result,
-    draw_figures=_draw_figures,
-    result_plots=_result_plots,
-    write_page=_write_page,
-    save_robot=_save_robot,
+    notebook_piece="report.results",
+    notebook_result="report.results",
+    draw_figures="report.results",
+    write_result="report.results",
+    Plots="report.plot",
+    save_robot="workflows.export.workflow",
 )
 
 

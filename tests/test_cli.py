@@ -72,7 +72,7 @@ def test_an_analysis_without_a_report_neither_draws_nor_simulates_and_none_loads
     code = (
         "import sys; import identifiability.workflows.analyze.result; "
         "heavy = {'matplotlib', 'mujoco', 'scipy.stats', 'scipy.signal'} & set(sys.modules); "
-        "import identifiability.report.analysis_report; "
+        "import identifiability.report.analysis; "
         "others = [f'identifiability.workflows.{name}' for name in ('prune', 'diagnose')]; "
         "heavy |= {'scipy.stats', 'scipy.signal', *others} & set(sys.modules); "
         "sys.exit(f'heavy imports of an analysis: {heavy}' if heavy else 0)"

@@ -34,7 +34,6 @@ def test_a_shell_gets_its_script(shell):
         ("identifiability analyze --rep", {"--replicates", "--report"}),
         ("identifiability analyze two", {"two-link"}),
         ("identifiability analyze ", set(shipped_robots())),
-        ("identifiability analyze 3-rps run.csv --derivatives b", {"butterworth"}),
     ],
 )
 def test_a_shell_is_offered_what_can_follow(typed, offered):

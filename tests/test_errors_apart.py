@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
-from identifiability.cli.analyze import print_analysis
+from identifiability.cli.verbs import print_analysis
 from identifiability.foundation.rounding import error_text
 from identifiability.simulation import Noise
 

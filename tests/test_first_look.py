@@ -38,7 +38,7 @@ REFUSED = [
 HELPED = {
     "diagnose": (r"Effects: (.*)", FAMILIES),
     "simulate": (r"Effects: (.*)", hideable()),
-    "analyze": (r"(\S+) +Weight actuators", ESTIMATORS),
+    "analyze": (r"method=(\S+) +Weight actuators", ESTIMATORS),
 }
 
 #: Each command in a process of its own, which has imported what every command imports.
@@ -104,7 +104,6 @@ WRITTEN = {
     "predict": (["two-link", "r.json", "run.csv"], ["--report", "--json", "--out"]),
     "payload": (["two-link", "r.json", "run.csv"], ["--report", "--json"]),
     "compare": (["two-link", "run.csv", "r.json"], ["--report", "--json"]),
-    "rollout": (["quadruped", "run.csv"], ["--report", "--json", "--out"]),
     "export": (["two-link", "r.json"], ["--out"]),
     "simulate": (["two-link", "random"], ["--out"]),
     "excite": (["two-link", "--out", "m.json"], ["--report", "--out"]),
@@ -128,10 +127,16 @@ def test_a_name_of_another_format_is_refused_before_anything_is_read(verb, tmp_p
 
 
 def test_an_option_with_another_name_now_is_refused_with_it():
-    for verb, option, new in [("prune", "--model", "--out"), ("calibrate", "--trials", "--repl")]:
-        done = CliRunner().invoke(app, [verb, "two-link", "run.csv", option, "3"])
-        assert done.exit_code == 2
-        assert f"{option} is called {new}" in done.stderr
+    for verb, option, new in [
+        ("prune", "--model", "--out"),
+        ("calibrate", "--trials", "--replicates"),
+        ("analyze", "--cutoff", "--set cutoff=3"),
+        ("excite", "--scale", "--set scale=3"),
+    ]:
+        for typed in ([option, "3"], [f"{option}=3"]):
+            done = CliRunner().invoke(app, [verb, "two-link", "run.csv", *typed])
+            assert done.exit_code == 2
+            assert f"{option} is gone; type {new}." in done.stderr
 
 
 def test_an_option_that_went_says_what_to_type_instead():

@@ -51,7 +51,7 @@ def asked(start, tmp_path_factory):
     """What the command printed, and the folder of its answers."""
     out = tmp_path_factory.mktemp("out") / "results"
     words = [w for name in "abc" for w in ("--each", str(start / name))]
-    more = ["--out", str(out), "--replicates", "20", "--seed", "1", "--workers", "1"]
+    more = ["--out", str(out), "--replicates", "20", "--seed", "1", "--set", "workers=1"]
     return CliRunner().invoke(app, ["analyze", *words, *more]), out
 
 

@@ -28,8 +28,8 @@ TYPED = [
     f"analyze {GIVEN} --report page.html --json mine.json",
     f"prune {GIVEN} --report page.html",
     f"prune {GIVEN} --report page.html --json mine.json --out mine.toml",
-    "excite robot.xml --evaluations 50 --out mine.json --report page.html",
-    "excite robot.xml --evaluations 50 --out mine.csv --report page.html",
+    "excite robot.xml --set evaluations=50 --out mine.json --report page.html",
+    "excite robot.xml --set evaluations=50 --out mine.csv --report page.html",
     "compare robot.xml a.csv loaded.csv --report page.html",
     "calibrate robot.xml a.csv --replicates 4 --names 0 --report page.html",
     "predict robot.xml result.json a.csv --report page.html",
@@ -59,8 +59,9 @@ def logs():
 
 def call(words):
     """Run a command in this process, quickly; return what it says."""
-    options = {o for p in COMMANDS[words[0]].params for o in p.opts}
-    more = [w for w in (["--engine", "serial"], ["--quick"]) if w[0] in options]
+    command = COMMANDS[words[0]]
+    more = [["--set", "engine=serial"]] if "engine" in command.settings else []
+    more += [["--quick"]] if "--quick" in {o for p in command.params for o in p.opts} else []
     done = CliRunner().invoke(app, [*words, *(w for pair in more for w in pair)])
     assert done.exit_code == 0, f"{shlex.join(words)}\n{done.output}\n{done.exception}"
     return done.stdout
@@ -143,7 +144,7 @@ def words(text):
                 f"diagnose {GIVEN} --report page.html",
                 "calibrate robot.xml a.csv --replicates 4 --names 0 --report page.html",
                 f"prune {GIVEN} --report page.html",
-                "excite robot.xml --evaluations 50 --out mine.json --report page.html",
+                "excite robot.xml --set evaluations=50 --out mine.json --report page.html",
             )
         ),
     ],

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from identifiability.cli import FIRST
+from identifiability.cli.options import helps
 from identifiability.robot import Robot
 from identifiability.simulation import simulate
 from identifiability.simulation.motion import find_motion
@@ -24,7 +24,7 @@ def printed(*words, cwd):
         return tuple(pool.map(lambda flags: run(*flags), (("-OO",), ())))
 
 
-@pytest.mark.parametrize("verb", ["", *FIRST])
+@pytest.mark.parametrize("verb", ["", *helps()["verbs"]])
 def test_every_help_is_printed_without_docstrings(verb, tmp_path):
     without, usual = printed(*verb.split(), "--help", cwd=tmp_path)
     assert without == usual

@@ -117,7 +117,7 @@ def test_pruning_keeps_it_and_its_model_file_is_read_again(folder, plugin):
 
 def test_a_motion_separates_it_from_another(folder, plugin):
     run("excite", "two-link", "--separate", "cogging@elbow", "--separate", "joint_stiffness@elbow",
-        "--evaluations", 50, "--out", folder / "motion.json", "--plugin", plugin)  # fmt: skip
+        "--set", "evaluations=50", "--out", folder / "motion.json", "--plugin", plugin)  # fmt: skip
     assert (folder / "motion.json").exists()
 
 

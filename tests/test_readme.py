@@ -61,9 +61,10 @@ def type_in(line: str, *, quick: bool) -> None:
     elif program == "identifiability":
         if quick and (words[0] in SLOW or any(w in AGAIN for w in words)):
             return
-        options = {o for p in COMMANDS[words[0]].params for o in p.opts}
-        more = [["--engine", "serial"], ["--quick"]] if quick else []
-        words += [w for m in more if m[0] in options and m[0] not in words for w in m]
+        command = COMMANDS[words[0]]
+        options = {o for p in command.params for o in p.opts}
+        words += ["--set", "engine=serial"] if quick and "engine" in command.settings else []
+        words += ["--quick"] if quick and "--quick" in options.difference(words) else []
         if quick and words[0] == "analyze" and "--report" in words:  # its Python writes that page
             at = words.index("--report")
             del words[at : at + 2]

@@ -1,63 +1,36 @@
-"""The command line: load, validate, call the function of the same name, print where results are.
-
-One file a command, which is found by itself; heavy imports stand inside the functions, so that
-``--help`` is quick.
-"""
+"""The command line: its verbs, each made when it is typed."""
 
 import io
 import signal
 import sys
 from collections.abc import Iterator, Mapping
-from importlib import import_module
-from pkgutil import iter_modules
 from typing import Annotated, Any, NoReturn
 
 import typer
 
-from identifiability.cli.options import Verb, helps
-
-#: Verbs in the order of the help; any other file here with a function of its name is one, too.
-FIRST = (
-    *("new", "demo", "inspect", "analyze", "prune", "diagnose", "simulate", "excite", "predict"),
-    *("export", "calibrate", "payload", "compare", "rollout", "paper"),
-)
-
-
-def _find(name: str) -> Verb | None:
-    found = getattr(import_module(f"{__name__}.{name}"), name, None)
-    return found if isinstance(found, Verb) else None
+from identifiability.cli.options import helps
 
 
 class Verbs(Mapping[str, Any]):
-    """The commands by name, each made when it is asked for."""
+    """The commands by name, in the order of the help, each made when it is asked for."""
 
     def __init__(self) -> None:
-        here = sorted(module.name for module in iter_modules(__path__))
-        self.names = [n for n in FIRST if n in here]
-        self.names += [n for n in here if n not in FIRST and _find(n)]
         self.made: dict[str, Any] = {}
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.names)
+        return iter(helps()["verbs"])
 
     def __len__(self) -> int:
-        return len(self.names)
+        return len(helps()["verbs"])
 
     def __getitem__(self, name: str) -> Any:
+        if name not in helps()["verbs"]:
+            raise KeyError(name)
         if name not in self.made:
-            verb = _find(name) if name in self.names else None
-            if verb is None:
-                raise KeyError(name)
-            self.made[name] = verb.made(name)
+            from identifiability.cli import verbs  # noqa: PLC0415
+
+            self.made[name] = getattr(verbs, name).made(name)
         return self.made[name]
-
-
-#: Verbs that went, and what to type instead.
-GONE = {
-    "batch": "identifiability analyze --each FOLDER --each FOLDER --out RESULTS",
-    "convert": "identifiability new FOLDER --robot table.toml",
-    "gain": "identifiability payload ROBOT EMPTY.csv LOADED.csv --mass KG --centre X,Y,Z",
-}
 
 
 class Group(typer.core.TyperGroup):
@@ -69,14 +42,15 @@ class Group(typer.core.TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the command that was typed; of one that went, what to type instead."""
-        if args and args[0] in GONE:
-            ctx.fail(f"'{args[0]}' is gone: type {GONE[args[0]]}")
+        gone = helps()["gone"]
+        if args and args[0] in gone:
+            ctx.fail(f"'{args[0]}' is gone; {gone[args[0]]}.")
         return super().resolve_command(ctx, args)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""
-        told = helps()["verbs"]
-        brief = {n: typer.core.TyperCommand(n, help=told.get(n)) for n in self.commands}
+        told = helps()["verbs"].items()
+        brief = {name: typer.core.TyperCommand(name, help=text) for name, text in told}
         typer.core.TyperGroup(
             name=self.name,
             commands=brief,  # type: ignore[arg-type] # of typer's own kind

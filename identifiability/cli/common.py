@@ -1,27 +1,22 @@
-"""What the commands share: sentences instead of tracebacks, progress, checks, tables.
-
-And a first look before anything large is imported: are files there, can they be written?
-"""
+"""What the commands share: sentences instead of tracebacks, progress, tables, files of results."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from pathlib import Path
+from shutil import rmtree
+from tempfile import mkdtemp
 from time import monotonic
-from typing import TYPE_CHECKING, Any, Literal, NoReturn
+from typing import TYPE_CHECKING, Literal, NoReturn
 from unicodedata import category
 
-from identifiability.foundation.errors import IdentifiabilityError, legible
+from identifiability.foundation.errors import IdentifiabilityError, OutputError, legible
 
 if TYPE_CHECKING:
     from identifiability.foundation.answers import Table
     from identifiability.foundation.result import Result
-
-
-# What the commands share: sentences instead of tracebacks, progress, checks, tables.
 
 
 #: No plain line of progress in the first seconds; one for the same stage after so many [s].
@@ -219,157 +214,44 @@ def print_end(texts: Iterable[str], written: Iterable[Path] = ()) -> None:
         sys.stdout.write(f"{path}\n")
 
 
-# What a command looks at before anything large is imported: are files there, can they be written?
-#
-# An option says by a mark beside it what its value is: `Reads` and `Writes`. Names of other
-# options that take logs are in `LOGS`.
+# Results are written where they should be, or else elsewhere.
 
 
-#: Options that are logs to read.
-LOGS = ("logs", "validate", "loaded", "start_from", "without", "fit")
-
-#: Options that are logs, or results.
-SIDES = ("before", "after", "more_before", "more_after")
-
-#: Endings of documents, which no folder has.
-DOCUMENTS = (
-    ".html",
-    ".pdf",
-    ".json",
-    ".csv",
-    ".parquet",
-    ".xlsx",
-    ".txt",
-    ".toml",
-    ".xml",
-    ".urdf",
-)
-
-
-@dataclass(frozen=True)
-class Reads:
-    """Marks an option as a document that is read: what it is, its format, and whether it must be.
-
-    Where it need not be, words without the format's ending mean something else.
-    """
-
-    what: str
-    form: str
-    always: bool = True
-
-    def check(self, value: str | Path) -> None:
-        """Refuse a path where no document is.
-
-        Raises
-        ------
-        OptionError
-        """
-        from identifiability.foundation.options import OptionError  # noqa: PLC0415
-
-        path = Path(value)
-        meant = self.always or path.suffix.lower() == f".{self.form.lower()}"
-        if meant and not path.exists():
-            raise OptionError(f"There is no {self.what} file '{value}'; give a {self.form} file.")
-
-
-@dataclass(frozen=True)
-class Writes:
-    """Marks an option as a file that is written, with its endings; without any, as a folder."""
-
-    endings: tuple[str, ...]
-
-    def __init__(self, *endings: str) -> None:
-        object.__setattr__(self, "endings", endings)
-
-    def check(self, path: Path) -> None:
-        """Refuse a name that ends as if it were of another format.
-
-        Raises
-        ------
-        OutputError
-        """
-        from identifiability.foundation.errors import OutputError  # noqa: PLC0415
-        from identifiability.foundation.output import check_ending  # noqa: PLC0415
-
-        if self.endings:
-            check_ending(path, *self.endings)
-        elif path.is_file() or path.suffix.lower() in DOCUMENTS:
-            raise OutputError(f"'{path}' is the name of a file; give that of a folder.")
-
-
-def look(
-    given: Mapping[str, Any],
-    marks: Mapping[str, Sequence[Any]],
-    machine: Any,
-    recorded: Any,
-    *,
-    motion_alone: bool = False,
-) -> None:
-    """Refuse what is not there or cannot be written, and logs with other columns, in no time.
-
-    Parameters
-    ----------
-    given : mapping
-        What was typed, by the name of the option.
-    marks : mapping
-        What stands beside them, `Reads` and `Writes` among it.
-    machine, recorded : Machine, Recorded or None
-        Groups that say of which robot the logs are.
-    motion_alone : bool
-        Logs of motion alone have no torque.
+def write_all(*asked: tuple[Callable[[Path], Path], Path | None]) -> list[Path]:
+    """Call functions that write with their paths, and return these; those of no path are not asked.
 
     Raises
     ------
-    IdentifiabilityError
+    OutputError
+        If something cannot be written where it should, after all others were written.
     """
-    logs = [path for name in LOGS for path in given.get(name) or ()]
-    sides = [path for name in SIDES for path in _several(given.get(name))]
-    results = [path for path in sides if path.lower().endswith(".json")]
-    logs += [path for path in sides if path not in results]
-    marked = list(_marked(given, marks))
-    robot = given.get("robot") or None
-    read = [robot, given.get("sidecar"), *logs, *results]
-    read += [value for mark, value in marked if isinstance(mark, Reads)]
-    written = [(mark, Path(value)) for mark, value in marked if isinstance(mark, Writes)]
-    check_outputs(*(path for mark, path in written if mark.endings), inputs=read)
-    for ends, path in written:
-        ends.check(path)
-    if robot is not None:
-        from identifiability.robot.locate import locate_robot  # noqa: PLC0415
-
-        locate_robot(robot)
-    for mark, value in marked:
-        if isinstance(mark, Reads):
-            mark.check(value)
-    for result in results:
-        Reads("result", "JSON").check(result)
-    _look_at_logs(logs, machine, recorded, motion_alone=motion_alone)
+    written, failed = [], []
+    for write, path in asked:
+        if path is not None:
+            try:
+                written.append(_write(write, path))
+            except OutputError as error:
+                failed.append(str(error))
+    if failed:
+        raise OutputError(" ".join(failed))
+    return written
 
 
-def _marked(
-    given: Mapping[str, Any], marks: Mapping[str, Sequence[Any]]
-) -> Iterable[tuple[Reads | Writes, Any]]:
-    for name, several in marks.items():
-        for mark in several:
-            if isinstance(mark, (Reads, Writes)) and given.get(name) is not None:
-                yield mark, given[name]
+def _write(write: Callable[[Path], Path], path: Path) -> Path:
+    """Write a result; where that fails, as on a full disk, write it elsewhere and say where."""
+    try:
+        return write(path)
+    except OutputError as error:
+        from identifiability.foundation.output import FOLDER, FOLDERS_STAY  # noqa: PLC0415
 
-
-def _several(value: Any) -> list[str]:
-    return [value] if isinstance(value, str) else list(value or ())
-
-
-def _look_at_logs(logs: list[str], machine: Any, recorded: Any, *, motion_alone: bool) -> None:
-    """Refuse logs that are not there, and tables whose columns are none of the robot's."""
-    from identifiability.logs.formats.reader import check_there  # noqa: PLC0415
-
-    for path in logs:
-        check_there(Path(path))
-    tables = [Path(name) for name in logs if name.lower().endswith(".csv")]
-    if tables and machine is not None and recorded is not None:
-        from identifiability.logs.conventions import Conventions  # noqa: PLC0415
-        from identifiability.logs.source import check_header  # noqa: PLC0415
-
-        known = replace(Conventions.of(machine.load(recorded)), motion_alone=motion_alone)
-        for table in tables:
-            check_header(table, known)
+        elsewhere = Path(mkdtemp(prefix=f"{FOLDER}rescued-")) / path.name
+        try:
+            write(elsewhere)
+        except BaseException as again:  # also Ctrl-C
+            rmtree(elsewhere.parent, ignore_errors=True)
+            if isinstance(again, OutputError):
+                raise error from None
+            raise
+        raise OutputError(
+            f"{error} What was found is not lost: it is in '{elsewhere}', for {FOLDERS_STAY} days."
+        ) from None

@@ -1,30 +1,29 @@
-"""The options that several commands have: each is declared once, in a group taken whole.
+"""How dataclasses of options become the options of a command.
 
-A command names a group as one parameter, ``place: Place``, and is made by `command`: the fields of
-the group become its options. What stands beside a kind in ``Annotated`` is what is known of an
-option: typer's `Option` its spelling, `Expected` its range, which the API's functions share, and
-`Reads`, `Writes` and `Parsed` what becomes of it. What it is says ``help.toml``.
+A verb is a function of groups, ``machine: Machine``, and of options of its own; it is made a
+command by `command`. What stands beside a kind in ``Annotated`` is what is known of an option:
+typer's `Option` its spelling, `Expected` its range, which the API's functions share, and `Reads`,
+`Writes`, `Records` and `Parsed` what becomes of it. What it is says ``help.toml``. A group with a
+`table` is settings: keys of that table of the sidecar, and of ``--set KEY=VALUE`` before it.
 """
 
 from __future__ import annotations
 
 import sys
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import copy
-from dataclasses import asdict, astuple, dataclass, is_dataclass
+from dataclasses import asdict, astuple, dataclass, is_dataclass, replace
 from functools import cache, partial
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from shutil import rmtree
-from tempfile import gettempdir, mkdtemp
-from time import time
 from types import NoneType, UnionType
 from typing import (
     TYPE_CHECKING,
     Annotated,
     Any,
+    ClassVar,
     Literal,
     Union,
     get_args,
@@ -36,7 +35,8 @@ import typer
 from typer import Argument, Option
 from typer.models import OptionInfo, ParameterInfo
 
-from identifiability.cli.common import Reads, Writes, look, sentences
+from identifiability.cli.common import check_outputs, progress, sentences, write_all
+from identifiability.foundation.errors import OutputError, near_match
 from identifiability.foundation.options import (
     Count,
     Derivatives,
@@ -47,6 +47,7 @@ from identifiability.foundation.options import (
     OptionError,
     Positive,
     check_option,
+    choices,
 )
 
 if TYPE_CHECKING:
@@ -55,40 +56,415 @@ if TYPE_CHECKING:
     from identifiability.logs.prepare import Preparation
     from identifiability.robot import Robot
 
-
-# How groups of options become the options of a command.
-
-
 #: Options that take effects, and verbs in which an option of that name takes something else.
 TAKES_EFFECTS = {"effects": (), "hide": (), "separate": (), "model": ("calibrate",)}
-
-#: Options that had another name: verb and old name, and the new one.
-RENAMED = {
-    ("calibrate", "--trials"): "--replicates",
-    ("prune", "--model"): "--out",
-}
-
-#: Options that went: verb (none for all) and name, and what to type instead.
-GONE = {
-    ("excite", "--criterion"): "--parameter and --separate say what is asked: leave it out",
-    ("excite", "--time-limit"): "a search ends by its motions: identifiability excite ROBOT "
-    "--evaluations N --out FILE",
-    ("prune", "--criterion"): "the smallest model that predicts as well is chosen: leave it out",
-    ("prune", "--no-propose"): "symmetries of the robot are always tried: leave it out",
-    ("prune", "--propose"): "symmetries of the robot are always tried: leave it out",
-    ("prune", "--reach"): "it did nothing: leave it out",
-    ("calibrate", "--no-sbc"): "the posterior is no longer checked: leave it out",
-    ("calibrate", "--sbc"): "the posterior is no longer checked: leave it out",
-    ("diagnose", "--replicates"): "log odds need no simulated noises: leave it out",
-    ("", "--patience"): "a scheduler that is lost ends the work: leave it out",
-    ("diagnose", "--from"): "give all logs: identifiability diagnose ROBOT LOG LOG NEW_LOG",
-}
 
 
 @cache
 def helps() -> dict[str, Any]:
     """Return what the terminal says of each verb, and what there is without plugins."""
     return tomllib.loads(Path(__file__).with_name("help.toml").read_text("utf-8"))
+
+
+# What is known of an option beside its kind.
+
+
+@dataclass(frozen=True)
+class Parsed:
+    """Marks an option whose text `read` turns into what the library takes, given its name first."""
+
+    read: Callable[[str, str], Any]
+
+
+@dataclass(frozen=True)
+class Reads:
+    """Marks an option as a document that is read: what it is, its format, and whether it must be.
+
+    Where it need not be, words without the format's ending mean something else.
+    """
+
+    what: str
+    form: str
+    always: bool = True
+
+    def check(self, value: Any) -> None:
+        """Refuse a path where no document is.
+
+        Raises
+        ------
+        OptionError
+        """
+        path = Path(value)
+        meant = self.always or path.suffix.lower() == f".{self.form.lower()}"
+        if meant and not path.exists():
+            raise OptionError(f"There is no {self.what} file '{value}'; give a {self.form} file.")
+
+
+@dataclass(frozen=True)
+class Records:
+    """Marks an option as logs that are read; where they may be results, too, as those."""
+
+    results: bool = False
+
+
+#: Endings of documents, which no folder has.
+DOCUMENTS = (
+    ".html",
+    ".pdf",
+    ".json",
+    ".csv",
+    ".parquet",
+    ".xlsx",
+    ".txt",
+    ".toml",
+    ".xml",
+    ".urdf",
+)
+
+
+@dataclass(frozen=True)
+class Writes:
+    """Marks an option as a file that is written, with its endings; without any, as a folder."""
+
+    endings: tuple[str, ...]
+
+    def __init__(self, *endings: str) -> None:
+        object.__setattr__(self, "endings", endings)
+
+    def check(self, value: Any) -> None:
+        """Refuse a name that ends as if it were of another format.
+
+        Raises
+        ------
+        OutputError
+        """
+        from identifiability.foundation.output import check_ending  # noqa: PLC0415
+
+        if self.endings:
+            check_ending(value, *self.endings)
+        elif Path(value).is_file() or Path(value).suffix.lower() in DOCUMENTS:
+            raise OutputError(f"'{value}' is the name of a file; give that of a folder.")
+
+
+@dataclass(frozen=True)
+class Field:
+    """An option: its name and default, its kind on the command line, and what is said beside it."""
+
+    name: str
+    kind: Any
+    default: Any
+    notes: Sequence[Any]
+
+    @staticmethod
+    def of(name: str, annotation: Any, default: Any) -> Field:
+        """Return the option of a parameter, or of a field of a group."""
+        kind, notes = _take_apart(annotation)
+        return Field(name, list[str] if get_origin(kind) is Sequence else kind, default, notes)
+
+    @property
+    def spelling(self) -> str:
+        """The option as it is typed."""
+        spelt = [d for n in self.notes for d in getattr(n, "param_decls", None) or ()]
+        return next(iter(spelt), f"--{self.name.replace('_', '-')}")
+
+    def marks(self, kind: type) -> list[Any]:
+        """Return what of a kind stands beside it."""
+        return [note for note in self.notes if isinstance(note, kind)]
+
+    def text(self, verb: str) -> str:
+        """Return what is said of it in a verb, with the values that it takes."""
+        said = helps()["options"]
+        told = [said.get(verb, {}).get(self.name) or said["all"].get(self.name, "")]
+        told += [f"({r.words})" for r in self._ranges()]
+        return " ".join(told)
+
+    @property
+    def values(self) -> str:
+        """What a setting may be, as it is typed."""
+        known = estimators() if self.name == "method" else choices(self.kind)
+        known = ["true", "false"] if self.kind is bool else known
+        return f"{self.name}={'|'.join(known)}" if known else self.name
+
+    def parameter(self, verb: str) -> Parameter:
+        """Return it as typer reads it in a verb."""
+        required = self.default is Parameter.empty
+        infos = [copy(n) for n in self.marks(ParameterInfo)]
+        info = infos[0] if infos else Argument() if required else Option()
+        info.help = self.text(verb)
+        if get_origin(self.kind) is list and isinstance(info, OptionInfo):
+            info.help += " May be given several times."
+        no_value = self.default == () or (self.default is False and self.kind is not bool)
+        default = None if no_value else self.default
+        kind = self.kind | None if default is None else self.kind
+        as_typer: Any = Annotated[kind, info]
+        return Parameter(self.name, Parameter.KEYWORD_ONLY, default=default, annotation=as_typer)
+
+    def read(self, typed: Any) -> Any:
+        """Return what was typed as the library takes it.
+
+        Raises
+        ------
+        OptionError
+            If it is none of the option.
+        """
+        if typed is None:
+            return self.default
+        for rule in self._ranges():
+            check_option(self.spelling, typed, Annotated[self.kind, rule])
+        for mark in self.marks(Parsed):
+            typed = mark.read(self.spelling, typed)
+        return typed
+
+    def _ranges(self) -> list[Expected]:
+        return self.marks(Expected) if self.kind in (int, float) else []
+
+
+def _take_apart(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
+    """Return a kind without None, and all that stands beside it."""
+    inner = get_args(annotation)
+    if get_origin(annotation) is Annotated:
+        kind, notes = _take_apart(inner[0])
+        return kind, (*notes, *inner[1:])
+    if get_origin(annotation) in (Union, UnionType):
+        return _take_apart(next(kind for kind in inner if kind is not NoneType))
+    return annotation, ()
+
+
+def options_of(holder: Any) -> list[Field]:
+    """Return the options of a function, or of a group."""
+    kinds, given = get_type_hints(holder, include_extras=True), signature(holder).parameters
+    return [Field.of(name, kinds[name], given[name].default) for name in given]
+
+
+# Verbs.
+
+
+@dataclass(frozen=True)
+class Verb:
+    """A command that is made when it is typed: fifteen of them take longer than a help may."""
+
+    function: Callable[..., None]
+    motion_alone: bool = False
+
+    def made(self, name: str) -> Any:
+        """Return it with its options, as typer has it."""
+        alone = typer.Typer(add_completion=False, rich_markup_mode="markdown")
+        run, settings = _flattened(self.function, motion_alone=self.motion_alone)
+        alone.command(name, cls=Command, help=helps()["verbs"].get(name))(run)
+        made: Any = typer.main.get_command(alone)
+        made.settings = settings
+        return made
+
+
+def command(*, motion_alone: bool = False) -> Callable[[Callable[..., None]], Verb]:
+    """Make a function a command, of logs without torque too where they are of `motion_alone`."""
+    return partial(Verb, motion_alone=motion_alone)
+
+
+def _flattened(
+    function: Callable[..., None], *, motion_alone: bool
+) -> tuple[Callable[..., None], dict[str, Field]]:
+    """Return a function as typer reads it, its groups as their options; and its settings."""
+    own = {field.name: field for field in options_of(function)}
+    settings: dict[str, Field] = {}
+    options: dict[str, Field] = {}
+    owners: dict[str, Any] = {}  # of two of one name the last stands
+
+    def add(fields: Iterable[Field], owner: Any) -> None:
+        for field in fields:
+            if is_dataclass(field.kind):
+                add(options_of(field.kind), field.kind)
+            else:
+                owners[field.name] = owner
+                setting = hasattr(owner, "table")
+                options[SET.name if setting else field.name] = SET if setting else field
+                settings.update({field.name: field} if setting else {})
+
+    def build(field: Field, read: Mapping[str, Any], owner: Any) -> Any:
+        kind = field.kind
+        if not is_dataclass(kind):
+            return read[field.name]
+        parts = [f for f in options_of(kind) if is_dataclass(f.kind) or owners[f.name] is kind]
+        known = [f for f in parts if is_dataclass(f.kind) or f.name in read]
+        return kind(**{f.name: build(f, read, kind) for f in known})  # type: ignore[operator]
+
+    add(own.values(), None)
+    tables = {key: owners[key].table for key in settings}
+
+    def called(**typed: Any) -> None:
+        with sentences():
+            _look(typed, options)
+            read = {name: option.read(typed[name]) for name, option in options.items()}
+            read |= _read_settings(settings, tables, read.pop(SET.name, ()), typed)
+            given = {name: build(field, read, None) for name, field in own.items()}
+            _look_at_logs(typed, options, given, motion_alone=motion_alone)
+        function(**given)
+
+    flat = [option.parameter(function.__name__) for option in options.values()]
+    called.__signature__ = Signature(flat)  # type: ignore[attr-defined]
+    called.__annotations__ = {p.name: p.annotation for p in flat}
+    return called, settings
+
+
+class Command(typer.core.TyperCommand):
+    """A command whose help lists what there is when it is asked for, and that knows old options."""
+
+    settings: Mapping[str, Field]
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help."""
+        listed = [f"**{f.values}** {f.text(str(self.name))}" for f in self.settings.values()]
+        listed = ["Settings of --set:", *listed] if listed else []
+        for parameter in self.params:
+            name = str(parameter.name)
+            if name in TAKES_EFFECTS and str(self.name) not in TAKES_EFFECTS[name]:
+                listed.append(f"**Effects**: {', '.join(effects(name))}")
+            if name == "robot":
+                listed.append(f"**Shipped robots**: {', '.join(shipped_robots())}")
+        self.epilog = "\n\n".join(f"- {text}" for text in listed) or None
+        super().format_help(ctx, formatter)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Refuse an option that went, with what to type instead."""
+        typed = args[: args.index("--")] if "--" in args else args
+        for at, given in enumerate(typed):
+            option, equals, value = given.partition("=")
+            gone = helps()["gone"]
+            instead = gone.get(f"{self.name} {option}") or gone.get(option)
+            key = option.removeprefix("--").replace("-", "_")
+            if option.startswith("--") and key in self.settings:
+                follows = value if equals else next(iter(typed[at + 1 :]), "VALUE")
+                value = "true" if self.settings[key].kind is bool else follows
+                instead = f"type --set {key}={value}"
+            if instead is not None:
+                ctx.fail(f"{option} is gone; {instead}.")
+        return super().parse_args(ctx, args)
+
+
+# What is looked at before anything large is imported: are files there, can they be written?
+
+
+def _look(typed: Mapping[str, Any], options: Mapping[str, Field]) -> None:
+    """Refuse what is not there or cannot be written, in no time.
+
+    Raises
+    ------
+    IdentifiabilityError
+    """
+    given = [(o, typed[n]) for n, o in options.items() if typed.get(n) not in (None, [])]
+    reads = [(mark, value) for o, value in given for mark in o.marks(Reads)]
+    writes = [(mark, value) for o, value in given for mark in o.marks(Writes)]
+    logs, results = _recordings(typed, options)
+    robot = typed.get("robot") or None
+    inputs = [robot, typed.get("sidecar"), *logs, *results, *(value for _, value in reads)]
+    check_outputs(*(value for mark, value in writes if mark.endings), inputs=inputs)
+    for ends, value in writes:
+        ends.check(value)
+    if robot is not None:
+        from identifiability.robot.locate import locate_robot  # noqa: PLC0415
+
+        locate_robot(robot)
+    for mark, value in [*reads, *((Reads("result", "JSON"), path) for path in results)]:
+        mark.check(value)
+
+
+def _recordings(
+    typed: Mapping[str, Any], options: Mapping[str, Field]
+) -> tuple[list[str], list[str]]:
+    """Return the logs that were typed, and results among them."""
+    logs: list[str] = []
+    results: list[str] = []
+    for name, option in options.items():
+        for mark in option.marks(Records):
+            value = typed.get(name) or ()
+            for path in [value] if isinstance(value, str) else value:
+                as_result = mark.results and Path(path).suffix.lower() in (".json", ".xml", ".urdf")
+                (results if as_result else logs).append(path)
+    return logs, results
+
+
+def _look_at_logs(
+    typed: Mapping[str, Any],
+    options: Mapping[str, Field],
+    given: Mapping[str, Any],
+    *,
+    motion_alone: bool,
+) -> None:
+    """Refuse logs that are not there, and tables whose columns are none of the robot's."""
+    from identifiability.logs.formats.reader import check_there  # noqa: PLC0415
+
+    logs, _ = _recordings(typed, options)
+    for path in logs:
+        check_there(Path(path))
+    tables = [Path(name) for name in logs if name.lower().endswith(".csv")]
+    if tables and typed.get("robot"):
+        from identifiability.logs.conventions import Conventions  # noqa: PLC0415
+        from identifiability.logs.source import check_header  # noqa: PLC0415
+
+        known = Conventions.of(given["machine"].load())
+        for table in tables:
+            check_header(table, replace(known, motion_alone=motion_alone))
+
+
+# Settings: of the sidecar, and of --set.
+
+SET = Field("set", list[str], (), (Option("--set", metavar="KEY=VALUE"),))
+
+
+def _read_settings(
+    settings: Mapping[str, Field],
+    tables: Mapping[str, str],
+    typed: Sequence[str],
+    given: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return what the sidecar and the command line set, checked.
+
+    Raises
+    ------
+    OptionError
+        If one is no setting of the verb.
+    """
+    found: dict[str, Any] = {}
+    if settings and given.get("robot"):
+        from identifiability.robot.sidecar import read_settings  # noqa: PLC0415
+
+        stated = read_settings(given["robot"], given.get("sidecar"))
+        for group in (Derived, Place, Fitted):
+            table, known = group.table, [field.name for field in options_of(group)]
+            for key in stated[table]:
+                check_option(f"A key of the sidecar's [{table}]", key, Literal[tuple(known)])
+            found |= {k: v for k, v in stated[table].items() if tables.get(k) == table}
+    for text in typed:
+        key, equals, value = text.partition("=")
+        if key not in settings or not equals:
+            near = near_match(key, settings)
+            raise OptionError(f"--set {text} is no KEY=VALUE of {', '.join(settings)}{near}")
+        found[key] = _as_kind(settings[key].kind, value)
+    for key, value in found.items():
+        kind, notes = settings[key].kind, settings[key].marks(Expected)
+        whole: Any = kind
+        for note in notes:
+            whole = Annotated[whole, note]
+        check_option(key, value, str if kind is Path else whole)
+        if kind is Path:
+            found[key] = Path(value)
+    return found
+
+
+def _as_kind(kind: Any, text: str) -> Any:
+    """Return what a text says as a kind of value; the text itself where it says none."""
+    if kind is bool:
+        return {"true": True, "false": False}.get(text.lower(), text)
+    for number in (int, float):
+        if kind in (number, float):
+            try:
+                return number(text)
+            except ValueError:
+                continue
+    return text
+
+
+# What options take.
 
 
 def split_names(_: str, text: str) -> list[str]:
@@ -116,6 +492,26 @@ def split_point(option: str, text: str) -> list[float]:
         ) from None
 
 
+def keep_values(option: str, text: str) -> bool | float | str:
+    """Return how values of the robot file are kept: exactly, within a share, or as a result has.
+
+    Raises
+    ------
+    OptionError
+    """
+    if text == "exact":
+        return True
+    if text.lower().endswith(".json"):
+        Reads("result", "JSON").check(text)
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise OptionError(
+            f"{option} {text} is none of exact, a share such as 0.1, and a result's JSON file."
+        ) from None
+
+
 def shipped_robots() -> list[str]:
     """Return the names of the shipped robots."""
     from identifiability.robot import locate  # noqa: PLC0415
@@ -123,11 +519,10 @@ def shipped_robots() -> list[str]:
     return locate.shipped_robots()
 
 
-def estimators(typed: str = "") -> list[str]:
-    """Return the registered estimators that begin so, a plugin's among them."""
+def estimators() -> list[str]:
+    """Return the registered estimators, a plugin's among them."""
     module = sys.modules.get("identifiability.estimation.estimate")
-    names = helps()["methods"] if module is None else module.ESTIMATORS
-    return [name for name in names if name.startswith(typed)]
+    return list(helps()["methods"] if module is None else module.ESTIMATORS)
 
 
 def effects(option: str) -> list[str]:
@@ -136,182 +531,6 @@ def effects(option: str) -> list[str]:
     if option == "hide":
         return [*helps()["hide"], *(() if registry is None else registry.effect_laws())]
     return list(helps()["effects"] if registry is None else registry.FAMILIES)
-
-
-@dataclass(frozen=True)
-class Parsed:
-    """Marks an option whose text `read` turns into what the library takes, given its name first."""
-
-    read: Callable[[str, str], Any]
-
-
-@dataclass(frozen=True)
-class Field:
-    """An option: its name and default, its kind on the command line, and what is said beside it."""
-
-    name: str
-    kind: Any
-    default: Any
-    notes: Sequence[Any]
-
-    @staticmethod
-    def of(name: str, annotation: Any, default: Any) -> Field:
-        """Return the option of a parameter, or of a field of a group."""
-        kind, notes = _take_apart(annotation)
-        return Field(name, list[str] if get_origin(kind) is Sequence else kind, default, notes)
-
-    @property
-    def spelling(self) -> str:
-        """The option as it is typed."""
-        spelt = [d for n in self.notes for d in getattr(n, "param_decls", None) or ()]
-        return next(iter(spelt), f"--{self.name.replace('_', '-')}")
-
-    def parameter(self, verb: str) -> Parameter:
-        """Return it as typer reads it in a verb."""
-        required = self.default is Parameter.empty
-        infos = [copy(n) for n in self.notes if isinstance(n, ParameterInfo)]
-        info = infos[0] if infos else Argument() if required else Option()
-        said = helps()["options"]
-        told = [said.get(verb, {}).get(self.name) or said["all"].get(self.name, "")]
-        told += [f"({r.words})" for r in self._ranges()]
-        if get_origin(self.kind) is list and isinstance(info, OptionInfo):
-            told.append("May be given several times.")
-        info.help = " ".join(told)
-        default = None if self.default == () else self.default
-        kind = self.kind | None if default is None else self.kind
-        as_typer: Any = Annotated[kind, info]
-        return Parameter(self.name, Parameter.KEYWORD_ONLY, default=default, annotation=as_typer)
-
-    def read(self, typed: Any) -> Any:
-        """Return what was typed as the library takes it.
-
-        Raises
-        ------
-        OptionError
-            If it is none of the option.
-        """
-        if typed is None:
-            return self.default
-        for rule in self._ranges():
-            check_option(self.spelling, typed, Annotated[self.kind, rule])
-        for mark in self.notes:
-            if isinstance(mark, Parsed):
-                typed = mark.read(self.spelling, typed)
-        return typed
-
-    def _ranges(self) -> list[Expected]:
-        numbers = self.kind in (int, float)
-        return [n for n in self.notes if numbers and isinstance(n, Expected)]
-
-
-def _take_apart(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
-    """Return a kind without None, and all that stands beside it."""
-    inner = get_args(annotation)
-    if get_origin(annotation) is Annotated:
-        kind, notes = _take_apart(inner[0])
-        return kind, (*notes, *inner[1:])
-    if get_origin(annotation) in (Union, UnionType):
-        return _take_apart(next(kind for kind in inner if kind is not NoneType))
-    return annotation, ()
-
-
-def _fields(holder: Any) -> list[Field]:
-    """Return the options of a function, or of a group."""
-    kinds, given = get_type_hints(holder, include_extras=True), signature(holder).parameters
-    return [Field.of(name, kinds[name], given[name].default) for name in given]
-
-
-def grouped(function: Callable[..., None], *, motion_alone: bool = False) -> Callable[..., None]:
-    """Return the function as typer reads it: groups become their options; files are looked at.
-
-    Of two options of one name the last stands; the group of the other has its default.
-    """
-    own = {field.name: field for field in _fields(function)}
-    groups: dict[str, Any] = {
-        name: field.kind for name, field in own.items() if is_dataclass(field.kind)
-    }
-    owners: dict[str, str] = {}
-    options: dict[str, Field] = {}
-    for name, field in own.items():
-        for option in _fields(groups[name]) if name in groups else (field,):
-            owners[option.name] = name
-            options.pop(option.name, None)
-            options[option.name] = option
-
-    marks = {name: option.notes for name, option in options.items()}
-
-    def called(**typed: Any) -> None:
-        with sentences():
-            read = {name: option.read(typed[name]) for name, option in options.items()}
-            given = {n: v for n, v in read.items() if owners[n] not in groups}
-            for name, group in groups.items():
-                given[name] = group(**{n: v for n, v in read.items() if owners[n] == name})
-            machine, recorded = given.get("machine"), given.get("recorded")
-            look(typed, marks, machine, recorded, motion_alone=motion_alone)
-        function(**given)
-
-    flat = [option.parameter(function.__name__) for option in options.values()]
-    called.__signature__ = Signature(flat)  # type: ignore[attr-defined]
-    called.__annotations__ = {p.name: p.annotation for p in flat}
-    return called
-
-
-class Command(typer.core.TyperCommand):
-    """A command whose help lists what there is when it is asked for, and that knows old options."""
-
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the help."""
-        takes, robots = "", ""
-        for parameter in self.params:
-            name = str(parameter.name)
-            if name == "method":
-                parameter.metavar = "|".join(estimators())
-            if name in TAKES_EFFECTS and str(self.name) not in TAKES_EFFECTS[name]:
-                takes = f"**Effects**: {', '.join(effects(name))}"
-            if name == "robot":
-                robots = f"**Shipped robots**: {', '.join(shipped_robots())}"
-        self.epilog = "\n\n".join(filter(None, (robots, takes))) or None
-        super().format_help(ctx, formatter)
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Refuse an option that has another name now, with that name."""
-        for given in args[: args.index("--")] if "--" in args else args:
-            option = given.partition("=")[0]
-            new = RENAMED.get((str(self.name), option))
-            if new is not None:
-                ctx.fail(f"{option} is called {new} now.")
-            instead = GONE.get((str(self.name), option)) or GONE.get(("", option))
-            if instead is not None:
-                ctx.fail(f"{option} is gone; {instead}.")
-        return super().parse_args(ctx, args)
-
-
-# The options that several commands have: each is declared once, in a group that is taken whole.
-#
-# A command names a group as one parameter, ``place: Place``, and is made by `command`.
-
-
-@dataclass(frozen=True)
-class Verb:
-    """A command that is made when it is typed: eighteen of them take longer than a help may."""
-
-    function: Callable[..., None]
-    motion_alone: bool = False
-
-    def made(self, name: str) -> Any:
-        """Return it with its options, as typer has it."""
-        alone = typer.Typer(add_completion=False, rich_markup_mode="markdown")
-        run = grouped(self.function, motion_alone=self.motion_alone)
-        alone.command(name, cls=Command, help=helps()["verbs"].get(name))(run)
-        return typer.main.get_command(alone)
-
-
-def command(*, motion_alone: bool = False) -> Callable[[Callable[..., None]], Verb]:
-    """Make a function a command, of logs without torque too where they are of `motion_alone`."""
-    return partial(Verb, motion_alone=motion_alone)
-
-
-# Kinds of options, and groups of them.
 
 
 def find_robots(typed: str) -> list[str]:
@@ -332,60 +551,55 @@ def _load_plugins(context: typer.Context, paths: list[Path] | None) -> list[Path
     return paths or []
 
 
-Logs = list[str]
+# Groups of options that several verbs have.
+
+Logs = Annotated[list[str], Records()]
+MoreLogs = Annotated[Sequence[str], Records()]
 #: What analyze, prune and diagnose write.
-RESULT = Reads("result", "JSON")
-JsonResult = Annotated[Path, RESULT]
-Report = Annotated[Path | None, Writes(".html", ".htm")]
+JsonResult = Annotated[Path, Reads("result", "JSON")]
 Table = Writes(".csv", ".parquet", ".pq")
 Effects = Annotated[str | None, Parsed(split_names)]
 Ladder = Annotated[str | None, Reads("ladder", "TOML")]
 Limits = Annotated[Path | None, Reads("limits", "TOML")]
-Method = Annotated[str, Option(metavar="NAME", autocompletion=estimators)]
 Model = Annotated[str | None, Reads("model", "TOML", always=False), Parsed(split_model)]
-Estimator = EstimatorKind
+
+Fixed = Annotated[str | bool, Option(metavar="exact|SHARE|RESULT"), Parsed(keep_values)]
 Prior = NotNegative | None
 Point = Annotated[str, Option(metavar="X,Y,Z"), Parsed(split_point)]
-Quick = bool
-
-
-@dataclass(frozen=True)
-class Machine:
-    """The robot, and what its file does not say."""
-
-    robot: Annotated[str, Argument(autocompletion=find_robots)]
-    sidecar: str | None = None
-    lock: Annotated[Sequence[str] | None, Option(metavar="NAME[=VALUE]")] = None
-    base: Annotated[str | None, Option(metavar="fixed|floating")] = None
-    plugin: Annotated[list[Path] | None, Option(callback=_load_plugins, is_eager=True)] = None
-
-    def load(self, recorded: Recorded | None = None) -> Robot:
-        """Return the robot, with what was said of its logs."""
-        from identifiability.robot import Robot  # noqa: PLC0415
-
-        said = recorded or Recorded()
-        columns, unit, angles = said.columns, said.time_unit, said.angles
-        base: Any = self.base
-        return Robot.load(self.robot, self.sidecar, columns, self.lock, unit, angles, base)
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """What logs of the robot call things."""
+    """How logs of the robot were made; the sidecar has its own words for it."""
 
-    map: Annotated[Sequence[str] | None, Option(metavar="OLD=NEW")] = None
+    table: ClassVar[str] = ""
+
+    base: Literal["fixed", "floating"] | None = None
     time_unit: Literal["s", "ms", "us", "ns"] | None = None
     angles: Literal["rad", "deg"] | None = None
 
-    @property
-    def columns(self) -> dict[str, str]:
-        """From names in the logs to names in the robot file.
+
+@dataclass(frozen=True)
+class Machine:
+    """The robot, what its file does not say, and what its logs call things."""
+
+    robot: Annotated[str, Argument(autocompletion=find_robots)]
+    sidecar: str | None = None
+    lock: Annotated[Sequence[str] | None, Option(metavar="NAME[=VALUE]")] = None
+    map: Annotated[Sequence[str] | None, Option(metavar="OLD=NEW")] = None
+    plugin: Annotated[list[Path] | None, Option(callback=_load_plugins, is_eager=True)] = None
+    recorded: Recorded = Recorded()
+
+    def load(self) -> Robot:
+        """Return the robot, with what was said of its logs.
 
         Raises
         ------
         OptionError
-            If one is no pair of names.
+            If --map has no pairs of names.
         """
+        from identifiability.robot import Robot  # noqa: PLC0415
+
         rules: dict[str, str] = {}
         for given in self.map or ():
             old, equals, new = given.rpartition("=")
@@ -396,14 +610,90 @@ class Recorded:
                 )
             if rules.setdefault(old, new) != new:
                 raise OptionError(f"--map gives '{old}' two names, {rules[old]} and {new}.")
-        return rules
+        said = self.recorded
+        return Robot.load(
+            self.robot, self.sidecar, rules, self.lock, said.time_unit, said.angles, said.base
+        )
+
+
+@dataclass(frozen=True)
+class Derived:
+    """How logs become motion."""
+
+    table: ClassVar[str] = "preparation"
+
+    derivatives: Derivatives = "auto"
+    cutoff: Positive | None = None
+    period: Positive | None = None
+    harmonics: Count = 5
+    decimate: Count | None = None
+
+    def preparation(self) -> Preparation | None:
+        """Return what was asked for; None if nothing was."""
+        from identifiability.logs.prepare import Preparation  # noqa: PLC0415
+
+        return None if self == Derived() else Preparation(**asdict(self))
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where long work runs."""
+
+    table: ClassVar[str] = "run"
+
+    engine: EngineName | None = None
+    workers: Count | None = None
+    scheduler: str | None = None
+    resume: Path | None = None
+
+    @contextmanager
+    def running(self) -> Iterator[Engine]:
+        """Give the engine; its processes end with it. Say if there was nothing to keep."""
+        from identifiability.foundation.engines.local import Resumed, choose_engine  # noqa: PLC0415
+
+        with choose_engine(*astuple(self)) as engine:
+            yield engine
+        if isinstance(engine, Resumed) and not engine.found + engine.done:
+            typer.echo(
+                f"resume kept nothing in '{self.resume}': this was done in one piece, without "
+                "parts that could be; the same command begins anew.",
+                err=True,
+            )
+
+
+@dataclass(frozen=True)
+class Work:
+    """How logs become motion, and where long work runs."""
+
+    derived: Derived = Derived()
+    place: Place = Place()
+
+    @contextmanager
+    def running(self) -> Iterator[tuple[Callable[[str, float], None], dict[str, Any], Engine]]:
+        """Give what tells progress, what every fit takes, and the engine; errors are sentences."""
+        with sentences(), progress() as say, self.place.running() as engine:
+            # A verb left to itself ends its processes sooner.
+            asked = engine if self.place != Place() else None
+            preparation = self.derived.preparation()
+            yield say, {"preparation": preparation, "engine": asked, "progress": say}, engine
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """How parameters are estimated."""
+
+    table: ClassVar[str] = "fit"
+
+    method: str = "wls"
+    estimator: EstimatorKind = "auto"
+    cad_prior: NotNegative | None = None
 
 
 @dataclass(frozen=True)
 class Outputs:
     """Where results are written."""
 
-    report: Report = None
+    report: Annotated[Path | None, Writes(".html", ".htm")] = None
     json: Annotated[Path | None, Writes(".json")] = None
 
     def write(
@@ -425,104 +715,3 @@ class Outputs:
             return result.write_report(path)
 
         return write_all(*first, (result.to_json, self.json), (draw, self.report))
-
-
-def write_all(*asked: tuple[Callable[[Path], Path], Path | None]) -> list[Path]:
-    """Call functions that write with their paths, and return these; those of no path are not asked.
-
-    Raises
-    ------
-    OutputError
-        As `Outputs.write`, after all others were written.
-    """
-    from identifiability.foundation.errors import OutputError  # noqa: PLC0415
-
-    written, failed = [], []
-    for write, path in asked:
-        if path is not None:
-            try:
-                written.append(_write(write, path))
-            except OutputError as error:
-                failed.append(str(error))
-    if failed:
-        raise OutputError(" ".join(failed))
-    return written
-
-
-#: Folders of results whose own place was full, and for how many days they stay.
-RESCUED, RESCUED_FOR = "identifiability-rescued-", 30
-
-
-def _write(write: Callable[[Path], Path], path: Path) -> Path:
-    """Write a result; where that fails, as on a full disk, write it elsewhere and say where."""
-    from identifiability.foundation.errors import OutputError  # noqa: PLC0415
-
-    try:
-        return write(path)
-    except OutputError as error:
-        for old in Path(gettempdir()).glob(f"{RESCUED}*"):
-            if time() - old.stat().st_mtime > RESCUED_FOR * 86400:
-                rmtree(old, ignore_errors=True)
-        elsewhere = Path(mkdtemp(prefix=RESCUED)) / path.name
-        try:
-            write(elsewhere)
-        except BaseException as again:  # also Ctrl-C
-            rmtree(elsewhere.parent, ignore_errors=True)
-            if isinstance(again, OutputError):
-                raise error from None
-            raise
-        raise OutputError(
-            f"{error} What was found is not lost: it is in '{elsewhere}', for {RESCUED_FOR} days."
-        ) from None
-
-
-def _panel(title: str) -> Any:
-    return Option(rich_help_panel=title)
-
-
-_DERIVED, _RUNS = _panel("Velocity and acceleration"), _panel("Where it runs")
-
-
-@dataclass(frozen=True)
-class Derived:
-    """How logs become motion."""
-
-    derivatives: Annotated[Derivatives, _DERIVED] = "auto"
-    cutoff: Annotated[Positive | None, _DERIVED] = None
-    period: Annotated[Positive | None, _DERIVED] = None
-    harmonics: Annotated[Count, _DERIVED] = 5
-    decimate: Annotated[Count | None, _DERIVED] = None
-
-    def preparation(self) -> Preparation | None:
-        """Return what was asked for; None if nothing was."""
-        from identifiability.logs.prepare import Preparation  # noqa: PLC0415
-
-        return None if self == Derived() else Preparation(**asdict(self))
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where long work runs."""
-
-    engine: Annotated[EngineName | None, _RUNS] = None
-    workers: Annotated[Count | None, _RUNS] = None
-    scheduler: Annotated[str | None, _RUNS] = None
-    resume: Annotated[Path | None, _RUNS] = None
-
-    def stated(self, engine: Engine) -> Engine | None:
-        """Return the engine if anything was said of it; a verb left to itself ends it sooner."""
-        return engine if any(astuple(self)) else None
-
-    @contextmanager
-    def running(self) -> Iterator[Engine]:
-        """Give the engine; its processes end with it. Say if there was nothing to keep."""
-        from identifiability.foundation.engines.local import Resumed, choose_engine  # noqa: PLC0415
-
-        with choose_engine(*astuple(self)) as engine:
-            yield engine
-        if isinstance(engine, Resumed) and not engine.found + engine.done:
-            typer.echo(
-                f"--resume kept nothing in '{self.resume}': this was done in one piece, without "
-                "parts that could be; the same command begins anew.",
-                err=True,
-            )

@@ -38,6 +38,15 @@ from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Motion, Robot
 from identifiability.robot.closure import project
 
+
+class AtMotors(AlongAxes):
+    """What is of every actuated joint: one axis each, without the motors that mix them."""
+
+    def axes(self, robot: Robot) -> Sequence[Axis]:
+        """Return those of joints."""
+        return robot.axes[: len(robot.motor_joints)]
+
+
 # A constant torque at every actuated joint.
 
 
@@ -49,16 +58,12 @@ from identifiability.robot.closure import project
     told_by=RESTS,
     rank=5,
 )
-class TorqueOffset(AlongAxes):
+class TorqueOffset(AtMotors):
     """A constant torque: sensor bias or current offset."""
 
     name = "torque_offset"
     equation = "τ = off"
     units: tuple[tuple[str, str, str], ...] = (("off", "N·m", "N"),)
-
-    def axes(self, robot: Robot) -> Sequence[Axis]:
-        """Return those of joints, without the motors that mix them."""
-        return robot.axes[: len(robot.motor_joints)]
 
     def curves(self, at: Along) -> list[Array]:
         """Return one everywhere."""
@@ -127,7 +132,7 @@ def nominal_torque(robot: Robot, motion: Motion) -> Array:
     rank=12,
 )
 @frozen
-class TimeDelay(Effect):
+class TimeDelay(AtMotors):
     """``τ_measured(t) = τ(t − δ) ≈ τ − δ dτ/dt``: torque and motion are not sampled together.
 
     Linearised in the delay, which must be small beside the fastest motion. The torque that is
@@ -145,14 +150,8 @@ class TimeDelay(Effect):
     name = "time_delay"
     equation = "τ = −δ dτ/dt"
     source = "[Ljung 1999, Sec. 4.2]"
-    kind = "delay"
-
-    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
-        """Return that of every actuated joint."""
-        return tuple(
-            Parameter(a.name, self.kind, "s", self.name, a.symbol, nonnegative=True)
-            for a in robot.axes[: len(robot.motor_joints)]
-        )
+    units = (("delay", "s", "s"),)
+    nonnegative = True
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write one column a joint; differences do not reach across missing samples."""
@@ -187,7 +186,7 @@ class ClockError(TimeDelay):
 
     name = "clock_error"
     equation = "τ = ε dτ/dt"
-    kind = "lead"
+    units = (("lead", "s", "s"),)
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write one column a joint, that of a delay with the other sign."""
@@ -223,13 +222,12 @@ class CommandDelay(TimeDelay):
 
     name = "command_delay"
     equation = "τ = δ (dτ/dt + kp q̇ + kv q̈)"
-    source = "[Ljung 1999, Sec. 4.2]"
-    kind = "late"
+    units = (("late", "s", "s"),)
+    nonnegative = False
 
-    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
-        """Return that of every actuated joint of a robot with servos."""
-        late = () if robot.servo is None else super().parameters(robot)
-        return tuple(replace(p, nonnegative=False) for p in late)
+    def axes(self, robot: Robot) -> Sequence[Axis]:
+        """Return those of the joints of a robot with servos."""
+        return () if robot.servo is None else super().axes(robot)
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write one column a joint."""
@@ -255,7 +253,7 @@ class CommandDelay(TimeDelay):
     told_by=POSTURES,
     rank=12.4,
 )
-class TorqueScale(Effect):
+class TorqueScale(AtMotors):
     """``τ = s τ``: the torque of one joint is s too large, as by a wrong constant of its motor.
 
     The torque is that of the robot file's values. One scale of all joints is a scale of all
@@ -265,11 +263,7 @@ class TorqueScale(Effect):
     name = "torque_scale"
     equation = "τ_measured = (1 + s) τ"
     source = "[Gautier & Briot 2014]"
-
-    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
-        """Return one share for every actuated joint."""
-        axes = robot.axes[: len(robot.motor_joints)]
-        return tuple(Parameter(a.name, "scale", "1", self.name, a.symbol) for a in axes)
+    units = (("scale", "1", "1"),)
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write the torque of each joint."""
@@ -440,7 +434,7 @@ def _stands_in_a_tree(robot: Robot, place: str) -> str:
     told_by=POSTURES,
     rank=13.5,
 )
-class EncoderBias(Effect):
+class EncoderBias(AtMotors):
     """``τ = −b ∂τ/∂q``: a joint's position is measured b too large, and so is its command.
 
     The servo holds what it measures, so its torque is right and every other joint's is told at a
@@ -453,14 +447,11 @@ class EncoderBias(Effect):
     name = "encoder_bias"
     equation = "τ = −b ∂τ/∂q"
     source = "derivatives of inverse dynamics [Carpentier & Mansard 2018]"
+    units = (("bias", "rad", "m"),)
 
-    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
-        """Return that of every actuated joint of a tree."""
-        axes = () if robot.closed else robot.axes[: len(robot.motor_joints)]
-        return tuple(
-            Parameter(a.name, "bias", "m" if a.prismatic else "rad", self.name, a.symbol)
-            for a in axes
-        )
+    def axes(self, robot: Robot) -> Sequence[Axis]:
+        """Return those of the joints of a tree."""
+        return () if robot.closed else super().axes(robot)
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write how torque changes with minus each position."""

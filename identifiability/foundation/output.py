@@ -3,86 +3,52 @@
 from __future__ import annotations
 
 import errno
-import hashlib
 import json
 import math
 import os
-import platform
 import secrets
 import shutil
 import stat
 import sys
 import tempfile
-import weakref
+import time
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
+from datetime import timedelta
 from glob import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 from identifiability.foundation.errors import OutputError
 from identifiability.foundation.options import FilePath, checked
+
+if sys.platform != "win32":  # where runs do not take turns
+    import fcntl
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
 
 # Files and folders for the time of some work; what killed programs left of theirs is swept.
-#
-# Whether a program still works on what it began is told by a lock that ends with it (`flock`), not
-# by its number: containers that share a folder and a host name count their programs each from one.
-
-
-if sys.platform != "win32":  # where nothing is swept
-    import fcntl
-
-#: Locked by who puts files of its folder in their places: containers have hosts of their own.
-_TURN = ".identifiability-turn.tmp"
 
 #: What the system says where there is no room.
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
-#: How to open what is locked: a folder, too, and no link, nor a pipe that would be waited for.
-_PLAIN = sum(getattr(os, name, 0) for name in ("O_CLOEXEC", "O_NOFOLLOW", "O_NONBLOCK"))
+#: What folders for a while are called, and files that are not in their place yet.
+FOLDER, HALF = "identifiability-", ".identifiability-"
+
+#: Days after which what nobody has touched is taken for left behind: folders, and half files.
+FOLDERS_STAY, HALVES_STAY = 30, 1
 
 
-def host_mark() -> str:
-    """Return eight letters that stand for this machine in names of files."""
-    return hashlib.sha256(platform.node().encode()).hexdigest()[:8]
-
-
-def hold(owner: Any, path: Path) -> bool:
-    """Lock what was just made as long as its owner is there, and say whether it still is.
-
-    Who sweeps may have locked it before, and removed it.
-    """
-    if sys.platform == "win32":
-        return True
-    with suppress(FileNotFoundError):
-        descriptor = os.open(path, os.O_RDONLY | _PLAIN)
-        weakref.finalize(owner, os.close, descriptor)
-        with suppress(OSError):  # a file system without locks, on which nothing is swept
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-        return path.exists()
-    return False
-
-
-def sweep(paths: Iterable[Path]) -> None:
-    """Remove the user's own of some files and folders where nobody holds them."""
-    if sys.platform == "win32":
-        return
+def sweep(paths: Iterable[Path], days: float) -> None:
+    """Remove the user's own of some files and folders that nobody has touched for so long."""
     for path in paths:
         with suppress(OSError):
-            if path.lstat().st_uid != os.getuid():
-                continue
-            descriptor = os.open(path, os.O_RDONLY | _PLAIN)
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                if not os.path.samestat(os.fstat(descriptor), path.lstat()):
-                    continue  # another has taken the name since; what it made is its own
-                shutil.rmtree(path) if path.is_dir() else path.unlink()  # it follows no link
-            finally:
-                os.close(descriptor)
+            status = path.lstat()
+            own = not hasattr(os, "getuid") or status.st_uid == os.getuid()
+            if own and time.time() - status.st_mtime > timedelta(days=days).total_seconds():
+                shutil.rmtree(path) if stat.S_ISDIR(status.st_mode) else path.unlink()
 
 
 class _Folder(tempfile.TemporaryDirectory[str]):
@@ -99,14 +65,8 @@ class _Folder(tempfile.TemporaryDirectory[str]):
 
 def temporary_folder() -> tempfile.TemporaryDirectory[str]:
     """Return a folder that goes with its ``with`` block, or with the program; sweep orphans."""
-    name = f"identifiability-{host_mark()}-"
-    sweep(Path(tempfile.gettempdir()).glob(f"{name}*-*"))
-    while True:
-        prefix = f"{name}{os.getpid()}-"
-        folder = _Folder(prefix=prefix, ignore_cleanup_errors=True)
-        if hold(folder, Path(folder.name)):
-            return folder
-        folder.cleanup()  # who swept took it before it was held; else it is reported as left behind
+    sweep(Path(tempfile.gettempdir()).glob(f"{FOLDER}*"), FOLDERS_STAY)
+    return _Folder(prefix=FOLDER, ignore_cleanup_errors=True)
 
 
 # Write results so that a reader never finds half a file.
@@ -219,7 +179,7 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
     target = real(path)  # a link stays a link
     temporary = _beside(target)
     try:
-        _held = _fill(temporary, content, target)
+        _fill(temporary, content, target)
         temporary.replace(target)
     except OSError as error:
         raise OutputError(f"'{path}' cannot be written: {_reason(error)}.") from None
@@ -243,56 +203,46 @@ def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
     fresh = [_beside(target) for target in targets]
     aside: list[tuple[Path, Path]] = []
     placed: list[Path] = []
-    turn = ExitStack()
     try:
-        _held = [
+        for temporary, (_, content), target in zip(fresh, files, targets, strict=True):
             _fill(temporary, content, target)
-            for temporary, (_, content), target in zip(fresh, files, targets, strict=True)
-        ]
-        turn.enter_context(_taking_turns(targets[-1].parent))
-        for target in reversed(targets):
-            if target.exists():
-                name = target.with_name(f"{target.name}.{secrets.token_hex(4)}.old")
-                aside.append((name, target))
-                target.replace(name)
-        for temporary, target in zip(fresh, targets, strict=True):
-            placed.append(target)
-            temporary.replace(target)
-    except BaseException as error:  # also Ctrl-C: undo what was done, the main file last
-        _remove(reversed(placed))
-        for name, target in reversed(aside):
-            if name.exists():
-                name.replace(target)
-        if isinstance(error, OSError):
-            names = " and ".join(f"'{path}'" for path, _ in files)
-            raise OutputError(f"{names} cannot be written: {_reason(error)}.") from None
-        raise
-    else:
-        _remove(name for name, _ in aside)
+        with _taking_turns(targets[-1].parent):
+            try:
+                for target in reversed(targets):
+                    if target.exists():
+                        name = target.with_name(f"{target.name}.{secrets.token_hex(4)}.old")
+                        aside.append((name, target))
+                        target.replace(name)
+                for temporary, target in zip(fresh, targets, strict=True):
+                    placed.append(target)
+                    temporary.replace(target)
+            except BaseException:  # also Ctrl-C: undo what was done, the main file last
+                _remove(reversed(placed))
+                for name, target in reversed(aside):
+                    if name.exists():
+                        name.replace(target)
+                raise
+            _remove(name for name, _ in aside)
+    except OSError as error:
+        names = " and ".join(f"'{path}'" for path, _ in files)
+        raise OutputError(f"{names} cannot be written: {_reason(error)}.") from None
     finally:
-        turn.close()
         _remove(fresh)
 
 
 @contextmanager
 def _taking_turns(folder: Path) -> Iterator[None]:
     """Let one program at a time put files of a folder in their places, where there are locks."""
-    path, descriptor = folder / _TURN, -1
-    with suppress(OSError):  # a file system without locks, a program of another user
-        while sys.platform != "win32":
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | _PLAIN, 0o600)
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-            with suppress(FileNotFoundError):  # who had it before has removed it
-                if os.path.samestat(os.fstat(descriptor), path.stat()):
-                    break
-            os.close(descriptor)
-            descriptor = -1
+    if sys.platform == "win32":
+        yield
+        return
+    descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
     try:
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
     finally:
-        if descriptor >= 0:
-            _remove([path])
-            os.close(descriptor)
+        os.close(descriptor)
 
 
 def kept_aside(path: Path) -> Path | None:
@@ -305,26 +255,18 @@ def kept_aside(path: Path) -> Path | None:
 
 def _beside(target: Path) -> Path:
     """Return where a file is filled before it is put in its place; sweep what the killed left."""
-    host = host_mark()
-    sweep([target.with_name(_TURN), *target.parent.glob(f".{host}-*-*.tmp")])
-    return target.with_name(f".{host}-{os.getpid()}-{secrets.token_hex(6)}.tmp")
+    sweep(target.parent.glob(f"{HALF}*.tmp"), HALVES_STAY)
+    return target.with_name(f"{HALF}{secrets.token_hex(6)}.tmp")
 
 
-def _fill(temporary: Path, content: bytes, target: Path) -> BinaryIO:
-    """Write a file that is not in its place yet, with the rights of the one that it replaces.
-
-    Nobody sweeps it as long as what is returned is kept.
-    """
-    while True:
-        with temporary.open("xb") as stream:
-            if not hold(stream, temporary):
-                continue
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        with suppress(FileNotFoundError):  # nothing there, or put aside by another run just now
-            shutil.copymode(target, temporary)
-        return stream
+def _fill(temporary: Path, content: bytes, target: Path) -> None:
+    """Write a file that is not in its place yet, with the rights of the one that it replaces."""
+    with temporary.open("xb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
+    with suppress(FileNotFoundError):  # nothing there, or put aside by another run just now
+        shutil.copymode(target, temporary)
 
 
 def _remove(paths: Iterable[Path]) -> None:

@@ -105,7 +105,7 @@ class Result(ABC):
     @property
     def plot(self) -> Any:
         """The figures of `identifiability.plot` that this result has, as its methods."""
-        return handed("result_plots")(self)
+        return handed("Plots")(self)
 
     def parameters_frame(self) -> pd.DataFrame:
         """Return one row a parameter, by name in the column ``name`` or ``parameter``."""
@@ -139,7 +139,7 @@ class Result(ABC):
 
     def write_report(self, path: str | Path) -> Path:
         """Write the result as one self-contained HTML file, whole or not at all."""
-        written: Path = handed("write_page")(self, path)
+        written: Path = handed("write_result")(self, path)
         return written
 
     def __getitem__(self, name: str) -> pd.Series[Any]:

@@ -33,11 +33,11 @@ class Conventions:
     scales : mapping
         Joint or motor to scale and offset of its positions and commands: ``[columns]``.
     time_unit : str
-        Unit of its times, ``[time]`` and ``--time-unit``; empty if nobody said.
+        Unit of its times, ``[time]`` and ``--set time_unit``; empty if nobody said.
     torque : MeasuredTorque
         What its torque columns hold: ``[torque]``.
     degrees : tuple of str
-        Joints and motors whose angles and rates are in degrees: ``angles`` and ``--angles``.
+        Joints and motors whose angles and rates are in degrees: ``angles`` and ``--set angles``.
     motion_alone : bool
         Take a log without any torque: motion is all that is needed of it.
     entries : mapping

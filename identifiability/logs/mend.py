@@ -320,8 +320,8 @@ def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
 
 #: What positions beyond limits are, and what to say.
 _DEGREES = (
-    'looks like degrees: say --angles deg (or angles = "deg" in the sidecar), or --angles rad if '
-    "they are rad, or"
+    'looks like degrees: say --set angles=deg (or angles = "deg" in the sidecar), or --set '
+    "angles=rad if they are rad, or"
 )
 _TICKS = "spans more than twice the joint's limits; say"
 
@@ -417,7 +417,7 @@ def drop_contradictions(
         kept.append(log.without(gone))
         hints.append(
             f"The {' and '.join(words)} of {log.name} were not used, but computed: "
-            f"{listing([c.text for c in wrong], 2)}. Check the columns; --derivatives given "
+            f"{listing([c.text for c in wrong], 2)}. Check the columns; --set derivatives=given "
             "(derivatives='given') uses them as they are."
         )
     return kept, tuple(hints)

@@ -545,8 +545,8 @@ def settle_commands(
         if known.base is not None:
             why = (
                 f"the robot file says that '{known.base.body}' floats: torque is made of commands "
-                "only of a robot that is held. If it hung on a stand, add --base fixed (or base = "
-                '"fixed" in the sidecar); if it did not, log the torque.'
+                "only of a robot that is held. If it hung on a stand, add --set base=fixed (or "
+                'base = "fixed" in the sidecar); if it did not, log the torque.'
             )
         columns = listing([repr(g.source) for g in commands], 2)
         raise LogError(f"{source} has commands ({columns}) and no torque, and {why}")

@@ -267,6 +267,6 @@ def _find_unit(t: Array, source: str) -> tuple[str, str]:
         return fits[0], f"for they rise by {step:.6g} from sample to sample: {each[0]}"
     raise LogError(
         f"{source}: the times rise by {step:.6g} from sample to sample, which may be "
-        f"{' or '.join(each)}; say their unit with --time-unit, or with `unit` under "
+        f"{' or '.join(each)}; say their unit with --set time_unit, or with `unit` under "
         "[time] in the sidecar."
     )

@@ -409,7 +409,7 @@ def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float 
     stated = total_mass(robot, robot.nominal)
     if robot.guessed or not (stated > 0 and mass_rows(robot, parameters) and is_far(mass, stated)):
         return ""
-    remedy = f"--cad-prior {10 * cad_weight or WEAK:g} keeps it nearer to the file"
+    remedy = f"--set cad_prior={10 * cad_weight or WEAK:g} keeps it nearer to the file"
     why = f"the logs do not determine every mass; {remedy}"
     if cad_weight:
         why = (

@@ -18,10 +18,10 @@ from matplotlib.figure import Figure
 
 from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import error_text, whole_percent
+from identifiability.foundation.rounding import whole_percent
 from identifiability.foundation.values import frozen
 from identifiability.report.drawing import break_gaps, peak_rows, svg
-from identifiability.report.figures import choose_stretch, draw_torque
+from identifiability.report.figures import POINTS, medians_along, spread_rows
 from identifiability.workflows.answers import WORDS, sentence, words
 
 
@@ -211,6 +211,8 @@ class Trace:
         Name of a line to its values at `t`; NaN breaks a line.
     quantity : str
         What is drawn.
+    along : str
+        What `t` is, if not time.
     """
 
     name: str
@@ -218,6 +220,7 @@ class Trace:
     t: tuple[float, ...]
     lines: Mapping[str, tuple[float, ...]]
     quantity: str = "torque"
+    along: str = ""
 
     @classmethod
     def of(
@@ -235,13 +238,25 @@ class Trace:
         broken = {n: tuple(y.tolist()) for n, y in zip(lines, values, strict=True)}
         return cls(name, unit, tuple(times.tolist()), broken, quantity)
 
+    @classmethod
+    def scattered(
+        cls, name: str, unit: str, along: str, x: Array, y: Array, quantity: str
+    ) -> Trace:
+        """Return points (N,) over a motion (N,), a few hundred of them, and their median."""
+        rows = spread_rows(len(x), POINTS)
+        rows = rows[np.argsort(x[rows], kind="stable")]
+        middle = np.interp(x[rows], *medians_along(x, y)) if len(x) else x
+        lines = {quantity: tuple(y[rows].tolist()), "median": tuple(middle.tolist())}
+        return cls(name, unit, tuple(x[rows].tolist()), lines, quantity, along)
+
     @property
     def data(self) -> str:
-        """The lines as JSON with four digits."""
+        """The lines as JSON with five digits."""
         rows = (self.t, *self.lines.values())
         short = [[None if math.isnan(x) else float(f"{x:.5g}") for x in row] for row in rows]
-        axis = f"{self.quantity} [{self.unit}]"
-        return json.dumps({"axis": axis, "names": [*self.lines], "rows": short})
+        axes = {"x": self.along or "time [s]", "axis": f"{self.quantity} [{self.unit}]"}
+        dots = bool(self.along)  # the first line, whose order means nothing
+        return json.dumps({**axes, "dots": dots, "names": [*self.lines], "rows": short})
 
 
 @frozen
@@ -355,39 +370,71 @@ def gallery(name: str, pictures: Sequence[Picture], /, **holes: Any) -> Gallery:
 #: Points of all torque lines of a page.
 LINE_POINTS = 18_000
 
+#: Limits are drawn that the motion comes nearer to than this share of its own range.
+NEAR = 0.25
 
-def torque_blocks(
+
+def points_each(joints: int) -> int:
+    """Return how many points each of three lines of so many joints has."""
+    return max(300, LINE_POINTS // (3 * joints))
+
+
+def motion_traces(
+    quantity: str,
+    t: Array,
+    values: Array,
+    joints: Sequence[str],
+    units: Sequence[str],
+    limits: Array | None = None,
+) -> Traces:
+    """Return what joints do over time, with the limits that they come near to.
+
+    Parameters
+    ----------
+    quantity : str
+    t : (N,) [s]
+    values : (N, n)
+    joints, units : sequence of n str
+    limits : (n, 2), optional
+        Least and largest; NaN or infinite without.
+    """
+    groups = []
+    for k, (joint, unit) in enumerate(zip(joints, units, strict=True)):
+        y = values[:, k]
+        lines = {quantity: y}
+        for name, bound, end in zip(
+            ("least", "largest"), () if limits is None else limits[k], (y.min(), y.max()),
+            strict=False,
+        ):  # fmt: skip
+            if abs(bound - end) < NEAR * (np.ptp(y) or 1.0):
+                lines[f"{name} allowed"] = np.full(len(y), bound)
+        most = points_each(len(joints))
+        groups.append(Trace.of(joint, unit, t, lines, most, quantity))
+    return Traces(tuple(groups), quantity[0].upper() + quantity[1:])
+
+
+def torque_traces(
     t: Array,
     measured: Array,
     predicted: Array,
     joints: Sequence[str],
     units: Sequence[str],
-    errors: Sequence[float],
     log: str,
-) -> tuple[Block, ...]:
-    """Return measured and predicted torque along a log, to zoom, and ten seconds as pictures.
+) -> Traces:
+    """Return measured and predicted torque along a log, and what is left, to zoom.
 
     Parameters
     ----------
     t : (N,) [s]
     measured, predicted : (N, n)
     joints, units : sequence of n str
-    errors : sequence of n float
-        Of each joint, as fractions.
     log : str
         What it is called.
     """
-    most = max(300, LINE_POINTS // (3 * len(joints)))
-    part = choose_stretch(t)
-    groups, pictures = [], []
+    most = points_each(len(joints))
+    groups = []
     for k, (joint, unit) in enumerate(zip(joints, units, strict=True)):
         lines = {"measured": measured[:, k], "predicted": predicted[:, k]}
         lines["residual"] = lines["measured"] - lines["predicted"]
         groups.append(Trace.of(joint, unit, t, lines, most))
-        title = f"{joint}, error {error_text(errors[k])}"
-        figure = draw_torque(t[part], measured[part, k], predicted[part, k], title, unit, most // 2)
-        pictures.append(picture("torque", figure, joint=joint))
-    return (
-        Traces(tuple(groups), sentence("analysis.traces", log=log)),
-        Fold("Each joint as a picture", (Gallery(tuple(pictures)),)),
-    )
+    return Traces(tuple(groups), sentence("analysis.traces", log=log))

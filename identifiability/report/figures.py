@@ -13,16 +13,14 @@ import numpy as np
 import scipy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
-from identifiability.foundation.rounding import format_number, mark_of
+from identifiability.foundation.rounding import mark_of
 from identifiability.report.drawing import (
     BLUE,
     COLOURS,
     DASHED,
-    GREY,
     INK,
     LINE,
     MUTED,
@@ -46,11 +44,8 @@ from identifiability.report.drawing import (
 # Torque and motion along time.
 
 
-#: Points of a line, of a scatter, and medians along it.
-MOST_POINTS, POINTS, BINS = 1200, 500, 24
-
-#: Limits are drawn that the motion comes nearer to than this share of its own range.
-NEAR = 0.25
+#: Points of a scatter, and medians along it.
+POINTS, BINS = 500, 24
 
 #: Colour and name of the model as it was, and of the one with the named effects.
 STATES = ((VERMILION, "before"), (BLUE, "after"))
@@ -93,50 +88,6 @@ def draw_torque(
     return figure
 
 
-def choose_stretch(t: Array, longest: float = 10.0) -> slice:
-    """Return the middle `longest` seconds of a log, or all of a shorter one."""
-    if len(t) < 2 or t[-1] - t[0] <= longest:
-        return slice(0, len(t))
-    start = 0.5 * (t[0] + t[-1] - longest)
-    first = int(np.searchsorted(t, start))
-    return slice(first, max(first + 2, int(np.searchsorted(t, start + longest))))
-
-
-@drawn
-def draw_joint(
-    lines: Sequence[tuple[Array, Array]],
-    labels: Sequence[str],
-    title: str,
-    limits: Sequence[tuple[float, float]],
-) -> Figure:
-    """Draw what a joint does over time, one below the other, with limits that it comes near to.
-
-    Parameters
-    ----------
-    lines : three of ((N,), (N,))
-        Times [s] and values; may be empty.
-    labels : three of str
-    title : str
-    limits : sequence of (float, float)
-        Least and largest of each line, of the first ones; NaN or infinite without.
-    """
-    figure, axes = canvas(400, 330, (66, 10, 34, 38), (1, 1, 1))
-    colours = (BLUE, COLOURS["green"], VERMILION)
-    for ax, (t, y), label, colour in zip(axes, lines, labels, colours, strict=True):
-        if len(t):
-            plot_line(ax, t, y, MOST_POINTS, color=colour, linewidth=1.1)
-        label_axes(ax, "", label)
-        ax.locator_params(axis="y", nbins=4)
-    for ax, (_, y), bounds in zip(axes, lines, limits, strict=False):
-        for bound, end in zip(bounds, (y.min(), y.max()), strict=True):
-            if np.isfinite(bound) and abs(bound - end) < NEAR * (np.ptp(y) or 1.0):
-                ax.axhline(bound, color=MUTED, **DASHED)
-    axes[0].set_title(plain(title, 44), color=COLOURS["ink"], fontweight="bold")
-    axes[-1].set_xlabel("time [s]")
-    figure.align_ylabels(axes)
-    return figure
-
-
 @drawn
 def draw_residual(
     x: Array, residuals: Mapping[str, Array], title: str, labels: tuple[str, str]
@@ -156,38 +107,24 @@ def draw_residual(
     figure, (axes,) = canvas(400, 250, (60, 10, 50, 38))
     axes.axhline(0, color=MUTED, linewidth=0.8)
     rows = spread_rows(len(x), POINTS)
-    parts = [p for p in np.array_split(np.argsort(x), BINS) if len(p)]
-    middle = [np.median(x[p]) for p in parts]
     for (label, y), (colour, _) in zip(residuals.items(), STATES, strict=False):
         dots(axes, x[rows], y[rows], colour, 2.4, 0.35)
-        axes.plot(middle, [np.median(y[p]) for p in parts], color=colour, lw=1.8, label=label)
+        axes.plot(*medians_along(x, y), color=colour, lw=1.8, label=label)
     legend_above(axes, handlelength=1.4)
     label_axes(axes, *labels, title, pad=26)
     return figure
 
 
+def medians_along(x: Array, y: Array) -> tuple[Array, Array]:
+    """Return medians of x (N,) and y (N,) in bins of as many rows each, along x."""
+    count = max(1, min(BINS, len(x) // 8))
+    parts = [p for p in np.array_split(np.argsort(x), count) if len(p)]
+    return np.array([np.median(x[p]) for p in parts]), np.array([np.median(y[p]) for p in parts])
+
+
 def spread_rows(count: int, most: int) -> np.ndarray:
     """Return at most so many of the rows 0 … count - 1, evenly spread."""
     return np.unique(np.linspace(0, max(count - 1, 0), min(most, count)).astype(int))
-
-
-@drawn
-def draw_gap(t: Array, before: Array, after: Array, title: str, unit: str) -> Figure:
-    """Draw the residual of a joint over time, of the model as it was and with the named effects.
-
-    Parameters
-    ----------
-    t : (N,) [s]
-    before, after : (N,) [unit]
-    title, unit : str
-    """
-    figure, (axes,) = canvas(400, 230, (60, 10, 50, 38))
-    axes.axhline(0, color=MUTED, linewidth=0.8)
-    for y, (colour, label) in zip((before, after), STATES, strict=True):
-        plot_line(axes, t, y, 800, color=colour, linewidth=1.1, label=label)
-    legend_above(axes, handlelength=1.4)
-    label_axes(axes, "time [s]", f"residual [{unit}]", title, pad=26)
-    return figure
 
 
 @drawn
@@ -458,38 +395,6 @@ def draw_arrows(axes: Axes, x: Array, rows: Array, colour: str, **style: Any) ->
         axes.plot(at, rows[beyond], marker, color=colour, clip_on=False, **style)
 
 
-@drawn
-def draw_pair(
-    draws: Array, labels: tuple[str, str], estimate: tuple[float, float], rho: float
-) -> Figure:
-    """Draw the draws of two parameters against each other.
-
-    Parameters
-    ----------
-    draws : (D, 2)
-    labels : (str, str)
-        Name and unit of each.
-    estimate : (float, float)
-        Least squares, without prior or constraint.
-    rho : float
-        Their correlation.
-    """
-    figure, (axes,) = canvas(320, 280, (72, 14, 32, 46))
-    # Points drawn in a pair.
-    known = draws[np.isfinite(draws).all(1)][:400]
-    dots(axes, known[:, 0], known[:, 1], COLOURS["purple"], 3.2, 0.55)
-    axes.margins(0.08)
-    (low, high), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    if low <= estimate[0] <= high and bottom <= estimate[1] <= top:
-        axes.plot(*estimate, "+", color=INK, markersize=11, markeredgewidth=1.8)
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MaxNLocator(4))
-        axis.set_major_formatter(FuncFormatter(lambda v, _: format_number(v, 4)))
-    label_axes(axes, plain(labels[0], 40), plain(labels[1], 34))
-    axes.set_title(f"correlation {rho:.2f}".replace("-", "−"))
-    return figure
-
-
 def order_correlated(correlation: Array, most: int = MOST) -> np.ndarray:
     """Return parameters with a partner above `CONFUSED`, those of one group beside each other.
 
@@ -576,34 +481,4 @@ def draw_gain(names: Sequence[str], ratio: Array) -> Figure:
     axes.axvline(1.0, color=INK, linewidth=1)
     colours = np.where(shown <= 1, BLUE, VERMILION)
     axes.scatter(shown, np.arange(len(names)), c=colours.tolist(), s=36, zorder=3)
-    return figure
-
-
-@drawn
-def draw_ranks(counts: Array, band: tuple[float, float], worst: int, name: str) -> Figure:
-    """Draw how often planted values fall into each part of their posterior's draws.
-
-    Parameters
-    ----------
-    counts : (p, b)
-        For each parameter and each of b equal parts of the ranks.
-    band : (float, float)
-        Counts between which 99 % of them lie when ranks are uniform.
-    worst : int
-    name : str
-        Of the worst parameter.
-    """
-    figure, (axes,) = canvas(440, 270, (58, 14, 34, 38))
-    edges, level = np.linspace(0, 1, counts.shape[1] + 1), float(np.mean(band))
-    axes.axhspan(*band, color=GREY, alpha=0.12, linewidth=0)
-    axes.axhline(level, color=INK, linewidth=1)
-    for row in np.delete(counts, worst, axis=0):
-        axes.stairs(row, edges, baseline=None, color=MUTED, alpha=0.35, linewidth=0.9)
-    own: Any = {"color": VERMILION, "linewidth": 1.8, "label": f"smallest p: {plain(name)}"}
-    axes.stairs(counts[worst], edges, baseline=None, **own)
-    axes.stairs([], [0], baseline=None, color=MUTED, label="others")
-    axes.set_xlim(0, 1)
-    legend_above(axes)
-    label = "rank of the planted value among the draws [share]"
-    label_axes(axes, label, "simulated experiments [–]")
     return figure

@@ -161,21 +161,11 @@ def set_symbols(text: str) -> Markup:
     return Markup(re.sub(r"([ετσφ])_([A-Za-z]+)", r"\1<sub>\2</sub>", escaped))
 
 
-@cache
-def _drawings(schema: str) -> Any:
-    """Return the module of this room that draws a kind of result, ``<kind>_report``; None without.
-
-    It may have, each a function of the result, `heading` (what kind of page it is and what it is
-    about), `sketch` and `below` (what is drawn with the answers), `notes` and `sections`.
-    """
-    name = f"{schema.split('/')[1]}_report"
-    here = Path(__file__).with_name(f"{name}.py").exists()
-    return import_module(f".{name}", __package__) if here else None
-
-
 def _of_page(result: Result, name: str, usual: Any = None) -> Any:
-    """Return what the page of a result has of its own."""
-    own = getattr(_drawings(result.schema), name, None)
+    """Return what the page of a result has of its own, as `identifiability.report.pages` says."""
+    kind = result.schema.split("/")[1]
+    module = import_module(".analysis" if kind == "analysis" else ".pages", __package__)
+    own = getattr(module, f"{kind}_{name}", None)
     return usual if own is None else own(result)
 
 

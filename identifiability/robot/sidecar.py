@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias, TypeVar
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -27,6 +27,7 @@ from identifiability.foundation.documents import Span, key, read_document, risin
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Renames, find_named, is_pattern
 from identifiability.foundation.values import frozen
+from identifiability.robot.locate import find_sidecar, locate_robot
 from identifiability.robot.markup import LARGEST, LONGEST_NAME
 from identifiability.robot.measured_torque import KnownTorque, Polynomial, Side
 
@@ -249,19 +250,11 @@ class _SymmetryEntry(_Strict):
     tie: dict[str, list[str]] = key("What is equal.", ..., {"leg.my": ["leg1.my", "leg2.my"]})
 
 
-class _EllipsoidEntry(_Strict):
-    """Where a centre of mass is."""
-
-    centre: Triple = key("In the body's frame [m].", (0.0, 0.0, 0.0))
-    radii: tuple[Length, Length, Length] = key("Along its axes [m].")
-
-
 class BodyBoundsEntry(_Strict):
     """What is known of a body, or of all whose names fit."""
 
     mass: Masses | None = key("Least and largest mass [kg].", None)
     box: tuple[Span, Span, Span] | None = key("Of its centre, along its frame's axes [m].", None)
-    ellipsoid: _EllipsoidEntry | None = None
 
 
 class BoundsEntry(_Strict):
@@ -325,6 +318,9 @@ class Sidecar(_Strict):
     prior: dict[str, _PriorEntry] = {}
     prior_share: dict[str, Share] = key("Within which bodies are the file's.", {}, {"link*": 0.1})
     bounds: BoundsEntry = BoundsEntry()
+    preparation: dict[str, Any] = key("How logs become motion.", {}, {"cutoff": 10.0})
+    run: dict[str, Any] = key("Where long work runs.", {}, {"workers": 4})
+    fit: dict[str, Any] = key("How parameters are estimated.", {}, {"estimator": "ls"})
 
 
 def read_sidecar(path: Path | None) -> Sidecar:
@@ -338,6 +334,20 @@ def read_sidecar(path: Path | None) -> Sidecar:
     if path is None:
         return Sidecar()
     return read_document(path, Sidecar, "TOML", "sidecar", RobotError)
+
+
+def read_settings(
+    robot: str | Path, sidecar: str | Path | None = None
+) -> dict[str, dict[str, Any]]:
+    """Return the tables of a robot's sidecar that say how verbs work, by their names.
+
+    Raises
+    ------
+    RobotError
+    """
+    path = find_sidecar(locate_robot(robot)) if sidecar is None else Path(sidecar)
+    read = read_sidecar(path)
+    return {"preparation": read.preparation, "run": read.run, "fit": read.fit}
 
 
 # Names and patterns in a sidecar's tables: ``wrist_*.Fv`` for every joint or axis that fits.

@@ -20,27 +20,22 @@ import numpy as np
 from scipy.optimize import minimize
 
 from identifiability.effects import find_families
-from identifiability.effects.gravity import TILTS, GravityTilt, horizontal_axes, turn_gravity
+from identifiability.effects.gravity import GravityTilt, horizontal_axes
 from identifiability.effects.inertia import ActuatorInertia
 from identifiability.effects.nominal import gravity_torque
 from identifiability.effects.transmission import Hysteresis
-from identifiability.estimation.estimate import estimate
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
 from identifiability.estimation.mixed_model import Group, MixedModel, Products, Term
 from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, rich_noise
-from identifiability.estimation.uncertainty import remembering_covariance
-from identifiability.foundation.linalg import NEARLY, ROUNDOFF
-from identifiability.foundation.names import BASE, Array
-from identifiability.foundation.numbers import REACH, percent
+from identifiability.foundation.linalg import NEARLY
+from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
 from identifiability.logs.prepare import Samples
-from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.columns import list_candidates
-from identifiability.regression.gather import gather_information
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.oddities import MeasuredLogs
@@ -516,41 +511,3 @@ def _solve(G: Array, g: Array, nonnegative: np.ndarray) -> Array:
             found: Array = x / size
             return found
         kept &= ~((x < 0) & nonnegative)
-
-
-# Where gravity points, of a model with a tilted base: the direction that its fit leads to.
-#
-# Masses that are fitted and gravity multiply each other: the direction is refined by Gauss–Newton
-# steps, each a fit of the whole model about the direction found before. These end where the angles
-# that are left are zero, which is the right direction whatever masses the file states.
-
-
-#: Gauss–Newton steps, and shares of its standard error by which the last one moves a direction.
-NEWTON = 12
-SETTLED: Tolerance = 1e-3
-
-
-def about_gravity(structure: Structure, samples: Sequence[Prepared]) -> Structure:
-    """Return a model about the direction of gravity that its fit leads to, if it surely tilts."""
-    robot, effects = structure.robot, structure.model.effects
-    if GravityTilt.name not in structure.model.names or not robot.gravity.any():
-        return structure
-    others = [e for e in effects if e.name != GravityTilt.name]
-    names, about = [f"{BASE}.{kind}" for kind in TILTS], structure
-    for _ in range(NEWTON):
-        information = gather_information(about.regression(samples))
-        fit = estimate(information)
-        at = [about.base.names.index(n) for n in names if n in about.base.names]
-        value = dict(zip(about.base.names, fit.value, strict=True))
-        step = np.array([value.get(n, 0.0) for n in names])
-        variance = np.zeros(len(fit.columns))  # of a column that the logs leave out, none
-        variance[list(fit.kept)] = np.diag(remembering_covariance(information, fit))
-        error = float(np.sqrt(variance[at].mean())) if at else 0.0
-        size = float(np.linalg.norm(step))
-        if size <= max(SETTLED * error, ROUNDOFF):
-            break
-        turned = turn_gravity(about.robot, step * min(1.0, 0.5 / size))  # no step is longer [rad]
-        about = Structure.of(robot, Model((*others, GravityTilt(turned.gravity))))
-    tilt = about.robot.tilt
-    sure = tilt is not None and 0 < REACH * float(np.degrees(error)) < tilt.degrees
-    return about if sure else structure

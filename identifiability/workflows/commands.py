@@ -32,7 +32,7 @@ def source_name(robot: Robot) -> str:
     name = robot.path.parent.name if shipped else quote(str(robot.path))
     other = robot.sidecar is not None and robot.sidecar != find_sidecar(robot.path)
     sidecar = [f"--sidecar {quote(str(robot.sidecar))}"] if other and robot.sidecar else []
-    sidecar += [] if robot.base_option is None else [f"--base {robot.base_option}"]
+    sidecar += [] if robot.base_option is None else [f"--set base={robot.base_option}"]
     locks = (f"{joint}={robot.locked[joint]:g}" for joint in robot.lock_option)
     return " ".join([name, *sidecar, *(f"--lock {quote(lock)}" for lock in locks)])
 
@@ -40,8 +40,8 @@ def source_name(robot: Robot) -> str:
 def reading_options(robot: Robot) -> str:
     """Return the options by which a command reads logs as they were read; begins with a space."""
     words = [f"--map {quote(f'{old}={new}')}" for old, new in robot.columns.rules]
-    words += [f"--time-unit {robot.time_unit}"] if robot.time_unit else []
-    words += [f"--angles {robot.angles}"] if robot.angles is not None else []
+    words += [f"--set time_unit={robot.time_unit}"] if robot.time_unit else []
+    words += [f"--set angles={robot.angles}"] if robot.angles is not None else []
     return "".join(f" {word}" for word in words)
 
 
@@ -54,7 +54,7 @@ def preparing_options(how: object) -> str:
         usual["cutoff"] = how.cutoff  # chosen, and chosen again by the same logs
     asked = {name: getattr(how, name) for name in OPTIONS if getattr(how, name) != usual[name]}
     texts = {n: x if isinstance(x, str) else f"{x:g}" for n, x in asked.items()}
-    return "".join(f" --{name} {text}" for name, text in texts.items())
+    return "".join(f" --set {name}={text}" for name, text in texts.items())
 
 
 def given_paths(logs: Iterable[Recording | Prepared]) -> tuple[str, ...]:

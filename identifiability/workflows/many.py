@@ -30,9 +30,11 @@ from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import NONE, error_text, format_count
 from identifiability.foundation.values import frozen
 from identifiability.logs.formats.bags import BAGS, is_bag
+from identifiability.logs.prepare import Preparation
 from identifiability.logs.tables import write_table
 from identifiability.robot import Robot
 from identifiability.robot.locate import ENDINGS
+from identifiability.robot.sidecar import read_settings
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.answers import with_hints
 from identifiability.workflows.diagnose import diagnose
@@ -154,7 +156,10 @@ def run_task(task: Task) -> tuple[Row, bytes, bytes]:
     try:
         robot, fitted, held = _find(task.folder)
         row = replace(row, logs=tuple(p.name for p in fitted), held=tuple(p.name for p in held))
-        result: Result = _function(task.verb)(robot, fitted, held, engine=Serial(), **task.options)
+        own, options = read_settings(robot)["preparation"], dict(task.options)
+        if own and options.get("preparation") is None:
+            options["preparation"] = Preparation(**own)
+        result: Result = _function(task.verb)(robot, fitted, held, engine=Serial(), **options)
         with temporary_folder() as folder:
             told = result.to_json(Path(folder, f"{row.robot}.json")).read_bytes()
             page = result.write_report(Path(folder, f"{row.robot}.html")).read_bytes()

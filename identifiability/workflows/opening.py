@@ -22,9 +22,8 @@ import pandas as pd
 
 from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives, find_alternatives
 from identifiability.foundation import __version__
-from identifiability.foundation.engines.local import Processes
+from identifiability.foundation.engines.local import NUMERICS, Processes, find_version
 from identifiability.foundation.engines.mapping import Engine, Steps
-from identifiability.foundation.engines.resume import NUMERICS, find_version
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import Expected
@@ -45,7 +44,7 @@ from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
-from identifiability.workflows.alternatives import Alternative, about_gravity, find_alternative
+from identifiability.workflows.alternatives import Alternative, find_alternative
 from identifiability.workflows.oddities import (
     MeasuredLogs,
     Reading,
@@ -326,7 +325,8 @@ def read_recordings(
     if alone and not commands:
         raise LogError(
             f"{listing(alone, 4)} {'holds' if len(alone) == 1 else 'hold'} commands and no torque, "
-            "which analyze, prune, diagnose, calibrate, inspect and rollout take; here give logs "
+            "which analyze, prune, diagnose, calibrate, inspect and predict --forward take; here "
+            "give logs "
             "of measured torque."
         )
     if learns:
@@ -464,7 +464,6 @@ def open_logs(
     )
     if opening.silence:
         return replace(opening, validation=())
-    structure = about_gravity(structure, train)
     looked = MeasuredLogs(structure, recordings.fitted, train)
     other = find_alternative(looked) if seek else None
     odd = find_oddities(looked, explained=other is not None)
@@ -472,7 +471,7 @@ def open_logs(
     explained = odd.explains or other is not None
     why = MISREAD if odd.misread else ""
     said = () if other is None else (other.statement,)
-    known = replace(opening, structure=structure, explained=explained, misread=why)
+    known = replace(opening, explained=explained, misread=why)
     return replace(known, alternative=other, hints=(*said, *odd.hints, *hints))
 
 

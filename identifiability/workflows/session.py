@@ -420,7 +420,7 @@ def _times(samples: Prepared, first: int, last: int) -> Array:
 
 
 def settle_gains(robot: Robot, logs: Logs) -> Robot:
-    """Return a robot whose servos have gains and limits; logs tell those that nobody states.
+    """Return a robot whose servos have gains; logs tell those that nobody states.
 
     Where logs hold torque nobody asks for them.
 
@@ -428,7 +428,7 @@ def settle_gains(robot: Robot, logs: Logs) -> Robot:
     ------
     LogError
     """
-    if robot.servo is None or not (robot.servo.unknown | robot.servo.limit_open).any():
+    if robot.servo is None or not robot.servo.unknown.any():
         return robot
     from identifiability.workflows.servo_gains import find_gains  # noqa: PLC0415 - MuJoCo
 
@@ -454,7 +454,7 @@ def settle_prior(
     """
     if share is not None and cad_weight is not None:
         raise OptionError(
-            "--prior and --cad-prior say the same twice: a share of 0.2 is the weight "
+            "--prior and --set cad_prior say the same twice: a share of 0.2 is the weight "
             f"{share_weight(0.2):g}; give one."
         )
     if share is None:

@@ -55,13 +55,17 @@ def mixed_rates(frame: pd.DataFrame, _: np.random.Generator) -> pd.DataFrame:
 
 
 CLOCKS = [
-    Case("time in ms", "time", timed(1e3, whole=True), ("'t'", "--time-unit")),
-    Case("time in ms with decimals", "time", timed(1e3), ("'t'", "--time-unit")),
-    Case("time in µs", "time", timed(1e6, whole=True), ("'t'", "--time-unit")),
-    Case("time in ns", "time", timed(1e9, whole=True), ("'t'", "--time-unit")),
+    Case("time in ms", "time", timed(1e3, whole=True), ("'t'", "--set time_unit")),
+    Case("time in ms with decimals", "time", timed(1e3), ("'t'", "--set time_unit")),
+    Case("time in µs", "time", timed(1e6, whole=True), ("'t'", "--set time_unit")),
+    Case("time in ns", "time", timed(1e9, whole=True), ("'t'", "--set time_unit")),
     Case("time since 1970 in s", "time", timed(1.0, EPOCH)),
-    Case("time since 1970 in ms", "time", timed(1e3, EPOCH, whole=True), ("'t'", "--time-unit")),
-    Case("time since 1970 in ns", "time", timed(1e9, EPOCH, whole=True), ("'t'", "--time-unit")),
+    Case(
+        "time since 1970 in ms", "time", timed(1e3, EPOCH, whole=True), ("'t'", "--set time_unit")
+    ),
+    Case(
+        "time since 1970 in ns", "time", timed(1e9, EPOCH, whole=True), ("'t'", "--set time_unit")
+    ),
     Case("dates", "time", csv(iso)),
     Case("time in minutes", "time", timed(1 / 60), ("'t'", "time")),
     Case(
@@ -110,7 +114,7 @@ CLOCKS = [
         csv(counter_overflow),
         ("does not increase", "overflow"),
     ),
-    Case("no time", "time", csv(lambda f, _: f.drop(columns="t")), ("'t'", "--time-unit")),
+    Case("no time", "time", csv(lambda f, _: f.drop(columns="t")), ("'t'", "--set time_unit")),
     Case("torque at a quarter of the rate", "time", csv(mixed_rates)),
     Case("samples that repeat the one before", "time", csv(repeated_samples)),
     Case(

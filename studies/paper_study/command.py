@@ -9,9 +9,11 @@ from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 
+import cloudpickle
 from registry import STUDIES, Study
 from shared import ROOT
 
+import paper_study
 from identifiability.cli.common import progress, sentences
 from identifiability.cli.options import Place
 from identifiability.foundation.engines.local import Engine, Serial
@@ -20,6 +22,9 @@ from paper_study.index import write_index
 from paper_study.page import write_study
 from paper_study.result import Progress, StudyResult
 from paper_study.subject import SHIPPED
+
+# Workers of a cluster do not have the studies.
+cloudpickle.register_pickle_by_value(paper_study)
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,14 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
-from time import time
 
 import pandas as pd
 import pytest
 
 from identifiability.cli.common import harmless
-from identifiability.cli.options import RESCUED, RESCUED_FOR, Outputs
+from identifiability.cli.options import Outputs
 from identifiability.foundation import output
 from identifiability.foundation.errors import OutputError
 from identifiability.foundation.output import csv_text, write_text
@@ -43,15 +43,11 @@ class Found:
 
 def test_a_result_that_cannot_be_written_is_written_elsewhere(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    gone, old, new = (tmp_path / n for n in ("gone", f"{RESCUED}old", f"{RESCUED}new"))
-    for folder, days in ((old, RESCUED_FOR + 1), (new, 1)):
-        folder.mkdir()
-        os.utime(folder, (time() - 86400 * days,) * 2)
+    gone = tmp_path / "gone"
     with pytest.raises(OutputError, match=r"No space left.*is not lost: it is in '") as said:
         Outputs(json=gone / "result.json").write(Found(gone), lambda *_: None)
     place = str(said.value).split("'")[-2]
     assert Path(place).read_text() == "{}"
-    assert (old.exists(), new.exists()) == (False, True)
 
 
 def hear():
@@ -85,42 +81,18 @@ def test_a_command_that_is_ended_leaves_nothing_and_prints_no_traceback(name, tm
     assert [p.name for p in tmp_path.iterdir()] == ["work"]
 
 
-#: A program of another container that shares folder and host name: its number says nothing here.
-BEGINS = """
-import sys, time
-from pathlib import Path
-from time import time
-from identifiability.foundation import output
-folder = output.temporary_folder()
-begun = output._beside(Path(sys.argv[1], "result.json"))
-held = output._fill(begun, b"half", begun.with_name("result.json"))
-for path in (Path(folder.name), begun):
-    path.rename(path.with_name(path.name.replace(f"-{output.os.getpid()}-", "-999999999-")))
-print("begun", flush=True)
-sys.stdin.read()
-output.os._exit(9)
-"""
-
-
-def test_what_killed_programs_left_is_swept_and_what_others_work_on_is_not(tmp_path, monkeypatch):
+def test_what_nobody_has_touched_for_long_is_swept_and_what_others_work_on_is_not(
+    tmp_path, monkeypatch
+):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    saved = tmp_path / f"identifiability-{output.host_mark()}"  # a result
-    saved.mkdir()
-    with subprocess.Popen(
-        [sys.executable, "-c", BEGINS, str(tmp_path)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        env=os.environ | {"TMPDIR": str(tmp_path)},
-    ) as other:
-        assert other.stdout.readline() == b"begun\n"
-        theirs = set(tmp_path.iterdir())
-        assert len(theirs) == 3
-        with output.temporary_folder() as mine, output.temporary_folder() as more:
-            output.write_text(tmp_path / "mine.txt", "whole")
-            new = {tmp_path / "mine.txt", Path(mine), Path(more)}
-            assert set(tmp_path.iterdir()) == theirs | new
-        other.stdin.close()
-    assert other.returncode == 9
-    output.write_text(tmp_path / "mine.txt", "whole")
-    output.temporary_folder().cleanup()
-    assert set(tmp_path.iterdir()) == {saved, tmp_path / "mine.txt"}
+    long_ago = time.time() - 40 * 86400
+    theirs = {tmp_path / "identifiability-new", tmp_path / "mine"}
+    old = [tmp_path / "identifiability-old", tmp_path / ".identifiability-0.tmp"]
+    for path in (*theirs, old[0]):
+        path.mkdir()
+    old[1].write_text("half")
+    for path in (*old, tmp_path / "mine"):
+        os.utime(path, (long_ago, long_ago))
+    with output.temporary_folder() as mine:
+        output.write_text(tmp_path / "result.txt", "whole")
+        assert set(tmp_path.iterdir()) == {*theirs, Path(mine), tmp_path / "result.txt"}

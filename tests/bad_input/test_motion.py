@@ -36,7 +36,7 @@ def table(robot, t, q, tau=0.0):
 @pytest.mark.parametrize("derivatives", ["given", "butterworth", "fourier"])
 def test_a_robot_at_rest_gives_a_result_and_exit_code_0(derivatives, command, write, arm, tmp_path):
     log, out = write("log.csv", at_rest(arm)), tmp_path / "out.json"
-    done = command("analyze", "two-link", log, "--json", out, "--derivatives", derivatives)
+    done = command("analyze", "two-link", log, "--json", out, "--set", f"derivatives={derivatives}")
     assert done.exit_code == 0, done.output
     assert "Nothing is identifiable, because the robot does not move in these logs." in done.output
     content = json.loads(out.read_text())
@@ -116,4 +116,4 @@ def test_degrees_for_radians_are_refused(simulated, refuses):
     sentence = refuses("six-dof-arm", frame)
     assert "'joint_1.q' spans " in sentence
     assert "the joint's limits are -2.5 … 2.5 rad: it looks like degrees" in sentence
-    assert "it looks like degrees: say --angles deg" in sentence
+    assert "it looks like degrees: say --set angles=deg" in sentence

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identifiability.cli.demo import run_demo
+from identifiability.cli.verbs import run_demo
 from identifiability.foundation.engines.local import Serial
 from identifiability.robot import Robot
 from identifiability.robot.locate import locate_robot

@@ -4,11 +4,9 @@ import json
 
 import numpy as np
 import pytest
-import typer
 from typer.testing import CliRunner
 
-from identifiability.cli import options
-from identifiability.cli.diagnose import diagnose as command
+from identifiability.cli import app
 from identifiability.foundation.errors import LogError, ModelError
 from identifiability.foundation.output import plain
 from identifiability.workflows.diagnose import diagnose
@@ -133,14 +131,7 @@ def test_only_the_families_that_are_asked_for_are_named(logs_of):
         diagnose("3-rps", [])
 
 
-@pytest.fixture
-def app():
-    app = typer.Typer()
-    app.command()(options.grouped(command.function))
-    return app
-
-
-def test_the_command_writes_json_and_report(app, logs_of, tmp_path):
+def test_the_command_writes_json_and_report(logs_of, tmp_path):
     paths = []
     for k, log in enumerate(logs_of("two-link", "quadratic_friction@shoulder=0.3")):
         paths.append(str(tmp_path / f"{k}.csv"))
@@ -148,7 +139,7 @@ def test_the_command_writes_json_and_report(app, logs_of, tmp_path):
     result, page = tmp_path / "gap.json", tmp_path / "gap.html"
     arguments = ["two-link", *paths[:4], "--validate", paths[4], "--quick", "--json", str(result)]
     arguments += ["--effects", "quadratic_friction", "--report", str(page)]
-    out = CliRunner().invoke(app, arguments)
+    out = CliRunner().invoke(app, ["diagnose", *arguments])
     assert out.exit_code == 0, out.output
     assert "quadratic_friction" in out.output
     assert json.loads(result.read_text())["effects"][0]["effect"] == "quadratic_friction"

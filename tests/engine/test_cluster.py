@@ -6,6 +6,7 @@ import socket
 import sys
 from functools import partial
 
+import cloudpickle
 import numpy as np
 import pytest
 
@@ -84,8 +85,10 @@ def test_a_module_of_a_study_is_sent_to_workers(cluster, tmp_path, monkeypatch):
     (folder / "parts.py").write_text("from some_research.more import half\n")
     (folder / "more.py").write_text("def half(x):\n    return x / 2\n")
     monkeypatch.syspath_prepend(tmp_path)
+    import some_research
     from some_research.parts import half
 
+    cloudpickle.register_pickle_by_value(some_research)
     with choose_engine(scheduler=cluster.client.scheduler.address) as guest:
         assert list(guest.map(half, [1, 2, 3])) == [0.5, 1.0, 1.5]
 

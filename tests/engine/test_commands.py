@@ -27,8 +27,8 @@ def log(simulated_session):
 
 def test_a_calibration_is_taken_up_again(log, tmp_path):
     path = log.write(tmp_path / "log.csv")
-    words = ["calibrate", "two-link", str(path), "--quick", "--engine", "serial"]
-    words += ["--names", "0", "--replicates", "4", "--resume", str(tmp_path / "work"), "--json"]
+    words = ["calibrate", "two-link", str(path), "--quick", "--set", "engine=serial"]
+    words += ["--names", "0", "--replicates", "4", "--set", f"resume={tmp_path / 'work'}", "--json"]
     first, again = tmp_path / "first.json", tmp_path / "again.json"
     run = CliRunner().invoke(app, [*words, str(first)])
     assert run.exit_code == 0, run.output
@@ -47,18 +47,18 @@ def test_a_calibration_is_taken_up_again(log, tmp_path):
 
 def test_work_that_is_done_in_one_piece_says_that_nothing_was_kept(log, tmp_path):
     words = ["inspect", "two-link", str(log.write(tmp_path / "log.csv"))]
-    run = CliRunner().invoke(app, [*words, "--resume", str(tmp_path / "work")])
+    run = CliRunner().invoke(app, [*words, "--set", f"resume={tmp_path / 'work'}"])
     assert run.exit_code == 0, run.output
     assert not list((tmp_path / "work").rglob("*.result"))
-    assert "--resume kept nothing in" in run.stderr
+    assert "resume kept nothing in" in run.stderr
     assert "kept nothing" not in CliRunner().invoke(app, words).stderr
 
 
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["--engine", "serial", "--scheduler", "tcp://a:1"], "give the engine 'dask' with it"),
-        (["--resume", "{log}"], "give a folder"),
+        (["--set", "engine=serial", "--set", "scheduler=tcp://a:1"], "give the engine 'dask'"),
+        (["--set", "resume={log}"], "give a folder"),
     ],
 )
 def test_engines_that_cannot_be_are_one_sentence(words, sentence, log, tmp_path):
@@ -77,7 +77,8 @@ def test_ctrl_c_ends_a_calibration_and_its_workers_at_once(log, spawn, group, tm
         path.write_text("old")
     running = spawn(
         "-m", "identifiability", "calibrate", "two-link", log.write(tmp_path / "log.csv"),
-        "--replicates", 60, "--quick", "--names", 0, "--workers", 2, "--resume", work,
+        "--replicates", 60, "--quick", "--names", 0,
+        "--set", "workers=2", "--set", f"resume={work}",
         "--report", report, "--json", result,
     )  # fmt: skip
     until = time.monotonic() + 1200

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from identifiability.foundation.engines import resume as prints
+from identifiability.foundation.engines import local as prints
 from identifiability.foundation.engines.local import Resumed, Serial
 from identifiability.foundation.errors import OutputError
 
@@ -93,16 +93,6 @@ def test_a_damaged_file_is_done_again_not_believed(run, tmp_path, damage):
     assert victim.read_bytes() == whole
 
 
-def test_a_file_that_is_damaged_while_we_run_is_done_again(tmp_path):
-    engine = Resumed(Serial(), tmp_path / "work")
-    list(engine.map(square, range(4)))
-    results = engine.map(square, [*range(4), 9])
-    next(results)
-    for path in files(tmp_path):
-        path.unlink()
-    assert [int(x[1]) for x in results] == [1, 4, 9, 81]
-
-
 def test_different_work_is_not_mixed_up(run):
     assert run(partial(power, 2), [3])[0] == [9]
     assert run(partial(power, 3), [3]) == ([27], [3])
@@ -178,15 +168,6 @@ def test_a_killed_program_goes_on_where_it_was(spawn, tmp_path):
     out, errors = spawn(program, "fast", log, work).communicate(timeout=600)
     assert float(out) == sum(k / 7 for k in range(20)), errors
     assert log.read_text().split() == [str(k) for k in range(20)]
-
-
-def test_a_result_is_believed_under_the_name_of_its_own_work_only(run, tmp_path):
-    run(square, range(2))
-    first, second = files(tmp_path)
-    first.write_bytes(second.read_bytes())
-    results, worked = run(square, range(2))
-    assert len(worked) == 1
-    assert [int(x[0]) for x in results] == [0, 1]
 
 
 def test_a_folder_that_everybody_can_write_to_is_refused(tmp_path):

@@ -42,7 +42,7 @@ def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, tm
     )
     first = run.output.splitlines()[0]
     assert first.startswith(f"The nearest real robot weighs {mass:.4g} kg, that of the robot file ")
-    assert first.endswith("--cad-prior 1 keeps it nearer to the file.")
+    assert first.endswith("--set cad_prior=1 keeps it nearer to the file.")
     assert result.statement.startswith(first)
     page = build_analysis_page(result)
     answer, trust = page.summary[0].answers[0], page.summary[0].answers[2]
@@ -64,7 +64,7 @@ def test_three_times_the_file_is_the_limit_and_a_third_of_it():
     assert "weighs 19.51 kg" in state_mass(robot, values | {"link1.m": 4.0 + 13.01})
     pulled = state_mass(robot, values | {"link1.m": 40.0}, 2.0)
     assert "identified masses disagree with the file's" in pulled
-    assert "--cad-prior 20" in pulled
+    assert "--set cad_prior=20" in pulled
     light = values | {"link2.m": 0.1}
     assert not state_mass(robot, light | {"link1.m": 6.51 / 3 - 0.1})
     assert "weighs 2.16 kg" in state_mass(robot, light | {"link1.m": 2.06})

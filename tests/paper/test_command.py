@@ -17,7 +17,7 @@ from identifiability.cli import app
 FOLDER = Path(command.__file__).resolve().parents[1]
 
 #: The module; its name in `identifiability.cli` is the command.
-module = import_module("identifiability.cli.paper")
+module = import_module("identifiability.cli.verbs")
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def run():
 
 
 def test_the_command_writes_the_named_tables_and_the_index(run, tmp_path):
-    out = run("1", "slips", "--quick", "--workers", 1, "--out", tmp_path)
+    out = run("1", "slips", "--quick", "--set", "workers=1", "--out", tmp_path)
     assert out.exit_code == 0, out.output
     assert out.stdout.strip().splitlines()[-1].endswith("index.html")
     names = {p.name for p in tmp_path.glob("*.html")}

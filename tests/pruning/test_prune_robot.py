@@ -68,6 +68,12 @@ def test_every_model_below_the_first_has_a_move_a_reason_and_fewer_parameters(pr
     assert fitted[-1] > 0.9  # nothing predicts nothing
 
 
+def test_what_the_chosen_model_weighs_among_all_is_said(pruned):
+    assert 0 < pruned.chosen.weight <= 1
+    said = [n.text for n in pruned.cautions()]
+    assert any("of the weight of all models of the path" in text for text in said)
+
+
 def test_the_chosen_model_is_a_ladder_that_analyze_reads(pruned, simulated, tmp_path):
     path = pruned.write_model(tmp_path / "pruned.toml")
     again = analyze("3-rps", simulated("3-rps", "601", 0), ladder=path, replicates=20)
@@ -137,23 +143,19 @@ def test_the_same_inputs_give_the_same_result(simulated):
 
 
 def test_the_command_line_prunes_and_writes(simulated, tmp_path):
-    import typer
 
-    from identifiability.cli import options
-    from identifiability.cli.prune import prune as command
+    from identifiability.cli import app
 
     simulated("two-link", "a", 0, Noise(torque=0.02)).write(tmp_path / "run.csv")
-    app = typer.Typer()
-    app.command()(options.grouped(command.function))
     model, data = tmp_path / "m.toml", tmp_path / "p.json"
     outputs = ["--out", str(model), "--json", str(data), "--report", str(tmp_path / "p.html")]
     run = ["two-link", str(tmp_path / "run.csv"), "--quick", *outputs]
-    out = CliRunner().invoke(app, run)
+    out = CliRunner().invoke(app, ["prune", *run])
     assert out.exit_code == 0, out.output
     assert "worth using" in out.output
     assert model.is_file()
     assert json.loads(data.read_text())["selected"].endswith("parameters")
-    bad = CliRunner().invoke(app, ["two-link", str(tmp_path / "none.csv")])
+    bad = CliRunner().invoke(app, ["prune", "two-link", str(tmp_path / "none.csv")])
     assert bad.exit_code == 2
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from identifiability.estimation.rules import Thresholds
 from identifiability.report import build_analysis_page, render_page
-from identifiability.report.belief import section_posterior, section_standard
+from identifiability.report.analysis import section_posterior, section_standard
 from identifiability.report.results import Page
 from identifiability.workflows.analyze.belief import Source
 

@@ -60,7 +60,7 @@ def test_commands_read_robot_and_logs_as_they_were_read(tmp_path):
     assert source_name(robot) == f"{path} --lock elbow=0.5"
     words = shlex.split(reading_options(robot))
     assert words == [
-        *("--map", r"axis(\d)_pos=joint\1.q", "--time-unit", "ms", "--angles", "deg"),
+        *("--map", r"axis(\d)_pos=joint\1.q", "--set", "time_unit=ms", "--set", "angles=deg"),
     ]
     assert source_name(Robot.load("3-rps")) == "3-rps"
     assert reading_options(Robot.load("3-rps")) == ""
@@ -78,7 +78,7 @@ def test_a_cutoff_that_was_chosen_is_chosen_again():
     )
     chosen = SettledPreparation(cutoff=8.0, band=band)
     assert preparing_options(chosen) == ""
-    assert preparing_options(replace(chosen, band=replace(band, reason=""))) == " --cutoff 8"
+    assert preparing_options(replace(chosen, band=replace(band, reason=""))) == " --set cutoff=8"
 
 
 def test_a_sidecar_and_a_ladder_are_named_where_they_do_not_lie_beside_the_robot(tmp_path):

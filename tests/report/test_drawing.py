@@ -43,13 +43,9 @@ def draw_all(names, value=1.0):
         figures.draw_errors(names, x, x, x, 0),
         figures.draw_ladder(np.arange(k)[::-1] + 1.0, x, x, x, 0, k - 1),
         figures.draw_torque(t, wave, np.sin(9 * t), names[0], "N·m"),
-        figures.draw_joint(
-            [(t, wave)] * 3, ["q [rad]", "q̇ [rad/s]", "τ [N·m]"], names[0], [(0, INF)]
-        ),
         figures.draw_residual(
             value * t, {"median": t}, names[0], ("velocity [rad/s]", "torque [N]")
         ),
-        figures.draw_gap(t, wave, t, names[0], "N·m"),
         figures.draw_curve(t, wave, t, t, names[0], ("velocity [rad/s]", "torque [N·m]")),
         figures.draw_shrink(names, x),
         figures.draw_gain(names, x),
@@ -57,13 +53,6 @@ def draw_all(names, value=1.0):
         figures.draw_forest(
             names, {"one": np.stack([x, -x, x], 1), "b$": np.stack([x] * 3, 1)}, x, names[0]
         ),
-        figures.draw_pair(
-            np.stack([value * t, t], 1),
-            (f"{names[0]} [–]", f"{names[-1]} [–]"),
-            (value, value),
-            value,
-        ),
-        figures.draw_ranks(np.full((k, 8), value), (4.0, 12.0), 0, names[0]),
     ]
 
 

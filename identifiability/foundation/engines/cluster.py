@@ -1,7 +1,8 @@
 """Work on a cluster: the only module that knows Dask.
 
 A worker that dies is no loss: the scheduler gives its items to another one. What workers need is
-this package, in the same version; modules of a study go with what is sent.
+this package, in the same version; modules of a study go with what is sent where the study has
+registered them (`cloudpickle.register_pickle_by_value`).
 """
 
 from __future__ import annotations
@@ -10,28 +11,22 @@ import contextlib
 import logging
 import os
 import signal
-import sys
-import sysconfig
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import cloudpickle
 
 from identifiability.foundation.engines.mapping import (
-    AHEAD,
-    LARGE,
     Engine,
     Item,
     Result,
-    count_cores,
     in_order,
     run_pickled,
+    source_digest,
     uninterrupted,
 )
-from identifiability.foundation.engines.resume import root_module, source_digest
 from identifiability.foundation.errors import EngineError
 from identifiability.foundation.output import temporary_folder
 
@@ -82,20 +77,34 @@ class Dask(Engine):
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         try:
             target = scheduler or self._stack.enter_context(_local_cluster(workers))
-            self.client: Any = self._stack.enter_context(_connect(distributed, target))
+            client = distributed.Client(target, timeout=PATIENCE, set_as_default=False)
+            self.client: Any = self._stack.enter_context(client)
             self._check()
+        except EngineError:
+            self.close()
+            raise
+        except (OSError, ValueError, RuntimeError, TypeError) as error:  # TypeError: no certificate
+            self.close()
+            raise EngineError(
+                f"There is no Dask scheduler at '{self.scheduler}' ({error}); give the address "
+                "that 'dask scheduler' prints, such as tcp://host:8786; over TLS also this "
+                "machine's certificates (see the how-to of clusters)."
+            ) from None
         except BaseException:
             self.close()
             raise
 
     def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+        import dask  # noqa: PLC0415
         from distributed import KilledWorker  # noqa: PLC0415
         from distributed.core import CommClosedError, RPCClosed  # noqa: PLC0415
 
-        window = AHEAD * max(1, sum(self.client.ncores().values()))
         try:
-            submit = partial(self.client.submit, run_pickled, self._send(function), pure=False)
-            yield from in_order(submit, items, window, lambda future: future.result())
+            # It is sent once, and to each worker that lacks it.
+            with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1PB"}):
+                sent = self.client.submit(bytes, cloudpickle.dumps(function), pure=False)
+            submit = partial(self.client.submit, run_pickled, sent, pure=False)
+            yield from in_order(submit, items, max(1, sum(self.client.ncores().values())))
         except (CancelledError, CommClosedError, RPCClosed):
             raise EngineError(
                 f"The connection to the cluster at {self.scheduler} was lost; run again when it is "
@@ -106,23 +115,6 @@ class Dask(Engine):
                 f"The workers of the cluster at {self.scheduler} died again and again on the same "
                 "item, most likely for lack of memory; give workers that have more."
             ) from None
-
-    def _send(self, function: Callable[..., Any]) -> Any:
-        """Return a pickled function, with the module of a study that workers do not have.
-
-        A large one, such as a regressor in a partial, is sent once. Small ones go with each item:
-        the scheduler prefers workers that have what an item needs, and a new worker has nothing.
-        """
-        import dask  # noqa: PLC0415
-
-        name = root_module(function)
-        if name not in ("__main__", "identifiability") and not _installed(name):
-            cloudpickle.register_pickle_by_value(sys.modules[name])
-        pickled = cloudpickle.dumps(function)
-        if len(pickled) <= LARGE:
-            return pickled
-        with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1PB"}):
-            return self.client.submit(bytes, pickled, pure=False)
 
     def _check(self) -> None:
         """Refuse a cluster without workers, or whose workers would compute something else."""
@@ -145,31 +137,6 @@ class Dask(Engine):
             self._stack.close()
 
 
-def _installed(name: str) -> bool:
-    """Return whether a module belongs to the installation, which workers have as well."""
-    file = getattr(sys.modules.get(name), "__file__", None)
-    library = [Path(sysconfig.get_path(k)).resolve() for k in ("stdlib", "purelib", "platlib")]
-    return file is None or any(place in Path(file).resolve().parents for place in library)
-
-
-def _connect(distributed: Any, target: Any) -> Any:
-    """Return a client.
-
-    Raises
-    ------
-    EngineError
-        If no scheduler answers.
-    """
-    try:
-        return distributed.Client(target, timeout=PATIENCE, set_as_default=False)
-    except (OSError, ValueError, RuntimeError, TypeError) as error:  # TypeError: no certificate
-        raise EngineError(
-            f"There is no Dask scheduler at '{target}' ({error}); give the address that "
-            "'dask scheduler' prints, such as tcp://host:8786; over TLS also this machine's "
-            "certificates (see the how-to of clusters)."
-        ) from None
-
-
 @contextlib.contextmanager
 def _local_cluster(workers: int | None) -> Iterator[Any]:
     """Start a cluster of processes of this machine, one thread each, and end it without delay."""
@@ -184,7 +151,7 @@ def _local_cluster(workers: int | None) -> Iterator[Any]:
         try:
             with uninterrupted():  # Dask cannot end half of one
                 cluster = distributed.LocalCluster(
-                    n_workers=workers or count_cores(),
+                    n_workers=workers,
                     threads_per_worker=1,
                     dashboard_address="127.0.0.1:0",
                     silence_logs=logging.CRITICAL,
@@ -194,7 +161,7 @@ def _local_cluster(workers: int | None) -> Iterator[Any]:
         except (OSError, RuntimeError):
             raise EngineError(
                 "The cluster of this machine could not be started: a worker ended before it was "
-                "there, most likely for lack of memory; give fewer (--workers) or run again."
+                "there, most likely for lack of memory; give fewer workers or run again."
             ) from None
         yield cluster
 

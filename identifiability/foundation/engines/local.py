@@ -6,47 +6,45 @@ What to use when: `Serial` for work of seconds and for debugging, `Processes` on
 
 from __future__ import annotations
 
+import hashlib
 import os
+import pickle
 import signal
 import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, Future
-from functools import cached_property, partial
+from concurrent.futures import BrokenExecutor
+from contextlib import suppress
+from functools import cache, cached_property, partial
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import cloudpickle
 
 from identifiability.foundation.engines.mapping import (
-    AHEAD,
     Engine,
     Item,
     Result,
     Serial,
-    count_cores,
     in_order,
     run_limited,
     run_pickled,
+    source_digest,
     uninterrupted,
 )
-from identifiability.foundation.engines.resume import Resumed
-from identifiability.foundation.errors import EngineError
+from identifiability.foundation.errors import EngineError, OutputError
 from identifiability.foundation.options import Count, EngineName, FilePath, checked
-from identifiability.foundation.output import temporary_folder
+from identifiability.foundation.output import temporary_folder, write_bytes
 
 __all__ = ["Engine", "Processes", "Resumed", "Serial", "choose_engine"]
-
-
-#: How often work is taken up again after a worker was lost without any result in between.
-RESTARTS = 2
 
 #: Processor time until a worker has imported what this process has [s]: 1.6 to 2.0 was measured.
 OPENING = 1.7
 
-#: Seconds between a worker's looks at whether its parent still lives.
-WATCH = 1.0
+#: Packages whose version may change a result in its last bits.
+NUMERICS = ("numpy", "scipy", "pin", "mujoco", "cvxpy", "clarabel", "emcee")
 
 _ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"), "1"
@@ -57,8 +55,7 @@ class Processes(Engine):
     """Runs items in processes of this machine, each with one BLAS thread.
 
     They start with the first item that they are given, stay for the next `map`, and end with this
-    object or on leaving its ``with`` block. A lost worker is replaced and what it did is done
-    again.
+    object or on leaving its ``with`` block.
 
     Parameters
     ----------
@@ -76,16 +73,16 @@ class Processes(Engine):
     @cached_property
     def workers(self) -> int:
         """How many work at once."""
-        return count_cores() if self._asked is None else max(1, self._asked)
+        import joblib  # noqa: PLC0415 - heavy, and a single item does without it
+
+        return self._asked or int(joblib.cpu_count())
 
     def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
-        if len(items) < 2 or self.workers == 1:
-            yield from Serial().map(function, items)
-            return
+        alone = len(items) < 2 or self.workers == 1
         spent, done = 0.0, 0
-        while self._pool is None and self._opening and done < len(items):
+        while done < len(items) and (alone or (self._pool is None and self._opening)):
             gained = (1 - 1 / self.workers) * (len(items) - done) * spent / max(done, 1)
-            if gained > self._opening:
+            if not alone and gained > self._opening:
                 break
             begin = time.thread_time()  # a busy machine takes as much longer to open
             result = run_limited(function, items[done])
@@ -97,27 +94,23 @@ class Processes(Engine):
     def _run_there(
         self, function: Callable[[Item], Result], items: Sequence[Item]
     ) -> Iterator[Result]:
-        """Yield results; after a lost worker, go on behind the last one that was fetched."""
-        window, done, losses = AHEAD * self.workers, 0, 0
+        """Yield results of the workers; whoever wants no more ends them."""
+        whole = False
         with temporary_folder() as folder:
             path = Path(folder, "function")
             path.write_bytes(cloudpickle.dumps(function))
-            while done < len(items):
-                before = done
-                try:
-                    submit = partial(self._started().submit, run_pickled, path)
-                    for result in in_order(submit, items[done:], window, Future.result, self.close):
-                        yield result
-                        done += 1
-                except BrokenExecutor:
+            try:
+                submit = partial(self._started().submit, run_pickled, path)
+                yield from in_order(submit, items, self.workers)
+                whole = True
+            except BrokenExecutor:
+                raise EngineError(
+                    "A worker process was lost, most likely for lack of memory; give fewer than "
+                    f"{self.workers} workers, or the serial engine."
+                ) from None
+            finally:
+                if not whole:
                     self.close()
-                    losses = losses + 1 if done == before else 1
-                    if losses > RESTARTS:
-                        raise EngineError(
-                            f"A worker process was lost {losses} times in a row, most likely for "
-                            f"lack of memory; give fewer than {self.workers} workers, or the "
-                            "serial engine."
-                        ) from None
 
     def _started(self) -> Any:
         """Return the pool of workers."""
@@ -150,10 +143,101 @@ def _start_worker(parent: int) -> None:
 
     def watch() -> None:
         while os.getppid() == parent:
-            time.sleep(WATCH)
+            time.sleep(1)
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+class Resumed(Engine):
+    """An engine that keeps the results of finished items and does not do them again.
+
+    A result is found again only by a hash of what led to it: the function with its arguments, the
+    item, the program text and the versions of numerics. Files are written whole or not at all:
+    after an interruption at most the items that were under way are lost. They are pickles, which
+    can run any program: the folder is the user's own, as scripts are. What an item stands for must
+    be part of it: of a file, not only its name but a digest of its content.
+
+    Parameters
+    ----------
+    engine : Engine
+        Does what is missing.
+    folder : path
+        Made if it does not exist, for the user alone. One folder serves any number of runs.
+
+    Attributes
+    ----------
+    found, done : int
+        Items whose results were there, and that had to be done, in all calls of `map` so far.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be made, or others can write to it.
+    """
+
+    def __init__(self, engine: Engine, folder: str | Path) -> None:
+        self.engine, self.folder = engine, Path(folder)
+        self.found = self.done = 0
+        problem = "it can be written to by everybody, and what is kept there is run as a program"
+        try:
+            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            mine = not self.folder.stat().st_mode & 0o002
+        except (OSError, ValueError) as error:
+            mine, problem = False, str(getattr(error, "strerror", None) or error)
+        if not mine:
+            raise OutputError(f"'{folder}' cannot keep finished work: {problem}; give a folder.")
+
+    def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+        paths = [self.folder / f"{fingerprint(function, item)}.result" for item in items]
+        kept = [_read(path) for path in paths]
+        fresh = self.engine.map(
+            function, [item for item, old in zip(items, kept, strict=True) if old is None]
+        )
+        for path, old in zip(paths, kept, strict=True):
+            content = old
+            if content is None:
+                content = pickle.dumps(next(fresh), protocol=5)
+                write_bytes(path, hashlib.sha256(content).digest() + content)
+            self.found += old is not None
+            self.done += old is None
+            yield pickle.loads(content)
+
+    def close(self) -> None:
+        """End what the engine inside has started."""
+        self.engine.close()
+
+
+def _read(path: Path) -> bytes | None:
+    """Return the pickled result, or None if there is none, or only a part of it."""
+    with suppress(OSError):
+        whole = path.read_bytes()
+        if hashlib.sha256(whole[32:]).digest() == whole[:32]:
+            return whole[32:]
+    return None
+
+
+def fingerprint(function: Callable[..., Any], item: Any = None) -> str:
+    """Return a digest of a function with its arguments, an item, program text and numerics."""
+    import joblib  # noqa: PLC0415 - heavy
+
+    parts: list[Any] = [item, *(find_version(name) for name in NUMERICS)]
+    while isinstance(function, partial):
+        parts.append((function.args, function.keywords))
+        function = function.func
+    home = str(getattr(function, "__module__", None) or "").partition(".")[0]
+    parts += [source_digest(name) for name in ("identifiability", home)]
+    # A function of a module is its name there; a notebook's, or a lambda, is its own text.
+    return str(joblib.hash([*parts, cloudpickle.dumps(function)], "sha1"))
+
+
+@cache
+def find_version(name: str) -> str:
+    """Return the version of an installed package; empty if there is none."""
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return ""
 
 
 @checked
@@ -182,8 +266,6 @@ def choose_engine(
     EngineError
         If options contradict each other, or the cluster cannot be used.
     """
-    if engine == "processes" and workers is None:
-        workers = count_cores()
     name = engine or ("processes" if scheduler is None else "dask")
     if scheduler is not None and name != "dask":
         raise EngineError(f"The engine '{name}' has no scheduler; give the engine 'dask' with it.")
@@ -192,9 +274,12 @@ def choose_engine(
             f"The cluster at '{scheduler}' has its own workers; leave out their number, or the "
             "scheduler to start them here."
         )
-    made: Engine = Serial() if name == "serial" else Processes(workers)
     if name == "dask":
         from identifiability.foundation.engines.cluster import Dask  # noqa: PLC0415 - an extra
 
-        made = Dask(scheduler, workers)
+        made: Engine = Dask(scheduler, workers)
+    elif name == "serial":
+        made = Serial()
+    else:
+        made = Processes(Processes().workers if engine and workers is None else workers)
     return made if resume is None else Resumed(made, resume)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import signal
 import sys
 import threading
@@ -9,20 +10,29 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
 import cloudpickle
 from threadpoolctl import ThreadpoolController
 
-# One thread for linear algebra: threads fight over the small matrices of this project.
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+#: Called with the number of items done and to do.
+Steps = Callable[[int, int], None]
+
+#: Items under way or unfetched for each worker: enough that one slow item does not idle the rest.
+AHEAD = 4
 
 
 def one_thread(of: Literal["blas", "openmp"] | None = None) -> AbstractContextManager[Any]:
     """Return a context in which libraries have one thread: those of one kind, or all.
 
-    Looking for the libraries takes milliseconds, and only an import brings new ones.
+    Threads fight over the small matrices of this project, and sums over several threads differ in
+    the last bits from sums over one. Looking for the libraries takes milliseconds, and only an
+    import brings new ones.
     """
     limits: AbstractContextManager[Any] = _controller(len(sys.modules)).limit(limits=1, user_api=of)
     return limits
@@ -34,35 +44,8 @@ def _controller(modules: int) -> ThreadpoolController:
     return ThreadpoolController()
 
 
-# What every engine does: one function over many items, results in the order of the items.
-
-
-Item = TypeVar("Item")
-Result = TypeVar("Result")
-
-#: Called with the number of items done and to do.
-Steps = Callable[[int, int], None]
-
-#: Items under way or unfetched for each worker: enough that one slow item does not idle the rest.
-AHEAD = 4
-
-#: Functions that pickle to more bytes than this are sent to each worker once, not with each item.
-LARGE = 100_000
-
-
-def count_cores() -> int:
-    """Return how many cores this process may use; affinity and control groups count."""
-    import joblib  # noqa: PLC0415 - heavy, and a single item does without it
-
-    return int(joblib.cpu_count())
-
-
 def run_limited(function: Callable[[Item], Result], item: Item) -> Result:
-    """Call a function with one BLAS thread.
-
-    Threads fight over the small matrices of this project, and sums over several threads differ in
-    the last bits from sums over one.
-    """
+    """Call a function with one BLAS thread."""
     with one_thread("blas"):
         return function(item)
 
@@ -79,39 +62,30 @@ def _read(function: bytes | Path) -> Callable[[Any], Any]:
     return found
 
 
-def in_order(
-    submit: Callable[[Item], Any],
-    items: Sequence[Item],
-    window: int,
-    fetch: Callable[[Any], Any],
-    abandon: Callable[[], None] | None = None,
-) -> Iterator[Any]:
-    """Yield results in the order of the items; at most `window` are under way or unfetched.
+@cache
+def source_digest(name: str) -> str:
+    """Return a digest of the text of a loaded package or module; empty if it has no files."""
+    path = Path(getattr(sys.modules.get(name), "__file__", None) or "")
+    files = sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]
+    texts = [(f.relative_to(path.parent).as_posix(), f.read_bytes()) for f in files if f.is_file()]
+    return hashlib.sha256(repr(texts).encode()).hexdigest() if texts else ""
+
+
+def in_order(submit: Callable[[Item], Any], items: Sequence[Item], workers: int) -> Iterator[Any]:
+    """Yield results in the order of the items; a few for each worker are under way or unfetched.
 
     Parameters
     ----------
     submit : callable
         Starts the work on one item and returns its future.
     items : sequence
-    window : int
-    fetch : callable
-        Waits for a future and returns its result.
-    abandon : callable, optional
-        Called if work is under way that nobody will fetch: after Ctrl-C or an error, or when the
-        caller wants no more. Where a future that is let go of is cancelled, nothing need be done.
+    workers : int
     """
     waiting: deque[Any] = deque()
-    try:
-        for k, item in enumerate(items, 1):
-            waiting.append(submit(item))
-            while waiting and (len(waiting) >= window or k == len(items)):
-                result = fetch(waiting[0])  # stays in the queue while we wait for it
-                waiting.popleft()
-                yield result
-    finally:
-        if abandon is not None and not all(f.done() for f in waiting):
-            abandon()
-        waiting.clear()  # else the traceback of an error keeps it
+    for k, item in enumerate(items, 1):
+        waiting.append(submit(item))
+        while waiting and (len(waiting) >= AHEAD * workers or k == len(items)):
+            yield waiting.popleft().result()
 
 
 @contextmanager
@@ -161,7 +135,7 @@ class Engine(ABC):
         IdentifiabilityError
             The function's own, of the first item that fails, as if it had been called here.
         EngineError
-            If workers are lost again and again.
+            If workers are lost.
         """
         for done, result in enumerate(self._run(function, items), 1):
             if progress is not None:

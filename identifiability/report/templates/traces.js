@@ -17,9 +17,11 @@ function drawTraces(figure) {
       scales: { x: { time: false } },
       cursor: { drag: { x: true, y: false } },
       legend: { live: true },
-      axes: [{ ...axis, label: "time [s]" }, { ...axis, label: data.axis, size: 64 }],
-      series: [{ label: "t [s]", value: digits }, ...data.names.map((name, k) => ({
-        label: name, stroke: strokes[k], width: k ? 1.4 : 2.6, value: digits, points: { show: false },
+      axes: [{ ...axis, label: data.x }, { ...axis, label: data.axis, size: 64 }],
+      series: [{ label: data.x, value: digits }, ...data.names.map((name, k) => ({
+        label: name, stroke: strokes[k], width: k ? 1.4 : 2.6, value: digits,
+        points: { show: data.dots && !k, size: 4, fill: strokes[k] },
+        ...(data.dots && !k ? { paths: () => null } : {}),
       }))],
       hooks: {
         setScale: [(u, key) => {
@@ -32,8 +34,12 @@ function drawTraces(figure) {
   };
   for (const button of buttons) button.addEventListener("click", () => show(button));
   const again = () => show(buttons.find((b) => b.getAttribute("aria-pressed") === "true"));
-  window.addEventListener("resize", again);
-  again();
+  let width = 0;  // none while it is hidden
+  new ResizeObserver(() => {
+    if (box.clientWidth === width) return;
+    width = box.clientWidth;
+    again();
+  }).observe(box);
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
 }
 for (const figure of document.querySelectorAll(".traces")) drawTraces(figure);

@@ -292,7 +292,7 @@ def _say_cut(band: Band, whose: str) -> str:
     if band.cutoff >= 2.0 * band.bandwidth:
         return ""
     least = LOG_RULES.cutoff_lowered * LOG_RULES.cutoff_wide * band.bandwidth
-    remedy = f"set it to {format_number(least, 2)} Hz or more (--cutoff)"
+    remedy = f"set it to {format_number(least, 2)} Hz or more (--set cutoff)"
     if least > LOG_RULES.cutoff_highest * band.rate:
         rate = format_number(least / LOG_RULES.cutoff_highest, 2)
         remedy = f"sample at {rate} Hz or faster, or move slower"
@@ -309,7 +309,7 @@ def _say_noise(band: Band) -> str:
         return ""
     remedy = "measure velocities, or let the robot accelerate more"
     if band.limit < band.cutoff:
-        remedy = f"set it to {format_number(band.limit, 2)} Hz (--cutoff), {remedy}"
+        remedy = f"set it to {format_number(band.limit, 2)} Hz (--set cutoff), {remedy}"
     return (
         f"Noise of what is differentiated has {100 * min(band.noise, 1.0):.0f} % of the power of "
         f"an acceleration below the cut-off of {band.cutoff:.3g} Hz, which pulls inertias towards "

@@ -290,7 +290,7 @@ def _reason(calibration: Calibration) -> str:
     return (
         "The noise may remember longer than the log, the model leave out what moves, or the "
         "measured motion err: give longer logs, a larger model (--model) or instruments "
-        "(--estimator auto)."
+        "(--set estimator=auto)."
     )
 
 

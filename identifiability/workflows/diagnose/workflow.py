@@ -83,8 +83,8 @@ from identifiability.workflows.session import (
 #: What is to be known of values that are kept without their errors.
 EXACT = (
     "The robot file's values were taken as exact, so that their errors may be named as effects: "
-    "give the result that they come from (--fixed-from RESULT.json) or how far they may be off "
-    "(--fixed-share 0.1)."
+    "give the result that they come from (--fixed RESULT.json) or how far they may be off "
+    "(--fixed 0.1)."
 )
 
 

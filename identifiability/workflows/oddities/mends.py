@@ -139,7 +139,7 @@ def compute_torque(logs: Reading) -> Reading:
     says="The … of … were not used, but computed: …",
     means="A velocity or acceleration column is of another joint, late, or filtered until little "
     "of the motion is left.",
-    do="Leave the column out, or give the right one; `--derivatives given` uses it as it is.",
+    do="Leave the column out, or give the right one; `--set derivatives=given` uses it as it is.",
 )
 def drop_contradicting(logs: Reading) -> Reading:
     """Leave out derivatives that contradict positions, unless the given ones are asked for."""

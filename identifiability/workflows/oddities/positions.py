@@ -26,7 +26,7 @@ TURN = 2 * np.pi
     21,
     says="Positions leave the limits of the robot file: …",
     means="The zero, the direction or the unit of a position is another one than the file's.",
-    do="`--angles deg`, another zero (`[columns] elbow = {offset = 1.57}` in the sidecar), "
+    do="`--set angles=deg`, another zero (`[columns] elbow = {offset = 1.57}` in the sidecar), "
     "or better limits in the file.",
 )
 def find_beyond_limits(logs: MeasuredLogs) -> tuple[str, ...]:
@@ -50,7 +50,8 @@ def find_beyond_limits(logs: MeasuredLogs) -> tuple[str, ...]:
         return ()
     return (
         f"Positions leave the limits of the robot file: {listing(said, 3)}. Check the zero, the "
-        "direction and the unit of the column (--angles deg reads degrees), or the file's limits.",
+        "direction and the unit of the column (--set angles=deg reads degrees), or the "
+        "file's limits.",
     )
 
 

@@ -277,7 +277,7 @@ def _consecutive(prepared: Prepared) -> Samples | None:
     4,
     says="The time may be in another unit than s: …",
     means="The robot would move far faster or slower than its file allows, or hardly be sampled.",
-    do="`--time-unit ms` (or `us`, `ns`, `min`), or `[time]` in the sidecar.",
+    do="`--set time_unit=ms` (or `us`, `ns`, `min`), or `[time]` in the sidecar.",
 )
 def find_time_scale(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on time in another unit, or none."""
@@ -321,8 +321,8 @@ def _by_rate(logs: MeasuredLogs) -> str:
     says="A derivative contradicts its position: …",
     means="A velocity or acceleration column is of another joint, in another unit, late, or "
     "filtered until little of the motion is left.",
-    do="Leave the column out (it is then computed), or give the right one; `--derivatives "
-    "given` uses it all the same.",
+    do="Leave the column out (it is then computed), or give the right one; `--set "
+    "derivatives=given` uses it all the same.",
 )
 def find_wrong_rates(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on given derivatives of another motion, or none."""

@@ -237,7 +237,7 @@ class _Change:
     says="…: read so, the unpruned model would err by … instead of ….",
     means="Joints, signs or units of columns are other ones than the robot file's: read "
     "otherwise, the same log makes sense.",
-    do="Look at the joint that is named; `--map OLD=NEW` exchanges columns, `--angles deg` "
+    do="Look at the joint that is named; `--map OLD=NEW` exchanges columns, `--set angles=deg` "
     "reads degrees, and a sign is turned in the log or in the file.",
 )
 def find_exchanged(logs: MeasuredLogs) -> tuple[str, ...]:
@@ -291,7 +291,7 @@ def _candidates(logs: MeasuredLogs, plain: _Change) -> Iterator[_Change]:
             yield _Change(same, small, same, one, f"The angles of {who} seem to be degrees")
     slides = [logs.robot.is_prismatic(int(k)) for k in logs.robot.actuated]
     angles = tuple(1.0 if s else DEGREE for s in slides)
-    advice = "The angles seem to be degrees (--angles deg)"
+    advice = "The angles seem to be degrees (--set angles=deg)"
     yield _Change(same, angles, same, one, advice)
     yield _Change(same, one, same[::-1], one)
     for shift in range(1, n):

@@ -6,7 +6,9 @@ Parameters, masses, contributions to torque and correlations are shown alike of 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from operator import itemgetter
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +16,9 @@ from identifiability.effects import title_of
 from identifiability.estimation.torque_errors import loaded_joints
 from identifiability.estimation.uncertainty import Motions
 from identifiability.estimation.verdict import Class, Verdict
-from identifiability.foundation.answers import Cell, Column, Table
+from identifiability.foundation.answers import Cell, Column, Note, Table, badge_cell, measured_cells
+from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import REACH
 from identifiability.foundation.rounding import (
     NONE,
     digits,
@@ -23,37 +27,56 @@ from identifiability.foundation.rounding import (
     format_number,
     join,
     stated_text,
+    whole_percent,
 )
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.physical.cad_prior import mass_rows, total_mass
+from identifiability.posterior.rules import RULES as POSTERIOR_RULES
+from identifiability.posterior.rules import Thresholds
 from identifiability.report import plot
-from identifiability.report.belief import section_posterior, section_standard
 from identifiability.report.blocks import (
     GLOSSARY,
     Fold,
+    Gallery,
+    Notes,
     Prose,
     Section,
     Sketch,
     Term,
     Terms,
+    Trace,
+    Traces,
     fold_rows,
     gallery,
     picture,
     section,
     share_cell,
-    torque_blocks,
+    torque_traces,
 )
-from identifiability.report.figures import MOST, draw_confusion, draw_residual, order_correlated
+from identifiability.report.figures import MOST, draw_confusion, draw_forest, order_correlated
 from identifiability.report.skeleton import sketch_verdicts
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.result import error_tables, model_title, parameter_table
+from identifiability.workflows.analyze.belief import Source, Summary
+from identifiability.workflows.analyze.result import (
+    error_tables,
+    model_title,
+    parameter_table,
+    stated_values,
+)
 from identifiability.workflows.analyze.words import SeveralLogs
-from identifiability.workflows.answers import count_joints, level_table, sentence
-from identifiability.workflows.predict import PARTS, Fit, correlation_of, torque_budget
+from identifiability.workflows.answers import (
+    count_joints,
+    level_table,
+    note,
+    sentence,
+    with_hints,
+    words,
+)
+from identifiability.workflows.predict import Fit, correlation_of
 
 
-def heading(analysis: Analysis) -> tuple[str, str]:
+def analysis_heading(analysis: Analysis) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
     robot, logs = analysis.robot, format_count(len(analysis.samples), "log")
     samples = format_count(analysis.information.samples, "sample")
@@ -61,20 +84,19 @@ def heading(analysis: Analysis) -> tuple[str, str]:
     return "Identifiability report", about
 
 
-def sketch(analysis: Analysis) -> Sketch | None:
+def analysis_sketch(analysis: Analysis) -> Sketch | None:
     """Return the robot, coloured by what is identifiable, if it can be drawn."""
     return sketch_verdicts(analysis.robot, analysis.chosen.verdicts)
 
 
-def sections(analysis: Analysis) -> list[Section | None]:
+def analysis_sections(analysis: Analysis) -> list[Section | None]:
     """Return the sections of the page; what needs a model that explains something is left out."""
     explained = bool(np.isfinite(analysis.chosen.error_ra_validation))
     found: list[Section | None] = [section_parameters(analysis), section_ladder(analysis)]
     if explained:
-        found.append(section_prediction(analysis))
+        found.insert(0, section_prediction(analysis))
         if not analysis.nothing:
-            unseen = analysis.validation or analysis.samples
-            found += [section_budget(analysis.fit, unseen), section_correlated(analysis.fit)]
+            found.append(section_correlated(analysis.fit))
         found += [section_motions(analysis), section_residuals(analysis)]
         found.append(section_physics(analysis))
         if analysis.belief is not None:
@@ -171,13 +193,12 @@ def section_prediction(analysis: Analysis) -> Section:
     measured, predicted = (x[: len(t), loaded] for x in out.to_draw(analysis.selected))
     return section(
         "analysis.prediction",
-        *torque_blocks(
+        torque_traces(
             t,
             measured,
             predicted,
             [robot.joints[k] for k in loaded],
             [robot.torque_units[k] for k in loaded],
-            out.joint_error()[loaded, analysis.selected].tolist(),
             name,
         ),
         *error_tables(analysis),
@@ -198,35 +219,20 @@ def _tell_windows(analysis: Analysis) -> str:
 
 
 def section_residuals(analysis: Analysis) -> Section:
-    """Return what is left of unseen torque over velocity, one picture for each joint."""
+    """Return what is left of unseen torque over velocity, of each joint."""
     out, robot = analysis.held_out, analysis.robot
     measured, predicted = out.to_draw(analysis.selected)
     residual = measured - predicted
-    pictures = []
+    groups = []
     for k, joint in enumerate(robot.joints):
         known = np.isfinite(out.velocity[:, k]) & np.isfinite(residual[:, k])
-        unit = "m/s" if robot.is_prismatic(int(robot.actuated[k])) else "rad/s"
-        labels = (f"velocity [{unit}]", f"residual [{robot.torque_units[k]}]")
-        own = {"median": residual[known, k]}
-        figure = draw_residual(out.velocity[known, k], own, joint, labels)
-        pictures.append(picture("velocity", figure, joint=joint))
-    return section("analysis.residuals", gallery("velocity", pictures), detail=True)
-
-
-def section_budget(fit: Fit, samples: Sequence[Prepared]) -> Section:
-    """Return what each joint's torque consists of along some logs."""
-    columns = (
-        Column("joint"),
-        Column("measured, rms", digits(3)),
-        Column("unit"),
-        *(Column(part, "bar") for part in PARTS),
-    )
-    frame = torque_budget(fit, samples)
-    rows = [
-        (r["joint"], r["measured"], r["unit"], *(share_cell(r[p] / r["measured"]) for p in PARTS))
-        for r in frame[frame["measured"] > 0].to_dict("records")
-    ]
-    return section("analysis.budget", Table.of("", columns, rows))
+        along = (
+            "velocity [m/s]" if robot.is_prismatic(int(robot.actuated[k])) else "velocity [rad/s]"
+        )
+        x, y = out.velocity[known, k], residual[known, k]
+        groups.append(Trace.scattered(joint, robot.torque_units[k], along, x, y, "residual"))
+    shown = Traces(tuple(groups), sentence("analysis.velocity"))
+    return section("analysis.residuals", shown, detail=True)
 
 
 def section_correlated(fit: Fit) -> Section:
@@ -415,4 +421,188 @@ MOTION = (
     Column("samples", "number", get=lambda row: row[1].outputs),
     Column("from … to [s]", get=_span),
     Column("how it was prepared", get=_notes),
+)
+
+
+# What is believed after the data: the parameters of the model to use by every road.
+
+
+#: Most rows of one forest plot.
+ROWS = 14
+
+SIGNS, BODIES = "posterior with signs", "posterior with bodies"
+
+CONVERGENCE = with_hints(
+    "convergence",
+    Column("posterior"),
+    Column("nested R-hat", "{:.4f}".format),
+    Column("effective draws", "{:.0f}".format),
+    Column("in the tails", "{:.0f}".format),
+    Column("autocorrelation time", "{:.1f}".format),
+    Column("accepted", whole_percent),
+    Column("may be shown", "badge"),
+)
+
+
+def summaries(analysis: Analysis) -> dict[str, Summary | None]:
+    """Return both posteriors of the selected model by name, None for one that was not sampled."""
+    belief = analysis.belief
+    assert belief is not None
+    return {SIGNS: belief.signs, BODIES: belief.physical}
+
+
+def section_posterior(analysis: Analysis) -> Section:
+    """Return the parameters of the selected model by every road, beside each other."""
+    notes = posterior_notes(analysis)
+    return section(
+        "analysis.posterior",
+        Notes(notes) if notes else None,
+        forest_gallery(analysis),
+        convergence_table(analysis),
+        detail=True,
+        title=model_title(analysis.chosen),
+    )
+
+
+def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
+    """Return why a posterior, or an interval of it, is not shown, if one is not."""
+    belief = analysis.belief
+    assert belief is not None
+    notes = []
+    for name, summary in summaries(analysis).items():
+        if summary is None:
+            why = belief.note.rstrip(".") or "it was not sampled"
+            notes.append(note("no-posterior", name=name, why=f"{why[0].upper()}{why[1:]}"))
+        elif not summary.trustworthy:
+            notes.append(note("doubtful", name=name, why=" ".join(summary.convergence.reasons)))
+        elif not summary.stated.all():
+            names = np.array(analysis.chosen.submodel.columns)[~summary.stated].tolist()
+            share = f"{len(names)} of {len(summary.stated)}"
+            notes.append(
+                note(
+                    "prior-sensitive",
+                    name=name,
+                    share=share,
+                    names=join(names, ROWS),
+                    limit=100 * POSTERIOR_RULES.prior_sensitivity,
+                )
+            )
+    return tuple(notes)
+
+
+def shown(analysis: Analysis) -> dict[str, Summary | None]:
+    """Return both posteriors by name, None for one whose numbers may not be shown."""
+    found = summaries(analysis)
+    return {name: x if x is not None and x.trustworthy else None for name, x in found.items()}
+
+
+def forest_gallery(analysis: Analysis) -> Gallery:
+    """Return a forest plot of every `ROWS` parameters."""
+    names = analysis.chosen.submodel.columns
+    layers, stated = forest_layers(analysis)
+    pictures = []
+    for rows in np.array_split(np.arange(len(names)), -(-len(names) // ROWS)):
+        own = {n: v[rows] for n, v in layers.items()}
+        shown_names = [names[k] for k in rows]
+        figure = draw_forest(shown_names, own, stated[rows], analysis.robot.path.name)
+        ends = {"first": shown_names[0], "last": shown_names[-1]}
+        pictures.append(picture("forest", figure, **ends))
+    return gallery("forest", pictures)
+
+
+def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
+    """Return 95 % intervals of every road in σ_robust, (k, 3) each, and the stated values (k,).
+
+    Where something is left out the label's interval is the last.
+    """
+    chosen, posteriors = analysis.chosen, shown(analysis)
+    value, white, robust, label = np.array(
+        [(v.value, v.sigma, v.sigma_robust, v.sigma_label) for v in chosen.verdicts], float
+    ).T
+    open_ = ~(np.isfinite(robust) & (robust > 0) & chosen.estimate.determined)
+    physical, drawn = posteriors[BODIES], chosen.uncertainty.bootstrap
+
+    def around(sd: Array) -> Array:
+        half = REACH * np.array([0.0, -1.0, 1.0])
+        ends: Array = value[:, None] + np.outer(np.where(open_, np.nan, sd), half)
+        return ends
+
+    roads = {"white σ": around(white), "robust σ": around(robust)}
+    if drawn is not None:
+        ends = np.column_stack([drawn.values.mean(0), drawn.interval()])
+        roads["block bootstrap"] = np.where(open_[:, None], np.nan, ends)
+    for name, summary in posteriors.items():
+        if summary is not None:
+            both = np.column_stack([summary.mean, summary.interval])
+            roads[name] = np.where(summary.stated[:, None], both, np.nan)
+    if any(v.sigma_omit for v in chosen.verdicts):
+        roads["label"] = around(label)
+    centre = np.where(open_, np.nan if physical is None else physical.mean, value)
+    scale = np.where(open_, np.nan if physical is None else physical.sd, robust)
+    scale = np.where(scale > 0, scale, np.nan)
+    stated = np.array(stated_values(analysis, chosen), float)
+    layers = {n: (x - centre[:, None]) / scale[:, None] for n, x in roads.items()}
+    return layers, (stated - centre) / scale
+
+
+def convergence_table(analysis: Analysis) -> Table:
+    """Return the numbers that decide whether a posterior may be shown, and their limits."""
+    rows: list[tuple[Any, ...]] = []
+    for name, summary in summaries(analysis).items():
+        if summary is not None:
+            c = summary.convergence
+            numbers = (c.rhat.max(), c.ess_bulk.min(), c.ess_tail.min(), c.tau.max(), c.acceptance)
+            good = summary.trustworthy
+            word = Cell("yes" if good else "no", badge="pass" if good else "differs")
+            rows.append((name, *numbers, word))
+    limits = Thresholds()
+    limit = words("analysis.limits", **asdict(limits), percent=100 * limits.acceptance)
+    rows.append(("limit", *(Cell(text, np.nan) for text in limit.values())))
+    return Table.of("Convergence of the chains", CONVERGENCE, rows)
+
+
+# Where knowledge of each standard parameter comes from.
+
+
+def section_standard(analysis: Analysis) -> Section:
+    """Return what determines each standard parameter, and how much was learned of it."""
+    belief = analysis.belief
+    assert belief is not None
+    known = belief.standard
+    if known is None or shown(analysis)[BODIES] is None:
+        notes = [n for n in posterior_notes(analysis) if "bodies" in n.title]
+        why = " ".join(f"{n.title} {n.text}" for n in notes)
+        return section(
+            "analysis.standard", Notes((note("no-standard", why=why),)), detail=True, said=""
+        )
+    counts = [
+        sentence("analysis.sources", kind.value, n=known.source.count(kind)) for kind in Source
+    ]
+    pairs = [measured_cells(*x) for x in zip(known.mean.tolist(), known.sd.tolist(), strict=True)]
+    rows = zip(
+        known.names,
+        analysis.structure.nominal,
+        known.prior_sd,
+        *zip(*pairs, strict=True),
+        [p.unit for p in analysis.base.parameters],
+        [share_cell(x) for x in known.contraction],
+        [badge_cell(s.value) for s in known.source],
+        strict=True,
+    )
+    size = len(known.names)
+    table = Table.of("", STANDARD, rows, filter_by=-1)
+    fold = Fold(f"All {size} standard parameters", (table,))
+    said = sentence("analysis.known", size=size, counts=join(counts))
+    return section("analysis.standard", fold, detail=True, said=said)
+
+
+STANDARD = (
+    Column("parameter"),
+    Column("robot file", stated_text),
+    Column("prior sd", digits(3)),
+    Column("posterior", "number"),
+    Column("± sd", "error"),
+    Column("unit"),
+    Column("contraction", "bar"),
+    Column("determined by", "badge"),
 )

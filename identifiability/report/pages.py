@@ -1,0 +1,775 @@
+"""The pages of results: of each kind what it is called, drawn with its answers, and its sections.
+
+A page has functions of its result, ``<kind>_heading`` (what kind of page it is and what it is
+about), ``<kind>_sketch`` and ``<kind>_below`` (what is drawn with the answers), ``<kind>_notes``
+and ``<kind>_sections``, as far as it needs any: without, a page shows answers and tables alone.
+That of an `Analysis` is in `identifiability.report.analysis`. Verbs are imported where they are
+asked for: a page needs its own alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from identifiability.effects import find_effect, title_of
+from identifiability.foundation.answers import Cell, Column, Note, Table
+from identifiability.foundation.names import shorten_paths
+from identifiability.foundation.numbers import measured
+from identifiability.foundation.rounding import (
+    NONE,
+    digits,
+    error_text,
+    format_count,
+    format_number,
+    join,
+    percent,
+    percent_text,
+    rough_percent,
+)
+from identifiability.report import plot
+from identifiability.report.blocks import (
+    Block,
+    Fold,
+    Picture,
+    Prose,
+    Section,
+    Sketch,
+    Term,
+    Terms,
+    Trace,
+    Traces,
+    gallery,
+    motion_traces,
+    picture,
+    points_each,
+    section,
+    torque_traces,
+)
+from identifiability.report.figures import (
+    draw_curve,
+    draw_forward,
+    draw_gain,
+    draw_intervals,
+    draw_residual,
+)
+from identifiability.report.skeleton import Part, move_skeletons, sketch_parts, sketch_verdicts
+from identifiability.workflows.answers import (
+    SIGMA,
+    UNIT,
+    VALUE,
+    VERDICT,
+    bias_columns,
+    count_joints,
+    level_table,
+    note,
+    sentence,
+    tone_of,
+    with_hints,
+    words,
+)
+
+if TYPE_CHECKING:
+    from identifiability.workflows.calibrate.calibration import Calibration
+    from identifiability.workflows.compare import Comparison
+    from identifiability.workflows.diagnose.findings import Curve
+    from identifiability.workflows.diagnose.forward import ForwardGap
+    from identifiability.workflows.diagnose.result import Diagnosis
+    from identifiability.workflows.excite.result import Excitation
+    from identifiability.workflows.inspect import Inspection, Record
+    from identifiability.workflows.payload import Load
+    from identifiability.workflows.predict import PositionPrediction, TorquePrediction
+    from identifiability.workflows.prune.result import Ladder
+
+
+def _by_owner(
+    names: Sequence[str], told: Sequence[str], tone: str, text: str, other: Part
+) -> dict[str, Part]:
+    """Return how bodies and joints are shown of whose parameters some are told."""
+    owners: dict[str, list[str]] = {name.rpartition(".")[0]: [] for name in names}
+    for name in told:
+        owners[name.rpartition(".")[0]].append(name)
+    return {o: Part(tone, f"{text}: {join(n)}") if n else other for o, n in owners.items()}
+
+
+# Calibration: may intervals and verdicts be trusted on this motion?
+
+
+def calibration_heading(calibration: Calibration) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    return "Calibration", f"{calibration.analysis.robot.path.name} · {calibration.model}"
+
+
+def calibration_sketch(calibration: Calibration) -> Sketch | None:
+    """Return the robot with what was found drawn on it, if it can be drawn."""
+    cell, hold = calibration.cell, Part("blue", "intervals hold")
+    parts = _by_owner(cell.names, cell.below, "vermilion", "too narrow", hold)
+    robot = calibration.analysis.robot
+    return sketch_parts(robot, parts, "decision.calibrated", "not in the model")
+
+
+def calibration_sections(calibration: Calibration) -> list[Section | None]:
+    """Return the sections of the page."""
+    frame = calibration.to_frame()
+    share, low, high = 100 * frame[["value", "low", "high"]].to_numpy(float).T
+    reach = np.maximum([share - low, high - share], 0.0)
+    label = "intervals that hold the truth [%]"
+    each = draw_intervals(list(frame["parameter"]), share, reach, label, 95.0)
+    names = calibration.false_names
+    return [
+        section(
+            "calibration.parameters",
+            picture("each", each),
+            Fold(f"All {len(frame)} parameters", calibration.tables()),
+        ),
+        section("calibration.names", statement=names.statement) if names is not None else None,
+        _method(calibration),
+    ]
+
+
+NOISE = with_hints(
+    "noise",
+    Column("actuator"),
+    Column("order", "number"),
+    Column("size", digits(3)),
+    Column("autocorrelation time", digits(3)),
+)
+
+
+def _method(calibration: Calibration) -> Section:
+    holes = {"trials": len(calibration.cell.held), "seed": calibration.provenance["seed"]}
+    told = [*words("calibration.how", **holes).values()]
+    rows = [tuple(row.values()) for row in calibration.noise_rows()]
+    table = Table.of("Noise of the repetitions", NOISE, rows)
+    return section("calibration.method", Prose(tuple(told)), table)
+
+
+# Comparison: what changed between two logs or results.
+
+
+def comparison_heading(result: Comparison) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    kinds = {"pairs": "the same motion", "logs": "different motions", "results": "two results"}
+    kind = kinds[result.kind]
+    return "Comparison report", f"{result.robot.path.name} · {result.submodel.name} · {kind}"
+
+
+def comparison_sketch(result: Comparison) -> Sketch | None:
+    """Return the robot with what was found drawn on it, if it can be drawn."""
+    from identifiability.workflows.compare import ALL_JOINTS, describe  # noqa: PLC0415
+
+    parts = {name: Part("grey", "nothing changed for sure") for name in result.robot.joints}
+    for change in result.changes:
+        owners = result.robot.joints if change.place == ALL_JOINTS else (change.place,)
+        parts |= {owner: Part("vermilion", describe(change)) for owner in owners}
+    return sketch_parts(result.robot, parts, "decision.changed")
+
+
+def comparison_sections(result: Comparison) -> list[Section | None]:
+    """Return the sections of the page."""
+    changes, friction = result.tables()[0], list(result.found_from.items())
+    own = (Column("joint"), Column("found from", rough_percent))
+    least = Table.of("Smallest change that is found", own, friction)
+    return [
+        section("comparison.changes", changes) if changes.rows else None,
+        section("comparison.friction", least) if friction else None,
+    ]
+
+
+# Diagnosis: the answer, the gap before and after, the evidence, what is left.
+
+
+def diagnosis_heading(d: Diagnosis) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    about = f"{d.robot.path.name} · model: {', '.join(d.base)}"
+    return "What the model misses", f"{about}{' · values fixed' if d.fixed else ''}"
+
+
+def diagnosis_sketch(d: Diagnosis) -> Sketch | None:
+    """Return the robot with what was found drawn on it, if it can be drawn."""
+    missing: dict[str, list[str]] = {}
+    for e in d.effects:
+        for p in e.placements:
+            missing.setdefault(p.place, []).append(e.title)
+    for c in d.changes:
+        missing.setdefault(c.place, []).append(f"{title_of(c.family)} {c.when}")
+    parts = {joint: Part("grey", "nothing was found to be missing") for joint in d.robot.joints}
+    parts |= {place: Part("vermilion", f"misses {join(t)}") for place, t in missing.items()}
+    return sketch_parts(d.completed.robot, parts, "decision.missing")
+
+
+def diagnosis_below(d: Diagnosis) -> Picture | None:
+    """Return what is left of unseen torque over what names the first effect, before and after."""
+    if not d.curves:
+        return None
+    c = d.curves[0]
+    joint, rows = d.robot.joints[c.joint], d.gap.rows.data[:, c.joint]
+    before, after = d.gap.residual[rows, c.joint][:, [0, -1]].T
+    x = d.gap.rows.along(c.of)[c.against][rows]
+    states = {"before": before, "after": after}
+    figure = draw_residual(x, states, f"{joint} on unseen motion", _labels(d, c))
+    return picture("named", figure, joint=joint, over=_over(c))
+
+
+def diagnosis_notes(d: Diagnosis) -> list[Note]:
+    """Return what should be known with the answer."""
+    from identifiability.workflows.diagnose.findings import remarks  # noqa: PLC0415
+
+    return remarks(d)
+
+
+def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
+    """Return the sections of the page."""
+    return [
+        section_effects(d),
+        _section_gap(d),
+        None if d.forward is None else section_forward(d.forward, d.robot.joints),
+        _section_where(d),
+        *_sections_method(d),
+    ]
+
+
+# What a diagnosis named, what each effect was learned to be, and how the model moves with it.
+
+
+#: Curves and joints that are drawn.
+SHOWN = 6
+
+#: Seconds of unseen motion that are drawn, and groups that the table of evidence lists.
+STRETCH, LISTED = 10.0, 12
+
+
+def section_effects(d: Diagnosis) -> Section:
+    """Return the effects that were named, with their values, and those that were refuted."""
+    rows = []
+    for e in d.effects:
+        for p in e.placements:
+            shape = f"shape {format_number(p.shape, 3)}" if np.isfinite(p.shape) else ""
+            first = (Cell(" or ".join(e.names), note=shape), p.place)
+            rows += [(*first, *row, p.odds, p.rms) for row in p.rows]
+    pictures = []
+    for c in d.curves[:SHOWN]:  # a function needs not say that it has no name
+        title = f"{c.title.removeprefix('an unnamed ')}, {d.robot.joints[c.joint]}"
+        figure = draw_curve(c.x, c.learned, c.spread, c.data, title, _labels(d, c))
+        pictures.append(picture("curve", figure, title=title))
+    found = (Table.of("Their parameters", EFFECTS, rows), gallery("curves", pictures))
+    unseen = Column("on unseen motion", digits(3), "unseen", f"On {d.verified_on}.")
+    caption = "Not confirmed by the motion that verifies, and in no model"
+    refuted = Table.of(caption, (*GROUP, unseen), d.refuted) if d.refuted else None
+    blocks = (*d.tables()[:-1], *(found if rows else ()), refuted)
+    nothing = sentence("diagnosis.nothing") if not any(blocks) else None
+    return section("diagnosis.effects", *blocks, nothing)
+
+
+def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
+    """Return the labels of the axes of a curve."""
+    other = "" if c.of == c.joint else f" of {d.robot.joints[c.of]}"
+    position = "m" if d.robot.is_prismatic(int(d.robot.actuated[c.of])) else "rad"
+    units = {"velocity": f"{position}/s", "position": position, "load": d.robot.torque_units[c.of]}
+    labels = f"{_over(c)}{other} [{units.get(c.against, 's')}]"
+    return labels, f"torque [{d.robot.torque_units[c.joint]}]"
+
+
+def _over(c: Curve) -> str:
+    return "time of the session" if c.against == "session" else c.against
+
+
+def _section_gap(d: Diagnosis) -> Section:
+    rows = d.gap.rows
+    t = rows.t[rows.log == rows.log.min()]
+    part = np.flatnonzero(rows.log == rows.log.min())[t <= t[0] + STRETCH]
+    named = {c.joint for c in d.curves}
+    order = sorted(range(len(d.robot.joints)), key=lambda k: k not in named)
+    groups = []
+    for k in order:
+        before, after = d.gap.residual[part, k][:, [0, -1]].T
+        own, most = {"before": before, "after": after}, points_each(len(order))
+        unit = d.robot.torque_units[k]
+        groups.append(Trace.of(d.robot.joints[k], unit, rows.t[part], own, most, "residual"))
+    shown = Traces(tuple(groups), sentence("diagnosis.traces", seconds=f"{STRETCH:g}"))
+    return section("diagnosis.gap", shown, d.tables()[-1])
+
+
+def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
+    """Return the section on simulated motion before and after the named effects."""
+    horizon = format_number(gap.horizon, 2)
+    if not gap.measured:
+        return section("diagnosis.motion", f"Not done: {gap.note}", horizon=horizon)
+    figure = draw_forward(gap.t, gap.before.mean(2), gap.after.mean(2))
+    columns = (
+        Column("joint"),
+        Column("before", percent, hint="Of the distance moved, at the end."),
+        Column("after", percent),
+    )
+    rows = zip(joints, gap.before[:, -1].mean(0), gap.after[:, -1].mean(0), strict=True)
+    table = Table.of("Position error at the end of a stretch", columns, rows)
+    shown = picture("forward", figure, stretches=len(gap.before))
+    return section("diagnosis.motion", shown, table, horizon=horizon)
+
+
+def _section_where(d: Diagnosis) -> Section:
+    causes = max((x.explained for x in d.discrepancies), key=len)  # none where torque is no data
+    rows = [
+        (x.joint, x.rms, x.share, *(x.explained.get(k, np.nan) for k in causes))
+        for x in d.discrepancies
+    ]
+    columns = (
+        Column("joint"),
+        Column("residual, rms", digits(3)),
+        Column("of the torque", percent),
+        *(Column(k, rough_percent) for k in causes),
+    )
+    caption = "Residual by joint, and the share of it that its averages over each of these explain"
+    return section("diagnosis.where", Table.of(caption, columns, rows))
+
+
+EFFECTS = (
+    Column("effect"),
+    Column("where"),
+    Column("parameter", "code"),
+    Column("value", digits(3)),
+    Column("± se", digits(2)),
+    Column("unit"),
+    Column("log odds", digits(3)),
+    Column("adds, rms", digits(3)),
+)
+
+GROUP = (
+    Column("effect", get=lambda x: title_of(x.name)),
+    Column("where", get="place"),
+    Column("log odds", digits(3), "before", "Beside the model."),
+)
+
+THEN = Column("then", digits(3), "after", "Beside what was named as well.")
+
+
+def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
+    """Return all that was asked with its evidence, what was not, and how."""
+    from identifiability.workflows.diagnose.findings import PLACES  # noqa: PLC0415
+
+    order = sorted(d.evidence, key=lambda x: -x.before)
+    table = Table.of("The likeliest of all that was asked", (*GROUP, THEN), order[:LISTED])
+    why: dict[tuple[str, str], list[str]] = {}
+    for r in d.refusals:
+        why.setdefault((title_of(r.family), r.reason), []).append(r.place)
+    refused = tuple(
+        Term(" in ".join(filter(None, (title, join(list(filter(None, places)), PLACES)))), reason)
+        for (title, reason), places in why.items()
+    )
+    names = dict.fromkeys([*d.base, *(x.name for x in d.evidence)])
+    effects = [(name, find_effect(name)) for name in names]
+    terms = Terms(tuple(Term(title_of(n), e.source, formula=e.equation) for n, e in effects))
+    prepared = tuple(f"{s.name}: {'; '.join(s.notes)}." for s in (*d.samples, *d.validation))
+    roles = sentence("diagnosis.roles", verified=d.verified_on)
+    told = Prose((roles, *prepared))
+    return (
+        section("diagnosis.evidence", table, detail=True),
+        section("diagnosis.refusals", Terms(refused) if refused else "Every family was asked."),
+        section("diagnosis.method", terms, level_table(), told, detail=True),
+    )
+
+
+# Excitation: the motion to measure, and what it is worth.
+
+
+TITLES = {
+    "information": "A motion that says much about the parameters",
+    "separate": "A motion that separates two effects",
+    "discriminate": "A motion that tells effects of known size apart",
+}
+
+
+def excitation_heading(result: Excitation) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    return "Excitation report", (
+        f"{TITLES[result.criterion.name]} · {format_number(result.trajectory.period)} s, "
+        f"{format_count(result.trajectory.samples, 'sample')}"
+    )
+
+
+def excitation_sketch(result: Excitation) -> Sketch | None:
+    """Return the robot with what was found drawn on it, if it can be drawn."""
+    from identifiability.workflows.excite.rules import RULES  # noqa: PLC0415
+
+    pairs = zip(result.names, result.gain, strict=True)
+    better = [name for name, gain in pairs if gain < RULES.better]
+    other = Part("grey", "not better known")
+    parts = _by_owner(result.names, better, "green", "better known", other)
+    return sketch_parts(result.robot, parts, "decision.excited", "not in the model")
+
+
+def excitation_notes(result: Excitation) -> list[Note]:
+    """Return what should be known with the answer."""
+    return [*result.cautions(), *(note("hint", hint=hint) for hint in result.hints)]
+
+
+def excitation_sections(result: Excitation) -> list[Section]:
+    """Return the sections of the page: the motion, what it tells, how it was found."""
+    path, logs = result.trajectory, ", ".join(shorten_paths(result.logs))
+    gain = picture("gain", draw_gain(result.names, result.gain), beside=result.beside)
+    text = words(
+        "excitation.how",
+        harmonics=path.harmonics,
+        motions=format_count(result.evaluations, "motion"),
+        seed=result.seed,
+        effects=", ".join(result.effects),
+        measured=sentence("excitation.measured", logs=logs) if logs else "",
+    )
+    kinds = [f"{kind} {k + 1}" for kind in ("sin", "cos") for k in range(path.sin.shape[1])]
+    columns = [Column("joint"), *(Column(kind, digits(5)) for kind in ("offset", *kinds))]
+    numbers = np.column_stack([path.offset, path.sin, path.cos])
+    rows = [(joint, *x) for joint, x in zip(result.limits.joints, numbers, strict=True)]
+    coefficients = Table.of(sentence("excitation.series"), columns, rows, cards=False)
+    return [
+        section(
+            "excitation.motion",
+            *_motion(result),
+            result.tables()[0],
+            Fold("Coefficients", (coefficients,)),
+        ),
+        section("excitation.gain", gain, beside=result.beside),
+        section("excitation.method", Prose(tuple(text.values()))),
+    ]
+
+
+def _motion(result: Excitation) -> list[Traces]:
+    """Return every joint along the motion, and the limits that it keeps."""
+    t, *parts = result.motion
+    limits, robot = result.limits, result.robot
+    highest = (limits.high, limits.speed, limits.acceleration)
+    lowest = (limits.low, -limits.speed, -limits.acceleration)
+    units = ["m" if robot.is_prismatic(int(k)) else "rad" for k in robot.actuated]
+    names = (("position", ""), ("velocity", "/s"), ("acceleration", "/s²"))
+    shown = []
+    for (name, per), x, low, high in zip(names, parts, lowest, highest, strict=True):
+        own, bounds = [f"{unit}{per}" for unit in units], np.stack([low, high], 1)
+        shown.append(motion_traces(name, t, x, limits.joints, own, bounds))
+    return shown
+
+
+# Inspection: what is in logs and odd about them, and what the robot is.
+
+
+#: Colour of a joint by what part it has.
+ROLES = {
+    "actuated": "blue",
+    "passive": "grey",
+    "coupled": "purple",
+    "locked": "amber",
+    "left out": "grey",
+    "floats": "grey",
+}
+
+
+def inspection_heading(result: Inspection) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    about = [result.robot.path.name, count_joints(result.robot)]
+    about += [format_count(len(result.records), "log")] if result.records else []
+    kind = "What is in the logs" if result.records else "What the robot file says"
+    return kind, " · ".join(about)
+
+
+def inspection_sketch(result: Inspection) -> Sketch | None:
+    """Return the robot with what was found drawn on it, if it can be drawn."""
+    parts = {
+        j.name: Part(ROLES[j.role], f"{j.role} {j.remark}".strip())
+        for j in result.joints
+        if ROLES[j.role] != "grey"
+    }
+    return sketch_parts(result.robot, parts, "decision.roles")
+
+
+def inspection_notes(result: Inspection) -> list[Note]:
+    """Return what was odd, or how logs were read."""
+    from identifiability.workflows.inspect import find_odd  # noqa: PLC0415
+
+    if not result.records:
+        return []
+    refused = {r.refused for r in result.refused}
+    odd = find_odd(result)
+    return [note("refused", why=why) for why in refused] + [
+        note("hint" if hint in odd else "read", hint=hint)
+        for hint in result.hints
+        if hint not in refused
+    ]
+
+
+def inspection_sections(result: Inspection) -> list[Section]:
+    """Return the sections of the page: what logs hold comes first, then the robot on demand."""
+    own = _robot(result)
+    if not result.records:
+        return own
+    first, *others = [_recorded(result, r) for r in result.records]
+    names = [record.name for record in result.records[1:]]
+    clock, motion, torque = result.tables()
+    return [
+        section(
+            "inspection.traces",
+            *first,
+            *(Fold(f"The same of {name}", g) for name, g in zip(names, others, strict=True)),
+        ),
+        section("inspection.motion", motion),
+        section("inspection.torque", torque),
+        section("inspection.clock", clock, *map(_preparation, result.records)),
+        section(
+            "inspection.robot",
+            *(Fold(part.title, (Prose((part.lead,)), *part.blocks)) for part in own),
+        ),
+    ]
+
+
+def _recorded(result: Inspection, record: Record) -> tuple[Traces, ...]:
+    """Return position, velocity and torque of every joint of a log over time."""
+    trace, robot = record.trace, result.robot
+    start, rows = record.clock["start"], list(record.joints.itertuples())
+    t, motion_t = trace.t - start, trace.motion_t - start
+    # Nobody measures position and force of a base that floats.
+    at = [k for k, joint in enumerate(rows) if joint.joint in robot.motor_joints]
+    own = [rows[k] for k in at]
+    names = [str(joint.joint) for joint in own]
+    shown = (
+        ("position", t, trace.q, [str(j.unit) for j in own], robot.limits[at]),
+        ("velocity", motion_t, trace.dq, [f"{j.unit}/s" for j in own], None),
+        ("torque", t, trace.tau, [str(j.torque_unit) for j in own], None),
+    )
+    return tuple(
+        motion_traces(name, times, values[:, at], names, units, limits)
+        for name, times, values, units, limits in shown
+        if at and len(times)
+    )
+
+
+def _preparation(record: Record) -> Fold | None:
+    """Return how a log is read and prepared, if there is anything to say."""
+    told = [f"{text[0].upper()}{text[1:]}." for text in record.notes]
+    if record.clock["parts"] > 1:
+        told.append(sentence("inspection.windows", parts=record.clock["parts"]))
+    summary = f"How {record.name} is read and prepared"
+    return Fold(summary, (Prose(tuple(told)),)) if told else None
+
+
+def _robot(result: Inspection) -> list[Section]:
+    """Return what the robot file says of joints, logs and parameters, and what it leaves open."""
+    from identifiability.workflows.inspect import JOINTS  # noqa: PLC0415
+
+    robot = result.robot
+    needed: list[tuple[str, str]] = [("t", "s")]
+    for k, joint in enumerate(robot.joints):
+        unit = "m" if robot.is_prismatic(int(robot.actuated[k])) else "rad"
+        needed += [(f"{joint}.q", unit), (f"{joint}.tau", robot.torque_units[k])]
+    motors = ", ".join(result.motors)
+    beside = sentence("inspection.motors", motors=motors) if motors else None
+    base = result.base
+    groups = zip(base.names, base.units, base.labels, strict=True)
+    grouped = (Column("parameter"), Column("unit"), Column("what it stands for", "code"))
+    found = [
+        section("inspection.joints", result.naming, Table.of("", JOINTS, result.joints)),
+        section(
+            "inspection.columns",
+            beside,
+            Table.of("", (Column("column", "code"), Column("unit")), needed),
+        ),
+        section(
+            "inspection.parameters",
+            Fold(f"All {base.rank} base parameters", (Table.of("", grouped, groups),)),
+            count=base.rank,
+            standard=len(base.parameters),
+            effects=", ".join(result.effects),
+        ),
+    ]
+    if result.needs:
+        own = (Column("what is not stated"), Column("in the sidecar", "code"))
+        rows = [(need.text, need.line.replace("\n", "  ") or NONE) for need in result.needs]
+        name = robot.path.with_suffix(".toml").name
+        found.append(section("inspection.sidecar", Table.of("", own, rows), name=name))
+    return found
+
+
+# Load: mass, centre and inertia of what hangs on a body.
+
+
+def payload_heading(result: Load) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    logs = join(shorten_paths(result.logs), 3)
+    return "Payload report", f"{result.robot.path.name} · {result.model} · {logs}"
+
+
+def payload_sketch(result: Load) -> Sketch | None:
+    """Return the robot with what was found drawn on it, if it can be drawn."""
+    mass = result.mass
+    text = measured(mass.value, mass.half, "kg") if mass.told else "the load would hang here"
+    return sketch_parts(result.robot, {result.body: Part("vermilion", text)}, "decision.loaded")
+
+
+def payload_sections(result: Load) -> list[Section | None]:
+    """Return the sections of the page: gains, or quantities and how."""
+    if result.gains:
+        return [section("payload.gains", *result.tables())]
+    every = (*result.logs, *result.without)
+    called = dict(zip(every, shorten_paths(every), strict=True))
+    pairs = join([f"{called[one]} with {called[other]}" for one, other in result.pairs])
+    words = "payload.how"
+    return [
+        section("payload.quantities", result.tables()[0], body=result.body),
+        section(
+            "payload.method",
+            sentence(words, "plain", body=result.body),
+            sentence(words, "pairs", pairs=pairs) if pairs else None,
+        ),
+    ]
+
+
+# TorquePrediction: measured and predicted torque along logs.
+
+
+def prediction_heading(result: TorquePrediction) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    count = format_count(len(result.t), "sample")
+    return "Predicted torque", f"{result.robot.path.name} · {result.model} · {count}"
+
+
+def prediction_sketch(result: TorquePrediction) -> Sketch | None:
+    """Return the robot with what was found drawn on it, if it can be drawn."""
+    errors = result.error_frame()["error"]
+    parts = {
+        joint: Part(tone_of(error), error_text(error))
+        for joint, error in zip(result.robot.joints, errors, strict=True)
+        if np.isfinite(error)
+    }
+    return sketch_parts(result.robot, parts, "decision.predicted")
+
+
+def prediction_sections(result: TorquePrediction) -> list[Section]:
+    """Return measured and predicted torque along each log, and the errors of joints."""
+    blocks: list[Block] = []
+    for log, name in enumerate(shorten_paths(result.logs)):
+        rows = result.log == log
+        robot, along = result.robot, (result.t[rows], result.tau[rows], result.predicted[rows])
+        blocks.append(torque_traces(*along, robot.joints, robot.torque_units, name))
+    return [
+        section("prediction.torque", *blocks),
+        section("prediction.joints", result.tables()[0]),
+    ]
+
+
+# Ladder: the model worth using first, then every move that led to it.
+
+
+def pruning_heading(ladder: Ladder) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    logs = format_count(len(ladder.samples), "log")
+    samples = format_count(ladder.information.samples, "sample")
+    return "Pruning report", f"{ladder.robot.path.name} · {logs} with {samples}"
+
+
+def pruning_sketch(ladder: Ladder) -> Sketch | None:
+    """Return the robot, coloured by what is identifiable, if it can be drawn."""
+    return sketch_verdicts(ladder.robot, ladder.verdicts)
+
+
+def pruning_sections(ladder: Ladder) -> list[Section | None]:
+    """Return the sections of the page."""
+    from identifiability.report.analysis import mass_table, section_correlated  # noqa: PLC0415
+
+    masses = mass_table(ladder.robot, ladder.result.physical.parameters())
+    said = filter(None, (ladder.result.physical.sentence, ladder.mass_statement))
+    settings = {"method": ladder.method, "seed": ladder.seed}
+    text = words("pruning.how", effects=", ".join(ladder.effects), **settings)
+    some = not ladder.nothing
+    return [
+        section_survivors(ladder),
+        section_ladder(ladder),
+        section_correlated(ladder.fit) if some else None,
+        section("pruning.bodies", masses, said=" ".join(said)),
+        _refused(ladder),
+        section("pruning.method", Prose(tuple(text.values())), level_table(), detail=True),
+    ]
+
+
+def section_ladder(ladder: Ladder) -> Section:
+    """Return the models: chart and table of moves."""
+    path = ladder.tables()[0]
+    every = Fold(f"All {format_count(len(ladder.models), 'model')} of the path", (path,))
+    figure = picture("ladder", plot.reduction_path(ladder))
+    return section("pruning.ladder", figure, every, why=sentence("pruning.why"))
+
+
+def section_survivors(ladder: Ladder) -> Section:
+    """Return the parameters of the model to use."""
+    from identifiability.report.analysis import fold_verdicts  # noqa: PLC0415
+    from identifiability.workflows.analyze.result import label_note  # noqa: PLC0415
+
+    own = with_hints(
+        "survivors",
+        Column("parameter", get=lambda v: Cell(v.name, note=label_note(v))),
+        VALUE,
+        SIGMA,
+        UNIT,
+        Column("σ%", percent_text, "sigma_label_percent"),
+        *bias_columns(ladder.verdicts),
+        VERDICT,
+    )
+    table = Table.of("", own, ladder.verdicts, filter_by=-1)
+    size = format_count(len(ladder.chosen), "parameter")
+    tables = fold_verdicts(table, ladder.verdicts)
+    return section("pruning.survivors", *tables, *ladder.tables()[1:], size=size)
+
+
+def _refused(ladder: Ladder) -> Section | None:
+    """Return the suggested moves that the data contradict; None without any."""
+    own = (
+        Column("move", get="move.text"),
+        Column("because", get="move.why"),
+        Column("but", get="reason"),
+    )
+    table = Table.of("", own, ladder.refused)
+    return section("pruning.refused", table, detail=True) if ladder.refused else None
+
+
+# PositionPrediction: measured and simulated positions along logs.
+
+
+#: Colours of the robots, in their order: those of their lines below (`traces.js`).
+TONES = ("blue", "vermilion", "purple")
+
+
+def rollout_heading(result: PositionPrediction) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    logs = format_count(len(result.logs), "log")
+    return "Predicted positions", f"{' · '.join(run.name for run in result.runs)} · {logs}"
+
+
+def rollout_sections(result: PositionPrediction) -> list[Section | None]:
+    """Return the sections of the page."""
+    return [_moving(result), _positions(result), section("rollout.joints", result.tables()[0])]
+
+
+def _moving(result: PositionPrediction) -> Section | None:
+    """Return the robots as they move along the first log, if they can be drawn."""
+    log = result.logs[0]
+    motions = {"recording": ("grey", log.q)}
+    motions |= {run.name: (TONES[k % 3], run.q[0]) for k, run in enumerate(result.runs)}
+    errors = [
+        1e3 * np.sqrt(np.mean((run.q[0] - log.q)[:, result.alike] ** 2, axis=1))
+        for run in result.runs
+    ]
+    caption = f"The robots along {log.name}, and how far their joints are from the recording (rms)."
+    moving = move_skeletons(result.robot, log.t, motions, errors, caption, result.unit)
+    return None if moving is None else section("rollout.motion", moving, log=log.name)
+
+
+def _positions(result: PositionPrediction) -> Section:
+    """Return the positions of every joint along the first log, to zoom and read off."""
+    log, robot = result.logs[0], result.robot
+    most = points_each(len(log.joints))
+    groups = []
+    for k, joint in enumerate(log.joints):
+        unit = "m" if robot.is_prismatic(int(robot.actuated[k])) else "rad"
+        lines = {"measured": log.q[:, k]}
+        lines |= {run.name: run.q[0][:, k] for run in result.runs}
+        if log.q_ref is not None:
+            lines["command"] = log.q_ref[:, k]
+        groups.append(Trace.of(joint, unit, log.t - log.t[0], lines, most, "position"))
+    return section("rollout.positions", Traces(tuple(groups)), log=log.name)
