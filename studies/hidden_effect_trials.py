@@ -20,8 +20,7 @@ from identifiability.robot import Robot
 from identifiability.simulation import Campaign, Noise, random_trajectory, shipped_trajectory
 from identifiability.workflows.diagnose import Diagnosis, Setting, diagnose, look
 from identifiability.workflows.diagnose.motion import prepare_rows
-from identifiability.workflows.diagnose.problem import know_nothing
-from identifiability.workflows.diagnose.rows import Gap
+from identifiability.workflows.diagnose.problem import Gap, know_nothing
 
 #: Noise of the torque as a share of its rms, its correlation at 100 Hz, and encoders [m or rad].
 LEVEL, RHO = 0.012, 0.9

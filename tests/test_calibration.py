@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from identifiability import analyze
 from identifiability.cli import app
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.noise import ResidualNoise, fit_residual_noise
+from identifiability.estimation.noise import JointRuns, ResidualNoise, fit_residual_noise
 from identifiability.foundation.numbers import REACH
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import find_base_parameters
@@ -24,6 +24,10 @@ from .posterior.ranking import build_target, calibrate_posterior
 @pytest.fixture(scope="module")
 def analysis(simulated_session):
     return analyze("3-rps", simulated_session("3-rps", "601", 0), replicates=0)
+
+
+def runs_of(rows, runs):
+    return JointRuns((tuple(runs),) * rows.shape[1])
 
 
 def outcomes(analysis, noise, trials):
@@ -141,8 +145,8 @@ def test_planted_values_rank_uniformly_in_their_posterior(analysis, model, repli
 
 def test_a_log_without_noise_is_calibrated_without_a_word(analysis):
     W = np.random.default_rng(0).normal(size=(200, 2, 5))
-    found = fit_residual_noise(W @ np.arange(5.0), W, [(0, 200)])
+    found = fit_residual_noise(W @ np.arange(5.0), W, runs_of(W, [(0, 200)]))
     assert found.orders == (0, 0)
     assert (found.sd < 1e-12).all()
-    zero = fit_residual_noise(np.zeros((200, 2)), W, [(0, 200)])
+    zero = fit_residual_noise(np.zeros((200, 2)), W, runs_of(W, [(0, 200)]))
     np.testing.assert_array_equal(zero.sd, 0.0)

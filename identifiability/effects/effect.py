@@ -36,9 +36,6 @@ class Effect(ABC):
     source: str = ""
     #: Effects whose columns these already contain; a model drops them.
     supersedes: tuple[str, ...] = ()
-    #: Whether the columns at a sample depend on that sample alone and take long: of samples that
-    #: are met again they are taken from where they were.
-    pointwise: ClassVar[bool] = False
 
     #: How many numbers its shape is, behind the colon of a ladder file.
     shape_size: ClassVar[int] = 0

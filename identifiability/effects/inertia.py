@@ -37,7 +37,6 @@ class RigidBody(Effect):
     name = "rigid_body"
     equation = "τ = (K_i − Xᵀ K_e) π"
     source = "[Díaz 2010, Eq. 7]"
-    pointwise = True
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return m, mx, my, mz, Ixx … of every moving body."""

@@ -19,20 +19,17 @@ import numpy as np
 from scipy.special import logsumexp, softmax
 
 from identifiability.effects import find_families
-from identifiability.estimation.groups import Excerpt, Missing
-from identifiability.estimation.loads import LOAD
+from identifiability.estimation.groups import LOAD, Excerpt, Missing
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
     RIDGE,
-    THIN,
     Group,
     MixedModel,
     Products,
     Term,
     Terms,
-    rich_noise,
 )
-from identifiability.estimation.noise import JointNoise, JointRuns
+from identifiability.estimation.noise import THIN, JointNoise, JointRuns, rich_noise
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import GROUPED_KINDS, Array

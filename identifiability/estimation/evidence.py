@@ -147,14 +147,14 @@ class Folds:
         return len(self.train)
 
     @staticmethod
-    def short(information: Information, levels: Levels = LEVELS) -> Folds:
+    def short(information: Information) -> Folds:
         """Return folds of logs that are too short for a choice: what they err is stated only."""
-        test = choose_folds(information.log, levels.fewest)
+        test = choose_folds(information.log, LEVELS.fewest)
         train = test != np.arange(test.max() + 1)[:, None]
         return Folds(test, train, 1.0 / max(test.max(), 1))
 
     @staticmethod
-    def of(information: Information, memory: float = 0.0, levels: Levels = LEVELS) -> Folds:
+    def of(information: Information, memory: float = 0.0) -> Folds:
         """Return folds of logs: whole logs where there are enough of them, else stretches.
 
         Parameters
@@ -162,7 +162,6 @@ class Folds:
         information : Information
         memory : float [samples]
             Autocorrelation time of the noise, the longest of the actuators'.
-        levels : Levels
 
         Raises
         ------
@@ -172,12 +171,12 @@ class Folds:
         log, counts = information.log, information.counts
         names, lengths = np.unique(log), np.bincount(log, counts).astype(int)
         lengths = lengths[names]
-        wanted = _divide(lengths, memory, levels)
-        if wanted.sum() < levels.fewest:
+        wanted = _divide(lengths, memory)
+        if wanted.sum() < LEVELS.fewest:
             raise LogError(
                 f"{int(lengths.sum())} samples whose noise is remembered for {memory:.0f} make "
                 f"{int(wanted.sum())} stretches that can be predicted from the others; a choice "
-                f"needs {levels.fewest}: give longer or more logs, or a higher cut-off."
+                f"needs {LEVELS.fewest}: give longer or more logs, or a higher cut-off."
             )
         ends = np.cumsum(counts)
         test, before = np.empty(len(counts), int), 0
@@ -212,12 +211,12 @@ def choose_folds(log: np.ndarray, most: int = LEVELS.fewest) -> np.ndarray:
     return log if log.max(initial=0) > 0 else (np.arange(count) * min(most, count)) // count
 
 
-def _divide(lengths: np.ndarray, memory: float, levels: Levels) -> np.ndarray:
+def _divide(lengths: np.ndarray, memory: float) -> np.ndarray:
     """Return how many folds each log makes, (L,)."""
-    if len(lengths) >= levels.fewest:
+    if len(lengths) >= LEVELS.fewest:
         return np.ones(len(lengths), int)
     most = np.maximum(lengths // max(memory, 1.0), 1).astype(int)
-    share = np.round(levels.folds * lengths / lengths.sum()).astype(int)
+    share = np.round(LEVELS.folds * lengths / lengths.sum()).astype(int)
     pieces: np.ndarray = np.clip(share, 1, most)
     return pieces
 
@@ -516,30 +515,22 @@ class Evidence:
         Of each joint.
     folds : int
         That it rests on.
-    levels : Levels
     """
 
     density: Gain
     error: Gain
     joint_errors: tuple[Gain, ...]
     folds: int
-    levels: Levels = LEVELS
 
     @staticmethod
-    def of(
-        a: Score,
-        b: Score,
-        levels: Levels = LEVELS,
-        *,
-        joints: bool = True,
-    ) -> Evidence:
+    def of(a: Score, b: Score, *, joints: bool = True) -> Evidence:
         """Return the evidence of two scores of the same folds, over each joint or only over all."""
         ratio = max(a.ratio, b.ratio)
         ours, theirs = a.shares, b.shares
         error = _error_gain(ours.sum(1), theirs.sum(1), ratio)
         pairs = zip(ours.T, theirs.T, strict=True) if joints else ()
         of_joints = tuple(_error_gain(x, y, ratio) for x, y in pairs)
-        return Evidence(a.gain(b), error, of_joints, len(a.density), levels)
+        return Evidence(a.gain(b), error, of_joints, len(a.density))
 
     @property
     def level(self) -> Level:
@@ -554,7 +545,7 @@ class Evidence:
     @property
     def replaceable(self) -> bool:
         """Whether A may stand for B: as good over all joints, and none surely errs much more."""
-        lost = -float(np.log1p(self.levels.rise))
+        lost = -float(np.log1p(LEVELS.rise))
         if self.interval(self.error)[0] <= lost:
             return False
         among = len(self.joint_errors)
@@ -564,7 +555,7 @@ class Evidence:
         """Return the limits of a gain, so that those of so many hold together."""
         if self.folds < 2 or np.isnan(gain.value):
             return -np.inf, np.inf
-        tail = 0.5 * (1.0 - self.levels.confidence) / max(among, 1)
+        tail = 0.5 * (1.0 - LEVELS.confidence) / max(among, 1)
         reach = float(-stdtrit(self.folds - 1, tail)) * gain.se
         return gain.value - reach, gain.value + reach
 
@@ -574,18 +565,7 @@ class Evidence:
             return Level.BETTER
         if high < 0:
             return Level.WORSE
-        return Level.AS_GOOD if low > -np.log1p(self.levels.rise) else Level.OPEN
-
-    def statement(self) -> str:
-        """Return what it says in one sentence: change of the error, and the level."""
-        low, high = self.interval(self.error)
-        ends = sorted(100 * np.expm1([-low, -high]))
-        change = 100 * np.expm1(-self.error.value)
-        word = "falls" if change < 0 else "rises"
-        return (
-            f"{self.level.value}: the error on unseen motion {word} by {abs(change):.2g} % "
-            f"({ends[0]:+.2g} to {ends[1]:+.2g} %)"
-        )
+        return Level.AS_GOOD if low > -np.log1p(LEVELS.rise) else Level.OPEN
 
 
 def _sum_gain(each: Array, ratio: float) -> Gain:
@@ -609,9 +589,7 @@ def _error_gain(a: Array, b: Array, ratio: float) -> Gain:
     return Gain(0.5 * float(np.log(sums[1] / sums[0])), _sum_gain(each, ratio).se)
 
 
-def weigh_models(
-    densities: Sequence[Array] | Array, rng: np.random.Generator, levels: Levels = LEVELS
-) -> Array:
+def weigh_models(densities: Sequence[Array] | Array, rng: np.random.Generator) -> Array:
     """Return pseudo-BMA+ weights of M models, (M,) [Yao 2018].
 
     Softmax of the summed log densities, averaged over a Bayesian bootstrap of the folds.
@@ -620,32 +598,31 @@ def weigh_models(
     ----------
     densities : (M, F) [nats]
     rng : numpy.random.Generator
-    levels : Levels
     """
     each = np.asarray(densities, float)
-    drawn = rng.dirichlet(np.ones(each.shape[1]), levels.draws) * each.shape[1]
+    drawn = rng.dirichlet(np.ones(each.shape[1]), LEVELS.draws) * each.shape[1]
     total = drawn @ each.T
     odds = np.exp(total - total.max(1, keepdims=True))
     weights: Array = (odds / odds.sum(1, keepdims=True)).mean(0)
     return weights
 
 
-def near_best(scores: Sequence[Score], levels: Levels = LEVELS) -> np.ndarray:
+def near_best(scores: Sequence[Score]) -> np.ndarray:
     """Return which of M models may stand for the best of them, (M,) bool."""
     best = scores[int(np.argmax([s.density.sum() for s in scores]))]
-    return np.array([may_stand(score, best, levels) for score in scores])
+    return np.array([may_stand(score, best) for score in scores])
 
 
-def may_stand(score: Score, best: Score, levels: Levels = LEVELS) -> bool:
+def may_stand(score: Score, best: Score) -> bool:
     """Return whether a model may stand for the best one.
 
     Its predictive log density is within some nats; or it is as good, where no joint's error surely
     rises by more than that: of many samples nats tell apart what no error shows.
     """
-    if score.density.sum() >= best.density.sum() - levels.nats:
+    if score.density.sum() >= best.density.sum() - LEVELS.nats:
         return True
     # Most fail over all joints already: a path asks it of a hundred models.
-    return all(Evidence.of(score, best, levels, joints=each).replaceable for each in (False, True))
+    return all(Evidence.of(score, best, joints=each).replaceable for each in (False, True))
 
 
 @frozen

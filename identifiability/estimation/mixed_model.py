@@ -22,33 +22,14 @@ import numpy as np
 import scipy
 from scipy.special import log_ndtr, logsumexp, softmax
 
-from identifiability.estimation.noise import (
-    ARNoise,
-    JointNoise,
-    JointRuns,
-    LaggedProducts,
-    RestrictedLikelihood,
-    Runs,
-    span_columns,
-    take_data,
-    whiten,
-)
+from identifiability.estimation.noise import THIN, ARNoise, JointRuns, whiten
 from identifiability.estimation.rules import RULES
-from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 
 #: Sizes that a group may have, relative to the torque of its joint: uniform in the logarithm.
 SIZES = np.geomspace(1e-4, 1.0, 40)
-#: What is left of a direction of unit columns beside the model; below it there is none.
-THIN: Tolerance = 1e-6
-#: Precisions of what may be missing that are tried beside the noise, in that of its innovations,
-#: and rounds in which those of all functions and the noise take turns.
-PRECISIONS = np.geomspace(1e-6, 1e6, 13)
-ROUNDS = 4
-#: White noise that is taken to be there beside the residual, as a share of its variance.
-FLOOR_RICH: Tolerance = 1e-2
 #: Share of a diagonal that keeps a factor positive.
 RIDGE: Tolerance = 1e-10
 
@@ -159,94 +140,6 @@ class Products:
                 own = total[np.maximum(at, 0)[:, :, None], np.maximum(at, 0)[:, None, :]]
                 out[act] += own * on[:, :, None] * on[:, None, :]
         return out
-
-
-def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
-    """Return the noise of a joint by restricted likelihood beside all that may be missing.
-
-    Beside the model alone what is missing would count as noise, and hide itself; without the
-    restriction slow noise would be taken for what is missing.
-
-    Parameters
-    ----------
-    blocks : sequence of (N, k)
-        Columns of the model, then of what may be missing, what must not be left out first.
-    y : (N,)
-    runs : Runs
-    """
-    runs, (y, X, *random) = take_data(runs, y, *blocks)
-    silent = JointNoise(np.empty(0), np.inf)
-    if not len(y):
-        return silent
-    most = int(RULES.columns_most * len(y))
-    basis = span_columns([X], most)
-    # As many columns as rows would leave nothing, and no noise.
-    parts, room = list[Array](), 2 * most - basis.shape[1]
-    for part in map(_principal, random):
-        if 0 < part.shape[1] <= room:
-            parts.append(part)
-            room -= part.shape[1]
-    scale = float(np.linalg.norm(y)) or 1.0
-    left = y / scale
-    left = left - basis @ (basis.T @ left)
-    Z = np.concatenate([basis, *parts], axis=1)
-    # By a pivoted factor: singular values do not always converge.
-    rest = left - Z @ scipy.linalg.lstsq(Z, left, lapack_driver="gelsy")[0]
-    lagged = LaggedProducts.of(np.column_stack([Z, left]), runs)
-    every = RestrictedLikelihood(lagged, float(rest @ rest), scale, FLOOR_RICH)
-    if every.silent:  # what rounding leaves says nothing, unless something that is missing is exact
-        exact = JointNoise(np.empty(0), NEARLY * scale / np.sqrt(len(y)))
-        return exact if left @ left > NEARLY**2 else silent
-    owner = np.repeat(np.arange(-1, len(parts)), [basis.shape[1], *(p.shape[1] for p in parts)])
-    found = [_settle(every, owner, np.full(len(parts), start)) for start in (PRECISIONS[-1], 1.0)]
-    _, best, prior = min(found, key=lambda x: x[0])
-    final = every.with_prior(prior)
-    return JointNoise(np.tanh(best), final.sigma(best))
-
-
-def _settle(
-    problem: RestrictedLikelihood, owner: np.ndarray, precisions: Array
-) -> tuple[float, Array, Array]:
-    """Return deviance with prices, noise and prior where functions and noise took turns.
-
-    Parameters
-    ----------
-    problem : RestrictedLikelihood
-    owner : (k,) int
-        Which function each column is of; −1 for the model's.
-    precisions : (f,)
-        Of each function at first.
-    """
-
-    def prior_of(values: Array) -> Array:
-        if not values.size:  # no function acts here
-            return np.zeros(len(owner))
-        return np.where(owner < 0, 0.0, values[np.maximum(owner, 0)])
-
-    values, none = precisions.copy(), PRECISIONS[-1]
-    best = problem.with_prior(prior_of(values)).maximise()
-    for _ in range(ROUNDS):
-        before = values.copy()
-        for k in range(len(values)):
-            under = problem.with_prior(prior_of(values))
-            each = under.deviances(best, np.flatnonzero(owner == k), PRECISIONS)
-            pays = each[-1] - each.min() > 2.0 * RULES.smooth_price
-            values[k] = PRECISIONS[int(np.argmin(each))] if pays else none
-        if np.array_equal(values, before):
-            break
-        best = problem.with_prior(prior_of(values)).maximise()
-    own = prior_of(values)
-    price = 2.0 * RULES.smooth_price * np.sum(values < none) + len(best) * np.log(problem.rows)
-    return problem.with_prior(own).deviance(best) + float(price), best, own
-
-
-def _principal(Z: Array) -> Array:
-    """Return columns of one covariance with Z (N, k), without those that are next to nothing."""
-    rms = np.sqrt(np.mean(Z**2, axis=0))
-    unit = Z[:, rms > 0] / rms[rms > 0]
-    squares, vectors = np.linalg.eigh(unit.T @ unit)
-    kept: Array = unit @ vectors[:, squares > THIN * squares.max(initial=0.0)]
-    return kept
 
 
 # Groups, and what of them is in a model.

@@ -13,9 +13,10 @@ from itertools import pairwise
 
 import numpy as np
 import scipy
+from scipy.optimize import minimize
 
 from identifiability.estimation.rules import RULES
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -27,7 +28,13 @@ from identifiability.logs.prepare import Dataset
 
 #: White noise that is taken to be there beside the residual, as a share of its variance: logs
 #: that were filtered before they were stored have empty bands, which whitening would blow up.
-FLOOR: Tolerance = 0.05
+FLOOR: Tolerance = 1e-2
+#: What is left of a direction of unit columns beside the model; below it there is none.
+THIN: Tolerance = 1e-6
+#: Precisions of what may be missing that are tried beside the noise, in that of its innovations,
+#: and rounds in which those of all functions and the noise take turns.
+PRECISIONS = np.geomspace(1e-6, 1e6, 13)
+ROUNDS = 4
 
 
 def autocorrelation(residual: Array) -> Array:
@@ -101,11 +108,6 @@ def take_data(runs: Runs, y: Array, *others: Array) -> tuple[Runs, list[Array]]:
     inside = np.concatenate([np.arange(0), *(np.arange(a, b) for a, b in runs)])
     ends = np.cumsum([0, *(b - a for a, b in runs)]).tolist()
     return list(pairwise(ends)), [x[inside] for x in (y, *others)]
-
-
-def runs_of(runs: Runs | JointRuns, joint: int) -> Runs:
-    """Return the stretches of a joint."""
-    return runs.each[joint] if isinstance(runs, JointRuns) else runs
 
 
 def levinson(pacf: Array) -> tuple[list[Array], Array]:
@@ -198,84 +200,66 @@ BOUND: Tolerance = 3.5
 ROUNDING: tuple[Tolerance, ...] = (1e-14, 1e-12, 1e-10)
 #: A residual below this share of the torque is rounding, and has no correlation to speak of.
 RESIDUAL_ROUNDING: Tolerance = 1e-8
-#: Steps of the search of one order, and how often one is halved, at most; the share of what its
-#: slope promises by which it has to descend, and the promise of deviance at which the search ends.
-DESCENTS, HALVINGS = 30, 10
-DESCENDS: Tolerance = 1e-4
+#: Deviance that a step gains, for each row, below which the search of one order ends.
 CLOSE: Tolerance = 1e-3
 #: Step of the derivatives in the search of one order.
 STEP: Tolerance = 1e-4
 
 
-def _lay_out() -> tuple[dict[tuple[int, int], Array], dict[tuple[str, int, int], int]]:
-    """Return what lagged products count for in those of filtered rows.
-
-    For each order p, and each length n of stretches: the coefficients of all M lagged products by
-    what number m of rows are known before, and by pairs of lags, (M, (p + 1) · (p + 1)²).
-    """
-    P = HIGHEST_ORDER
-    keys = [("all", 0, d) for d in range(P + 1)]
-    keys += [("first", s, d) for s in range(P) for d in range(s + 1)]
-    keys += [("last", r, d) for r in range(P) for d in range(P + 1)]
-    at = {key: k for k, key in enumerate(keys)}
-    tables = {}
-    for p, n in np.ndindex(P + 1, P + 1):
-        out = np.zeros((len(keys), p + 1, p + 1, p + 1))
-        for m, i, j in np.ndindex(out.shape[1:]):
-            d, late = abs(i - j), min(i, j)
-            if m == p <= n:
-                out[at["all", 0, d], m, i, j] += 1.0
-                for s in range(d, p - late):
-                    out[at["first", s, d], m, i, j] -= 1.0
-                for r in range(late):
-                    out[at["last", r, d], m, i, j] -= 1.0
-            elif max(i, j) <= m < min(p, n):
-                out[at["first", m - late, d], m, i, j] += 1.0
-        tables[p, n] = out.reshape(len(keys), -1)
-    return tables, at
-
-
-_TABLES, _AT = _lay_out()
+#: Rows by how many of their stretch are known before them, the highest order or more together, and
+#: which two of a row and those before it are multiplied.
+_PAIRS = [
+    (known, i, j)
+    for known in range(HIGHEST_ORDER + 1)
+    for i in range(known + 1)
+    for j in range(i, known + 1)
+]
 
 
 @frozen
 class LaggedProducts:
     """Products of rows with those a few samples before: what whitening by a short memory needs.
 
-    Products of rows that autoregressive noise whitens are sums over pairs of lags, and all pairs of
-    one lag differ by the ends of stretches alone. So rows are met once, however many noises are
-    tried.
+    Rows are met once, however many noises are tried: a row that autoregressive noise whitens is a
+    sum of itself and those before it.
 
     Attributes
     ----------
-    products : (l M, m, m)
-        Of stretches of l lengths, those as long as the highest order or longer together: at every
-        lag, of each of the first rows with those before it, and of each of the last ones.
-    lengths : tuple of int
-        Of the stretches, at most the highest order.
-    counts : tuple of (int, int)
-        How many stretches and rows there are of each.
+    products : (M, m, m)
+        Summed over rows, for each of `_PAIRS`; those of two different rows are symmetric sums.
+    counts : (p + 1,)
+        How many rows know so many before them.
     """
 
     products: Array
-    lengths: tuple[int, ...]
-    counts: tuple[tuple[int, int], ...]
+    counts: Array
 
     @staticmethod
     def of(Z: Array, runs: Runs) -> LaggedProducts:
         """Return those of rows (N, m) in stretches."""
-        lengths = sorted({min(b - a, HIGHEST_ORDER) for a, b in runs if b > a})
-        parts = [[Z[a:b] for a, b in runs if min(b - a, HIGHEST_ORDER) == n] for n in lengths]
-        counts = tuple((len(own), sum(map(len, own))) for own in parts)
-        none = np.zeros((0, *Z.shape[1:], *Z.shape[1:]))
-        return LaggedProducts(
-            np.concatenate([none, *map(_multiply, parts)]), tuple(lengths), counts
-        )
+        P = HIGHEST_ORDER
+        first, stop = np.array(runs, int).reshape(-1, 2).T
+        rows = [(first + known)[first + known < stop] for known in range(P)]
+        first, stop = first[stop - first > P], stop[stop - first > P]
+        rest = [np.arange(a + P, b) for a, b in zip(first, stop, strict=True)]
+        rows.append(np.concatenate([np.empty(0, int), *rest]))
+        products = dict[tuple[int, int, int], Array]()
+        for known, i, j in _PAIRS:
+            if known < P or i == 0:
+                products[known, i, j] = Z[rows[known] - i].T @ Z[rows[known] - j]
+            else:  # one row earlier at the beginning of each stretch, and one less at its end
+                early, late = first + P - i, stop - i
+                ends = Z[early].T @ Z[early + i - j] - Z[late].T @ Z[late + i - j]
+                products[known, i, j] = products[known, i - 1, j - 1] + ends
+        found = np.array(list(products.values()))
+        same = np.array([i == j for _, i, j in _PAIRS])[:, None, None]
+        counts = np.array([len(own) for own in rows], float)
+        return LaggedProducts(np.where(same, 0.5, 1.0) * (found + found.transpose(0, 2, 1)), counts)
 
     @property
     def rows(self) -> int:
         """Number of rows."""
-        return sum(rows for _, rows in self.counts)
+        return int(self.counts.sum())
 
     def weigh(self, pacf: Array) -> tuple[Array, Array, Array]:
         """Return what products count for in those of what noise leaves of the rows.
@@ -289,30 +273,23 @@ class LaggedProducts:
 
         Returns
         -------
-        weights : (l M, B)
+        weights : (M, B)
         logdet : (B,)
             Of the covariance of a series.
         white : (B,)
             Sum of the squares to be expected of white noise of unit variance in their stead.
         """
         predictors, variances = levinson(pacf)
-        p, B = pacf.shape
-        filters = np.zeros((p + 1, p + 1, B))
+        P, B = HIGHEST_ORDER, pacf.shape[1]
+        filters = np.zeros((P + 1, P + 1, B))
         filters[:, 0] = 1.0
-        for m, a in enumerate(predictors):
-            np.negative(a, out=filters[m, 1 : m + 1])
-        filters /= np.sqrt(variances)[:, None]
-        squares = (filters[:, :, None] * filters[:, None]).reshape(-1, B)
-        lengths, logs = (filters**2).sum(1), np.log(variances)
-        weights = np.empty((len(self.lengths), len(_AT), B))
-        logdet, white = np.zeros((2, B))
-        for k, (n, (runs, rows)) in enumerate(zip(self.lengths, self.counts, strict=True)):
-            weights[k], most = _TABLES[p, n] @ squares, min(p, n)
-            logdet += runs * logs[:most].sum(0)
-            white += runs * lengths[:most].sum(0)
-            if p <= n:
-                white += (rows - p * runs) * lengths[p]
-        return weights.reshape(-1, pacf.shape[1]), logdet, white
+        own = np.minimum(np.arange(P + 1), len(pacf))
+        for known, order in enumerate(own):
+            np.negative(predictors[order], out=filters[known, 1 : order + 1])
+        filters /= np.sqrt(variances)[own, None]
+        known, i, j = np.array(_PAIRS).T
+        weights = filters[known, i] * filters[known, j]
+        return weights, self.counts @ np.log(variances)[own], self.counts @ (filters**2).sum(1)
 
     def weighed(self, weights: Array) -> Array:
         """Return the sum of products by weights, (m, m)."""
@@ -321,74 +298,57 @@ class LaggedProducts:
         return total
 
 
-def _multiply(parts: Sequence[Array]) -> Array:
-    """Return the products of a stack, symmetric, (M, m, m)."""
-    out = np.zeros((len(_AT), parts[0].shape[1], parts[0].shape[1]))
-    for (where, place, d), k in _AT.items():
-        if where == "all":
-            for z in parts:
-                out[k] += z[: max(len(z) - d, 0)].T @ z[d:]
-        else:
-            at = [place if where == "first" else len(z) - 1 - place for z in parts]
-            known = [(z, i) for z, i in zip(parts, at, strict=True) if d <= i < len(z)]
-            if known:
-                out[k] = np.array([z[i - d] for z, i in known]).T @ np.array(
-                    [z[i] for z, i in known]
-                )
-    return 0.5 * (out + out.transpose(0, 2, 1))
-
-
 class RestrictedLikelihood:
     """Restricted likelihood of autoregressive noise.
 
     Parameters
     ----------
-    lagged : LaggedProducts
-        Of an orthonormal basis (N, k) and of what it leaves of a series of unit length.
-    left : float
-        Sum of squares of what it leaves.
-    scale : float
-        Length of the series.
+    y : (N,)
+    basis : (N, k)
+        Orthonormal, of what is fixed.
+    runs : Runs
+    random : sequence of (N, …), optional
+        What may be random.
     floor : float, optional
-    prior : (k,), optional
+
+    Attributes
+    ----------
+    prior : (k + …,)
         Precision of what is random, in that of the innovations; zero for what is fixed, as all is
-        by default.
+        at first.
     """
 
     def __init__(
         self,
-        lagged: LaggedProducts,
-        left: float,
-        scale: float,
+        y: Array,
+        basis: Array,
+        runs: Runs,
+        random: Sequence[Array] = (),
         floor: float = FLOOR,
-        prior: Array | None = None,
     ) -> None:
-        self.lagged, self.scale, self.k = lagged, scale, lagged.products.shape[1] - 1
-        self.rows = lagged.rows
-        self.prior = np.zeros(self.k) if prior is None else prior
-        self.dof = max(self.rows - int(np.sum(self.prior == 0)), 1)
-        self.floor = floor * left / self.rows
-        self.left = left * scale**2 / self.dof
+        self.scale = float(np.linalg.norm(y)) or 1.0
+        beside = y / self.scale
+        beside = beside - basis @ (basis.T @ beside)
+        Z = np.concatenate([basis, *random], axis=1)
+        # By a pivoted factor: singular values do not always converge.
+        rest = beside - Z @ scipy.linalg.lstsq(Z, beside, lapack_driver="gelsy")[0]
+        self.lagged = LaggedProducts.of(np.column_stack([Z, beside]), runs)
+        self.rows, self.k = self.lagged.rows, Z.shape[1]
+        self.fixed = float(beside @ beside)
+        self.floor = floor * float(rest @ rest) / self.rows
+        self.prior = np.zeros(self.k)
+        self.left = float(rest @ rest) * self.scale**2 / self.dof
+        self.rounding = float(rest @ rest) <= RESIDUAL_ROUNDING**2
 
     @property
-    def silent(self) -> bool:
-        """Whether what is left is rounding."""
-        return bool(self.left * self.dof <= (RESIDUAL_ROUNDING * self.scale) ** 2)
-
-    @staticmethod
-    def of(y: Array, basis: Array, runs: Runs, floor: float = FLOOR) -> RestrictedLikelihood:
-        """Return that of a series y (N,) beside an orthonormal basis (N, k)."""
-        scale = float(np.linalg.norm(y)) or 1.0
-        left = y / scale
-        left = left - basis @ (basis.T @ left)
-        lagged = LaggedProducts.of(np.column_stack([basis, left]), runs)
-        return RestrictedLikelihood(lagged, float(left @ left), scale, floor)
+    def dof(self) -> int:
+        """Rows beside what is fixed, one at least."""
+        return max(self.rows - int(np.sum(self.prior == 0)), 1)
 
     def with_prior(self, prior: Array) -> RestrictedLikelihood:
         """Return that of the same rows under another prior (k,)."""
         other = copy(self)
         other.prior = prior
-        other.dof = max(self.rows - int(np.sum(prior == 0)), 1)
         return other
 
     def deviances(self, theta: Array, at: np.ndarray, precisions: Array) -> Array:
@@ -469,7 +429,7 @@ class RestrictedLikelihood:
         None explains more than the highest: orders between are tried while they may pay by that.
         """
         best = theta = np.empty(0)
-        if self.silent:
+        if self.rounding:
             return best
         price, least, lowest = np.log(self.dof), self.deviance(best), -np.inf
         for order in range(1, HIGHEST_ORDER + 1):
@@ -488,30 +448,11 @@ class RestrictedLikelihood:
         return best
 
     def descend(self, start: Array) -> tuple[Array, float]:
-        """Return where the deviance is least for the order of a start (p,), and how much it is.
-
-        By BFGS steps, halved until they descend. SciPy's take as many, and longer to import.
-        """
-        usual = 0.5 / self.dof * np.eye(len(start))  # steps are about as long as they should be
-        theta, inverse, (least, slope) = start, usual, self.slope(start)
-        for _ in range(DESCENTS):
-            step = np.clip(theta - inverse @ slope, -BOUND, BOUND) - theta
-            promised = -float(slope @ step)
-            for share in 0.5 ** np.arange(HALVINGS if promised > CLOSE else 0):
-                value, there = self.slope(theta + share * step)
-                if value <= least - DESCENDS * share * promised:
-                    break
-            else:
-                if inverse is usual:
-                    break
-                inverse = usual
-                continue
-            move, turn = share * step, there - slope
-            if (along := float(move @ turn)) > 0:
-                left = np.eye(len(start)) - np.outer(move, turn) / along
-                inverse = left @ inverse @ left.T + np.outer(move, move) / along
-            theta, least, slope = theta + move, value, there
-        return theta, least
+        """Return where the deviance is least for the order of a start (p,), and how much it is."""
+        limits = [(-BOUND, BOUND)] * len(start)
+        how = {"ftol": CLOSE / max(self.rows, 1), "gtol": 0.0}
+        found = minimize(self.slope, start, jac=True, method="L-BFGS-B", bounds=limits, options=how)
+        return found.x, float(found.fun)
 
 
 # `ARNoise`: autoregressive noise of each joint, fitted beside whatever the dictionary explains.
@@ -543,27 +484,96 @@ class JointNoise:
 ARNoise = tuple[JointNoise, ...]
 
 
-def span_columns(blocks: Sequence[Array], most: int) -> Array:
-    """Return an orthonormal basis (N, k) of blocks of columns, block by block while there is room.
-
-    Of a block that does not fit whole the directions that stand out most are taken.
-    """
-    basis = np.empty((len(blocks[0]), 0))
-    for block in blocks:
-        length = np.linalg.norm(block, axis=0)
-        unit = block[:, length > 0] / length[length > 0]
-        left = unit - basis @ (basis.T @ unit)
-        left -= basis @ (basis.T @ left)
-        if not left.shape[1] or basis.shape[1] >= most:
-            continue
-        # Of the products: the singular value decomposition of some blocks does not converge.
-        squares, vectors = np.linalg.eigh(left.T @ left)
-        first = max(
-            int((squares <= RULES.column_short**2).sum()), len(squares) - (most - basis.shape[1])
-        )
-        kept = (left @ (vectors[:, first:] / np.sqrt(squares[first:])))[:, ::-1]
-        basis = np.column_stack([basis, kept])
+def span_columns(X: Array, most: int) -> Array:
+    """Return an orthonormal basis (N, k) of columns: so many directions that stand out at most."""
+    length = np.linalg.norm(X, axis=0)
+    unit = X[:, length > 0] / length[length > 0]
+    # Of the products: the singular value decomposition of some columns does not converge.
+    squares, vectors = np.linalg.eigh(unit.T @ unit)
+    first = max(int((squares <= RULES.column_short**2).sum()), len(squares) - most)
+    basis: Array = (unit @ (vectors[:, first:] / np.sqrt(squares[first:])))[:, ::-1]
     return basis
+
+
+def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
+    """Return the noise of a joint by restricted likelihood beside all that may be missing.
+
+    Beside the model alone what is missing would count as noise, and hide itself; without the
+    restriction slow noise would be taken for what is missing.
+
+    Parameters
+    ----------
+    blocks : sequence of (N, k)
+        Columns of the model, then of what may be missing, what must not be left out first.
+    y : (N,)
+    runs : Runs
+    """
+    runs, (y, X, *random) = take_data(runs, y, *blocks)
+    silent = JointNoise(np.empty(0), np.inf)
+    if not len(y):
+        return silent
+    most = int(RULES.columns_most * len(y))
+    basis = span_columns(X, most)
+    # As many columns as rows would leave nothing, and no noise.
+    parts, room = list[Array](), 2 * most - basis.shape[1]
+    for part in map(_principal, random):
+        if 0 < part.shape[1] <= room:
+            parts.append(part)
+            room -= part.shape[1]
+    every = RestrictedLikelihood(y, basis, runs, parts)
+    if every.rounding:  # it says nothing, unless something that is missing is exact
+        exact = JointNoise(np.empty(0), NEARLY * every.scale / np.sqrt(len(y)))
+        return exact if every.fixed > NEARLY**2 else silent
+    owner = np.repeat(np.arange(-1, len(parts)), [basis.shape[1], *(p.shape[1] for p in parts)])
+    found = [_settle(every, owner, np.full(len(parts), start)) for start in (PRECISIONS[-1], 1.0)]
+    _, best, prior = min(found, key=lambda x: x[0])
+    final = every.with_prior(prior)
+    return JointNoise(np.tanh(best), final.sigma(best))
+
+
+def _settle(
+    problem: RestrictedLikelihood, owner: np.ndarray, precisions: Array
+) -> tuple[float, Array, Array]:
+    """Return deviance with prices, noise and prior where functions and noise took turns.
+
+    Parameters
+    ----------
+    problem : RestrictedLikelihood
+    owner : (k,) int
+        Which function each column is of; −1 for the model's.
+    precisions : (f,)
+        Of each function at first.
+    """
+
+    def prior_of(values: Array) -> Array:
+        if not values.size:  # no function acts here
+            return np.zeros(len(owner))
+        return np.where(owner < 0, 0.0, values[np.maximum(owner, 0)])
+
+    values, none = precisions.copy(), PRECISIONS[-1]
+    best = problem.with_prior(prior_of(values)).maximise()
+    for _ in range(ROUNDS):
+        before = values.copy()
+        for k in range(len(values)):
+            under = problem.with_prior(prior_of(values))
+            each = under.deviances(best, np.flatnonzero(owner == k), PRECISIONS)
+            pays = each[-1] - each.min() > 2.0 * RULES.smooth_price
+            values[k] = PRECISIONS[int(np.argmin(each))] if pays else none
+        if np.array_equal(values, before):
+            break
+        best = problem.with_prior(prior_of(values)).maximise()
+    own = prior_of(values)
+    price = 2.0 * RULES.smooth_price * np.sum(values < none) + len(best) * np.log(problem.rows)
+    return problem.with_prior(own).deviance(best) + float(price), best, own
+
+
+def _principal(Z: Array) -> Array:
+    """Return columns of one covariance with Z (N, k), without those that are next to nothing."""
+    rms = np.sqrt(np.mean(Z**2, axis=0))
+    unit = Z[:, rms > 0] / rms[rms > 0]
+    squares, vectors = np.linalg.eigh(unit.T @ unit)
+    kept: Array = unit @ vectors[:, squares > THIN * squares.max(initial=0.0)]
+    return kept
 
 
 # Noise that resembles a residual: autoregressive at each actuator, for simulated repetitions.
@@ -572,10 +582,6 @@ def span_columns(blocks: Sequence[Array], most: int) -> Array:
 # columns that are fitted; on the motion of one log a correlation of 0.97 from sample to sample
 # looks like 0.75. So the noise is fitted beside these columns by restricted likelihood [Harville
 # 1977].
-
-
-#: Rows that are fitted; more tell nothing new of the noise.
-MOST_ROWS = 20_000
 
 
 @frozen
@@ -619,10 +625,6 @@ class ResidualNoise:
             out.append(1.0 / (1.0 - predictors[-1].sum()) ** 2 / autocovariance(p, 0)[0])
         return np.array(out)
 
-    def scaled(self, level: float) -> ResidualNoise:
-        """Return the same noise of another size."""
-        return ResidualNoise(self.pacf, level * self.innovation)
-
     def simulate(self, runs: Runs, rng: np.random.Generator) -> Array:
         """Return noise, each stretch by itself, (N, n).
 
@@ -639,23 +641,22 @@ class ResidualNoise:
         return out * self.innovation
 
 
-def fit_residual_noise(tau: Array, W: Array, runs: Runs | JointRuns) -> ResidualNoise:
+def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> ResidualNoise:
     """Return the noise of torque beside the columns that are fitted to it.
 
     Parameters
     ----------
     tau : (N, n)
     W : (N, n, k)
-    runs : sequence of (start, stop)
-        Stretches without gaps.
+    runs : JointRuns
+        Stretches of data without gaps.
     """
-    fits = []
-    for j in range(tau.shape[1]):
-        own, (y, X) = take_data(runs_of(runs, j), tau[:, j], W[:, j])
-        shown = [(a, min(b, MOST_ROWS)) for a, b in own if a < MOST_ROWS]
-        rows = shown[-1][1] if shown else 0
-        fits.append(_fit(y[:rows], X[:rows], shown) if rows else (np.empty(0), 0.0))
-    return ResidualNoise(tuple(p for p, _ in fits), np.array([s for _, s in fits]))
+    pairs = zip(tau.T, runs.each, strict=True)
+    each = [rich_noise([W[:, j]], y, own) for j, (y, own) in enumerate(pairs)]
+    innovation = np.array([own.sigma for own in each])
+    return ResidualNoise(
+        tuple(own.pacf for own in each), np.where(np.isfinite(innovation), innovation, 0.0)
+    )
 
 
 def find_runs(samples: Sequence[Dataset]) -> list[tuple[int, int]]:
@@ -668,16 +669,3 @@ def find_runs(samples: Sequence[Dataset]) -> list[tuple[int, int]]:
         runs += pairwise([start, *(start + breaks).tolist(), start + len(t)])
         start += len(t)
     return runs
-
-
-def _fit(y: Array, X: Array, runs: Runs) -> tuple[Array, float]:
-    """Return partial autocorrelations and innovation sd of y (N,) beside X (N, k), least BIC."""
-    length = np.linalg.norm(X, axis=0)
-    U, s, _ = np.linalg.svd(X[:, length > 0] / length[length > 0], full_matrices=False)
-    basis = U[:, s > ROUNDOFF * s.max(initial=0.0)]
-    # White noise that is taken to be there beside the residual, as a share of its variance.
-    problem = RestrictedLikelihood.of(y, basis, runs, 1e-4)
-    if problem.silent:
-        return np.empty(0), float(np.sqrt(problem.left))
-    best = problem.maximise()
-    return np.tanh(best), problem.sigma(best)

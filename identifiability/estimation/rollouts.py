@@ -59,11 +59,6 @@ FREQUENCIES = np.geomspace(2.0, 250.0, 9)
 RATIOS: tuple[Tolerance, ...] = (0.3, 1.0, 3.0)
 NEARER: tuple[Tolerance, ...] = (0.6, 1.0, 1.7)
 
-#: Shifts of a rollout that are tried, how often it is rolled out again with the best, and the share
-#: of a sampling step within which that has settled.
-SHIFTS, SHIFTED = 16, 3
-SETTLED: Tolerance = 1e-3
-
 #: A step is taken again, more damped, so often; and the search ends where one promises less than
 #: these shares of the error and of what noise makes of one number (σ²), or after so many
 #: derivatives, which are used again while steps gain this share of what they promise; and at its
@@ -378,9 +373,6 @@ def _descend(
 def roll_late(machine: CommandedRobot, log: Log, delay: float | None = None) -> tuple[float, Array]:
     """Return the delay with which a rollout follows a log most closely [s], and that one (N, n).
 
-    Neither servos nor bodies know a clock, so commands that act later move a robot in the same way,
-    later: the shift by which one rollout is off is what its delay is.
-
     Parameters
     ----------
     machine : CommandedRobot
@@ -391,43 +383,12 @@ def roll_late(machine: CommandedRobot, log: Log, delay: float | None = None) -> 
     """
     if delay is not None:
         return delay, machine.roll(log, delay=delay)[0]
-    # A command was given at any time since the row before.
-    first, late, least = -signals.sampling_step(log.t), 0.0, np.inf
-    found: tuple[float, Array] | None = None
-    for step in (COARSE, *[STEP] * SHIFTED):
-        q = machine.roll(log, delay=late, step=step)[0]
-        cost = float(np.sum(_apart(log, q, log.q) ** 2))
-        if found is not None and not cost < least:
-            break
-        shift = _find_shift(log, q, first - late, LATEST - late)
-        if step == STEP:
-            found, least = (late, q), cost
-            if abs(shift) < SETTLED * -first:
-                break
-        late += shift
-    assert found is not None
-    return found
-
-
-def _apart(log: Log, q: Array, other: Array) -> Array:
-    """Return by how much positions differ, (N, n), beside how far each joint moves."""
-    return np.asarray((q - other) / (log.q.std(0) + 1e-6))[forgotten(log) :]
-
-
-def _find_shift(log: Log, q: Array, first: float, last: float) -> float:
-    """Return how much later positions q (N, n) would agree with a log's [s]; 0 if they diverged."""
-    if not np.isfinite(q).all():
-        return 0.0
-    curve = scipy.interpolate.CubicSpline(log.t, q)
-
-    def cost(shift: float) -> float:
-        at = np.clip(log.t - shift, log.t[0], log.t[-1])
-        return float(np.sum(_apart(log, curve(at), log.q) ** 2))
-
-    grid = np.linspace(first, last, SHIFTS)
-    k = int(np.argmin([cost(s) for s in grid]))
-    ends = grid[max(k - 1, 0)], grid[min(k + 1, SHIFTS - 1)]
-    return float(scipy.optimize.minimize_scalar(cost, bounds=ends, method="bounded").x)
+    none = np.zeros(len(machine.robot.joints), bool)
+    problem = Problem(machine, (log,), None, free=dict.fromkeys(KINDS, none))
+    numbers = machine.numbers()
+    x, *_ = _descend(problem, np.concatenate([*(numbers[k] for k in KINDS), [0.0]]), STEPS)
+    late = float(x[-1])
+    return late, machine.roll(log, delay=late)[0]
 
 
 class Problem:

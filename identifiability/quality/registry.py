@@ -169,7 +169,7 @@ class MeasuredLogs:
     structure : Structure
     recordings : tuple of Log
         As they were measured.
-    samples : tuple of Dataset or LongSamples
+    samples : tuple of Dataset
         The same prepared, in the same order.
     """
 

@@ -20,7 +20,6 @@ from identifiability.logs.prepare.dataset import Dataset
 from identifiability.regression.information import (
     ActuatorBlocks,
     Information,
-    allot,
     choose_basis,
     fill,
     hold,
@@ -31,6 +30,8 @@ from identifiability.regression.regression import Chunk, LogPart, Regression, ma
 
 #: Blocks of time a log is divided into at most; the bootstrap draws whole blocks.
 BLOCKS = 256
+#: Blocks that would take more [bytes] are fewer, down to so many: robots of many joints.
+LARGEST, FEWEST = 2**30, 32
 
 
 @checked
@@ -55,7 +56,8 @@ def gather_information(
     """
     names = tuple(p.name for p in regression.parameters)
     factors = _survey(regression)
-    size = max(1, -(-regression.outputs // blocks))
+    room = LARGEST // (8 * max(sum(len(R) ** 2 for R in factors), 1))
+    size = max(1, -(-regression.outputs // min(blocks, max(room, FEWEST))))
     edges = [_block_edges(samples, size) for samples in regression.samples]
     count, longest = sum(map(len, edges)), min(size, max(s.outputs for s in regression.samples))
     while True:
@@ -63,7 +65,7 @@ def gather_information(
         bases = [choose_basis(R, np.flatnonzero(s)) for R, s in zip(factors, seen, strict=True)]
         gather = partial(_gather_part, seen=seen, bases=bases, edges=edges)
         missed = np.zeros(seen.shape)
-        held = [allot((count, min(longest, len(S)), len(S))) for S in bases]
+        held = [np.zeros((count, min(longest, len(S)), len(S))) for S in bases]
         sums = [np.zeros((count, len(S))) for S in bases]
         counts, logs = np.zeros(count, int), np.zeros(count, int)
         data = np.zeros((count, len(bases)), int)

@@ -5,16 +5,13 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, replace
-from functools import cached_property, partial, reduce
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag, solve_triangular
-from scipy.linalg.lapack import dtpqrt
 
 from identifiability.foundation.linalg import few_at_once, triangular_factor
 from identifiability.foundation.names import Array
@@ -28,12 +25,8 @@ from identifiability.foundation.values import frozen, remember
 # as their Gram matrix.
 
 
-#: Blocks larger than this are held in a file and worked on in batches of this size [bytes]: of a
-#: long log of a robot with many joints they would fill the memory. Of one actuator of many they
-#: are held there sooner, by this factor.
-MOST_BYTES, SOONER = 2**28, 8
-
-
+#: Grams of all actuators are held up to this size [bytes].
+MOST_BYTES = 2**25
 #: Directions that a basis' rows do not excite get this share of their column's length.
 FLOOR: Tolerance = 1e-6
 
@@ -49,8 +42,7 @@ class ActuatorBlocks:
     basis : (r, v + 1)
         ``[W τ] = Z basis`` over these columns and the torque.
     blocks : (B, m, r) or (B, r, r)
-        Rows Z of each block where there are m < r (filled up with zeros), else ``Zᵀ Z``. They lie
-        in a file where they are large.
+        Rows Z of each block where there are m < r (filled up with zeros), else ``Zᵀ Z``.
     sums : (B, r)
         Sum of the rows Z of each block, which tells what slow noise does.
     """
@@ -85,14 +77,6 @@ class ActuatorBlocks:
         """Return its fields: what follows from them is neither sent to workers nor part of keys."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
-    def grams(self, change: Array, at: slice) -> Array:
-        """Return ``(Z change)ᵀ (Z change)`` of some blocks, (b, q, q), for a `change` (r, q)."""
-        if self.squared:
-            grams: Array = change.T @ self.blocks[at] @ change
-            return grams
-        Z: Array = self.blocks[at] @ change
-        return Z.transpose(0, 2, 1) @ Z
-
     def products(self, left: Array, right: Array, at: slice) -> Array:
         """Return ``(Z left)ᵀ (Z right)`` of some blocks, (b, p, q), for (r, p) and (r, q)."""
         Z = self.blocks[at]
@@ -121,11 +105,8 @@ class ActuatorBlocks:
 
     def turned(self, Q: Array, basis: Array, columns: np.ndarray) -> ActuatorBlocks:
         """Return the blocks of ``Z Q``, in another basis."""
-        m, q = self.blocks.shape[1], Q.shape[1]
-        few = not self.squared and m < q
-        out = allot((len(self.blocks), m if few else q, q))
-        for at in batches(self.blocks):
-            out[at] = self.blocks[at] @ Q if few else self.grams(Q, at)
+        few = not self.squared and self.blocks.shape[1] < Q.shape[1]
+        out = self.blocks @ Q if few else self.products(Q, Q, slice(None))
         turned = ActuatorBlocks(columns, basis, out, self.sums @ Q)
         if "root" in vars(self):  # that of all rows anew would cost a pass over them
             vars(turned)["root"] = triangular_factor(self.root @ Q)
@@ -133,24 +114,19 @@ class ActuatorBlocks:
 
     def take(self, kept: np.ndarray) -> ActuatorBlocks:
         """Return some of the blocks."""
-        kept = np.arange(len(self.blocks))[kept]
-        out = allot((len(kept), *self.blocks.shape[1:]))
-        blocks = np.take(self.blocks, kept, axis=0, out=out, mode="clip")
-        return replace(self, blocks=blocks, sums=self.sums[kept])
+        return replace(self, blocks=self.blocks[kept], sums=self.sums[kept])
 
     def weigh(self, weights: Array) -> ActuatorBlocks:
         """Return the blocks with weights (B,) of their squares."""
-        root, out = np.sqrt(weights), allot(self.blocks.shape)
-        scale = weights if self.squared else root
-        for at in batches(self.blocks):
-            out[at] = scale[at, None, None] * self.blocks[at]
-        return replace(self, blocks=out, sums=root[:, None] * self.sums)
+        root = np.sqrt(weights)
+        blocks = (weights if self.squared else root)[:, None, None] * self.blocks
+        return replace(self, blocks=blocks, sums=root[:, None] * self.sums)
 
     def merge(self, at: np.ndarray) -> ActuatorBlocks:
         """Return blocks that each hold those from one of `at` up to the next."""
         r, sums = self.blocks.shape[2], np.add.reduceat(self.sums, at, axis=0)
         if self.squared:
-            blocks = np.add.reduceat(self.blocks, at, axis=0, out=allot((len(at), r, r)))
+            blocks = np.add.reduceat(self.blocks, at, axis=0)
         else:
             blocks = hold_blocks(self.blocks.reshape(-1, r), at * self.blocks.shape[1])
         merged = replace(self, blocks=blocks, sums=sums)
@@ -202,7 +178,7 @@ def hold_blocks(rows: Array, at: np.ndarray) -> Array:
     most = int(sizes.max(initial=0))
     if most == sizes.min(initial=most) and most < r:
         return rows.reshape(len(at), most, r)
-    out = allot((len(at), min(most, r), r))
+    out = np.zeros((len(at), min(most, r), r))
     for place, a, b in zip(out, at.tolist(), ends.tolist(), strict=True):
         fill(place, hold(rows[a:b]))
     return out
@@ -217,7 +193,7 @@ def merge_kept(one: Array, other: Array) -> Array:
 
 def stack(held: Sequence[Array]) -> Array:
     """Return what is held of each block as one array, (B, m, r) or (B, r, r)."""
-    out = allot((len(held), max(map(len, held)), held[0].shape[1]))
+    out = np.zeros((len(held), max(map(len, held)), held[0].shape[1]))
     for place, one in zip(out, held, strict=True):
         fill(place, one)
     return out
@@ -227,26 +203,6 @@ def fill(place: Array, held: Array) -> None:
     """Put what is held of a block into its place (m, r), full of zeros, or (r, r)."""
     held = _gram(held) if len(place) == place.shape[1] else held
     place[: len(held)] = held
-
-
-def allot(shape: tuple[int, ...], sooner: int = SOONER) -> Array:
-    """Return zeros: in memory, or where they are large in a file that vanishes with them."""
-    size = 8 * int(np.prod(shape))
-    if sooner * size <= MOST_BYTES:
-        return np.zeros(shape)
-    with tempfile.TemporaryFile() as file:
-        try:
-            file.truncate(size)
-            os.posix_fallocate(file.fileno(), 0, size)
-        except (OSError, AttributeError):  # no room there, or a system that cannot say
-            return np.zeros(shape)
-        return np.asarray(np.memmap(file, float, "r+", shape=shape))
-
-
-def batches(large: Array) -> Iterator[slice]:
-    """Yield which of many blocks (B, …) to work on at a time."""
-    size = max(1, MOST_BYTES // max(large[:1].nbytes, 1))
-    yield from (slice(at, at + size) for at in range(0, len(large), size))
 
 
 def _gram(held: Array) -> Array:
@@ -467,12 +423,11 @@ class Information:
         ----------
         change : (k + 1, q)
         """
-        out = np.zeros((self.actuators, len(self.counts)))
-        for sums, (part, own) in zip(out, self.of_actuators(change), strict=True):
-            for at in batches(part.blocks):
-                Z = part.blocks[at] @ own
-                sums[at] = (Z * own if part.squared else Z * Z).sum((1, 2))
-        return out
+        out = []
+        for part, own in self.of_actuators(change):
+            Z = part.blocks @ own
+            out.append((Z * own if part.squared else Z * Z).sum((1, 2)))
+        return np.array(out)
 
     def products(self, weights: Array, left: Array, right: Array) -> Array:
         """Return ``([W τ] left)ᵀ ([W τ] right)`` of each block, actuators weighted, (B, p, q).
@@ -482,7 +437,7 @@ class Information:
         weights : (n,)
         left, right : (k + 1, p) and (k + 1, q)
         """
-        out = allot((len(self.counts), left.shape[1], right.shape[1]), 1)
+        out = np.zeros((len(self.counts), left.shape[1], right.shape[1]))
         p = left.shape[1]
         inside = p <= right.shape[1] and np.array_equal(left, right[:, :p])
         both = zip(weights, self.of_actuators(left), self.of_actuators(right), strict=True)
@@ -502,11 +457,7 @@ class Information:
         return out
 
     def factor(self, weights: Array | None = None) -> Array:
-        """Return R (k + 1, k + 1), upper triangular, with ``RᵀR = [W τ]ᵀ [W τ]``.
-
-        Actuators that see few columns come first, and what they say goes into those that see these
-        columns too: in a tree that is a fraction of the work of all rows over all columns.
-        """
+        """Return R (k + 1, k + 1), upper triangular, with ``RᵀR = [W τ]ᵀ [W τ]``."""
         w = np.ones(self.actuators) if weights is None else np.asarray(weights, float)
         found: Array = self.remember(w.tobytes(), partial(self._factor, w)).copy()
         return found
@@ -534,7 +485,7 @@ class Information:
         always the same, so that a factor does not depend on what was asked before.
         """
         bytes_ = 8 * self.actuators * (self.size + 1) ** 2
-        if SOONER * bytes_ > MOST_BYTES or not (self.torque > 0).all():
+        if bytes_ > MOST_BYTES or not (self.torque > 0).all():
             return None
         weights = 1.0 / self.torque
         root = self._factor_rows(weights)
@@ -542,7 +493,7 @@ class Information:
             return None
         grams = np.empty((self.actuators, *root.shape))
         for gram, weight, (columns, F) in zip(grams, weights, self._factors, strict=True):
-            rows = _spread(np.sqrt(weight) * F, columns, np.arange(self.size))
+            rows = _spread(np.sqrt(weight) * F, columns, self.size)
             Z = solve_triangular(root, rows.T, trans=1, check_finite=False)
             gram[:] = Z @ Z.T
         return weights, root, grams
@@ -557,23 +508,10 @@ class Information:
         return found
 
     def _factor_rows(self, weights: Array) -> Array:
-        """Return a factor of weighted rows, joint by joint from the tips of a tree to its root.
-
-        What no other actuator sees (friction, rotors) is no obstacle to joining one whose other
-        columns another sees, too. What remains apart (legs) has no column in common.
-        """
-        pairs = zip(np.sqrt(weights), self._factors, strict=True)
-        each = sorted(((c, w * F) for w, (c, F) in pairs), key=lambda pair: len(pair[0]))
-        alone = np.bincount(np.concatenate([c for c, _ in each]), minlength=self.size) < 2
-        found: list[tuple[np.ndarray, Array]] = []
-        for columns, rows in each:
-            seen = alone.copy()
-            seen[columns] = True
-            inside = [bool(seen[c].all()) for c, _ in found]
-            own = [(columns, rows), *(pair for pair, i in zip(found, inside, strict=True) if i)]
-            found = [pair for pair, i in zip(found, inside, strict=True) if not i]
-            found.append(_join_triangles(own))
-        return _join_triangles(found, np.arange(self.size))[1]
+        """Return a factor of weighted rows."""
+        every = zip(np.sqrt(weights), self._factors, strict=True)
+        rows = [w * _spread(F, columns, self.size) for w, (columns, F) in every]
+        return triangular_factor(np.vstack([*rows, np.zeros((self.size + 1, self.size + 1))]))
 
     def _own(self, part: ActuatorBlocks) -> tuple[Array, np.ndarray]:
         """Return an actuator's basis of the columns W that it can see, and which these are."""
@@ -672,40 +610,8 @@ class Information:
         )
 
 
-def _join_triangles(
-    found: Sequence[tuple[np.ndarray, Array]], columns: np.ndarray | None = None
-) -> tuple[np.ndarray, Array]:
-    """Return a factor of triangular factors (…, v + 1) of some columns (v,) and the torque each.
-
-    Each row stands where its first column does, so that those of the first, and of others that
-    have no column in common with any before, cost nothing; only the rest is turned.
-
-    Parameters
-    ----------
-    found : sequence of ((v,) int, (…, v + 1))
-    columns : (m,) int, optional
-        Ascending: those of the factor; by default all that are seen.
-    """
-    if columns is None:
-        columns = reduce(np.union1d, (c for c, _ in found))
-    m = len(columns)
-    R, free = np.zeros((m + 1, m + 1)), np.ones(m, bool)
-    for own, F in sorted(found, key=lambda pair: -len(pair[0])):
-        wide, at = _spread(F, own, columns), np.searchsorted(columns, own)
-        if free[at].all():
-            free[at] = False
-            R[at[: len(wide)]], wide = wide[: len(own)], wide[len(own) :]
-        first = int(np.argmax(np.append(wide.any(0), True)))  # all before it is turned already
-        if first <= m:
-            wide = wide[:, first:]
-            size = wide.shape[1]
-            # Columns that are turned at once where triangular factors are joined.
-            R[first:, first:] = dtpqrt(min(wide.shape), min(32, size), R[first:, first:], wide)[0]
-    return columns, R
-
-
-def _spread(F: Array, columns: np.ndarray, among: np.ndarray) -> Array:
-    """Return the rows (r, v + 1) of some columns and the torque over more columns (r, m + 1)."""
-    wide = np.zeros((len(F), len(among) + 1))
-    wide[:, [*np.searchsorted(among, columns), len(among)]] = F
+def _spread(F: Array, columns: np.ndarray, size: int) -> Array:
+    """Return the rows (r, v + 1) of some columns and the torque over so many columns."""
+    wide = np.zeros((len(F), size + 1))
+    wide[:, [*columns, size]] = F
     return wide

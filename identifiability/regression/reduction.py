@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from scipy.optimize import lsq_linear
 
 from identifiability.effects import FAMILIES, default_effects
 from identifiability.foundation.documents import key, read_document
@@ -520,7 +521,12 @@ def leave_to_terms(structure: Structure, R: Array, phi: Array) -> Array:
     out = phi.copy()
     for own, terms, P in _contained(structure, R):
         least = np.where(structure.nonnegative[terms], -out[terms], -np.inf)
-        share = _bounded(R[:, terms], R[:, own] @ out[own], least)
+        length = np.linalg.norm(R[:, terms], axis=0)
+        # What a sign forbids altogether leaves no room between its limits, which SciPy wants.
+        limits = np.minimum(least * length, -ROUNDOFF), np.inf
+        aim = R[:, own] @ out[own]
+        share = lsq_linear(R[:, terms] / length, aim, limits, method="bvls").x / length
+        share = np.maximum(share, least)
         out[own] -= P @ share
         out[terms] += share
         out[own[~R[:, own].any(axis=0)]] = 0.0
@@ -541,18 +547,3 @@ def _contained(structure: Structure, R: Array) -> Iterator[tuple[np.ndarray, np.
         inside = np.linalg.norm(unit[:, own] @ P - unit[:, terms], axis=0) < ROUNDOFF
         P[acts] *= length[terms] / length[own[acts], None]
         yield own, terms[inside], P[:, inside]
-
-
-def _bounded(A: Array, y: Array, least: Array) -> Array:
-    """Return the x ≥ least with the smallest ``‖A x − y‖``, one bound after the other."""
-    x, free = least.copy(), np.ones(len(least), bool)
-    length = np.linalg.norm(A, axis=0)
-    while free.any():
-        rest = y - A[:, ~free] @ x[~free]
-        x[free] = np.linalg.lstsq(A[:, free] / length[free], rest, rcond=None)[0] / length[free]
-        beyond = free & (x < least)
-        if not beyond.any():
-            break
-        worst = int(np.argmax(np.where(beyond, (least - x) * length, -1.0)))
-        x[worst], free[worst] = least[worst], False
-    return x

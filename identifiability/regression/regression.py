@@ -112,47 +112,24 @@ class Model:
         """Return how many columns each effect has."""
         return [len(e.parameters(robot)) for e in self.effects]
 
-    def regressor(
-        self,
-        robot: Robot,
-        motion: Motion,
-        out: Array | None = None,
-        widths: Sequence[int] | None = None,
-        again: int = 0,
-    ) -> Array:
+    def regressor(self, robot: Robot, motion: Motion, widths: Sequence[int] | None = None) -> Array:
         """Return the regressor W (N, n, p): ``W[k] @ phi`` is the torque at sample k.
 
         Parameters
         ----------
         robot : Robot
         motion : Motion
-        out : (at least N, n, p), optional
-            Where to.
         widths : sequence of int, optional
             What `widths` returned, which takes as long as some hundred samples do.
-        again : int
-            Samples at the beginning whose rows `out` has already.
         """
         widths = self.widths(robot) if widths is None else widths
         if not sum(widths):
             raise ModelError("The model has no effects; name at least one, such as rigid_body.")
-        shape = (len(motion), len(robot.actuated), sum(widths))
-        W = np.zeros(shape) if out is None else out[: len(motion)]
-        start, anew = 0, np.zeros(sum(widths), bool)
-        W[again:] = 0.0
-        for effect, width in zip(self.effects, widths, strict=True):
-            first = again if effect.pointwise else 0
-            own = W[first:, :, start : start + width]
-            if first < again:
-                own[:again] = 0.0
-                anew[start : start + width] = True
-            effect.fill(robot, motion[first:] if first else motion, own)
-            start += width
-        if motion.free is not None:
-            W[again:] = motion.freed(W[again:], again)
-            if anew.any():
-                W[:again, :, anew] = motion[:again].freed(W[:again, :, anew])
-        return W
+        W = np.zeros((len(motion), len(robot.actuated), sum(widths)))
+        ends = np.cumsum(widths).tolist()
+        for effect, width, end in zip(self.effects, widths, ends, strict=True):
+            effect.fill(robot, motion, W[:, :, end - width : end])
+        return motion.freed(W)
 
 
 def _read_effects(texts: Iterable[str]) -> list[Effect]:
@@ -269,7 +246,7 @@ CHUNK = 1024
 
 #: Samples a piece in units of what a decimation filter draws on beside them, and what the columns
 #: of such a piece may take [bytes].
-REACHES, PIECE_BYTES = 4, 32_000_000
+REACHES, PIECE_BYTES = 12, 32_000_000
 
 
 @frozen
@@ -349,25 +326,6 @@ class Memory:
     def __reduce__(self) -> tuple[type[Memory], tuple[()]]:
         """Send none of it about."""
         return Memory, ()
-
-
-class Buffer:
-    """Where the rows (N, n, p) of one piece after the other are written."""
-
-    def __init__(self, shape: tuple[int, int]) -> None:
-        self._rows = np.empty((0, *shape))
-        self._held: Piece | None = None
-
-    def ready(self, piece: Piece, before: Piece | None) -> tuple[Array, int]:
-        """Return where to write a piece, and how many rows of it the one before left there."""
-        rows, again = self._rows, 0
-        if len(rows) < len(piece.motion):
-            self._rows = np.empty((len(piece.motion), *rows.shape[1:]))
-        if before is not None and before is self._held:
-            again, end = piece.again, len(before.motion)
-            self._rows[:again] = rows[end - again : end]
-        self._held = piece
-        return self._rows, again
 
 
 @frozen
@@ -481,35 +439,23 @@ class LogPart:
     def _pieces(
         self, samples: Dataset | None, size: int
     ) -> Iterator[tuple[Any, Callable[[], Any]]]:
-        """Yield pieces and what computes the regressor of their outputs, over the one before."""
+        """Yield pieces and what computes the regressor of their outputs."""
         if samples is None:
             yield from repeat((None, lambda: None))
             return
         widths = self.model.widths(self.robot)
-        shape = (len(self.robot.actuated), sum(widths))
-        buffer, before = Buffer(shape), None
-        most, reach = most_rows(shape), 1
+        most, reach = most_rows((len(self.robot.actuated), sum(widths))), 1
         if samples.decimation is not None:
             # Beside few samples a strong filter would draw on many more, for each piece anew.
             reach = samples.decimation.coarse.reach
             size = min(max(size, REACHES * reach), max(size, most))
-        size = min(size, max(most, reach))  # of many joints a thousand would be 150 MB
-        for piece in samples.pieces(size):
-            yield piece, partial(self._regressor, piece, before, buffer, widths)
-            before = piece
+        for piece in samples.pieces(min(size, max(most, reach))):  # of many joints they are large
+            yield piece, partial(self._regressor, piece, widths)
 
-    def _regressor(
-        self, piece: Piece, before: Piece | None, buffer: Buffer, widths: Sequence[int]
-    ) -> Array:
-        out, again = buffer.ready(piece, before)
-        W = self.model.regressor(self.robot, piece.motion, out, widths, again)
+    def _regressor(self, piece: Piece, widths: Sequence[int]) -> Array:
+        W = self.model.regressor(self.robot, piece.motion, widths)
         W = W if self.dwelling else piece.silenced(W)
-        if self.columns is None:
-            return piece.down(W)
-        if most_rows(W.shape[1:]) >= CHUNK:
-            return piece.down(np.take(W, self.columns, axis=2))
-        # Of many joints these would be hundreds of megabytes before they are decimated.
-        return np.stack([piece.down(own[:, self.columns]) for own in W.swapaxes(0, 1)], axis=1)
+        return piece.down(W if self.columns is None else np.take(W, self.columns, axis=2))
 
 
 def most_rows(shape: tuple[int, int]) -> int:

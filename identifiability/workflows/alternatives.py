@@ -14,10 +14,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import combinations, product
+from itertools import combinations, pairwise, product
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
 from identifiability.effects import find_families
@@ -26,8 +25,8 @@ from identifiability.effects.inertia import ActuatorInertia
 from identifiability.effects.nominal import gravity_torque
 from identifiability.effects.transmission import Hysteresis
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
-from identifiability.estimation.mixed_model import Products, rich_noise
-from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns
+from identifiability.estimation.mixed_model import Group, MixedModel, Products, Term
+from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, rich_noise
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
@@ -58,6 +57,8 @@ WIDTHS: tuple[Tolerance, Tolerance] = (0.3, 0.03)
 SAME: Tolerance = 5.0
 #: Logs of what is left by which one alternative is as good as another.
 EVEN: Tolerance = 0.02
+#: Precision beforehand of what is held at zero.
+FIRM: Tolerance = 1e12
 #: Columns that add less than this share of their squares to others are none.
 RIDGE: Tolerance = 1e-9
 #: Most directions of what may be missing at a joint, and rows for each of them.
@@ -462,58 +463,41 @@ class _Rows:
         for own in rows:
             own[:, :b] /= np.where(size > 0, np.sqrt(size), 1.0)
         edges = np.ceil(np.linspace(0, len(data), FOLDS + 1)).astype(int).tolist()
-        every = [np.arange(own.shape[1]) for own in rows]
+        ends = b + np.cumsum([0, *(own.shape[1] - 1 - b for own in rows)])
+        columns = [
+            np.concatenate([np.arange(b), np.arange(start, stop), ends[-1:]])
+            for start, stop in pairwise(ends.tolist())
+        ]
         plain = (JointNoise(np.empty(0), 1.0),) * n
-        white, raw = (Products.of(every, rows, e, runs, edges).values for e in (noise, plain))
+        white, raw = (Products.of(columns, rows, e, runs, edges) for e in (noise, plain))
         nonnegative = self.structure.base.nonnegative
-        acts = size > 0
-        whole = [v.sum(0) for v in white]
-        each = [_evidence(whole, acts, nonnegative, s) for s in SIZES]
-        best = int(np.argmax([nats for nats, _ in each]))
-        squares = 0.0
+        each = [_evidence(white, nonnegative, size)[0] for size in SIZES]
+        best, squares = int(np.argmax(each)), 0.0
         for f in range(FOLDS):
-            _, values = _evidence([v.sum(0) - v[f] for v in white], acts, nonnegative, SIZES[best])
-            error = [x @ v[f] @ x for x, v in zip(values, raw, strict=True)]
-            squares += float(np.sum(error / self.variation))
-        return each[best][0], squares
+            _, x = _evidence(white.take(np.arange(FOLDS) != f), nonnegative, SIZES[best])
+            for at, own, scale in zip(columns, raw.values, self.variation, strict=True):
+                left = np.append(-x[at[:-1]], 1.0)
+                squares += float(left @ own[f] @ left / scale)
+        return each[best], squares
 
 
-def _evidence(
-    products: Sequence[Array], acts: np.ndarray, nonnegative: np.ndarray, size: float
-) -> tuple[float, list[Array]]:
-    """Return the log evidence of rows, and of each joint what multiplies its rows to what is left.
+def _evidence(products: Products, nonnegative: np.ndarray, size: float) -> tuple[float, Array]:
+    """Return the log evidence of whitened rows, and values of their columns (m,).
 
-    Columns have values of unit variance beforehand, smooth functions those of a size; these act in
-    one joint each. A column that would be negative is left out.
-
-    Parameters
-    ----------
-    products : sequence of (k, k)
-        Of whitened rows ``[X Z y]`` of each joint.
-    acts, nonnegative : (b,) bool
-    size : float
+    Columns of the model (b,) have values of unit variance beforehand, smooth functions those of a
+    size. A column that would be negative is held at zero.
     """
-    b, nats, parts = len(acts), 0.0, []
-    S = np.zeros((b + 1, b + 1))
-    for G in products:
-        own, smooth = [*range(b), len(G) - 1], slice(b, len(G) - 1)
-        q = len(G) - 1 - b
-        L = cho_factor(G[smooth, smooth] + np.eye(q) / size**2, lower=True)
-        part = cho_solve(L, G[smooth][:, own])
-        S += G[np.ix_(own, own)] - G[own, smooth] @ part
-        nats -= q * np.log(size) + np.log(np.diag(L[0])).sum()
-        parts.append(part)
-    kept = acts.copy()
+    b, prior = len(nonnegative), np.ones(len(nonnegative))
+    smooth = Term(Group("", "", (np.arange(b, products.width),), 0.0), 0, size**2, 0.0)
     while True:
-        at = np.flatnonzero(kept)
-        L, x = cho_factor(S[np.ix_(at, at)] + np.eye(len(at)), lower=True), np.zeros(b)
-        x[at] = cho_solve(L, S[at, b])
-        if not ((x < 0) & nonnegative).any():
+        model = MixedModel(products, b, (), np.ones(products.width), np.diag(prior))
+        s = model.solve((smooth,))
+        negative = nonnegative & (s.value[:b] < 0) & (prior < FIRM)
+        if not negative.any():
             break
-        kept &= ~((x < 0) & nonnegative)
-    nats += 0.5 * float(x @ S[:b, b] - S[b, b]) - np.log(np.diag(L[0])).sum()
-    left = [np.concatenate([-x, part[:, :b] @ x - part[:, b], [1.0]]) for part in parts]
-    return float(nats), left
+        prior[negative] = FIRM
+    square = sum(float(v[:, -1, -1].sum()) for v in products.values)
+    return s.log_likelihood + 0.5 * float(np.log(prior).sum() - square), s.value
 
 
 def _solve(G: Array, g: Array, nonnegative: np.ndarray) -> Array:

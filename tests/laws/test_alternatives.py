@@ -31,7 +31,7 @@ def test_lagged_products_whiten_as_rows_do_whatever_the_lengths_of_stretches(ord
 def test_derivatives_of_the_restricted_likelihood_are_those_of_its_values():
     rng, runs = np.random.default_rng(3), [(0, 40), (40, 43), (45, 70)]
     basis = np.linalg.qr(rng.standard_normal((70, 5)))[0]
-    problem = RestrictedLikelihood.of(np.cumsum(rng.standard_normal(70)), basis, runs)
+    problem = RestrictedLikelihood(np.cumsum(rng.standard_normal(70)), basis, runs)
     for order in (1, 2, 4):
         theta = rng.uniform(-1, 1.5, order)
         value, slope = problem.slope(theta)

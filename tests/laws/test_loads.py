@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.effects.measurement import nominal_torque
-from identifiability.estimation.loads import fit_loads
+from identifiability.estimation.groups import fit_loads
 from identifiability.regression.reduction import USUAL_EFFECTS
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure

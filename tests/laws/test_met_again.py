@@ -1,4 +1,4 @@
-"""What is met again is not computed again, to the same bits: samples of a piece, rows of a log."""
+"""What is met again is not computed again, to the same bits: rows of a log."""
 
 import gc
 import pickle
@@ -12,7 +12,7 @@ from identifiability.effects.inertia import RigidBody
 from identifiability.estimation.prediction import predict
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.gather import gather_information
-from identifiability.regression.regression import CHUNK, Model, Regression
+from identifiability.regression.regression import CHUNK, Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
@@ -42,32 +42,6 @@ def counted(monkeypatch):
 
     monkeypatch.setattr(RigidBody, "fill", count)
     return lengths
-
-
-def test_samples_that_pieces_share_are_computed_once(made, counted):
-    structure, samples = made
-    found = [c.W.copy() for p in structure.regression([samples]).parts() for c in p.chunks()]
-    assert len(found) > 1
-    first, last = samples.runs[0]
-    assert sum(counted) == last - first
-    alone = [
-        np.take(piece.down(MODEL.regressor(structure.robot, piece.motion)), structure.base.kept, 2)
-        for piece in samples.pieces(CHUNK)
-    ]
-    for one, other in zip(found, alone, strict=True):
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-14 * np.abs(other).max())
-
-
-def test_a_piece_behind_one_that_was_left_out_is_computed_whole(made):
-    structure, samples = made
-    regression = structure.regression([samples])
-    (part,) = regression.parts()
-    whole = [c.W.copy() for c in part.chunks()]
-    behind = sum(map(len, whole[:-1]))
-    part = Regression(regression.robot, MODEL, (samples,), regression.columns).parts()[0]
-    last = np.array([[behind, behind + len(whole[-1])]])
-    (chunk,) = part._computed(CHUNK, windows=last)
-    np.testing.assert_array_equal(chunk.W, whole[-1])
 
 
 def test_rows_are_kept_from_one_regression_to_the_next(made, counted):

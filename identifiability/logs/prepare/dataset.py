@@ -218,8 +218,6 @@ class Piece:
     tau : ((N - 1) e + 1, n) [N·m or N]
         Of every sample: e are between two of the motion's.
     decimation : Decimation or None
-    again : int
-        How many of its first samples are the last ones of the piece before.
     weight : (N, n)
         How much torque of each joint counts, from 0 for no data to 1.
     """
@@ -227,7 +225,6 @@ class Piece:
     motion: Motion
     tau: Array
     decimation: signals.Decimation | None
-    again: int
     weight: Array
 
     @property
@@ -466,7 +463,7 @@ class Dataset:
         if d is None:
             for start in range(0, len(self.tau), size):
                 rows = slice(start, start + size)
-                yield Piece(self.motion[rows], self.tau[rows], None, 0, self.weight[rows])
+                yield Piece(self.motion[rows], self.tau[rows], None, self.weight[rows])
             return
         step = max(1, size // d.coarse.factor)
         for start, _, count in self._stretches:
@@ -477,13 +474,12 @@ class Dataset:
                 some: slice | np.ndarray = slice(begin, end)
                 if d.every > 1:  # a copy, that does not keep what lies between
                     some = np.arange(begin, end, d.every)
-                again = 2 * d.coarse.reach + 1 - d.coarse.factor if first else 0
                 motion, tau = self.motion[some], self.tau[begin:end]
                 if d.every > 1:
                     span = d.every * (motion.t[-1] - motion.t[0]) / (end - 1 - begin)
                     # None is missing between them: they are rows of a log that has no others.
                     motion = replace(motion, span=float(span), kept=motion.kept // d.every)
-                yield Piece(motion, tau, d, again, self.weight[some])
+                yield Piece(motion, tau, d, self.weight[some])
 
     def take(self, rows: slice | np.ndarray) -> Dataset:
         """Return some of the samples in memory."""

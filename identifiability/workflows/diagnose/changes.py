@@ -20,8 +20,7 @@ from identifiability.effects import find_families, title_of
 from identifiability.effects.effect import Placed
 from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import Missing
-from identifiability.estimation.mixed_model import SIZES, Group, Term, rise_of
-from identifiability.estimation.noise import JointNoise
+from identifiability.estimation.mixed_model import SIZES, rise_of
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.answers import Cell, Column, Table
 from identifiability.foundation.linalg import NEARLY
@@ -34,7 +33,7 @@ from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.columns import Candidate, is_body, list_candidates, number
 from identifiability.workflows.diagnose.findings import call
 from identifiability.workflows.diagnose.naming import Naming
-from identifiability.workflows.diagnose.problem import Setting
+from identifiability.workflows.diagnose.problem import Rows, Setting
 
 #: What may begin and end while a robot is logged: a load, a brake or dirt, a counterweight.
 CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
@@ -42,8 +41,6 @@ CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
 MOST: Tolerance = 0.99
 #: Instants at most at which something may change.
 INSTANTS = 40
-#: Parts of a block in which an instant is looked for again.
-FINER = 10
 #: Rounds in which noise is that without what is likeliest.
 ROUNDS = 2
 #: Shortest block of time [s], and time constants of drifts in shares of all the time.
@@ -195,85 +192,105 @@ def table_changes(changes: Sequence[Change]) -> Table:
 
 
 @frozen
-class Stay:
-    """Where a candidate may act: some blocks of one log.
+class Course:
+    """How a candidate may have gone along blocks of time.
 
     Attributes
     ----------
-    candidate, log : int
-    first, last : (s,) int
-        Blocks of that log, the last one not with it.
-    odds : (s,) [nat]
-        Log odds of each stay.
-    values, errors : (s, k)
+    candidate : Candidate
+    odds : (s + d,) [nat]
+        Log odds of each stay and each drift.
+    best : int
+        The likeliest stay.
+    values, errors : (k,)
+        Of that.
     alone : (k,) bool
-        Which values the motion of the likeliest determines by themselves.
+        Which values its motion determines by themselves.
     burst : bool
-        Whether most of what that explains is in one block.
+        Whether most of what it explains is in one block.
     """
 
     candidate: Candidate
-    log: int
-    first: np.ndarray
-    last: np.ndarray
     odds: Array
+    best: int
     values: Array
     errors: Array
     alone: np.ndarray
     burst: bool
 
-    @property
-    def where(self) -> tuple[tuple[int, ...], int, int]:
-        """What the likeliest is, and when."""
-        k = int(np.argmax(self.odds))
-        return self.candidate.columns, int(self.first[k]), int(self.last[k])
-
 
 @frozen
 class Scan:
-    """Candidates that may act in some blocks of a log, beside what was named.
+    """Candidates that may act in some blocks of a log, or drift, beside a model.
 
     Attributes
     ----------
     naming : Naming
     missing : Missing
-        The model, friction at reversals, what was named and the candidates.
+        The model, friction at reversals and the candidates.
     candidates : tuple of Candidate
-    edges : list of int
+    edges : (B + 1,) int
         Rows at which blocks begin and end.
     count : (logs,) int
         Blocks of each log.
+    first, last, log : (s,) int
+        Blocks of all stays, the last one not with it, and which log they are in.
+    share : (s + d, B)
+        What of a stay, and then of a drift, there is in each block.
+    price : (s + d,) [nat]
     """
 
     naming: Naming
     missing: Missing
     candidates: tuple[Candidate, ...]
-    edges: list[int]
+    edges: np.ndarray
     count: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
+    log: np.ndarray
+    share: Array
+    price: Array
 
     @staticmethod
     def of(naming: Naming, families: Collection[str]) -> Scan:
-        """Return what may change beside what was named."""
+        """Return what may change beside a model.
+
+        Of one log alone what ended in it says as much as what began then; what is shorter than two
+        blocks is a burst. Of most of what was logged nobody knows which part is odd. Stays are
+        alike that last to the end of their log, and those that do not.
+        """
         setting, seen = naming.setting, naming.fitted.seen
         robot, motions = setting.structure.robot, [x.motion for x in setting.samples]
         listed, _ = list_candidates(robot, find_families(families), (), motions, fixed=True)
         known = naming.missing.candidates
         numbered = number([*known, *map(_held, listed)])
-        root, noise = setting.known.root, naming.missing.noise
-        missing = Missing(tuple(numbered), seen, root, noise)
+        missing = Missing(tuple(numbered), seen, setting.known.root, naming.missing.noise)
         acts = {k for _, k in missing.entries}
         own = tuple(c for c in numbered[len(known) :] if acts.intersection(c.columns))
-        return Scan(naming, missing, own, *_edges(seen.t, seen.log))
+        edges, count = _edges(seen.t, seen.log)
+        stays, alike = [np.empty((3, 0), int)], [np.empty(0)]
+        for n, (some, start) in enumerate(zip(count, np.cumsum(count) - count, strict=True)):
+            first, last = np.triu_indices(some + 1, 2)
+            may = ((first > 0) | (len(count) > 1)) & (last - first <= count.sum() // 2)
+            first, last = first[may], last[may]
+            on = last == some
+            alike.append(np.log(np.where(on, on.sum(), max(int((~on).sum()), 1))))
+            stays.append(np.array([first + start, last + start, np.full(len(on), n)]))
+        first, last, log = np.concatenate(stays, axis=1)
+        at = np.arange(count.sum())
+        inside = (at >= first[:, None]) & (at < last[:, None])
+        drifts = _drifts(naming.fitted, edges, count)
+        price = np.concatenate([
+            np.log(len(count)) + np.concatenate(alike), np.full(len(drifts), np.log(len(drifts)))
+        ]) + np.log(2.0 * len(own) * len(SIZES))  # fmt: skip
+        share = np.concatenate([inside, drifts])
+        return Scan(naming, missing, own, edges, count, first, last, log, share, price)
 
-    def stays(self, missing: Missing) -> tuple[list[Stay], float]:
-        """Return where each candidate may act, and the log odds of the likeliest drift."""
-        products = missing.products(edges=self.edges)
-        model, own = missing.model(products), self.candidates
-        terms = tuple(
-            Term(Group(*p.candidate.group, (t.columns,), 0.0), 0, t.variance, 0.0)
-            for p, t in zip(self.naming.parts, self.naming.terms, strict=True)
-        )
-        s = model.solve(terms)
+    def courses(self, missing: Missing) -> list[Course]:
+        """Return what each candidate may have done."""
+        products = missing.products(edges=self.edges.tolist())
+        model, own, stays = missing.model(products), self.candidates, len(self.first)
+        s = model.solve()
         at = np.concatenate([c.columns for c in own]) + missing.fixed
         columns = np.concatenate([at, s.columns, [products.width]])
         scale = np.append(model.scale, 1.0)[columns]
@@ -281,117 +298,43 @@ class Scan:
             products.take([b]).between(at, columns) / np.outer(scale[: len(at)], scale)
             for b in range(products.blocks)
         ])  # fmt: skip
-        half = s.root @ model.target[s.columns]
-
-        def beside(k: np.ndarray, squares: Array, part: Array) -> tuple[Array, Array, Array]:
-            """Return odds without price, products beside the model and with what it leaves."""
-            along = np.einsum("cd,skd->csk", s.root, part[:, :, len(at) : -1], optimize=True)
-            outside = squares - np.einsum("csk,csl->skl", along, along, optimize=True)
-            left = part[:, :, -1] - np.einsum("csk,c->sk", along, half)
-            odds = logsumexp(rise_of(squares, outside, left)[0], axis=1) - np.log(len(SIZES))
-            return odds, outside, left
-
+        half, out = s.root @ model.target[s.columns], []
         ends = np.cumsum([len(c.columns) for c in own])[:-1]
-        places = np.split(np.arange(len(at)), ends)
-        courses = self._drifts()
-        drift = -np.inf
-        for k in places:
-            squares = np.einsum("sb,bij->sij", courses**2, each[:, k][:, :, k], optimize=True)
-            part = np.einsum("sb,bij->sij", courses, each[:, k], optimize=True)
-            odds = beside(k, squares, part)[0] - np.log(2.0 * len(own) * len(courses))
-            drift = max(drift, float(odds.max()))
-        stays = []
-        blocks = np.split(np.arange(products.blocks), np.cumsum(self.count)[:-1])
-        for log, some in enumerate(blocks):
-            total = np.concatenate([np.zeros_like(each[:1]), np.cumsum(each[some], axis=0)])
-            first, last = _stays(int(self.count[log]), self.count)
-            if not len(first):
-                continue
-            price = np.log(2.0 * len(self.count) * len(own)) + _log_alike(first, last, len(some))
-            for c, k in zip(own, places, strict=True):
-                part = total[last][:, k] - total[first][:, k]
-                odds, outside, left = beside(k, part[:, :, k], part)
-                inverse = np.linalg.pinv(outside, rcond=1e-9, hermitian=True)
-                unit = model.scale[at[k]]
-                value = np.einsum("skl,sl->sk", inverse, left) / unit
-                error = np.sqrt(np.maximum(np.einsum("skk->sk", inverse), 0.0)) / unit
-                best = int(np.argmax(odds - price))
-                here = np.zeros(len(each), bool)
-                here[some[first[best] : last[best]]] = True
-                held = value[best] * unit
-                moved = s.root.T @ (s.root @ (part[best][:, len(at) : -1].T @ held))
-                own_squares = each[:, k][:, :, k]
-                own_scores = each[:, k, -1] - each[:, k, len(at) : -1] @ (s.value - moved)
-                # What it explains in each block: a burst is in one of them; and how much more its
-                # scores scatter elsewhere than noise lets them.
-                gain = own_scores[here] @ held
-                gain -= 0.5 * np.einsum("skl,k,l->s", own_squares[here], held, held)
-                inner = np.linalg.pinv(own_squares[~here], rcond=1e-9, hermitian=True)
-                z = own_scores[~here]
-                excess = np.einsum("sk,skl,sl->s", z, inner, z).mean() / len(k) if len(z) else 1.0
-                stays.append(
-                    Stay(
-                        candidate=c,
-                        log=log,
-                        first=first,
-                        last=last,
-                        odds=odds / max(float(excess), 1.0) - price,
-                        values=value,
-                        errors=error,
-                        alone=determined_alone(outside[best]),
-                        burst=bool(gain.max() > BURST * gain.sum()),
-                    )
-                )
-        return stays, drift
+        for c, k in zip(own, np.split(np.arange(len(at)), ends), strict=True):
+            rows, squares = each[:, k], each[:, k][:, :, k]
+            part, inside = (
+                np.tensordot(self.share, rows, 1),
+                np.tensordot(self.share**2, squares, 1),
+            )
+            along = np.einsum("cd,skd->csk", s.root, part[:, :, len(at) : -1], optimize=True)
+            outside = inside - np.einsum("csk,csl->skl", along, along, optimize=True)
+            left = part[:, :, -1] - np.einsum("csk,c->sk", along, half)
+            odds = logsumexp(rise_of(inside, outside, left)[0], axis=1)
+            best = int(np.argmax((odds - self.price)[:stays]))
+            inverse = np.linalg.pinv(outside[best], rcond=1e-9, hermitian=True)
+            value, here = inverse @ left[best], self.share[best] > 0
+            moved = s.root.T @ (s.root @ (part[best][:, len(at) : -1].T @ value))
+            scores = rows[:, :, -1] - rows[:, :, len(at) : -1] @ (s.value - moved)
+            # What it explains in each block: a burst is in one of them; and how much more its
+            # scores scatter elsewhere than noise lets them.
+            gain = scores[here] @ value - 0.5 * (squares[here] @ value) @ value
+            inner, z = np.linalg.pinv(squares[~here], rcond=1e-9, hermitian=True), scores[~here]
+            excess = np.einsum("sk,skl,sl->s", z, inner, z).mean() / len(k) if len(z) else 1.0
+            odds[:stays] /= max(float(excess), 1.0)
+            unit = model.scale[at[k]]
+            error = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / unit
+            alone, burst = determined_alone(outside[best]), gain.max() > BURST * gain.sum()
+            out.append(Course(c, odds - self.price, best, value / unit, error, alone, bool(burst)))
+        return out
 
-    def finer(self, stay: Stay) -> Scan:
-        """Return the same with small blocks about the ends of the likeliest of a stay."""
-        k, first = int(np.argmax(stay.odds)), int(self.count[: stay.log].sum())
-        own = np.array(self.edges[first : first + int(self.count[stay.log]) + 1])
-        ends = [int(x[k]) for x in (stay.first, stay.last) if 0 < x[k] < self.count[stay.log]]
-        cuts = [np.linspace(own[e - 1], own[e + 1], 2 * FINER + 1) for e in ends]
-        fine = np.unique(np.concatenate([own, *cuts]).astype(int))
-        count, stop = self.count.copy(), first + len(own)
-        count[stay.log] = len(fine) - 1
-        return replace(
-            self, edges=[*self.edges[:first], *fine.tolist(), *self.edges[stop:]], count=count
-        )
-
-    def _drifts(self) -> Array:
-        """Return how a drift may go, in each block (s, blocks): in one log, or in the session."""
-        seen, logs = self.naming.fitted.seen, np.repeat(np.arange(len(self.count)), self.count)
-        samples = self.naming.fitted.samples
-        t = seen.t[self.edges[:-1]]
-        starts = [s.motion.start for s in samples]
-        lasting = np.array([np.ptp(s.output_times()) for s in samples])
-        begun = np.cumsum(lasting) - lasting
-        if None not in starts:
-            begun = np.array([float(x or 0.0) for x in starts])
-        clocks = [np.where(logs == n, t, np.nan) for n in range(len(self.count))]
-        out = []
-        for clock in (*clocks, t + begun[logs]):
-            x = (clock - np.nanmin(clock)) / max(float(np.ptp(clock[np.isfinite(clock)])), 1e-9)
-            for course in (1.0 - x, np.exp(-x / DECAYS[0]), np.exp(-x / DECAYS[1])):
-                out += [np.nan_to_num(course), np.nan_to_num(1.0 - course)]
-        return np.array(out)
-
-    def white(self) -> Missing:
-        """Return all beside white noise as large as what the fit leaves: where to begin to look."""
-        naming = self.naming
-        left = naming.left(range(len(naming.parts)), naming.fit(range(len(naming.parts))))
-        size = np.sqrt(np.sum(left**2, axis=0) / naming.fitted.counts)
-        noise = tuple(JointNoise(np.empty(0), max(float(s), 1e-300)) for s in size)
-        return replace(self.missing, given=noise)
-
-    def without(self, stay: Stay) -> Missing:
-        """Return all beside the noise that there is where the likeliest of a stay does not act."""
-        k, first = int(np.argmax(stay.odds)), int(self.count[: stay.log].sum())
-        a, b = (self.edges[first + int(x[k])] for x in (stay.first, stay.last))
+    def without(self, course: Course) -> Missing:
+        """Return all beside the noise that there is where the likeliest of a course is not."""
+        a, b = self.edges[self.first[course.best]], self.edges[self.last[course.best]]
         asked, joints = self.naming.asked, list(self.naming.missing.noise)
-        acts = {j for j, column in self.missing.entries if column in stay.candidate.columns}
+        acts = {j for j, column in self.missing.entries if column in course.candidate.columns}
         for j in acts:
             cuts = (
-                (c, d)
+                (int(c), int(d))
                 for s, e in asked.seen.runs.each[j]
                 for c, d in ((s, min(e, a)), (max(s, b), e))
             )
@@ -414,28 +357,36 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
     if not families or not len(naming.fitted):
         return None
     scan = Scan.of(naming, families)
-    if not scan.candidates:
+    if not scan.candidates or not len(scan.first):
         return None
-    stays, drift = scan.stays(scan.white())
-    missing = scan.missing
+    courses = scan.courses(scan.missing)
     for _ in range(ROUNDS):
-        best = _best(stays)
-        if best is None:
-            return None
-        missing = scan.without(best)
-        stays, drift = scan.stays(missing)
-        again = _best(stays)
-        if again is not None and again.where == best.where:
+        before = _best(courses)
+        courses = scan.courses(scan.without(before))
+        best = _best(courses)
+        if (best.candidate.columns, best.best) == (before.candidate.columns, before.best):
             break
-    found, best = _likeliest(scan, stays, drift), _best(stays)
-    if found is None or best is None or found.whole:
-        return found
-    finer = scan.finer(best)
-    return _likeliest(finer, finer.stays(missing)[0], drift) or found
+    return _likeliest(scan, courses)
 
 
-def _best(stays: Sequence[Stay]) -> Stay | None:
-    return max(stays, key=lambda x: float(x.odds.max()), default=None)
+def _best(courses: Sequence[Course]) -> Course:
+    return max(courses, key=lambda x: float(x.odds[x.best]))
+
+
+def _drifts(rows: Rows, edges: np.ndarray, count: np.ndarray) -> Array:
+    """Return how a drift may go, in each block (d, B): in one log, or in the session."""
+    logs, t = np.repeat(np.arange(len(count)), count), rows.t[edges[:-1]]
+    starts = [s.motion.start for s in rows.samples]
+    lasting = np.array([np.ptp(s.output_times()) for s in rows.samples])
+    begun = np.cumsum(lasting) - lasting
+    if None not in starts:
+        begun = np.array([float(x or 0.0) for x in starts])
+    out = []
+    for clock in (*(np.where(logs == n, t, np.nan) for n in range(len(count))), t + begun[logs]):
+        x = (clock - np.nanmin(clock)) / max(float(np.ptp(clock[np.isfinite(clock)])), 1e-9)
+        for course in (1.0 - x, np.exp(-x / DECAYS[0]), np.exp(-x / DECAYS[1])):
+            out += [np.nan_to_num(course), np.nan_to_num(1.0 - course)]
+    return np.array(out)
 
 
 def _held(c: Candidate) -> Candidate:
@@ -443,7 +394,7 @@ def _held(c: Candidate) -> Candidate:
     return replace(c, kinds=c.kinds[:LOAD], columns=c.columns[:LOAD]) if is_body(c) else c
 
 
-def _edges(t: Array, log: np.ndarray) -> tuple[list[int], np.ndarray]:
+def _edges(t: Array, log: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return rows at which blocks of time begin and end, and how many blocks each log has."""
     edges, count = [0], []
     for n in np.unique(log):
@@ -453,71 +404,52 @@ def _edges(t: Array, log: np.ndarray) -> tuple[list[int], np.ndarray]:
         cuts = np.linspace(t[rows[0]], t[rows[-1]], some + 1)[1:-1]
         edges += [*(rows[0] + np.searchsorted(t[rows], cuts)).tolist(), int(rows[-1]) + 1]
         count.append(some)
-    return edges, np.array(count)
+    return np.array(edges), np.array(count)
 
 
-def _stays(count: int, every: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return first and last blocks of all stays in a log of so many blocks, of `every` log.
-
-    Of one log alone what ended in it says as much as what began then; what is shorter than two
-    blocks is a burst. Of most of what was logged nobody knows which part is odd.
-    """
-    first, last = np.triu_indices(count + 1, 2)
-    may = (first > 0) | (len(every) > 1)
-    may &= last - first <= every.sum() // 2
-    return first[may], last[may]
-
-
-def _log_alike(first: np.ndarray, last: np.ndarray, count: int) -> Array:
-    """Return the logarithm of how many stays are alike: to the end of the log, or not."""
-    on = last == count
-    alike: Array = np.log(np.where(on, on.sum(), max(int((~on).sum()), 1)))
-    return alike
-
-
-def _likeliest(scan: Scan, stays: Sequence[Stay], drift: float) -> Change | None:
+def _likeliest(scan: Scan, courses: Sequence[Course]) -> Change | None:
     """Return the likeliest stay as a change, where it is sure.
 
     No unseen motion can take it out: it needs what both thresholds ask together, and nothing that
     stays for good, and no drift, may be a rival. Of two logs nobody knows which is odd.
     """
-    naming, edges, count = scan.naming, scan.edges, scan.count
-    best = max(stays, key=lambda x: float(x.odds.max()))
-    k, odds = int(np.argmax(best.odds)), float(best.odds.max())
+    naming, count, best = scan.naming, scan.count, _best(courses)
+    k, odds, stays = best.best, float(best.odds[best.best]), len(scan.first)
+    drift = max(float(x.odds[stays:].max()) for x in courses)
     lasting = max(drift, *(t.odds for t in naming.after)) if naming.after else drift
-    lasts = best.last[k] - best.first[k] == count[best.log]
+    log, first, last = int(scan.log[k]), int(scan.first[k]), int(scan.last[k])
+    start, stop = int(count[:log].sum()), int(count[: log + 1].sum())
+    begins, ends = first == start, last == stop
     needed = max(ESTIMATION_RULES.name + ESTIMATION_RULES.keep, lasting)
     if odds < needed + ESTIMATION_RULES.rival:
         return None
-    if best.burst or (lasts and len(count) < FEWEST):
+    if best.burst or (begins and ends and len(count) < FEWEST):
         return None
-    total = [float(logsumexp(x.odds)) for x in stays]
+    total = [float(logsumexp(x.odds[:stays])) for x in courses]
     weights = dict[tuple[str, str], float]()
-    for x, w in zip(stays, softmax(total).tolist(), strict=True):
+    for x, w in zip(courses, softmax(total).tolist(), strict=True):
         weights[x.candidate.group] = weights.get(x.candidate.group, 0.0) + w
     c, seen = best.candidate, naming.fitted.seen
     near = max(total) - ESTIMATION_RULES.rival
-    others = [x.candidate.group for x, w in zip(stays, total, strict=True) if w > near]
-    own = edges[int(count[: best.log].sum()) :][: int(count[best.log]) + 1]
-    time = np.append(seen.t[own[:-1]], seen.t[own[-1] - 1])
-    first, last = int(best.first[k]), int(best.last[k])
-    ends = [_ends(x, best.odds, time) for x in (best.first, best.last)]
+    others = [x.candidate.group for x, w in zip(courses, total, strict=True) if w > near]
+    time = np.append(seen.t[scan.edges[start:stop]], seen.t[scan.edges[stop] - 1])
+    own = np.flatnonzero(scan.log == log)
+    began, ended = (_ends(x[own] - start, best.odds[own], time) for x in (scan.first, scan.last))
     parameters = Placed.part_parameters(naming.setting.structure.robot, c.part)
-    none = (-np.inf, -np.inf), (np.inf, np.inf)
     return Change(
-        log=naming.setting.samples[best.log].name,
-        number=best.log,
-        start=float(time[first]) if first else -np.inf,
-        stop=float(time[last]) if last < count[best.log] else np.inf,
-        began=ends[0] if first else none[0],
-        ended=ends[1] if last < count[best.log] else none[1],
+        log=naming.setting.samples[log].name,
+        number=log,
+        start=-np.inf if begins else float(time[first - start]),
+        stop=np.inf if ends else float(time[last - start]),
+        began=(-np.inf, -np.inf) if begins else began,
+        ended=(np.inf, np.inf) if ends else ended,
         family=c.family.name,
         title=c.family.title,
         place=c.place,
         parameters=tuple(x.name for x in parameters),
         units=tuple(x.unit for x in parameters),
-        values=best.values[k],
-        errors=best.errors[k],
+        values=best.values,
+        errors=best.errors,
         open=tuple(x.name for x, one in zip(parameters, best.alone, strict=True) if not one),
         odds=odds,
         weight=weights[c.group],

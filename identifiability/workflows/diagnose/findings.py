@@ -24,8 +24,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.answers import state_joints
 from identifiability.workflows.diagnose.forward import ForwardGap
-from identifiability.workflows.diagnose.problem import Setting
-from identifiability.workflows.diagnose.rows import Discrepancy, Gap
+from identifiability.workflows.diagnose.problem import Discrepancy, Gap, Setting
 
 #: Names that are said of what cannot be told apart.
 LISTED = 2

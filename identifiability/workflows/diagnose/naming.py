@@ -17,8 +17,7 @@ from scipy.special import chdtrc, softmax
 
 from identifiability.effects import FAMILIES, Family, find_families
 from identifiability.effects.friction import REVERSALS
-from identifiability.estimation.groups import Missing, with_reversals
-from identifiability.estimation.loads import fit_loads
+from identifiability.estimation.groups import Missing, fit_loads, with_reversals
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
     Group,
@@ -32,8 +31,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate, Entries, Refusal, list_candidates, number
-from identifiability.workflows.diagnose.problem import Setting
-from identifiability.workflows.diagnose.rows import Gap, Rows
+from identifiability.workflows.diagnose.problem import Gap, Rows, Setting
 
 #: Looks for the shape between two of a grid.
 LOOKS = 8

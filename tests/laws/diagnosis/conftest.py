@@ -11,7 +11,7 @@ import pytest
 from identifiability.effects.effect import Family
 from identifiability.effects.friction import ViscousFriction
 from identifiability.regression.columns import Candidate
-from identifiability.workflows.diagnose.rows import Rows
+from identifiability.workflows.diagnose.problem import Rows
 
 
 def make_family(name: str, **flags: Any) -> Family:

@@ -7,6 +7,7 @@ from scipy.signal import lfilter
 
 from identifiability.estimation.noise import (
     BOUND,
+    JointRuns,
     RestrictedLikelihood,
     autocovariance,
     fit_residual_noise,
@@ -48,7 +49,7 @@ def test_the_restricted_likelihood_is_that_of_what_no_column_can_explain():
     basis = np.linalg.qr(rng.standard_normal((70, 5)))[0]
     K = np.linalg.svd(basis, full_matrices=True)[0][:, 5:]
     y = np.cumsum(rng.standard_normal(70))
-    problem = RestrictedLikelihood.of(y, basis, RUNS, floor=0.0)
+    problem = RestrictedLikelihood(y, basis, RUNS, floor=0.0)
     assert problem.dof == 65
 
     def exact(pacf):
@@ -74,11 +75,11 @@ def test_rounding_has_no_order(size):
     rng, t = np.random.default_rng(4), np.linspace(0, 1, 300)
     basis = np.linalg.qr(np.sin(np.outer(t, 2 * np.arange(1, 9)) + rng.uniform(0, 6, 8)))[0]
     y = size * basis @ rng.standard_normal(8)
-    problem = RestrictedLikelihood.of(y, basis, [(0, 100), (105, 300)])
-    assert problem.silent
+    problem = RestrictedLikelihood(y, basis, [(0, 100), (105, 300)])
+    assert problem.rounding
     assert len(problem.maximise()) == 0
-    problem = RestrictedLikelihood.of(y + 1e-6 * (size + 1) * rng.standard_normal(300), basis, RUNS)
-    assert not problem.silent
+    problem = RestrictedLikelihood(y + 1e-6 * (size + 1) * rng.standard_normal(300), basis, RUNS)
+    assert not problem.rounding
 
 
 def test_the_order_and_the_coefficients_of_a_long_series_are_found():
@@ -86,16 +87,18 @@ def test_the_order_and_the_coefficients_of_a_long_series_are_found():
     n = 6000
     x = lfilter([2.0], [1, -levinson(PACF)[0][2][0], -levinson(PACF)[0][2][1]],
                 rng.standard_normal(n + 200))[200:]  # fmt: skip
-    noise = fit_residual_noise(x[:, None], np.ones((n, 1, 1)), [(0, n)])
+    noise = fit_residual_noise(x[:, None], np.ones((n, 1, 1)), JointRuns((((0, n),),)))
     np.testing.assert_allclose(noise.pacf[0], PACF[:2], atol=0.03)
-    plain = fit_residual_noise(rng.standard_normal((n, 1)), np.ones((n, 1, 1)), [(0, n)])
+    plain = fit_residual_noise(
+        rng.standard_normal((n, 1)), np.ones((n, 1, 1)), JointRuns((((0, n),),))
+    )
     assert len(plain.pacf[0]) == 0
     assert plain.sd[0] == pytest.approx(1.0, rel=0.05)
 
 
 def test_slow_drifts_are_held_to_the_slowest_noise_that_there_is():
     y = np.linspace(-1, 1, 400) ** 3
-    noise = fit_residual_noise(y[:, None], np.ones((400, 1, 1)), [(0, 400)])
+    noise = fit_residual_noise(y[:, None], np.ones((400, 1, 1)), JointRuns((((0, 400),),)))
     assert np.abs(noise.pacf[0]).max() <= np.tanh(BOUND)
 
 
@@ -103,9 +106,9 @@ def test_a_dictionary_may_take_at_most_45_per_cent_of_a_joints_rows():
     rng = np.random.default_rng(0)
     n = 60
     first, second = rng.standard_normal((n, 20)), rng.standard_normal((n, 30))
-    assert span_columns([first, second], int(0.45 * n)).shape[1] == 27
+    assert span_columns(np.hstack([first, second]), int(0.45 * n)).shape[1] == 27
     # The same columns again take nothing more.
-    assert span_columns([first, np.hstack([first, first])], int(0.45 * n)).shape[1] == 20
+    assert span_columns(np.hstack([first, first]), int(0.45 * n)).shape[1] == 20
 
 
 @pytest.mark.parametrize("samples", [50, 426])
@@ -116,7 +119,7 @@ def test_what_columns_span_is_orthonormal_however_alike_they_are(samples):
     alike = four @ rng.standard_normal((4, 66))
     noisy = alike + 1e-6 * rng.standard_normal(alike.shape)
     basis = span_columns(
-        [four[:, :1], noisy, rng.standard_normal((samples, 5))], int(0.45 * samples)
+        np.hstack([four[:, :1], noisy, rng.standard_normal((samples, 5))]), int(0.45 * samples)
     )
     assert basis.shape[1] == 9
     np.testing.assert_allclose(basis.T @ basis, np.eye(9), atol=1e-8)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.workflows.diagnose.changes import determined_alone
-from identifiability.workflows.diagnose.rows import explained_share, find_discrepancies
+from identifiability.workflows.diagnose.problem import explained_share, find_discrepancies
 
 
 @pytest.fixture

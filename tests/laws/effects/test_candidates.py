@@ -14,8 +14,7 @@ from identifiability.logs.signals import Decimation
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.workflows.diagnose.problem import know_file, know_nothing
-from identifiability.workflows.diagnose.rows import Rows
+from identifiability.workflows.diagnose.problem import Rows, know_file, know_nothing
 
 T = 0.01 * np.arange(300)
 
