@@ -540,8 +540,6 @@ class Regression:
         Which columns of the model are computed (the base parameters'); None for all.
     instruments : tuple of Samples or LongSamples, or None
         Motion along which instruments are computed, of each log, sample by sample.
-    echo : None
-        Always: what is asked for by `estimation.groups`.
     memory : Memory or None
         Where rows of logs that take little of it are kept for other regressions, too.
     dwelling : bool
@@ -553,7 +551,6 @@ class Regression:
     samples: tuple[Prepared, ...]
     columns: np.ndarray | None = None
     instruments: tuple[Prepared, ...] | None = None
-    echo: None = None
     memory: Memory | None = None
     dwelling: bool = False
 

@@ -11,8 +11,8 @@ from operator import itemgetter
 import numpy as np
 
 from identifiability.effects import title_of
+from identifiability.estimation.fit import Motions
 from identifiability.estimation.torque_errors import loaded_joints
-from identifiability.estimation.uncertainty import Motions
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Cell, Column, Table
 from identifiability.foundation.rounding import (
@@ -272,22 +272,19 @@ def section_motions(analysis: Analysis) -> Section:
 
 
 def _table(found: SeveralLogs, m: Motions) -> Table:
-    z = np.abs([m.away(one)[1] for one in range(len(m.which))])
-    shown = sorted(np.argsort(-z.max(1))[:LOGS].tolist())
+    shown = range(min(LOGS, len(m.which)))
     columns = (
         Column("parameter", "code"),
         *(Column(found.names[k], "error") for k in shown),
-        Column("farthest apart [σ]", digits(2)),
         Column("p, all of them", digits(2)),
     )
     rows = [
         (
             found.columns[j],
             *(_value(m.values[k, j], m.sd[k, j]) for k in shown),
-            z[:, j].max(),
             m.p[j],
         )
-        for j in np.argsort(-z.max(0))[:SHOWN]
+        for j in np.argsort(m.p)[:SHOWN]
     ]
     return Table.of("Fitted one by one; those that differ most first", columns, rows)
 

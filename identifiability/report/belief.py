@@ -132,7 +132,7 @@ def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
         [(v.value, v.sigma, v.sigma_robust, v.sigma_label) for v in chosen.verdicts], float
     ).T
     open_ = ~(np.isfinite(robust) & (robust > 0) & chosen.estimate.determined)
-    physical, drawn = posteriors[BODIES], chosen.uncertainty.bootstrap
+    physical, drawn = posteriors[BODIES], chosen.fit.bootstrap
 
     def around(sd: Array) -> Array:
         half = REACH * np.array([0.0, -1.0, 1.0])
@@ -147,7 +147,7 @@ def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
         if summary is not None:
             both = np.column_stack([summary.mean, summary.interval])
             roads[name] = np.where(summary.stated[:, None], both, np.nan)
-    if any(v.sigma_omit for v in chosen.verdicts):
+    if any(v.terms["omitted"] for v in chosen.verdicts):
         roads["label"] = around(label)
     centre = np.where(open_, np.nan if physical is None else physical.mean, value)
     scale = np.where(open_, np.nan if physical is None else physical.sd, robust)

@@ -14,7 +14,7 @@ import numpy as np
 
 from identifiability.effects.gravity import TILTS, GravityTilt, turn_gravity
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.uncertainty import remembering_covariance
+from identifiability.estimation.fit import remembering_covariance
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import BASE
 from identifiability.foundation.numbers import REACH

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from identifiability.estimation.estimate import Kind, Method, choose_estimator
+from identifiability.estimation.estimate import Kind, Method, find_estimator
 from identifiability.estimation.estimator import Estimator
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
@@ -34,14 +34,11 @@ def add_instruments(
 
     Raises
     ------
-    OptionError
-        If method and kind do not go together.
     LogError
         If instruments are asked for and a log has no second record of its motion.
     """
-    plain, robot = choose_estimator(method, kind, instruments=False), opening.robot
-    chosen = choose_estimator(method, kind, instruments=True)
-    if kind == "ls" or opening.silence or chosen is plain:
+    plain, robot = find_estimator(method), opening.robot
+    if kind == "ls" or opening.silence:
         return opening, plain
     parts = [
         (log, samples)
@@ -59,7 +56,7 @@ def add_instruments(
     if len(parts) < len(logs) or not any(found):
         return opening, plain
     samples = [s or _own_motion(x) for s, (_, x) in zip(found, parts, strict=True)]
-    return replace(opening, samples=tuple(samples)), chosen
+    return replace(opening, samples=tuple(samples)), replace(plain, instruments=True)
 
 
 def _find_instruments(

@@ -17,14 +17,7 @@ from typing import Self
 
 import numpy as np
 
-from identifiability.estimation.estimate import (
-    Kind,
-    Method,
-    Outliers,
-    forget_noise,
-    settle_noise,
-    weigh_outliers,
-)
+from identifiability.estimation.estimate import Kind, Method, Outliers, settle_noise, weigh_outliers
 from identifiability.estimation.estimator import Estimator
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine
@@ -380,7 +373,7 @@ def weigh_rows(
         About all columns.
     estimator : Estimator
     """
-    weighed, found = weigh_outliers(information, forget_noise(estimator))
+    weighed, found = weigh_outliers(information, replace(estimator, noise=None))
     if found is None or found.moved.max() <= REACH:
         return weighed, "", found
     most, where = int(np.argmax(found.moved)), where_outlying(joints, samples, found)

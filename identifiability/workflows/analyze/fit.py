@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.estimator import Estimator, Noise, leave_open
 from identifiability.estimation.evidence import Evidence, Folds, HeldOut, Score, near_best
-from identifiability.estimation.least_squares import Noise, leave_open
 from identifiability.estimation.prediction import Task
 from identifiability.estimation.torque_errors import take_turns
 from identifiability.foundation.errors import LogError
@@ -27,7 +26,6 @@ from identifiability.physical.feasibility import (
     choose_prior,
     find_nearest,
     leave_undecided,
-    stands_elsewhere,
 )
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.gather import gather_information
@@ -242,11 +240,7 @@ def settle_robot(
         weight = WEAK if chosen is None else chosen.weight
     nearest = find_nearest(model, weight)
     if chosen is not None and choose:
-        good = chosen.as_good
-        elsewhere = (
-            not good and nearest.nearest is not None and stands_elsewhere(model, nearest.base)
-        )
-        nearest = replace(nearest, as_good=good, elsewhere=elsewhere)
+        nearest = replace(nearest, as_good=chosen.as_good)
     real = None if chosen is None else chosen.score
     return Settled(nearest, score, real, np.stack([free, values], 2))
 

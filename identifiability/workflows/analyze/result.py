@@ -510,7 +510,7 @@ LOGS = (
 def parameter_table(analysis: Analysis, result: ModelResult) -> Table:
     """Return one row for each parameter of a model, filtered by verdict."""
     most = max((v.share for v in result.verdicts), default=0.0)
-    reduced = any(v.sigma_omit for v in result.verdicts)
+    reduced = any(v.terms["omitted"] for v in result.verdicts)
     stated = dict(zip(result.submodel.columns, stated_values(analysis, result), strict=True))
 
     def share(v: Verdict) -> Cell:
@@ -519,7 +519,7 @@ def parameter_table(analysis: Analysis, result: ModelResult) -> Table:
 
     def in_file(v: Verdict) -> Cell:
         text, label = (stated_text(x, v.sigma_robust) for x in (stated[v.name], v.nominal))
-        differs = stated[v.name] is not None and v.sigma_omit and text != label
+        differs = stated[v.name] is not None and v.terms["omitted"] and text != label
         return Cell(text, stated[v.name], f"label {label}" if differs else "")
 
     every = with_hints(

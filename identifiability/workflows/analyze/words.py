@@ -10,11 +10,11 @@ import numpy as np
 
 from identifiability.effects.imu import move_mounting
 from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives
+from identifiability.estimation.fit import Motions
 from identifiability.estimation.prediction import Prediction
-from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.uncertainty import Motions
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.errors import listing
+from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.rounding import format_count, format_number
 from identifiability.foundation.values import frozen
@@ -29,8 +29,6 @@ from identifiability.workflows.analyze.assessment import ModelResult
 #: Parameters that a sentence names.
 NAMED = 3
 
-CAUSE = "a payload, a temperature or another robot does that"
-LEFT_OUT = "or the model leaves out what differs between them (diagnose looks for it)"
 ONE = "One motion cannot show what another would change: no interval holds that."
 SHORT = (
     "The logs are too short to be fitted one by one: no interval holds what another motion would "
@@ -51,15 +49,17 @@ class SeveralLogs:
     columns : tuple of str
         The k parameters.
     statement : str
-    hint : str
-        What to do where they disagree; empty where they agree.
     """
 
     motions: Motions | None
     names: tuple[str, ...]
     columns: tuple[str, ...]
     statement: str
-    hint: str = ""
+
+    @property
+    def hint(self) -> str:
+        """What to do where they disagree; empty where they agree."""
+        return "" if self.motions is None or self.motions.agree else self.statement
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain values."""
@@ -77,81 +77,38 @@ class SeveralLogs:
         return found
 
 
-def compare_logs(
-    joints: Sequence[str], samples: Sequence[Prepared], result: ModelResult
-) -> SeveralLogs:
+def compare_logs(samples: Sequence[Prepared], result: ModelResult) -> SeveralLogs:
     """Return what logs say of each other under a model.
 
     Parameters
     ----------
-    joints : sequence of str
-        The n actuated ones.
     samples : sequence of Samples
         The fitted logs.
     result : ModelResult
     """
-    columns, motions = result.submodel.columns, result.uncertainty.motions
+    columns, motions = result.submodel.columns, result.fit.motions
     if motions is None:
         return SeveralLogs(None, (), columns, ONE if len(samples) == 1 else SHORT)
     names = tuple(samples[k].name for k in motions.which)
     if motions.agree:
-        text = f"The {len(names)} logs agree: fitted one by one, {_chance(motions, columns)}."
+        text = f"The {len(names)} logs agree: no value differs by more than chance."
         return SeveralLogs(motions, names, columns, text)
-    hint = _blame(motions, names, columns, joints)
-    return SeveralLogs(motions, names, columns, hint, hint)
-
-
-def _blame(
-    motions: Motions, names: Sequence[str], columns: Sequence[str], joints: Sequence[str]
-) -> str:
-    if len(names) == 2:
-        return (
-            f"{names[0]} and {names[1]} disagree: {differences(motions, columns, 0)}. Two logs "
-            f"cannot tell which is odd: {CAUSE}, {LEFT_OUT}. Fit each by itself; together, "
-            "intervals are widened to hold both."
-        )
-    odd = motions.odd()
-    found = f"{differences(motions, columns, odd)}{_worse(motions, joints, odd)}"
-    if motions.without(odd) < Thresholds.sign_level or not motions.moved.any():
-        return (
-            f"The logs disagree with each other, {names[odd]} most: {found}. {CAUSE.capitalize()}, "
-            f"{LEFT_OUT}; intervals are widened to hold all of them."
-        )
-    return (
-        f"{names[odd]} disagrees with the other logs: {found}. {CAUSE.capitalize()}: leave it out "
-        "or fit it by itself; together, intervals are widened to hold both."
+    order = [k for k in np.argsort(motions.p) if motions.moved[k]]
+    far = [f"{columns[k]} ({_range(motions.values[:, k])})" for k in order]
+    what = listing(far, NAMED)
+    if not far:
+        share = format_number(np.sqrt(motions.ratio), 2)
+        what = f"all values together differ {share} × as much as noise allows"
+    text = (
+        f"The logs {listing(names, NAMED)} disagree: {what}. A payload, a temperature or another "
+        "robot does that, or the model leaves out what differs between them; intervals are widened "
+        "to hold all of them. What changed, and in which log: compare."
     )
+    return SeveralLogs(motions, names, columns, text)
 
 
-def differences(motions: Motions, columns: Sequence[str], odd: int) -> str:
-    """Return which parameters differ in one motion, and by how much."""
-    mean, z = motions.away(odd)
-    at = np.flatnonzero(motions.moved)
-    if not len(at):
-        share = np.sqrt(motions.ratio)
-        return f"all values together differ {format_number(share, 2)} × as much as noise allows"
-    order = at[np.argsort(-np.abs(z[at]))]
-    own = motions.values[odd]
-    texts = (
-        f"{columns[k]} {own[k]:.3g} instead of {mean[k]:.3g} ({abs(z[k]):.2g} σ)" for k in order
-    )
-    return listing(texts, NAMED)
-
-
-def _worse(motions: Motions, joints: Sequence[str], odd: int) -> str:
-    """Return the joint whose error is larger in one motion, if one is, for after a list."""
-    others = np.delete(motions.errors, odd, axis=0)
-    ratio = motions.errors[odd] / np.maximum(np.sqrt((others**2).mean(0)), 1e-300)
-    k = int(np.argmax(ratio))
-    many = format_number(ratio[k], 2)
-    return f"; the error of {joints[k]} is {many} × as large there" if ratio[k] > 1 else ""
-
-
-def _chance(motions: Motions, columns: Sequence[str]) -> str:
-    """Return the largest difference of values that agree."""
-    z = np.abs([motions.away(one)[1] for one in range(len(motions.which))]).max(0)
-    k = int(np.argmax(z))
-    return f"no value differs by more than chance (the most: {columns[k]}, {z[k]:.2g} σ)"
+def _range(values: Array) -> str:
+    return f"{values.min():.3g} to {values.max():.3g}"
 
 
 # The answer of an analysis in plain words.
@@ -231,13 +188,6 @@ def state_physics(chosen: ModelResult) -> str:
             f"{'less' if less else 'not surely more'}. Its values are those to use, and "
             "predictions and exports have them."
         )
-        if chosen.physical.elsewhere:
-            near = (
-                f"The nearest real robot errs by {percent(chosen.error_ra_physical)}. Along "
-                "such motion they err surely less, but over the robot's range their own errors "
-                "reach as far as the difference. Its values are those to use, and predictions and "
-                "exports have them."
-            )
     if count := len(chosen.infeasible):
         return (
             f"But {count} of its values {'has' if count == 1 else 'have'} a sign that physics "

@@ -268,8 +268,7 @@ def _judge(
     at = select_model(results, ladder.near)
     results, contradicted = tell_with_file(ladder.models, results, within, thresholds)
     results, nothing = doubt(opening.silence or opening.misread, results, at, out)
-    joints = session.structure.robot.joints
-    several = compare_logs(joints, opening.samples, results[at])
+    several = compare_logs(opening.samples, results[at])
     hints = [*opening.hints, fitted.burst, contradicted[at], ladder.short]
     hints += check_cutoff(opening, recordings, session.how)
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest

@@ -20,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 
 from identifiability.estimation.estimate import Method, estimate
-from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.estimator import Estimate, noise_scale
 from identifiability.estimation.evidence import (
     LEVELS,
     Folds,
@@ -29,9 +29,8 @@ from identifiability.estimation.evidence import (
     may_stand,
     nested_density,
 )
-from identifiability.estimation.instrumental import InstrumentalVariables, combine
-from identifiability.estimation.least_squares import noise_scale
-from identifiability.estimation.refits import Asked, Equations, Refits
+from identifiability.estimation.instrumental import combine
+from identifiability.estimation.refits import Equations, Refits
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.names import Array
@@ -107,8 +106,8 @@ class WhitenedRegression:
     folds : Folds
     samples : int
         Of the logs.
-    refitter : Equations or Asked
-        What refits: equations of the estimator, or the estimator itself.
+    refitter : Equations
+        What refits.
     """
 
     start: Partition
@@ -122,7 +121,7 @@ class WhitenedRegression:
     variation: Array
     folds: Folds
     samples: int
-    refitter: Equations | Asked
+    refitter: Equations
 
     def _see(self, tests: Sequence[Array], weights: Array) -> Array:
         """Return what densities are of, ``[Y, e]ᵀ [Y, e]`` of each fold, (F, k + 1, k + 1).
@@ -186,14 +185,13 @@ class FoldFits:
             What led to each model, of all that the motion excites first.
         """
         own = self.whitened
-        partitions, kept = [partition for _, partition in path], own.start.leaders
+        partitions = [partition for _, partition in path]
         rows = [before.rows_to(after) for before, after in pairwise(partitions)]
         fixed = np.concatenate([np.empty((0, len(own.inverse))), *rows]) @ own.inverse
         fixed /= np.linalg.norm(fixed, axis=1, keepdims=True)
         turn = np.linalg.qr(fixed.T, mode="complete")[0][:, ::-1]
         free = np.array([len(partition) for partition in partitions])
-        models = [partition.matrix[kept] for partition in partitions]
-        delta = self.refits.along(turn, free, models)
+        delta = self.refits.along(turn, free)
         values = (own.centre + delta) @ own.inverse.T
         steps = zip(path, self._score(delta[:, 1:], turn, free), values, strict=True)
         return [Step(p, score, value, move) for (move, p), score, value in steps]
@@ -246,12 +244,11 @@ def whiten_regression(
     R[k, k] = max(abs(R[k, k]), 1e-9 * length, 1e-300)
     inverse = np.linalg.inv(R)
     centre, turned = R[:k, k].copy(), inverse[:k, :k]
-    equations = Equations.of(information, full, R, inverse)
     change = np.column_stack([np.vstack([turned, np.zeros(k)]), inverse[:, k] * R[k, k]])
     plain, floor = information, 1e-18 * squares.max(initial=0.0) + 1e-300
     noise, seen = np.maximum(full.variance * full.times, floor), np.empty((0, k, 2 * k + 1))
     if information.instrumented:  # instruments say nothing of errors and are half of what is held
-        if isinstance(full.estimator, InstrumentalVariables):
+        if full.estimator.instruments:
             left = combine(information, full.weights).left
             left = np.vstack([left, np.zeros((1, k))])
             right = np.vstack([np.zeros((k, k + 1)), change])
@@ -274,7 +271,7 @@ def whiten_regression(
         variation=squares if variation is None else variation,
         folds=Folds.of(information, float(np.max(full.times))),
         samples=information.samples,
-        refitter=equations or Asked(full.estimator, information, turned, centre),
+        refitter=Equations.of(information, full, R, inverse),
     )
 
 

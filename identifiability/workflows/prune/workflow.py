@@ -15,7 +15,7 @@ from identifiability.estimation.estimate import (
     fit_whole,
     settle_noise,
 )
-from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.estimator import Estimate, Estimator, Noise
 from identifiability.estimation.evidence import (
     Evidence,
     HeldOut,
@@ -24,11 +24,10 @@ from identifiability.estimation.evidence import (
     near_best,
     weigh_models,
 )
-from identifiability.estimation.least_squares import Noise
+from identifiability.estimation.fit import Fit
 from identifiability.estimation.prediction import Task, predict_all
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import take_turns
-from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty
 from identifiability.foundation.engines.mapping import Engine, Steps, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.names import Array
@@ -62,6 +61,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.assessment import (
     assess_ladder,
+    complete_fit,
     decide_model,
     forbidden_signs,
     tell_with_file,
@@ -200,7 +200,7 @@ def prune(
             measured.models[selected].step.partition,
             streams[3],
             replicates=count_walks(search, draws) if replicates is None else draws,
-            length=measured.result.uncertainty.block,
+            length=measured.result.fit.block,
             progress=share(say, "resampling", 0.7, 1.0),
             engine=engine,
         )
@@ -243,7 +243,7 @@ def _hint(
 ) -> tuple[str, ...]:
     """Return what seems to be wrong with robot file, logs and their cut-off."""
     result, opening = measured.result, rows.opening
-    joints, first = session.structure.robot.joints, 2 * (opening.alternative is not None)
+    first = 2 * (opening.alternative is not None)
     return (
         *opening.hints[:first],  # under what all is said
         contradicted,
@@ -254,7 +254,7 @@ def _hint(
         state_mounting(session.structure.robot, result.verdicts),
         *opening.hints[first:],
         *check_cutoff(opening, session.recordings, session.how),
-        compare_logs(joints, opening.samples, result).hint,
+        compare_logs(opening.samples, result).hint,
     )
 
 
@@ -416,23 +416,21 @@ def measure_models(
         decide_model,
         torque=float(np.sqrt(np.mean(own.rms**2))),
         thresholds=Thresholds(),
-        full=question.full,
-        missing=missing,
     )
     models, labels = [], []
     for k, (step, known) in enumerate(zip(steps, fits, strict=True)):
-        told, uncertainty = question.recall(*known), result.uncertainty
+        told, fit = question.recall(*known), result.fit
         if k != chosen:
-            found = assess_uncertainty(told.information, told.estimate, rng, replicates)
-            uncertainty = replace(found, late=question.delays.move(told.submodel))
-        labels.append((told.submodel, told.estimate, uncertainty))
+            fit = Fit.of(told.information, told.estimate, rng, replicates)
+            fit = complete_fit(told, fit, question.full, missing, question.delays.move)
+        labels.append((told.submodel, fit))
         judged = Evidence.of(step.score, best)
         models.append(
             PrunedModel(
                 step=step,
                 submodel=known[0],
                 estimate=known[1],
-                verdicts=judge(told, uncertainty),
+                verdicts=judge(told, fit),
                 density=judged.density.value,
                 density_se=judged.density.se,
                 spread=judged.error.se,
@@ -441,8 +439,8 @@ def measure_models(
                 **{name: float(each[k]) for name, each in errors.items()},
             )
         )
-    mixture = _mix(labels, weights, chosen) if replicates else None
-    result = replace(result, verdicts=judge(model, labels[chosen][2], models=mixture))
+    mixed = replace(result.fit, models=_mix(labels, weights, chosen))
+    result = replace(result, fit=mixed, verdicts=judge(model, mixed))
     if not opening.validation:
         error, joints = models[chosen].error_ra_unseen, float(unseen.error_over_joints()[chosen])
         result = replace(result, error_ra_validation=error, error_joints_validation=joints)
@@ -464,20 +462,18 @@ def measure_models(
     ), hint
 
 
-def _mix(
-    labels: Sequence[tuple[Submodel, Estimate, Uncertainty]], weights: Array, chosen: int
-) -> Mixture:
+def _mix(labels: Sequence[tuple[Submodel, Fit]], weights: Array, chosen: int) -> Mixture:
     """Return what all models of the path say of the labels of one, as they are told."""
     own = labels[chosen][0]
     inverse = np.linalg.pinv(own.M)
     # Models of less weight than this share of the heaviest's are no part of a mixture.
     heavy = np.flatnonzero(weights > 1e-3 * weights.max())
     values, sigmas = [], []
-    for submodel, fit, uncertainty in (labels[k] for k in heavy.tolist()):
+    for submodel, fit in (labels[k] for k in heavy.tolist()):
         L = inverse @ submodel.M
         L[np.abs(L) < ROUNDING] = 0.0
-        values.append(inverse @ (submodel.expand(fit.value) - own.fixed))
-        sigmas.append(_spread_labels(L, fit, uncertainty.robust))
+        values.append(inverse @ (submodel.expand(fit.estimate.value) - own.fixed))
+        sigmas.append(_spread_labels(L, fit.estimate, fit.robust))
     return mix_labels(weights[heavy], np.array(values), np.array(sigmas))
 
 
