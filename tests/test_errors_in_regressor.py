@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import scipy
 
-from identifiability.estimation.bootstrap import scatter_scores
-from identifiability.estimation.estimate import choose_estimator, estimate
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.fit import scatter_scores
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
 from identifiability.logs.prepare.instruments import add_instrument
@@ -51,7 +52,7 @@ def fits(simulated_session):
         torque = NOISE.on_torque(tau, rng)
         information = inform(Log("noisy", once.joints, t, moved[0], torque, *moved[1:], ""))
         for kind, rows in found.items():
-            fit = choose_estimator("wls", kind, instruments=kind == "iv").fit(information)
+            fit = Estimator(instruments=kind == "iv").fit(information)
             rows.append((fit.value, scatter_scores(information, fit, 1.0).widened))
     return {k: [np.array(x) for x in zip(*rows, strict=True)] for k, rows in found.items()}, truth
 
@@ -91,7 +92,7 @@ def test_additive_noise_of_velocities_does_not_bias_friction(simulated_session):
         samples = prepare_samples(robot, log)
         samples = add_instrument(robot, log, samples) or samples
         information = gather_information(structure.regression([samples]))
-        fit = choose_estimator("wls", "iv", instruments=True).fit(information)
+        fit = Estimator(instruments=True).fit(information)
         sigma = scatter_scores(information, fit, 1.0).widened
         off.append((fit.value - structure.nominal_base) / sigma)
     assert np.mean(np.abs(off) <= 1.96) >= 0.85  # .70 with signs of the measured velocity

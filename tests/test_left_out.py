@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from identifiability import Robot, prune
-from identifiability.estimation.decide import body_scatter, find_left_out
 from identifiability.estimation.estimate import find_estimator
+from identifiability.estimation.fit import Fit, body_scatter, find_left_out
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.foundation.numbers import LEVEL, REACH
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.physical.pseudo_inertia import to_matrix
@@ -63,7 +62,7 @@ def test_the_label_is_held_by_its_interval_and_not_by_the_sampling_interval(prun
         whole = Information.of_rows(structure.base.names, W, torque, log, BLOCK)
         model = FittedModel.of(structure, submodel, whole, find_estimator("wls"))
         fit = model.estimate
-        spread = assess_uncertainty(model.information, fit, rng, 50).robust
+        spread = Fit.of(model.information, fit, rng, 50).robust
         wide = np.hypot(spread, find_left_out(structure, submodel, whole, fit).sigma)
         truth = label_of @ theta
         off = np.abs(fit.value - truth)

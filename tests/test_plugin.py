@@ -8,7 +8,6 @@ from typer.testing import CliRunner
 from identifiability import Log, Robot, analyze
 from identifiability.cli import app
 from identifiability.effects import forget, load_plugin
-from identifiability.estimation import estimate
 from identifiability.foundation.engines.local import Processes, Serial
 from identifiability.workflows.calibrate.false_names import measure_false_names
 
@@ -157,20 +156,3 @@ def test_a_plugin_that_is_none_is_refused_in_a_sentence(tmp_path, text, sentence
     assert result.exit_code == 2
     assert sentence in " ".join(result.output.split())
     assert not out.exists()
-
-
-@pytest.mark.parametrize("command", ["analyze", "prune"])
-def test_help_lists_the_estimators_a_plugins_too(command, tmp_path, monkeypatch):
-    monkeypatch.setattr(estimate, "ESTIMATORS", dict(estimate.ESTIMATORS))
-    monkeypatch.setenv("COLUMNS", "200")  # narrow ones break words
-    assert "ols|wls" in run(command, "--help")
-    path = tmp_path / "huber.py"
-    path.write_text(
-        f"{PLUGIN}\n"
-        "from identifiability.estimation.estimate import register_estimator\n"
-        "from identifiability.estimation.least_squares import WeightedLeastSquares\n"
-        "register_estimator(WeightedLeastSquares(name='huber'))\n"
-    )
-    shown = run(command, "--plugin", path, "--help")
-    forget("cogging")
-    assert "ols|wls|huber" in shown

@@ -135,8 +135,8 @@ OTHERS = {
     ),
     "threshold": (
         Thresholds,
-        {"recurrence": 9},
-        "recurrence must be a number between 0 and 1, not",
+        {"contraction": 9},
+        "contraction must be a number between 0 and 1, not",
     ),
     "engine": (
         choose_engine,

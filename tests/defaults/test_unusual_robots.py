@@ -86,7 +86,7 @@ def test_a_negative_mass_in_the_file_is_refused(case, tmp_path):
 def test_noisy_logs_leave_a_model_that_predicts(case, fitted):
     truth = case.truth()
     phi = np.array([truth[p.name] for p in fitted.base.parameters])
-    full, sigma = fitted.models[0].estimate, fitted.models[0].uncertainty.robust
+    full, sigma = fitted.models[0].estimate, fitted.models[0].fit.robust
     assert np.all(np.abs(full.value - fitted.base.G @ phi) < 5 * sigma)
     assert fitted.chosen.error_ra_validation < 2 * NOISE
 

@@ -5,9 +5,8 @@ import time
 import numpy as np
 import pytest
 
-from identifiability.estimation.bootstrap import bootstrap, draw_blocks, merge_blocks
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.least_squares import refit
+from identifiability.estimation.fit import bootstrap, draw_blocks, merge_blocks
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.gather import gather_information
@@ -35,7 +34,7 @@ def test_refits_equal_least_squares_on_resampled_rows(problem):
     merged = merge_blocks(information, 25)
     assert merged.counts.min() >= 20
     counts = draw_blocks(len(merged.counts), 12, np.random.default_rng(0))
-    values = refit(merged, fit.weights, counts)
+    values = fit.estimator.refit(merged, fit, counts)
     root = np.sqrt(fit.weights)[None, :, None]
     for replicate, drawn in enumerate(counts):
         repeats = np.repeat(drawn, merged.counts).astype(int)

@@ -1,10 +1,12 @@
 """Blocks too large for memory lie in files and are worked on in batches: the same bits."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from identifiability.estimation.bootstrap import draw_blocks
-from identifiability.estimation.least_squares import refit
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.fit import draw_blocks
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression import information as actuator_blocks
 from identifiability.regression.gather import gather_information
@@ -18,6 +20,11 @@ def lies_in_a_file(array) -> bool:
             return True
         array = array.base
     return False
+
+
+def refit(information, weights, counts):
+    fit = replace(estimate(information), weights=weights)
+    return fit.estimator.refit(information, fit, counts)
 
 
 def work(regression, blocks):

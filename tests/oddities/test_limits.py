@@ -11,7 +11,6 @@ import pytest
 from identifiability.logs.mend import contradictions, looks_like_degrees
 from identifiability.logs.reading import unify_rates
 from identifiability.workflows.analyze import fit
-from identifiability.workflows.analyze import words as several_logs
 from identifiability.workflows.answers import grade_of
 from identifiability.workflows.oddities import torque as exchanged
 from identifiability.workflows.oddities import torque as torque_scale
@@ -163,11 +162,6 @@ def band(cutoff=5.0, noise=0.0):
     return fit._say_cut(found, "x") or fit._say_noise(found)
 
 
-def worse_there(times):
-    motions = SimpleNamespace(errors=np.array([[times, 1.0], [1.0, 1.0]]))
-    return several_logs._worse(motions, "ab", 0)
-
-
 #: What is asked, its limit in words, data just inside and data just outside.
 ROWS = {
     "share of positions outside": (share_outside, 0.19, 0.21),
@@ -196,7 +190,6 @@ ROWS = {
     "motion that stands out": (lambda x: derived(2.0, stands_out=x), 3.7, 4.3),
     "cut-off in the motion": (lambda x: band(cutoff=1 / x), 1 / 2.05, 1 / 1.95),
     "noise below the cut-off": (lambda x: band(noise=x), 0.195, 0.205),
-    "errors of one log": (worse_there, 0.97, 1.03),
     "very good no more": (lambda x: grade_of(x) != "very-good", 0.0299, 0.0301),
     "fair": (lambda x: grade_of(x) == "fair", 0.0799, 0.0801),
     "useless": (lambda x: grade_of(x) == "useless", 0.499, 0.501),

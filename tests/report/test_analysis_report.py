@@ -136,7 +136,7 @@ def test_the_autocorrelation_of_residuals_is_said(paper_analysis):
     assert any("nearly independent" in n.title for n in notes.notes)
     times = np.full(3, 9.0)
     chosen = replace(
-        paper_analysis.chosen, uncertainty=replace(paper_analysis.chosen.uncertainty, times=times)
+        paper_analysis.chosen, estimate=replace(paper_analysis.chosen.estimate, times=times)
     )
     models = [m if m is not paper_analysis.chosen else chosen for m in paper_analysis.models]
     page = build_analysis_page(replace(paper_analysis, models=tuple(models)))

@@ -107,7 +107,7 @@ def test_what_the_motion_leaves_open_is_seen_from_the_posterior(believed_analysi
     chosen = believed_analysis.chosen
     k = int(believed_analysis.belief.physical.stated.argmax())
     verdicts = list(chosen.verdicts)
-    verdicts[k] = replace(verdicts[k], sigma=np.inf, sigma_robust=np.inf)
+    verdicts[k] = replace(verdicts[k], sigma=np.inf, terms={"noise": np.inf, "omitted": 0.0})
     models = [*believed_analysis.models]
     models[believed_analysis.selected] = replace(chosen, verdicts=tuple(verdicts))
     layers, _ = forest_layers(replace(believed_analysis, models=tuple(models)))

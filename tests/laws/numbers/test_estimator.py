@@ -1,78 +1,14 @@
-"""An estimator that is not least squares: everything that follows from its fit follows it."""
+"""An estimator is known by its name, and its loss is least at its values."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from identifiability import analyze, prune
-from identifiability.estimation import estimate as known
-from identifiability.estimation.bootstrap import bootstrap, merge_blocks, scatter_scores
-from identifiability.estimation.estimate import estimate, find_estimator, register_estimator
-from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.least_squares import OrdinaryLeastSquares, refit
-from identifiability.estimation.refits import Asked, Equations
-from identifiability.foundation.engines.local import Serial
-from identifiability.foundation.linalg import triangular_factor
+from identifiability.estimation.estimate import estimate, find_estimator
 from identifiability.foundation.options import OptionError
-from identifiability.workflows.prune.elimination import Remaining, assess_stability, find_path
-from identifiability.workflows.prune.moves import Kind, Move
 
 from .made import gather
-
-
-class Ridge:
-    """Least squares drawn towards zero: λ |scaled x|² is added to the sum of squares."""
-
-    name = "ridge"
-    description = "ridge regression"
-
-    def __init__(self, penalty: float = 0.5) -> None:
-        self.penalty = penalty
-
-    def shrink(self, information, weights):
-        """Return x(ridge) = S x(least squares)."""
-        R = information.factor(weights)[:, :-1]
-        A = R.T @ R
-        return np.linalg.solve(A + self.penalty * np.diag(np.diag(A)), A)
-
-    def fit(self, information):
-        plain = OrdinaryLeastSquares().fit(information)
-        kept = list(plain.kept)
-        S = self.shrink(information.select(kept), plain.weights)
-        value, covariance = plain.value.copy(), plain.covariance.copy()
-        value[kept] = S @ value[kept]
-        covariance[np.ix_(kept, kept)] = S @ covariance[np.ix_(kept, kept)] @ S.T
-        return replace(plain, value=value, covariance=covariance, estimator=self)
-
-    def refit(self, information, fit, counts):
-        values = np.zeros((len(counts), information.size))
-        part = information.select(fit.kept)
-        S = self.shrink(part, fit.weights)
-        values[:, list(fit.kept)] = refit(part, fit.weights, counts) @ S.T
-        return values
-
-    def influence(self, information, fit):
-        plain = OrdinaryLeastSquares()
-        moved = plain.influence(information, plain.fit(information))
-        kept = list(fit.kept)
-        moved[:, kept] = moved[:, kept] @ self.shrink(information.select(kept), fit.weights).T
-        return moved
-
-    def loss(self, information, fit):
-        R = information.factor(fit.weights)
-        length = np.append(np.linalg.norm(R[:, :-1], axis=0), 0.0)
-        return triangular_factor(np.vstack([R, np.sqrt(self.penalty) * np.diag(length)]))
-
-    def project(self, information, fit, M):
-        return self.shrink_by(M, information.factor(fit.weights)[:, :-1])
-
-    def shrink_by(self, M, R):
-        """Return what ridge finds of each column's torque, (k, b)."""
-        A = M.T @ R.T @ R @ M
-        return np.linalg.solve(A + self.penalty * np.diag(np.diag(A)), M.T @ R.T @ R)
 
 
 @pytest.fixture
@@ -82,176 +18,22 @@ def rows():
     return gather(W, W @ [1.0, -2.0, 0.5] + 0.3 * rng.normal(size=(800, 2)))
 
 
-@pytest.fixture
-def ridge(monkeypatch):
-    monkeypatch.setattr(known, "ESTIMATORS", dict(known.ESTIMATORS))
-    register_estimator(Ridge())
-    return Ridge()
+def test_a_wrong_name_lists_all():
+    with pytest.raises(OptionError, match=r"'ols' or 'wls', not 'wsl', did you mean"):
+        find_estimator("wsl")
 
 
-def test_an_estimator_is_found_by_its_name_and_a_wrong_name_lists_all(ridge):
-    assert isinstance(find_estimator("ridge"), Estimator)
-    with pytest.raises(OptionError, match=r"'ols', 'wls' or 'ridge', not 'rigde', did you mean"):
-        find_estimator("rigde")
+@pytest.mark.parametrize("method", ["ols", "wls"])
+def test_the_loss_of_an_estimator_is_least_at_its_values(rows, method):
+    fit = estimate(rows, method)
+    F = fit.estimator.loss(rows, fit)
+    np.testing.assert_allclose(np.linalg.solve(F[:-1, :-1], F[:-1, -1]), fit.value, rtol=1e-8)
 
 
-def test_refits_and_scores_are_those_of_the_estimator_not_of_least_squares(rows, ridge):
-    """Orthogonal columns: ridge halves every value and so every spread, at λ = 1."""
-    plain, fit = estimate(rows, "ols"), Ridge(1.0).fit(rows)
-    np.testing.assert_allclose(fit.value, plain.value / 2, atol=0.1)
-    drawn = [bootstrap(rows, f, np.random.default_rng(1), length=8) for f in (plain, fit)]
-    np.testing.assert_allclose(drawn[1].values.mean(0), fit.value, atol=0.02)
-    np.testing.assert_allclose(drawn[1].sd, drawn[0].sd / 2, rtol=0.1)
-    merged = merge_blocks(rows, 8)
-    moved = [f.estimator.influence(merged, f) for f in (plain, fit)]
-    np.testing.assert_allclose(np.abs(moved[1]).sum(), np.abs(moved[0]).sum() / 2, rtol=0.05)
-    sd = [scatter_scores(rows, f, 1.0).sd for f in (plain, fit)]
-    np.testing.assert_allclose(sd[1], sd[0] / 2, rtol=0.15)
-
-
-def test_the_loss_of_an_estimator_is_least_at_its_values(rows, ridge):
-    for method in ("ols", "wls", "ridge"):
-        fit = estimate(rows, method)
-        F = fit.estimator.loss(rows, fit)
-        np.testing.assert_allclose(np.linalg.solve(F[:-1, :-1], F[:-1, -1]), fit.value, rtol=1e-8)
-
-
-class Plain:
-    """Ordinary least squares that is not known to be: a user's own class."""
-
-    name, description = "plain", "least squares by other hands"
-
-    def fit(self, information):
-        return replace(OrdinaryLeastSquares().fit(information), estimator=self)
-
-    def refit(self, information, fit, counts):
-        return OrdinaryLeastSquares().refit(information, fit, counts)
-
-    def influence(self, information, fit):
-        return OrdinaryLeastSquares().influence(information, fit)
-
-    def loss(self, information, fit):
-        return OrdinaryLeastSquares().loss(information, fit)
-
-    def project(self, information, fit, M):
-        return OrdinaryLeastSquares().project(information, fit, M)
-
-
-def test_an_estimator_without_a_method_is_refused_with_its_name():
-    class Older(Plain):
-        project = None
-
-    with pytest.raises(OptionError, match="'plain' has no method project"):
-        known.find_estimator(Older())
-
-
-def test_what_a_fit_finds_of_columns_is_what_its_estimator_says(rows):
-    full = rows.reduce(np.eye(3), "abc")
+@pytest.mark.parametrize("method", ["ols", "wls"])
+def test_what_a_fit_finds_of_columns_is_what_it_finds_of_their_torque(rows, method):
     M = np.eye(3)[:, :2]
-    for estimator in (Ridge(), Plain()):
-        exact = estimator.project(full, estimator.fit(full.reduce(M, "ab")), M)
-        R = full.factor(np.ones(full.actuators))[:, :-1]
-        found = Ridge.shrink_by(estimator, M, R) if isinstance(estimator, Ridge) else None
-        found = np.linalg.lstsq(R @ M, R, rcond=None)[0] if found is None else found
-        np.testing.assert_allclose(exact, found, rtol=1e-8, atol=1e-12)
-
-
-class Halved(OrdinaryLeastSquares):
-    """Inherits everything but its refits."""
-
-    def refit(self, information, fit, counts):
-        return super().refit(information, fit, counts) / 2
-
-
-def pruned(method):
-    """Return the search and the stability of a path over columns of which one is idle."""
-    rng = np.random.default_rng(5)
-    W = rng.normal(size=(640, 2, 6)) @ (0.3 + np.eye(6))
-    W[:, :, 5] = W[:, :, 0]
-    tau = W @ [1.0, 1.0, 0.0, -2.0, 0.02, 0.0] + 0.3 * rng.normal(size=(640, 2))
-    search = find_path(
-        gather(W, tau, size=10), method=method,
-        suggested=[Move(Kind.TIE, tie=(("p0", "p1"),)), Move(Kind.TIE, tie=(("p3", "p4"),))],
-    )  # fmt: skip
-    stable = assess_stability(
-        search, search.steps[search.choose()].partition,
-        np.random.default_rng(6), replicates=20, length=10.0,
-    )  # fmt: skip
-    return search, stable
-
-
-def test_refits_that_are_asked_for_prune_as_updates_do():
-    """The estimator's own refits, one by one, and the updates of least squares: one path."""
-    (quick, first), (asked, second) = pruned("ols"), pruned(Plain())
-    assert isinstance(quick.whitened.refitter, Equations)
-    assert isinstance(asked.whitened.refitter, Asked)
-    assert len(quick.steps) == len(asked.steps) == 7
-    for a, b in zip(quick.steps, asked.steps, strict=True):
-        assert a.move == b.move
-        np.testing.assert_array_equal(a.partition.group, b.partition.group)
-        np.testing.assert_allclose(b.values, a.values, rtol=1e-6, atol=1e-9)
-        np.testing.assert_allclose(b.score.squares, a.score.squares, rtol=1e-6)
-        # Of a rest an estimator of one's own says values, and its errors by the share it is.
-        np.testing.assert_allclose(b.score.density, a.score.density, rtol=0.02, atol=0.1)
-    assert [r.move for r in quick.refused] == [r.move for r in asked.refused]
-    np.testing.assert_array_equal(first.sizes, second.sizes)
-    np.testing.assert_array_equal(first.survives, second.survives)
-
-
-def test_every_model_of_a_path_is_refitted_by_the_estimator_without_each_fold():
-    search, _ = pruned(method := Ridge(1.0))
-    information = search.whitened.refitter.information
-    counts = np.vstack([np.ones(64), search.whitened.folds.train])
-    for step in search.steps[1:]:
-        M = step.partition.matrix[:5]
-        part = information.reduce(M, [f"c{k}" for k in range(M.shape[1])])
-        refits = method.refit(part, method.fit(part), counts) @ M.T
-        np.testing.assert_allclose(step.values[:, :5], refits, rtol=1e-7, atol=1e-9)
-    # What it costs to lose a column is the rise of the estimator's own loss.
-    F = method.loss(information, method.fit(information))
-    first = search.steps[2]  # after the idle column
-    models = (np.eye(5), first.partition.matrix[:5])
-    least = [np.linalg.lstsq(F[:, :5] @ M, F[:, 5], rcond=None)[1][0] for M in models]
-    rise = Remaining.of(search.whitened.fit()).cost(first.move)
-    assert rise == pytest.approx(least[1] - least[0], rel=1e-6)
-
-
-def test_blocks_that_are_drawn_twice_curve_the_loss_of_asked_refits_twice():
-    search, _ = pruned(Plain())
-    once = np.ones(len(search.whitened.folds.test))
-    for many in (1, 2):
-        train = search.whitened.folds.train
-        found = search.whitened.refitter.start(train, many * once).curvature
-        np.testing.assert_allclose(found, many * np.eye(len(found)), atol=1e-9)
-
-
-def test_who_inherits_from_least_squares_and_refits_otherwise_is_asked():
-    plain, halved = (pruned(m)[0].steps[0] for m in (OrdinaryLeastSquares(), Halved()))
-    np.testing.assert_allclose(halved.values, plain.values / 2, rtol=1e-6)
-    assert halved.score.squares.sum() > 2 * plain.score.squares.sum()
-
-
-def test_analysis_and_pruning_follow_the_estimator(ridge, simulated):
-    """Strong shrinkage: values, refits, the nearest real robot, verdicts and words follow it."""
-    log = simulated("two-link", "a", 0, samples=400)
-    how = {"replicates": 40, "seed": 0, "engine": Serial()}
-    plain = analyze("two-link", log, method="ols", posterior=False, **how)
-    found = analyze("two-link", log, method=Ridge(1.0), posterior=False, **how)
-    assert found.to_dict()["method"] == "ridge"
-    a, b = plain.full, found.full
-    kept = a.estimate.determined
-    centre = b.uncertainty.bootstrap.values.mean(0)
-    off = np.abs(centre - b.estimate.value) / b.uncertainty.bootstrap.sd
-    assert off[kept].max() < 1.5
-    ends = np.array([v.interval95 for v in b.verdicts])[kept]
-    values = np.array([v.value for v in b.verdicts])[kept]
-    np.testing.assert_allclose(ends.mean(1), values)
-    unshrunk, sd = a.estimate.value[kept], b.uncertainty.bootstrap.sd[kept]
-    assert (np.abs(unshrunk - values) > 1.96 * sd).any()
-    # Its projection says by how much it shrinks what is there, and the labels' intervals know it.
-    assert ((unshrunk > ends[:, 0]) & (unshrunk < ends[:, 1])).all()
-    assert b.error_ra > 1.5 * a.error_ra
-    assert b.error_ra_validation > 1.5 * a.error_ra_validation
-    assert b.error_ra_real > 1.2 * a.error_ra_real
-    ladder = prune("two-link", log, method="ridge", **how | {"replicates": 2})
-    assert ladder.to_dict()["method"] == "ridge"
+    fit = estimate(rows.reduce(M, "ab"), method)
+    R = rows.factor(fit.weights)[:, :-1]
+    expected = np.linalg.lstsq(R @ M, R, rcond=None)[0]
+    np.testing.assert_allclose(fit.estimator.project(rows, fit, M), expected, atol=1e-12)

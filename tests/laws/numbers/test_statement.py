@@ -24,7 +24,6 @@ class Judged:
     contradicted: str = ""
     feasible: bool = True
     physical_used: bool = False
-    elsewhere: bool = False
     kept: int = 5
     unjudged: str = ""
     found: object = "a nearest real robot"
@@ -42,7 +41,6 @@ class Judged:
     def physical(self):
         return SimpleNamespace(
             certificate=self.certificate, nearest=self.found, cad_weight=0.0, sentence="Not found.",
-            elsewhere=self.elsewhere,
         )  # fmt: skip
 
     withdrawn: str = ""
@@ -147,8 +145,6 @@ def test_physics_says_what_is_impossible_and_how_near_the_nearest_is():
     used = state_physics(Judged(feasible=False, physical_used=True))
     assert "Its values are those to use" in used
     assert "over the robot's range" not in used
-    far = state_physics(Judged(feasible=False, physical_used=True, elsewhere=True))
-    assert "over the robot's range their own errors reach as far as the difference" in far
     open_ = state_physics(Judged(feasible=False, certificate=None))
     assert "The motion leaves some of its parameters open" in open_
     assert state_physics(Judged(feasible=False, found=None)) == "Not found."
