@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 
 import numpy as np
-from scipy.special import chdtrc, chdtri, fdtrc, ndtr, ndtri, stdtrit
+from scipy.special import fdtrc, ndtr, ndtri, stdtrit
 
 from identifiability.estimation.alternatives import LabelAlternatives
 from identifiability.estimation.estimator import Estimate
@@ -250,57 +250,44 @@ def longer(variance: Array, fit: Estimate, length: float) -> Array:
     return factor
 
 
-# Do several motions give the same values? What scatters between them enters every interval.
+# Do several logs give the same values? What scatters between them enters every interval.
 #
 # What a model leaves out is no noise while one motion lasts: it moves the values by as much in
-# every block of a log, and by something else in the next log. So the values of each log by itself
-# are compared by analysis of variance with unequal variances [Welch 1951], a parameter at a time
-# [Holm 1979] and pooled over all of them. Where logs differ by more than each of them knows, the
-# excess is a variance between motions [DerSimonian & Laird 1986]. Two or three logs say next to
-# nothing about one parameter's, so it is pooled, in units of the sampling variance: model errors,
-# like noise, move most what a motion shows least. Only a parameter that moves for sure has one of
-# its own.
+# every stretch of a log, and by something else in the next log. So the same scores are summed over
+# whole logs: where these sums scatter by more than stretches do, logs differ [Liang & Zeger 1986].
+# Two or three logs say next to nothing about one parameter's excess, so it is one ratio of variance
+# for each kind of parameter: model errors, like noise, move most what a motion shows least.
 
 
 #: Blocks may be so many autocorrelation times short where longer ones would be too few.
 LEAST_MEMORIES: Tolerance = 2.0
 
-#: Stretches over which the scores of one motion scatter, at most: more say little and cost.
-MOST_STRETCHES = 24
-
 
 @frozen
 class Motions:
-    """Values of L motions, each by itself, and what they say together about k parameters.
+    """What L logs say of each other about k parameters.
 
     Attributes
     ----------
-    which : (L,) int
-        Number of each log (or stretch): those that are too short to be fitted are left out.
     values, sd : (L, k)
-        Of each motion by itself, and their robust standard deviations; infinite where the motion
-        does not determine a parameter.
+        Of each log fitted by itself; infinite where it does not determine a parameter.
     p : (k,)
-        Of each parameter's values being equal, adjusted for their number; 1 where fewer than two
-        motions determine it.
-    pooled : float
-        p-value of all values being equal, by the sum over parameters.
-    ratio : float
-        Variance of the values over their sampling variance, pooled; 1 where the test finds none.
-    ratio_dof : float
-        Degrees of freedom of `ratio`: twice its mean squared over its variance.
+        Of no difference between logs, adjusted for their number [Holm 1979].
+    ratio : (k,)
+        Variance of the fit as logs scatter over that as stretches do, of the kind of parameter
+        where logs differ, of the parameter itself where that is more; 1 where they do not.
+    dof : (k,)
+        Degrees of freedom of the ratio.
     between : (k,)
-        What the scatter adds to the standard deviations of the fit to all motions, in quadrature;
-        a normal interval with it has the width of Student's t. Zero where motions agree.
+        What another log scatters by, with which a normal interval has the width of Student's t;
+        zero where logs do not differ.
     """
 
-    which: np.ndarray
     values: Array
     sd: Array
     p: Array
-    pooled: float
-    ratio: float
-    ratio_dof: float
+    ratio: Array
+    dof: Array
     between: Array
 
     @property
@@ -309,154 +296,48 @@ class Motions:
         moved: np.ndarray = self.p < Thresholds.sign_level
         return moved
 
-    @property
-    def agree(self) -> bool:
-        """Whether neither test finds a difference."""
-        return not (self.moved.any() or self.pooled < Thresholds.sign_level)
 
-
-def compare_motions(information: Information, fit: Estimate, time: float) -> Motions | None:
-    """Return what logs say of each other; None where fewer than two can be fitted.
+def compare_motions(
+    information: Information, fit: Estimate, scores: ScoreScatter | None
+) -> Motions | None:
+    """Return what logs say of each other; None of one log, or where scores could not be asked.
 
     Parameters
     ----------
     information : Information
         About the fitted columns.
     fit : Estimate
-        To all of them.
-    time : float [samples]
-        Autocorrelation time of the residual.
+    scores : ScoreScatter or None
+        How its scores scatter over stretches of time.
     """
-    log = information.log
-    if len(np.unique(log)) < 2:
+    logs, first = np.unique(information.log, return_index=True)
+    rounding = fit.rss.sum() <= ROUNDOFF**2 * information.torque.sum()
+    if len(logs) < 2 or scores is None or rounding:
         return None
-    needed = len(fit.kept)
-    torque = information.torque.sum()
-    if fit.rss.sum() <= ROUNDOFF**2 * torque:  # rounding left these, and agrees with nothing
-        return None
-    found, own, sd, dof = [], [], [], []
-    for one in np.unique(log) if fit.kept else ():
-        part = information.take(log == one)
-        if part.rows <= len(fit.kept):  # it determines nothing, and rounding would say what
-            continue
-        alone = replace(fit.estimator, noise=None).fit(part)
-        if (np.diag(alone.covariance)[alone.determined] < 0.0).any():  # rounding is all there is
-            continue
-        scores = scatter_scores(
-            part, alone, max(time, part.samples / RULES.memories / MOST_STRETCHES)
-        )
-        if scores is None:
-            continue
-        # What a few stretches scatter by is uncertain itself: all parameters know more together.
-        known = alone.determined & (alone.sigma > 0)
-        memory = np.mean((scores.sd[known] / alone.sigma[known]) ** 2) if known.any() else 1.0
-        if part.rows < needed * memory:
-            continue
-        wide = np.maximum(scores.sd, alone.sigma * np.sqrt(memory))
-        found.append(int(one))
-        own.append(alone)
-        sd.append(np.where(fit.determined & (wide > 0), wide, np.inf))
-        dof.append(scores.stretches - 1.0)
-    if len(found) < 2:
-        return None
-    values, spread = np.array([e.value for e in own]), np.array(sd)
-    ratios, p, d = _welch(values, spread, np.array(dof))
-    pooled, ratio, ratio_dof = _pool(p, d, _correlate(own, spread))
-    motions = Motions(
-        which=np.array(found),
-        values=values,
-        sd=spread,
-        p=holm(p),
-        pooled=pooled,
+    whole, known = information.merge(first), fit.determined & (scores.sd > 0)
+    sd, white = np.where(known, scores.sd, 1.0), np.where(known, fit.sigma, 1.0)
+    ratio = np.where(known, (fit.estimator.influence(whole, fit) ** 2).sum(0) / sd**2, 1.0)
+    dof = count_freedom(whole, fit)
+    p = holm(np.where(known, fdtrc(dof, scores.freedom, ratio), 1.0))
+    kinds = np.array([name.rsplit(".", 1)[-1] for name in fit.columns])
+    own, moved = ratio, known & (p < Thresholds.sign_level)
+    ratio, few = np.ones(len(p)), dof
+    for kind in np.unique(kinds[moved]):
+        at = known & (kinds == kind)
+        ratio = np.where(at, np.maximum(own[at].mean(), np.where(moved, own, 1.0)), ratio)
+        few = np.where(at, dof[at].sum(), few)
+    wide = stdtrit(few, ENDS[1]) / REACH
+    excess = len(logs) * np.maximum(ratio - 1.0, 0.0)
+    alone = [replace(fit.estimator, noise=None).fit(information.take(information.log == k))
+             for k in logs]  # fmt: skip
+    return Motions(
+        values=np.array([e.value for e in alone]),
+        sd=np.array([e.sigma for e in alone]) * sd / white,
+        p=p,
         ratio=ratio,
-        ratio_dof=ratio_dof,
-        between=np.zeros(information.size),
+        dof=few,
+        between=sd * wide * np.sqrt(excess),
     )
-    if motions.agree:
-        return motions
-    return replace(motions, between=np.sqrt(_excess(motions, ratios, fit.value)))
-
-
-def _welch(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:
-    """Return Welch's F of each parameter, its p-value, and motions less one, (k,) each.
-
-    Parameters
-    ----------
-    values, sd : (L, k)
-    dof : (L,)
-    """
-    weight = sd**-2.0
-    total = np.maximum(weight.sum(0), 1e-300)
-    count = np.isfinite(sd).sum(0)
-    d = np.maximum(count - 1, 0)
-    at = np.maximum(d, 1)
-    square = (weight * (values - (weight * values).sum(0) / total) ** 2).sum(0)
-    lost = ((1 - weight / total) ** 2 * np.isfinite(sd) / dof[:, None]).sum(0)
-    wide = np.maximum(count**2 - 1, 3)
-    ratio = square / at / (1 + 2 * np.maximum(count - 2, 0) / wide * lost)
-    p = np.where(d > 0, fdtrc(at, wide / (3 * np.maximum(lost, 1e-12)), ratio), 1.0)
-    return ratio, p, d
-
-
-def _correlate(own: Sequence[Estimate], sd: Array) -> Array:
-    """Return how the values' differences between motions are correlated, (k, k)."""
-    total = np.zeros((sd.shape[1], sd.shape[1]))
-    for estimate, scale in zip(own, np.where(np.isfinite(sd), sd, 0.0), strict=True):
-        sigma = np.where(np.isfinite(estimate.sigma) & (estimate.sigma > 0), estimate.sigma, np.inf)
-        share = np.where(np.isfinite(estimate.covariance), estimate.covariance, 0.0)
-        total += share * np.outer(scale / sigma, scale / sigma)
-    length = np.sqrt(np.diag(total))
-    length = np.where(length > 0, length, np.inf)
-    found: Array = total / np.outer(length, length)
-    return found
-
-
-def _pool(p: Array, d: Array, correlation: Array) -> tuple[float, float, float]:
-    """Return p-value, ratio and degrees of freedom of the sum over correlated parameters.
-
-    Each parameter counts with the χ² that has its p-value; the sum is χ² of as many degrees of
-    freedom as its mean and variance ask for [Satterthwaite 1946].
-
-    Parameters
-    ----------
-    p, d : (k,)
-        Not adjusted; motions less one.
-    correlation : (k, k)
-    """
-    mean = float(d.sum())
-    if not mean:
-        return 1.0, 1.0, np.inf
-    square = chdtri(np.maximum(d, 1), np.maximum(p, 1e-300)) * (d > 0)
-    variance = 2 * float(np.sqrt(d) @ correlation**2 @ np.sqrt(d))
-    dof = 2 * mean**2 / variance
-    ratio = float(square.sum()) / mean
-    pooled = float(chdtrc(dof, ratio * dof))
-    return pooled, ratio if pooled < Thresholds.sign_level else 1.0, dof
-
-
-def _excess(motions: Motions, ratios: Array, joint: Array) -> Array:
-    """Return the variance between motions of each parameter, (k,).
-
-    Parameters
-    ----------
-    motions : Motions
-    ratios : (k,)
-        Of variances, of each parameter by itself.
-    joint : (k,)
-        Values of the fit to all motions.
-    """
-    weight = motions.sd**-2.0
-    total = np.maximum(weight.sum(0), 1e-300)
-    count = np.isfinite(motions.sd).sum(0)
-    wider = (stdtrit(motions.ratio_dof, ENDS[1]) / REACH) ** 2
-    pooled = np.where(count > 1, count / total * (motions.ratio - 1), 0.0)
-    unit = np.maximum(count - 1, 0) / np.maximum(total - (weight**2).sum(0) / total, 1e-300)
-    own = np.where(motions.moved, unit * np.maximum(ratios - 1, 0.0), 0.0)
-    # All motions together may lead to a value that none of them has by itself.
-    away = np.abs(motions.values - joint)
-    apart = np.where(away > REACH * motions.sd, away / REACH, 0.0).max(0) ** 2
-    excess: Array = np.maximum(np.maximum(pooled, own) * wider, apart)
-    return excess
 
 
 # What a reduced model's numbers stand for, and how far that is from their labels.
@@ -671,7 +552,7 @@ class Fit:
     note : str
         Why blocks are too few, if they are.
     motions : Motions or None
-        What logs by themselves say of each other; None of one log, or of too short ones.
+        What logs say of each other; None of one log, or of too short ones.
     shared : mapping of str to (w, k)
         What moves all samples alike, which none of them can show. ``delay``: one standard deviation
         of the delay of each log's commands; ``bias``: of the bias that noise in the motion leaves;
@@ -723,16 +604,16 @@ class Fit:
                 drawn = bootstrap(information, fit, rng, replicates=replicates, length=length)
             except IdentifiabilityError as error:
                 note = str(error)
-        mended = fit.correction
+        mended, scores = fit.correction, scatter_scores(information, fit, fit.memory)
         return Fit(
             estimate=fit,
             column_rms=column_rms(information),
             column_noise=column_noise(information, fit),
-            scores=scatter_scores(information, fit, fit.memory),
+            scores=scores,
             bootstrap=drawn if replicates else None,
             block=length,
             note=note,
-            motions=compare_motions(information, fit, fit.memory),
+            motions=compare_motions(information, fit, scores),
             shared={} if mended is None else {"bias": mended.bias},
         )
 

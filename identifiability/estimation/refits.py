@@ -141,8 +141,8 @@ class Equations:
     def _by_instruments(self, information: Information) -> Array:
         """Return the normal equations of each block, (B, k + 1, k + 1).
 
-        They are in ``R x``, less those of the fit, in units of ``R[k, k]``; made symmetric, as their
-        sum is.
+        They are in ``R x``, less those of the fit, in units of ``R[k, k]``, and made symmetric, as
+        their sum is.
         """
         k, R, fit = information.size, self.R, self.full
         found = replace(combine(information, fit.weights), value=fit.value[list(fit.kept)])

@@ -272,7 +272,7 @@ def section_motions(analysis: Analysis) -> Section:
 
 
 def _table(found: SeveralLogs, m: Motions) -> Table:
-    shown = range(min(LOGS, len(m.which)))
+    shown = range(min(LOGS, len(m.values)))
     columns = (
         Column("parameter", "code"),
         *(Column(found.names[k], "error") for k in shown),

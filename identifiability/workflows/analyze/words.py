@@ -16,7 +16,7 @@ from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
-from identifiability.foundation.rounding import format_count, format_number
+from identifiability.foundation.rounding import format_count
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.structure import BaseParameters
@@ -59,7 +59,7 @@ class SeveralLogs:
     @property
     def hint(self) -> str:
         """What to do where they disagree; empty where they agree."""
-        return "" if self.motions is None or self.motions.agree else self.statement
+        return "" if self.motions is None or not self.motions.moved.any() else self.statement
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain values."""
@@ -67,7 +67,9 @@ class SeveralLogs:
         found: dict[str, Any] = {"statement": self.statement, "names": list(self.names)}
         if m is None:
             return found
-        found |= {"p": m.pooled, "variance_ratio": m.ratio, "degrees_of_freedom": m.ratio_dof}
+        most = int(np.argmax(m.ratio))
+        found |= {"p": float(m.p.min()), "variance_ratio": float(m.ratio[most])}
+        found["degrees_of_freedom"] = float(m.dof[most])
         rows = zip(self.columns, m.values.T, m.sd.T, m.p, m.between, strict=True)
         keys = ("name", "values", "sd", "p", "between")
         found["parameters"] = [
@@ -89,18 +91,14 @@ def compare_logs(samples: Sequence[Prepared], result: ModelResult) -> SeveralLog
     columns, motions = result.submodel.columns, result.fit.motions
     if motions is None:
         return SeveralLogs(None, (), columns, ONE if len(samples) == 1 else SHORT)
-    names = tuple(samples[k].name for k in motions.which)
-    if motions.agree:
+    names = tuple(s.name for s in samples)
+    if not motions.moved.any():
         text = f"The {len(names)} logs agree: no value differs by more than chance."
         return SeveralLogs(motions, names, columns, text)
     order = [k for k in np.argsort(motions.p) if motions.moved[k]]
-    far = [f"{columns[k]} ({_range(motions.values[:, k])})" for k in order]
-    what = listing(far, NAMED)
-    if not far:
-        share = format_number(np.sqrt(motions.ratio), 2)
-        what = f"all values together differ {share} × as much as noise allows"
+    far = listing([f"{columns[k]} ({_range(motions.values[:, k])})" for k in order], NAMED)
     text = (
-        f"The logs {listing(names, NAMED)} disagree: {what}. A payload, a temperature or another "
+        f"The logs {listing(names, NAMED)} disagree: {far}. A payload, a temperature or another "
         "robot does that, or the model leaves out what differs between them; intervals are widened "
         "to hold all of them. What changed, and in which log: compare."
     )
