@@ -20,7 +20,6 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation.motion import find_motion
 from identifiability.workflows.analyze import analyze
-from identifiability.workflows.analyze.assessment import state_limbs
 from identifiability.workflows.excite import excite
 from identifiability.workflows.oddities import MeasuredLogs, find_always
 from identifiability.workflows.oddities.contacts import (
@@ -474,14 +473,3 @@ def test_impacts_sampled_without_a_low_pass_are_told_and_noise_is_not(case, tmp_
     structure = Structure.of(robot, Model.of("rigid_body"))
     told = find_aliases(MeasuredLogs(structure, (log,), (prepare_samples(robot, log),)))
     assert any("without a low-pass" in hint for hint in told) == (case == "aliased")
-
-
-def test_base_and_limbs_are_weighed_each_with_all_that_hangs_on_it(tmp_path):
-    robot = walker(tmp_path, "")
-    told = state_limbs(robot, {**robot.nominal, "left.m": 1.25})
-    assert "trunk 5 (5), left 1.25 (1), right 1 (1) kg" in told
-    inner = '<body name="foot"><joint name="f"/><inertial pos="0 0 0" mass=".5" {}/></body></body>'
-    text = robot.path.read_text().replace("</body>", inner.format('diaginertia="1 1 1"'), 1)
-    text = text.replace("</actuator>", '<motor joint="f"/></actuator>')
-    robot.path.write_text(text)
-    assert "left 1.5 (1.5)" in state_limbs(Robot.load(robot.path), Robot.load(robot.path).nominal)

@@ -51,7 +51,7 @@ def test_logs_that_disagree_are_named_with_the_parameter(mixed):
     hint = mixed.several.hint
     assert hint in mixed.hints
     assert hint in mixed.statement
-    assert hint.startswith("The logs first, second and third disagree: elbow.Fc")
+    assert hint.startswith("The logs first, second, third disagree: elbow.Fc")
     assert "What changed, and in which log: compare." in hint
 
 
@@ -66,7 +66,7 @@ def test_the_interval_holds_the_values_of_both(equal, mixed):
 
 def test_two_logs_that_disagree_are_named(logs):
     hint = analyze("two-link", [logs[0], rubbed(logs[1], 0.3)], replicates=50).several.hint
-    assert "The logs first and second disagree: elbow.Fc" in hint
+    assert "The logs first, second disagree: elbow.Fc" in hint
 
 
 def test_one_log_says_what_it_cannot_show(logs):

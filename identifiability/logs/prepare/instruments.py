@@ -459,6 +459,12 @@ def noise_share(robot: Robot, log: Log, cutoff: float | None, seed: int = 0) -> 
     return float(np.max(level[size > 0] / size[size > 0], initial=0.0))
 
 
+def noise_again(log: Log, rng: np.random.Generator) -> Log:
+    """Return a log with as much noise once more on positions, and on velocities if measured."""
+    dq = None if log.dq is None else log.dq + _white_as(log.dq, log.t, rng)
+    return replace(log, q=log.q + _white_as(log.q, log.t, rng), dq=dq)
+
+
 def _white_as(x: Array, t: Array, rng: np.random.Generator) -> Array:
     """Return white noise of the size of that in signals (N, n)."""
     level = np.maximum(noise_level(x, t), resolution(x) / np.sqrt(12))

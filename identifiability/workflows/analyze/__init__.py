@@ -2,7 +2,7 @@
 
 What to use when: `analyze` does it all and gives an `Analysis`. The method, in the order of the
 files: models are fitted (`fit`), assessed and one selected (`assessment`); its values are tried in
-other bands (`check_cutoff`) and believed (`form_belief`, `belief`); and the answer is told
+other bands (`say_band`) and believed (`form_belief`, `belief`); and the answer is told
 (`result`, `words`).
 """
 

@@ -37,7 +37,6 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.physical.cad_prior import (
     combine_with_file,
-    mass_rows,
     real_robot_dict,
     state_mass,
     state_masses,
@@ -264,7 +263,7 @@ def assess_ladder(
     replicates: int,
     missing: Alternatives = NO_ALTERNATIVES,
     *,
-    late: Callable[[Submodel], Array] | None = None,
+    late: Callable[[Submodel], Mapping[str, Array]] | None = None,
     judged: Sequence[Evidence] = (),
 ) -> tuple[ModelResult, ...]:
     """Return the results of all m models.
@@ -284,7 +283,7 @@ def assess_ladder(
     missing : Alternatives, optional
         What may be missing beside all base parameters.
     late : callable(Submodel), optional
-        What errors of delays do to the values of a model, (L, k).
+        What errors that all samples share do to the values of a model, by name.
     judged : sequence of Evidence, optional
         Of each model against the best, on folds.
     """
@@ -334,7 +333,7 @@ def complete_fit(
     fit: Fit,
     full: Estimate | None,
     missing: Alternatives,
-    late: Callable[[Submodel], Array] | None = None,
+    late: Callable[[Submodel], Mapping[str, Array]] | None = None,
     real: PhysicalResult | None = None,
 ) -> Fit:
     """Return a fit with what moves all samples alike, and what its model leaves out.
@@ -355,7 +354,7 @@ def complete_fit(
     """
     shared, estimate = dict(fit.shared), model.estimate
     if late is not None:
-        shared["delay"] = late(model.submodel)
+        shared |= late(model.submodel)
     if real is not None and real.as_good and real.nearest is not None:
         apart = model.to_x @ real.nearest.phi - estimate.value
         shared["prior"] = np.where(estimate.determined, apart, 0.0)[None]
@@ -621,9 +620,8 @@ class Laddered(Result, Opening, Predicts):
         What may be missing beside the unpruned model.
     moved : Moved or None
         How far rollouts of the nearest real robot are off, of logs of commands.
-    late : (L, b)
-        By how much base parameters move if commands of a log act one standard deviation of its
-        delay later, or gains that were found are others by one.
+    late : (w, b)
+        By how much base parameters move by errors that all samples of a log share.
     rolled : Rollouts or None
         On which torque of commands was calibrated: delays and their errors.
     """
@@ -753,8 +751,7 @@ class Laddered(Result, Opening, Predicts):
         tilt = self.robot.tilt
         about = "" if tilt is None else f"In this model gravity {tilt.text}."
         moved = "" if self.moved is None else self.moved.statement
-        real = {} if self.nothing else self._used.physical.parameters()
-        weight = "" if self.nothing else state_weight(self.structure, self.models[0].verdicts, real)
+        weight = "" if self.nothing else state_weight(self.structure, self.models[0].verdicts)
         reported = (self.mass_warning, weight, answer, each, moved, about, raw, *self.hints)
         return " ".join(filter(None, reported))
 
@@ -794,9 +791,7 @@ class Laddered(Result, Opening, Predicts):
         }
 
 
-def state_weight(
-    structure: Structure, verdicts: Sequence[Verdict], real: Mapping[str, float]
-) -> str:
+def state_weight(structure: Structure, verdicts: Sequence[Verdict]) -> str:
     """Return what a robot that floats weighs by its logs, beside its file; nothing of others.
 
     The mass of all its bodies is one of its base parameters: gravity acts on the whole of it. What
@@ -814,21 +809,5 @@ def state_weight(
     stated = float(structure.nominal @ masses)
     return (
         f"{structure.robot.title} weighs {known[0].value:.4g} ± {(high - low) / 2:.2g} kg, "
-        f"{stated:.4g} by its file{state_limbs(structure.robot, real)}."
+        f"{stated:.4g} by its file."
     )
-
-
-def state_limbs(robot: Robot, real: Mapping[str, float]) -> str:
-    """Return what the limbs of a robot that floats weigh, for after a semicolon, with it."""
-    parents = robot.model.parents
-    limbs: dict[str, list[float]] = {}
-    for row in mass_rows(robot, real):
-        joint = robot.bodies.index(row["body"]) + 1
-        while parents[joint] > 1:  # the first is that of the base
-            joint = int(parents[joint])
-        own = limbs.setdefault(robot.bodies[joint - 1], [0.0, 0.0])
-        own[0], own[1] = own[0] + row["mass"], own[1] + row["mass_file"]
-    each = [f"{name} {mass:.3g} ({file:.3g})" for name, (mass, file) in limbs.items()]
-    if len(each) < 2:
-        return ""
-    return f"; base and limbs, of the nearest real robot (of the file): {listing(each, 6)} kg"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,8 +15,12 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_number
 from identifiability.foundation.values import frozen
+from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, Samples, prepare_samples
-from identifiability.logs.prepare.preparation import SettledPreparation, settle_cutoff
+from identifiability.logs.prepare.instruments import noise_again
+from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.preparation import SettledPreparation
+from identifiability.logs.repeats import Recording
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Band
 from identifiability.physical.cad_prior import WEAK, WEIGHTS
@@ -32,49 +36,75 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
-from identifiability.workflows.opening import Opening, Recordings
+from identifiability.robot import Robot
 from identifiability.workflows.session import Session, Weighed
 
 
 @frozen
-class DelayErrors:
-    """What errors of delays and gains of servos do to values: all samples of a log share them.
+class SharedErrors:
+    """What errors that all samples of a log share do to values.
+
+    ``delay``: of delays and gains of servos. ``bias``: of noise that a cut-off lets into computed
+    derivatives, where no second record of the motion takes it away: with as much noise once more
+    values move by what it has moved them already [Cook & Stefanski 1994].
 
     Attributes
     ----------
     information : Information
         About all columns, before rows were weighed.
-    later : tuple of Information
+    others : mapping of str to tuple of Information
         The same, had commands of one log acted one standard deviation of its delay later, or had
-        gains that were found been others by one.
+        gains that were found been others by one; and with the noise of the motion once more.
     estimator : Estimator
     """
 
     information: Information
-    later: tuple[Information, ...]
+    others: Mapping[str, tuple[Information, ...]]
     estimator: Estimator
 
     @classmethod
-    def of(cls, session: Session, rows: Weighed) -> DelayErrors:
-        """Return them for samples that are fitted; none where torque comes from no command."""
-        opening, later = rows.opening, list[Information]()
-        for logs in () if opening.silence else session.recordings.later:
+    def of(cls, session: Session, rows: Weighed) -> SharedErrors:
+        """Return them for samples that are fitted."""
+        opening, how = rows.opening, session.how
+        if opening.silence:
+            return cls(rows.alike, {}, rows.estimator)
+        delay, bias = list[Information](), tuple[Information, ...]()
+        for logs in session.recordings.later:
             samples = list(opening.samples)
             for k, log in logs.items():
-                own, moved = samples[k], prepare_samples(opening.robot, log, session.how)
+                own, moved = samples[k], prepare_samples(opening.robot, log, how)
                 if isinstance(own, Samples) and moved.tau.shape == own.tau.shape:
                     samples[k] = replace(own, tau=moved.tau)
-            later.append(gather_information(opening.structure.regression(samples)))
-        return cls(rows.alike, tuple(later), rows.estimator)
+            delay.append(gather_information(opening.structure.regression(samples)))
+        band = how.band if isinstance(how, SettledPreparation) else None
+        loud = band is not None and band.noise > LOG_RULES.noise_share
+        if loud and not (rows.estimator.instruments or session.recordings.commanded):
+            pairs = zip(session.recordings.fitted, opening.samples, strict=True)
+            samples = [_noisier(opening.robot, log, own, how) for log, own in pairs]
+            bias = (gather_information(opening.structure.regression(samples)),)
+        return cls(rows.alike, {"delay": tuple(delay), "bias": bias}, rows.estimator)
 
-    def move(self, submodel: Submodel) -> Array:
-        """Return by how much each of them moves the values of a model, (L, k)."""
-        if not self.later:
-            return np.zeros((0, len(submodel)))
-        first, *others = (
-            self.estimator.fit(submodel.reduce(x)).value for x in (self.information, *self.later)
-        )
-        return np.array(others) - first
+    def move(self, submodel: Submodel) -> dict[str, Array]:
+        """Return by how much each of them moves the values of a model, (w, k)."""
+        own = self.estimator.fit(submodel.reduce(self.information)).value if self.others else None
+        return {
+            name: np.array([self.estimator.fit(submodel.reduce(x)).value - own for x in others])
+            for name, others in self.others.items()
+            if others
+        }
+
+    def together(self, submodel: Submodel) -> Array:
+        """Return all of them, (w, k)."""
+        return np.vstack([np.zeros((0, len(submodel))), *self.move(submodel).values()])
+
+
+def _noisier(robot: Robot, log: Recording, own: Prepared, how: Preparation) -> Prepared:
+    """Return samples along a motion with as much noise once more, if it is in memory."""
+    if not (isinstance(log, Log) and isinstance(own, Samples)):
+        return own
+    moved = prepare_samples(robot, noise_again(log, np.random.default_rng(0)), how)
+    alike = np.array_equal(moved.motion.kept, own.motion.kept)
+    return replace(own, motion=moved.motion) if alike else own
 
 
 @frozen
@@ -246,31 +276,6 @@ def settle_robot(
 
 
 # The low-pass of computed derivatives: does it cut the motion, does it let noise in?
-
-
-def check_cutoff(
-    opening: Opening,
-    recordings: Recordings,
-    how: Preparation,
-) -> tuple[str, ...]:
-    """Return what to say of the cut-off: of what it lets through.
-
-    Parameters
-    ----------
-    opening : Opening
-    recordings : Recordings
-        What its samples were prepared from.
-    how : Preparation
-        With the cut-off for all logs.
-    """
-    # Torque of commands is calibrated along rollouts at one cut-off, and is not that of another.
-    if recordings.commanded or not isinstance(how, SettledPreparation) or how.band is None:
-        return ()
-    held_out = settle_cutoff(opening.structure.robot, recordings.held_out, how)
-    seen = held_out.band if isinstance(held_out, SettledPreparation) else None
-    names = " and ".join(log.name for log in recordings.held_out)
-    unseen = _say_cut(seen, names) if seen and not _say_cut(how.band, "") else ""
-    return (*say_band(how), *filter(None, (unseen,)))
 
 
 def say_band(how: Preparation | None) -> tuple[str, ...]:

@@ -36,7 +36,6 @@ from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.rules import Thresholds as Believable
 from identifiability.workflows.analyze.assessment import JudgedModel, Laddered, ModelResult
 from identifiability.workflows.analyze.belief import Belief, Which, belief_dict, build_datatree
-from identifiability.workflows.analyze.rules import RULES
 from identifiability.workflows.analyze.words import SeveralLogs, state_answer, state_physics
 from identifiability.workflows.answers import (
     SIGMA,
@@ -62,7 +61,6 @@ from identifiability.workflows.commands import (
     source_name,
 )
 from identifiability.workflows.opening import is_reading
-from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -224,7 +222,7 @@ class Analysis(Laddered):
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
         believed = () if self.belief is None else (Believable(), POSTERIOR_RULES)
-        return (RULES, self.thresholds, ESTIMATION_RULES, *believed)
+        return (self.thresholds, ESTIMATION_RULES, *believed)
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models, the errors by joint and by log, the parameters of the model to use."""
@@ -297,13 +295,6 @@ def model_title(result: ModelResult) -> str:
     return result.name if "model" in result.name.lower() else f"“{result.name}”"
 
 
-def sigma_inflation(result: ModelResult) -> float:
-    """Return by how much autocorrelation widens σ, over the determined parameters."""
-    pairs = [(v.sigma_robust, v.sigma) for v in result.verdicts]
-    ratios = [a / b for a, b in pairs if 0 < b < np.inf and np.isfinite(a)]
-    return float(np.median(ratios)) if ratios else 1.0
-
-
 def found_cell(model: JudgedModel) -> Cell:
     """Return how many parameters of a model are identifiable."""
     found = sum(v.verdict is Class.IDENTIFIABLE for v in model.verdicts)
@@ -346,7 +337,7 @@ def _cautions(analysis: Analysis) -> tuple[Note, ...]:
         notes.append(note("nothing", why=why))
     if not np.isfinite(analysis.chosen.error_ra_validation):
         return (*notes, *_sample_notes(analysis))
-    for part in (_physics_notes, _excitation_notes, _sample_notes, _noise_notes, _fit_notes):
+    for part in (_physics_notes, _excitation_notes, _sample_notes, _fit_notes):
         notes += part(analysis)
     order = {"warning": 0, "note": 1, "good": 2}
     return tuple(sorted(notes, key=lambda n: order[n.level]))
@@ -377,11 +368,6 @@ def _excitation_notes(analysis: Analysis) -> Iterator[Note]:
         yield note("poor", rank=base.rank, excited=len(full.estimate.kept))
     if base.ambiguous:
         yield note("ambiguous")
-    rows, size = analysis.information.rows, len(full.submodel)
-    # Rows for each parameter below which the report warns of a short log.
-    if rows < 10 * size:
-        values, parameters = format_count(rows, "torque value"), format_count(size, "parameter")
-        yield note("short", rows=values, size=parameters)
 
 
 def _sample_notes(analysis: Analysis) -> Iterator[Note]:
@@ -392,16 +378,6 @@ def _sample_notes(analysis: Analysis) -> Iterator[Note]:
             samples = format_count(s.survey.singular, "sample")
             condition = format_number(s.survey.condition, 2)
             yield note("singular", log=s.name, samples=samples, condition=condition)
-
-
-def _noise_notes(analysis: Analysis) -> Iterator[Note]:
-    times = np.asarray(analysis.chosen.autocorrelation_time, float)
-    factor = sigma_inflation(analysis.chosen)
-    longest = f"{time_text(times.max())} samples in {analysis.robot.joints[int(np.argmax(times))]}"
-    name = "uneven" if factor > RULES.inflation_mild else "independent"
-    if np.sqrt(times.max()) > RULES.inflation_mild:
-        name = "memory"
-    yield note(name, longest=longest, grown=f"{format_number(factor, 3)} × that of white noise")
 
 
 def _fit_notes(analysis: Analysis) -> Iterator[Note]:
@@ -415,9 +391,6 @@ def _fit_notes(analysis: Analysis) -> Iterator[Note]:
     if full.unjudged and full is not chosen:
         title = f"The unpruned {model_title(full)} is not judged."
         yield Note("warning" if chosen.unjudged else "note", title, full.unjudged)
-    unseen, fitted = chosen.error_ra_validation, chosen.error_ra
-    if not analysis.nothing and unseen > WORKFLOW_RULES.grows * fitted:
-        yield note("grows", unseen=error_text(unseen), fitted=error_text(fitted))
     if not analysis.validation:
         yield note("inside", kind=analysis.validation_kind)
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from identifiability.estimation.estimate import Kind, Method, find_estimator, settle_noise
-from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
+from identifiability.estimation.prediction import Task, predict, predict_all
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import ModelError
@@ -20,9 +21,7 @@ from identifiability.foundation.options import (
     renamed,
     settle_count,
 )
-from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
-from identifiability.regression.information import Information
 from identifiability.regression.reduction import (
     LadderLike,
     Submodel,
@@ -34,23 +33,10 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.assessment import assess_ladder, select_model, tell_with_file
 from identifiability.workflows.analyze.belief import believe
-from identifiability.workflows.analyze.fit import (
-    DelayErrors,
-    FittedLadder,
-    check_cutoff,
-    fit_ladder,
-)
+from identifiability.workflows.analyze.fit import SharedErrors, fit_ladder, say_band
 from identifiability.workflows.analyze.result import Analysis
 from identifiability.workflows.analyze.words import compare_logs, doubt, state_mounting, state_weak
-from identifiability.workflows.opening import (
-    Logs,
-    Opening,
-    Progress,
-    find_missing,
-    quiet,
-    running,
-    share,
-)
+from identifiability.workflows.opening import Logs, Progress, find_missing, quiet, running, share
 from identifiability.workflows.session import Session, Weighed, settle_prior
 
 
@@ -148,16 +134,17 @@ def analyze(
                 opening = replace(opening, hints=(other.statement, *opening.hints))
                 submodels = build_comparison(entry, opening.structure)
             rows = session.weigh(opening, base, estimator)
-            fitted = _fit(session, rows, submodels, cad_prior)
-        settings = {
-            "estimator": estimator,
-            "replicates": draws,
-            "posterior": posterior,
-            "cad_prior": cad_prior,
-            "prior": share_,
-            "preparation": preparation or Preparation(),
-        }
-        found = _judge(session, fitted, streams[1], draws, share_, base.name, seed, settings)
+            settings = {
+                "estimator": estimator,
+                "replicates": draws,
+                "posterior": posterior,
+                "cad_prior": cad_prior,
+                "prior": share_,
+                "preparation": preparation or Preparation(),
+            }
+            how = {"method": base.name, "seed": seed, "settings": settings}
+            told = streams[1], draws, cad_prior, share_, how
+            found = _conclude(session, rows, submodels, *told)
         moved = session.recordings.measure_rollouts(
             session.structure.robot, found.chosen.physical.parameters()
         )
@@ -173,38 +160,35 @@ def _sample(found: Analysis, rng: np.random.Generator, say: Progress, within: fl
     return replace(found, models=models, belief=belief, hints=(*found.hints, *hint))
 
 
-@frozen
-class _Fitted:
-    """Models that were fitted, and what they predict.
+def _conclude(
+    session: Session,
+    rows: Weighed,
+    submodels: Sequence[Submodel],
+    rng: np.random.Generator,
+    draws: int,
+    cad_prior: float | None,
+    within: float,
+    how: Mapping[str, Any],
+) -> Analysis:
+    """Fit the models, predict torque by them, judge every parameter and choose one model.
 
-    Attributes
+    Parameters
     ----------
-    opening : Opening
-    information : Information
-    ladder : FittedLadder
-    within, out : Prediction
-        On the fitted logs, and on others, or in turns.
-    late : DelayErrors
-    burst : str
-        A sentence on outliers, if any.
+    session : Session
+    rows : Weighed
+    submodels : sequence of Submodel
+    rng : numpy.random.Generator
+    draws : int
+        Of the bootstrap.
+    cad_prior : float or None
+    within : float
+        Share within which bodies are the file's, 0 for none.
+    how : mapping
+        As asked for.
     """
-
-    opening: Opening
-    information: Information
-    ladder: FittedLadder
-    within: Prediction
-    out: Prediction
-    late: DelayErrors
-    burst: str
-
-
-def _fit(
-    session: Session, rows: Weighed, submodels: Sequence[Submodel], cad_prior: float | None
-) -> _Fitted:
-    """Fit the models, and predict torque by them."""
     say, engine, opening = session.say, session.engine, rows.opening
     say("fitting models", 0.6)
-    late, estimator = DelayErrors.of(session, rows), rows.estimator
+    delays, estimator = SharedErrors.of(session, rows), rows.estimator
     if not opening.silence:
         estimator = settle_noise(estimator, rows.information)
     ladder = fit_ladder(
@@ -215,79 +199,46 @@ def _fit(
     if not opening.validation and not opening.silence:
         tasks.append(ladder.in_turns())
     predicting = share(say, "predicting torque", 0.65, 0.9)
-    within, *out = predict_all(opening.regression, tasks, engine=engine, progress=predicting)
+    fitted, *others = predict_all(opening.regression, tasks, engine=engine, progress=predicting)
     if opening.unseen is not None:
-        out = [predict(opening.unseen, values[:, : 2 * len(ladder.models)], engine=engine)]
-    return _Fitted(
-        opening, rows.information, ladder, within, (out or [within])[0], late, rows.burst
-    )
-
-
-def _judge(
-    session: Session,
-    fitted: _Fitted,
-    rng: np.random.Generator,
-    draws: int,
-    within: float,
-    method: str,
-    seed: int,
-    settings: Mapping[str, object],
-) -> Analysis:
-    """Judge every parameter of every model, and choose one of these.
-
-    Parameters
-    ----------
-    session : Session
-    fitted : _Fitted
-    rng : numpy.random.Generator
-    draws : int
-        Of the bootstrap.
-    within : float
-        Share within which bodies are the file's, 0 for none.
-    method : str
-    seed : int
-    settings : mapping
-        As asked for.
-    """
-    opening, ladder, out = fitted.opening, fitted.ladder, fitted.out
+        others = [predict(opening.unseen, values[:, : 2 * len(ladder.models)], engine=engine)]
+    out = (others or [fitted])[0]
     recordings, thresholds = session.recordings, Thresholds()
-    whole = ladder.models[0].submodel
     missing = find_missing(opening)
     results = assess_ladder(
         ladder.models,
         ladder.robots,
-        fitted.within,
+        fitted,
         out,
         thresholds,
         rng,
         draws,
         missing,
-        late=fitted.late.move,
+        late=delays.move,
         judged=ladder.judged,
     )
     at = select_model(results, ladder.near)
     results, contradicted = tell_with_file(ladder.models, results, within, thresholds)
     results, nothing = doubt(opening.silence or opening.misread, results, at, out)
     several = compare_logs(opening.samples, results[at])
-    hints = [*opening.hints, fitted.burst, contradicted[at], ladder.short]
-    hints += check_cutoff(opening, recordings, session.how)
+    hints = [*opening.hints, rows.burst, contradicted[at], ladder.short]
+    hints += () if recordings.commanded else say_band(session.how)
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest
         mounting = state_mounting(session.structure.robot, results[at].verdicts)
         hints += [state_weak(results[at]), mounting, several.hint, results[at].warning]
+    whole = ladder.models[0].submodel
     return Analysis(
         structure=opening.structure,
         samples=opening.samples,
         validation=opening.validation,
         hints=tuple(filter(None, hints)),
-        information=fitted.information,
+        information=rows.information,
         folds=ladder.folds,
         models=results,
         selected=at,
-        fitted=fitted.within.select(range(len(results))),
+        fitted=fitted.select(range(len(results))),
         held_out=out.select(range(len(results))),
-        method=method,
-        seed=seed,
-        settings=settings,
+        **how,
         thresholds=thresholds,
         nothing=nothing,
         recordings=recordings.fitted,
@@ -295,5 +246,5 @@ def _judge(
         missing=missing,
         commands=opening.commands,
         rolled=recordings.rolled,
-        late=fitted.late.move(whole) @ whole.M.T,
+        late=delays.together(whole) @ whole.M.T,
     )

@@ -66,7 +66,7 @@ from identifiability.workflows.analyze.assessment import (
     forbidden_signs,
     tell_with_file,
 )
-from identifiability.workflows.analyze.fit import DelayErrors, check_cutoff, settle_robot
+from identifiability.workflows.analyze.fit import SharedErrors, say_band, settle_robot
 from identifiability.workflows.analyze.words import WORSE, compare_logs, state_mounting, state_weak
 from identifiability.workflows.opening import Logs, Progress, find_missing, quiet, running, share
 from identifiability.workflows.prune.elimination import (
@@ -171,7 +171,7 @@ def prune(
             _check_wishes(start, forbid, force)
             part = start.reduce(rows.information)
             own = settle_noise(rows.estimator, part)
-            question = Question(rows, start, own, DelayErrors.of(session, rows))
+            question = Question(rows, start, own, SharedErrors.of(session, rows))
             say("walking down the ladder", 0.4)
             search = find_path(
                 part,
@@ -221,7 +221,7 @@ def prune(
                 session.structure.robot, measured.result.physical.parameters()
             ),
             rolled=session.recordings.rolled,
-            late=question.delays.move(full_model(session.structure.base)),
+            late=question.delays.together(full_model(session.structure.base)),
             method=base.name,
             seed=seed,
             source=source,
@@ -253,7 +253,7 @@ def _hint(
         state_weak(result),
         state_mounting(session.structure.robot, result.verdicts),
         *opening.hints[first:],
-        *check_cutoff(opening, session.recordings, session.how),
+        *(() if session.recordings.commanded else say_band(session.how)),
         compare_logs(opening.samples, result).hint,
     )
 
@@ -316,13 +316,13 @@ class Question:
     start : Submodel
         The model that pruning starts from.
     estimator : Estimator
-    delays : DelayErrors
+    delays : SharedErrors
     """
 
     rows: Weighed
     start: Submodel
     estimator: Estimator
-    delays: DelayErrors
+    delays: SharedErrors
 
     @cached_property
     def full(self) -> Estimate | None:
