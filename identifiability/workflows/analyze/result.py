@@ -14,7 +14,7 @@ from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import loaded_joints
-from identifiability.estimation.verdict import Class, Verdict
+from identifiability.estimation.verdict import Class, Verdict, percent_of
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.options import check_choice
 from identifiability.foundation.rounding import (
@@ -504,6 +504,13 @@ def parameter_table(analysis: Analysis, result: ModelResult) -> Table:
         Column("σ white", percent_text, "sigma_percent", detail=True),
         Column("σ robust", percent_text, "sigma_robust_percent", detail=reduced),
         Column("σ label", percent_text, "sigma_label_percent"),
+        Column(
+            "σ bootstrap",
+            percent_text,
+            lambda v: percent_of(v.sigma_bootstrap, v.value),
+            detail=True,
+        ),
+        Column("σ is of", get=_terms_cell, detail=True),
         *bias_columns(result.verdicts),
         Column("robot file", "number", in_file),
         Column("share of torque", "bar", share),
@@ -512,6 +519,17 @@ def parameter_table(analysis: Analysis, result: ModelResult) -> Table:
     )
     own = tuple(c for c in every if reduced or c.title != "σ label")
     return Table.of("", own, result.verdicts, filter_by=-1, long=True)
+
+
+def _terms_cell(v: Verdict) -> Cell:
+    """Return the shares that terms have of the variance of a label, the largest first."""
+    total = v.sigma_label**2
+    if not 0 < total < np.inf:
+        return Cell(NONE, 0.0)
+    order = sorted(v.terms, key=lambda term: -v.terms[term])
+    each = [f"{term} {percent(v.terms[term] ** 2 / total, 2)}" for term in order[:3]]
+    shown = [text for term, text in zip(order, each, strict=False) if v.terms[term] > 0]
+    return Cell(", ".join(shown), v.terms[order[0]] ** 2 / total)
 
 
 def _paper_cell(v: Verdict) -> Cell:
