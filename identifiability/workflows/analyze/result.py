@@ -36,7 +36,7 @@ from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.rules import Thresholds as Believable
 from identifiability.workflows.analyze.assessment import JudgedModel, Laddered, ModelResult
 from identifiability.workflows.analyze.belief import Belief, Which, belief_dict, build_datatree
-from identifiability.workflows.analyze.words import SeveralLogs, state_answer, state_physics
+from identifiability.workflows.analyze.words import SeveralLogs, state_physics
 from identifiability.workflows.answers import (
     SIGMA,
     UNIT,
@@ -201,15 +201,10 @@ class Analysis(Laddered):
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        text = state_answer(
-            self.base,
-            self.models,
-            self.chosen,
-            self.physical_statement,
-            self.nothing,
-            self.missing,
-        )
-        return self._state(text)
+        use, quality = _answer_use(self), self.answers()[1]
+        told = f"{use.short} {use.text} {quality.short} {quality.text}"
+        doubt = f"Nothing is identifiable, because {self.nothing}." if self.nothing else ""
+        return self._state(doubt or told)
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what to use, how good it is, whether to trust it, what to do next."""
@@ -306,23 +301,29 @@ MOST_NAMES = 24
 
 
 def _answer_use(analysis: Analysis) -> Answer:
-    chosen, base = analysis.chosen, analysis.base
+    chosen, base, full = analysis.chosen, analysis.base, analysis.full
     question = "What do the logs determine, and which model to use?"
     size = f"Of {len(base.parameters)} parameters {base.rank} can be told apart by any motion."
     if analysis.nothing:
         return Answer(question, "Nothing, and none.", size, "vermilion")
-    found = f"{chosen.count(Class.IDENTIFIABLE)} of {len(chosen.submodel)} parameters"
+    found = f"{chosen.count(Class.IDENTIFIABLE)} of {len(chosen.submodel)} parameters identifiable"
     if chosen.unjudged:
         found = f"{len(chosen.submodel)} parameters, none judged"
     title = model_title(chosen)
     title = f"{title[0].upper()}{title[1:]}"
-    if chosen is not analysis.full:
-        full = analysis.full
+    if chosen is not full:
         size += f" The unpruned {model_title(full)} keeps all {len(full.submodel)} of them"
         size += "." if full.unjudged else f", {full.count(Class.IDENTIFIABLE)} identifiable."
-    physics = f" {analysis.physical_statement}"
+    if not any(m.count(Class.IDENTIFIABLE) for m in analysis.models):
+        few = f"The motion excites only {len(full.estimate.kept)} of these, and noise hides them."
+        poor = len(full.estimate.kept) < base.rank
+        size += f" {chosen.unjudged or (few if poor else 'Noise hides all of them.')}"
+    if analysis.missing.functions:
+        missing = analysis.missing.statement
+        size += f" That holds only if nothing is missing: {missing}: diagnose."
     tone = "blue" if chosen.feasible else "amber"
-    return Answer(question, f"{title}: {found} identifiable.", f"{size}{physics}", tone)
+    physics = analysis.physical_statement
+    return Answer(question, f"{title}: {found}.", f"{size} {physics}", tone)
 
 
 def _cautions(analysis: Analysis) -> tuple[Note, ...]:

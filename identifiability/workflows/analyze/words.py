@@ -9,17 +9,14 @@ from typing import Any
 import numpy as np
 
 from identifiability.effects.imu import move_mounting
-from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives
 from identifiability.estimation.fit import Motions
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
-from identifiability.foundation.rounding import format_count
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.regression.structure import BaseParameters
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.assessment import ModelResult
 
@@ -116,60 +113,6 @@ def _range(values: Array) -> str:
 WORSE = "no model predicts motion that it has not seen better than a constant torque would"
 
 
-def state_answer(
-    base: BaseParameters,
-    models: Sequence[ModelResult],
-    chosen: ModelResult,
-    physics: str,
-    nothing: str = "",
-    missing: Alternatives = NO_ALTERNATIVES,
-) -> str:
-    """Return how many parameters the logs determine, and which model to use.
-
-    Parameters
-    ----------
-    base : BaseParameters
-    models : sequence of ModelResult
-        The unpruned one first.
-    chosen : ModelResult
-        The selected one.
-    physics : str
-        What `state_physics` says of the selected model.
-    nothing : str
-        Why no verdict is believed, if that is so (`doubt`).
-    missing : Alternatives, optional
-        Functions that are missing in it.
-    """
-    total, full = len(base.parameters), models[0]
-    size = f"The robot has {total} parameters, {base.rank} of them independent in principle."
-    why = nothing or _why_none(base, models, chosen)
-    if why:
-        return f"Nothing is identifiable, because {why}. {size}"
-    if chosen.unjudged:
-        return f"Nothing is judged. {chosen.unjudged} {size}"
-    unseen = 100 * chosen.error_ra_validation
-    known = f"determine {full.count(Class.IDENTIFIABLE)} of them in the unpruned model"
-    if full.unjudged:
-        known = "do not suffice to judge the unpruned model"
-    text = (
-        f"Of {total} parameters {base.rank} can be told apart in principle; these logs {known}. "
-        f"The model to use is {chosen.name}: {_are_identifiable(chosen, 'its ')}, and it predicts "
-        f"motion that it has not seen with an error of {unseen:.3g} %."
-    )
-    if not (full.count(Class.IDENTIFIABLE) or chosen.count(Class.IDENTIFIABLE)):
-        most = max(models, key=lambda m: m.count(Class.IDENTIFIABLE))
-        text += f" In {most.name} {_are_identifiable(most)}."
-    if missing.functions:
-        text += f" That holds only if nothing is missing: {missing.statement}: diagnose."
-    why_not = f"The unpruned model is not judged. {full.unjudged}" if full.unjudged else ""
-    return " ".join(filter(None, (text, physics, why_not)))
-
-
-def _are_identifiable(model: ModelResult, its: str = "") -> str:
-    count, size = model.count(Class.IDENTIFIABLE), format_count(len(model.submodel), "parameter")
-    return f"{count} of {its}{size} {'is' if count == 1 else 'are'} identifiable"
-
-
 def state_physics(chosen: ModelResult) -> str:
     """Return what physics says of a model."""
     if chosen.feasible:
@@ -248,16 +191,3 @@ def doubt(
     if not why and not results[at].error_ra_validation < held_out.constant_error():
         why = WORSE
     return (tuple(r.withdraw(why) for r in results) if why else results), why
-
-
-def _why_none(base: BaseParameters, models: Sequence[ModelResult], chosen: ModelResult) -> str:
-    """Return why no parameter is called identifiable, or nothing if some are."""
-    if chosen.unjudged or any(m.count(Class.IDENTIFIABLE) for m in models):
-        return ""
-    excited = len(models[0].estimate.kept)
-    if excited < base.rank:
-        return (
-            f"the motion excites only {excited} independent combinations of parameters and "
-            "noise hides these"
-        )
-    return "the residual hides every parameter"

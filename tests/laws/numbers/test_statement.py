@@ -8,7 +8,7 @@ import pytest
 
 from identifiability.estimation.verdict import Class
 from identifiability.logs.prepare.samples import explain_silence
-from identifiability.workflows.analyze.words import doubt, state_answer, state_physics
+from identifiability.workflows.analyze.words import doubt, state_physics
 
 
 @dataclass
@@ -52,46 +52,6 @@ class Judged:
         return self.identifiable if kind is Class.IDENTIFIABLE else 0
 
 
-BASE = SimpleNamespace(parameters=range(40), rank=12)
-
-
-def said(full=None, chosen=None, nothing="", between=()):
-    full, chosen = full or Judged("full", 2, 12, kept=12), chosen or Judged()
-    return state_answer(BASE, (full, *between, chosen), chosen, state_physics(chosen), nothing)
-
-
-def test_the_answer_counts_what_is_determined_and_names_the_model_to_use():
-    text = said()
-    assert text.startswith(
-        "Of 40 parameters 12 can be told apart in principle; these logs determine 2 of them in "
-        "the unpruned model. The model to use is small: 3 of its 5 parameters are identifiable, "
-        "and it predicts motion that it has not seen with an error of 10 %."
-    )
-    assert text.endswith("A real robot can have its values.")
-
-
-def test_nothing_is_identifiable_for_a_reason():
-    def why(*args):
-        text = said(*args)
-        assert text.startswith("Nothing is identifiable, because ")
-        assert "The robot has 40 parameters, 12 of them independent in principle." in text
-        return text
-
-    assert "because all is quiet." in why(None, None, "all is quiet")
-    none, hidden = Judged(identifiable=0), Judged("full", 0, 12, kept=12)
-    assert "the residual hides every parameter" in why(hidden, none)
-    poor = Judged("full", 0, 12, kept=7)
-    assert "the motion excites only 7 independent combinations" in why(poor, none)
-
-
-def test_identifiable_parameters_of_a_model_between_are_not_called_nothing():
-    none, between = Judged(identifiable=0), Judged("middle", 4, 8, kept=8)
-    text = said(Judged("full", 0, 12, kept=12), none, between=(between,))
-    assert "these logs determine 0 of them in the unpruned model" in text
-    assert "In middle 4 of 8 parameters are identifiable." in text
-    assert "small: 1 of its 5 parameters is identifiable" in said(None, Judged(identifiable=1))
-
-
 def log(*, moves=True, varies=True):
     """Return what a survey says of a log of two joints."""
     return SimpleNamespace(
@@ -126,12 +86,6 @@ def test_logs_in_which_nothing_happens_are_doubted_whatever_the_error():
     assert doubted(0.1, 0.9, still, still) == "the robot does not move in these logs"
     assert doubted(0.1, 0.9, flat) == "the measured torque never changes in these logs"
     assert doubted(0.1, 0.9, still, log()) == ""
-
-
-def test_some_identifiable_parameter_of_either_model_is_something():
-    none, hidden = Judged(identifiable=0), Judged("full", 0, 12, kept=12)
-    assert not said(None, none).startswith("Nothing")
-    assert not said(hidden, Judged()).startswith("Nothing")
 
 
 def test_physics_says_what_is_impossible_and_how_near_the_nearest_is():
