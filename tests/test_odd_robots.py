@@ -15,7 +15,7 @@ import pytest
 from identifiability import IdentifiabilityError, Model, Robot, analyze, find_base_parameters
 from identifiability.foundation.output import plain
 from identifiability.regression.reduction import DEFAULT_EFFECTS
-from identifiability.workflows.analyze.words import state_physics
+from identifiability.workflows.analyze.result import state_physics
 
 #: Samples times joints of a log, at most: a larger one asks nothing else.
 MOST = 100_000

@@ -664,11 +664,6 @@ class Mixture:
     low: Array
     high: Array
 
-    def disagree(self, sigma: Array, share: float) -> np.ndarray:
-        """Return the labels that models move by more than a share of a standard deviation (k,)."""
-        far: np.ndarray = np.maximum(self.sigma**2 - sigma**2, 0.0) > (share * sigma) ** 2
-        return far
-
 
 #: Share of the weight that models which are not spoken of carry together.
 LIGHTEST: Tolerance = 0.05

@@ -47,8 +47,12 @@ from identifiability.report.figures import MOST, draw_confusion, draw_residual, 
 from identifiability.report.skeleton import sketch_verdicts
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.result import error_tables, model_title, parameter_table
-from identifiability.workflows.analyze.words import SeveralLogs
+from identifiability.workflows.analyze.result import (
+    SeveralLogs,
+    error_tables,
+    model_title,
+    parameter_table,
+)
 from identifiability.workflows.answers import count_joints, level_table, sentence
 from identifiability.workflows.predict import PARTS, Fit, correlation_of, torque_budget
 

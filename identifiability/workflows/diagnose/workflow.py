@@ -31,7 +31,7 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.analyze.fit import say_band
+from identifiability.workflows.analyze.workflow import say_band
 from identifiability.workflows.diagnose.changes import find_change, leave_out, without_outliers
 from identifiability.workflows.diagnose.conclude import conclude
 from identifiability.workflows.diagnose.motion import (

@@ -66,8 +66,8 @@ from identifiability.workflows.analyze.assessment import (
     forbidden_signs,
     tell_with_file,
 )
-from identifiability.workflows.analyze.fit import SharedErrors, say_band, settle_robot
-from identifiability.workflows.analyze.words import WORSE, compare_logs, state_mounting, state_weak
+from identifiability.workflows.analyze.result import WORSE, compare_logs, state_mounting, state_weak
+from identifiability.workflows.analyze.workflow import SharedErrors, say_band, settle_robot
 from identifiability.workflows.opening import Logs, Progress, find_missing, quiet, running, share
 from identifiability.workflows.prune.elimination import (
     Search,

@@ -11,7 +11,7 @@ from identifiability.estimation.verdict import Class
 from identifiability.logs.prepare import instruments as closing
 from identifiability.logs.prepare.instruments import complete_along
 from identifiability.robot import Robot, complete_motion
-from identifiability.workflows.analyze.words import state_weak
+from identifiability.workflows.analyze.result import state_weak
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 
 from identifiability.estimation.verdict import Class
 from identifiability.logs.prepare.samples import explain_silence
-from identifiability.workflows.analyze.words import doubt, state_physics
+from identifiability.workflows.analyze.result import doubt, state_physics
 
 
 @dataclass
