@@ -74,7 +74,7 @@ class SharedErrors:
 
     ``delay``: of delays and gains of servos. ``bias``: of noise that a cut-off lets into computed
     derivatives, where no second record of the motion takes it away: with as much noise once more
-    values move by what it has moved them already [Cook & Stefanski 1994].
+    values move by what it has moved them already [Cook 1994].
 
     Attributes
     ----------
