@@ -130,20 +130,6 @@ def test_no_path_of_this_machine_is_told(html, paper_analysis):
     assert str(paper_analysis.robot.path.parent) not in html
 
 
-def test_the_autocorrelation_of_residuals_is_said(paper_analysis):
-    page = build_analysis_page(paper_analysis)
-    (notes,) = (b for b in page.summary if b.kind == "notes")
-    assert any("nearly independent" in n.title for n in notes.notes)
-    times = np.full(3, 9.0)
-    chosen = replace(
-        paper_analysis.chosen, estimate=replace(paper_analysis.chosen.estimate, times=times)
-    )
-    models = [m if m is not paper_analysis.chosen else chosen for m in paper_analysis.models]
-    page = build_analysis_page(replace(paper_analysis, models=tuple(models)))
-    (notes,) = (b for b in page.summary if b.kind == "notes")
-    assert any("resemble each other" in n.title and "9.00 samples" in n.text for n in notes.notes)
-
-
 def test_dropped_and_singular_samples_are_warned_of(paper_analysis):
     (s,) = paper_analysis.samples
     motion = replace(s.motion, dropped=np.array([3, 4]), near_singular=np.arange(7), condition=2e5)

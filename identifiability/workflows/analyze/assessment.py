@@ -422,9 +422,7 @@ def _add_file(
     own = np.linalg.pinv(data.R)
     variance = (own**2).sum(1) * data.variance
     # What all samples share lies along directions of its own; the rest is noise of every row.
-    shared = result.fit.together
-    wide = np.array([v.sigma_robust for v in result.verdicts]) ** 2
-    wide = np.maximum(wide - (shared**2).sum(0), 0.0)
+    shared, wide = result.fit.together, result.fit.scatter**2
     sure = fit.determined & (variance > 0) & np.isfinite(wide)
     wider = max(float(np.mean(wide[sure] / variance[sure])) if sure.any() else 1.0, 1.0)
     along = data.R @ shared.T

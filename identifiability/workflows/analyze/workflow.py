@@ -110,7 +110,8 @@ class SharedErrors:
             pairs = zip(session.recordings.fitted, opening.samples, strict=True)
             samples = [_noisier(opening.robot, log, own, how) for log, own in pairs]
             bias = (gather_information(opening.structure.regression(samples)),)
-        return cls(rows.alike, {"delay": tuple(delay), "bias": bias}, rows.estimator)
+        each = {"delay": tuple(delay), "bias": bias}
+        return cls(rows.alike, {name: x for name, x in each.items() if x}, rows.estimator)
 
     def move(self, submodel: Submodel) -> dict[str, Array]:
         """Return by how much each of them moves the values of a model, (w, k)."""
@@ -118,7 +119,6 @@ class SharedErrors:
         return {
             name: np.array([self.estimator.fit(submodel.reduce(x)).value - own for x in others])
             for name, others in self.others.items()
-            if others
         }
 
     def together(self, submodel: Submodel) -> Array:

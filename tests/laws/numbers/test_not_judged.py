@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identifiability.estimation.alternatives import LabelAlternatives
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.fit import Fit, count_freedom, scatter_scores
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
@@ -135,6 +136,13 @@ def test_what_the_motion_leaves_open_is_said_as_before():
     first, second = judged(fit, fit_known(fit, note="Too short."))
     assert (first.verdict, first.reason) == (Class.NOT_IDENTIFIABLE, "Only with another.")
     assert (second.verdict, second.reason) == (Class.NOT_JUDGED, "Too short.")
+
+
+def test_values_that_no_verdict_stands_on_are_those_of_the_fit():
+    fit = fit_of([1.0, 2.0], [0.01, 0.01])
+    missing = LabelAlternatives(np.ones(2), np.ones(2), ("friction", "friction"), np.ones(2, bool))
+    verdicts = judged(fit, fit_known(fit, note="Too short.", alternatives=missing))
+    assert [v.value for v in verdicts] == [1.0, 2.0]
 
 
 @pytest.mark.parametrize("logs", [(20,), (43,), (20, 23), (17, 13, 13)])
