@@ -314,7 +314,7 @@ def compare_motions(
     rounding = fit.rss.sum() <= ROUNDOFF**2 * information.torque.sum()
     if len(logs) < 2 or scores is None or rounding:
         return None
-    whole, known = information.merge(first), fit.determined & (scores.sd > 0)
+    whole, known = information.merge(first), fit.determined & (scores.sd > 0) & (fit.sigma > 0)
     sd, white = np.where(known, scores.sd, 1.0), np.where(known, fit.sigma, 1.0)
     ratio = np.where(known, (fit.estimator.influence(whole, fit) ** 2).sum(0) / sd**2, 1.0)
     dof = count_freedom(whole, fit)
@@ -328,8 +328,8 @@ def compare_motions(
         few = np.where(at, dof[at].sum(), few)
     wide = stdtrit(few, ENDS[1]) / REACH
     excess = len(logs) * np.maximum(ratio - 1.0, 0.0)
-    alone = [replace(fit.estimator, noise=None).fit(information.take(information.log == k))
-             for k in logs]  # fmt: skip
+    plain = replace(fit.estimator, noise=None)
+    alone = [plain.fit(information.take(information.log == k)) for k in logs]
     return Motions(
         values=np.array([e.value for e in alone]),
         sd=np.array([e.sigma for e in alone]) * sd / white,

@@ -145,8 +145,8 @@ class Verdict:
         omitted, alternatives = (self.terms.get(k, 0.0) for k in ("omitted", "alternatives"))
         more = self.terms.get("models", 0.0)
         row["sigma_models"] = float(np.hypot(self.sigma_robust, more)) if more else None
-        return row | {"sigma_omit": omitted, "sigma_alternatives": alternatives,
-                      "sigma_doubt": alternatives}  # fmt: skip
+        row |= {"sigma_omit": omitted, "sigma_alternatives": alternatives}
+        return row | {"sigma_doubt": alternatives}
 
 
 def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:
