@@ -614,31 +614,24 @@ LADDER = with_hints(
 
 def error_tables(result: Laddered) -> tuple[Table, ...]:
     """Return the errors of the model to use by joint and, where there are several, by log."""
-    fitted, out = result._alone
-    rows = zip(
-        result.robot.joints,
-        out.rms,
-        result.robot.torque_units,
-        fitted.joint_error()[:, 0],
-        out.joint_error()[:, 0],
-        out.joint_rms()[:, 0],
-        out.joint_error(raw=True)[:, 0],
-        result._used.autocorrelation_time,
-        strict=True,
-    )
-    every = list(rows)
-    shown = [every[k] for k in loaded_joints(out.rms)]
+    errors, measured = result.error_frame(), result._alone[1].rms
+    told = ["name", "unit", "error", "error_validation", "rms_validation", "error_raw_validation"]
+    each = errors[errors["of"] == "joint"][told].to_numpy().tolist()
+    every = [
+        (row[0], rms, *row[1:], time)
+        for row, rms, time in zip(each, measured, result._used.autocorrelation_time, strict=True)
+    ]
+    shown = [every[k] for k in loaded_joints(measured)]
     joints = Table.of(
         "Each joint by itself, over how much its own torque varies", JOINTS, shown, worst=4
     )
     samples = (*result.samples, *result.validation)
     if len(samples) == 1:
         return (joints,)
-    errors = result.error_frame()
     logs = errors[errors["of"] == "log"][["error", "error_validation"]]
     pairs = zip(samples, logs.itertuples(index=False), strict=True)
-    each = [(s.name, s.outputs, a, b) for s, (a, b) in pairs]
-    return joints, Table.of("Each log by itself", LOGS, each, worst=3)
+    rows = [(s.name, s.outputs, a, b) for s, (a, b) in pairs]
+    return joints, Table.of("Each log by itself", LOGS, rows, worst=3)
 
 
 JOINTS = with_hints(

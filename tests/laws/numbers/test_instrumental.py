@@ -54,6 +54,11 @@ def test_strong_instruments_solve_their_own_equations(rows):
     bread = np.linalg.inv(Z.T @ X)
     sigma2 = float(((y[:, 0] - X @ fit.value) ** 2).sum()) / fit.dof
     np.testing.assert_allclose(fit.covariance, sigma2 * bread @ Z.T @ Z @ bread.T, rtol=1e-8)
+    # What instruments leave more than least squares is noise.
+    squares = Estimator().fit(compress(*rows))
+    more = fit.variance - squares.variance
+    assert (more > 0.001 * squares.variance).all()
+    np.testing.assert_allclose(more, (fit.rss - squares.rss) / len(W), rtol=1e-6)
 
 
 def test_without_instruments_it_is_least_squares(rows):
