@@ -487,10 +487,11 @@ def _answer_use(analysis: Analysis) -> Answer:
     if analysis.nothing:
         return Answer(question, "Nothing, and none.", size, "vermilion")
     found = f"{chosen.count(Class.IDENTIFIABLE)} of {len(chosen.submodel)} parameters identifiable"
-    if chosen.unjudged:
-        found = f"{len(chosen.submodel)} parameters, none judged"
     title = model_title(chosen)
     title = f"{title[0].upper()}{title[1:]}"
+    short = f"{title}: {found}."
+    if chosen.unjudged:
+        short = f"Nothing is judged in {model_title(chosen)} of {len(chosen.submodel)} parameters."
     if chosen is not full:
         size += f" The unpruned {model_title(full)} keeps all {len(full.submodel)} of them"
         size += "." if full.unjudged else f", {full.count(Class.IDENTIFIABLE)} identifiable."
@@ -503,7 +504,7 @@ def _answer_use(analysis: Analysis) -> Answer:
         size += f" That holds only if nothing is missing: {missing}: diagnose."
     tone = "blue" if chosen.feasible else "amber"
     physics = analysis.physical_statement
-    return Answer(question, f"{title}: {found}.", f"{size} {physics}", tone)
+    return Answer(question, short, f"{size} {physics}", tone)
 
 
 def _cautions(analysis: Analysis) -> tuple[Note, ...]:
