@@ -253,14 +253,17 @@ def longer(variance: Array, fit: Estimate, length: float) -> Array:
 # Do several logs give the same values? What scatters between them enters every interval.
 #
 # What a model leaves out is no noise while one motion lasts: it moves the values by as much in
-# every stretch of a log, and by something else in the next log. So the same scores are summed over
-# whole logs: where these sums scatter by more than stretches do, logs differ [Liang & Zeger 1986].
-# Two or three logs say next to nothing about one parameter's excess, so it is one ratio of variance
-# for each kind of parameter: model errors, like noise, move most what a motion shows least.
+# every stretch of a log, and by something else in the next log. So the values of each log by itself
+# are compared, a parameter at a time [Welch 1951; Holm 1979]. Two or three logs say next to nothing
+# about one parameter's excess, so it is one ratio of variance for each kind of parameter (bodies,
+# each friction, offsets …): model errors, like noise, move most what a motion shows least.
 
 
 #: Blocks may be so many autocorrelation times short where longer ones would be too few.
 LEAST_MEMORIES: Tolerance = 2.0
+
+#: Stretches over which the scores of one log scatter, at most: more say little and cost.
+MOST_STRETCHES = 24
 
 
 @frozen
@@ -269,20 +272,25 @@ class Motions:
 
     Attributes
     ----------
+    which : (L,) int
+        Number of each log: those that are too short to be fitted are left out.
     values, sd : (L, k)
-        Of each log fitted by itself; infinite where it does not determine a parameter.
+        Of each log by itself, and their robust standard deviations; infinite where it does not
+        determine a parameter.
     p : (k,)
-        Of no difference between logs, adjusted for their number [Holm 1979].
+        Of no difference between logs, adjusted for their number; 1 where fewer than two determine
+        a parameter.
     ratio : (k,)
-        Variance of the fit as logs scatter over that as stretches do, of the kind of parameter
-        where logs differ, of the parameter itself where that is more; 1 where they do not.
+        Variance of the values over their sampling variance: of the kind of parameter where logs
+        differ, of the parameter itself where that is more; 1 where they do not.
     dof : (k,)
         Degrees of freedom of the ratio.
     between : (k,)
-        What another log scatters by, with which a normal interval has the width of Student's t;
-        zero where logs do not differ.
+        What the value of another log scatters by, with which a normal interval has the width of
+        Student's t; zero where logs do not differ.
     """
 
+    which: np.ndarray
     values: Array
     sd: Array
     p: Array
@@ -297,47 +305,75 @@ class Motions:
         return moved
 
 
-def compare_motions(
-    information: Information, fit: Estimate, scores: ScoreScatter | None
-) -> Motions | None:
-    """Return what logs say of each other; None of one log, or where scores could not be asked.
+def compare_motions(information: Information, fit: Estimate, time: float) -> Motions | None:
+    """Return what logs say of each other; None where fewer than two can be fitted.
 
     Parameters
     ----------
     information : Information
         About the fitted columns.
     fit : Estimate
-    scores : ScoreScatter or None
-        How its scores scatter over stretches of time.
+        To all of them.
+    time : float [samples]
+        Autocorrelation time of the residual.
     """
-    logs, first = np.unique(information.log, return_index=True)
-    rounding = fit.rss.sum() <= ROUNDOFF**2 * information.torque.sum()
-    if len(logs) < 2 or scores is None or rounding:
+    logs, found = np.unique(information.log), []
+    if len(logs) < 2 or fit.rss.sum() <= ROUNDOFF**2 * information.torque.sum():
         return None
-    whole, known = information.merge(first), fit.determined & (scores.sd > 0) & (fit.sigma > 0)
-    sd, white = np.where(known, scores.sd, 1.0), np.where(known, fit.sigma, 1.0)
-    ratio = np.where(known, (fit.estimator.influence(whole, fit) ** 2).sum(0) / sd**2, 1.0)
-    dof = count_freedom(whole, fit)
-    p = holm(np.where(known, fdtrc(dof, scores.freedom, ratio), 1.0))
+    for log in logs:
+        part = information.take(information.log == log)
+        if part.rows <= len(fit.kept):  # it determines nothing, and rounding would say what
+            continue
+        alone = replace(fit.estimator, noise=None).fit(part)
+        longest = part.samples / RULES.memories / MOST_STRETCHES
+        scores = scatter_scores(part, alone, max(time, longest))
+        if scores is None:
+            continue
+        # What a few stretches scatter by is uncertain itself: all parameters know more together.
+        known = alone.determined & (alone.sigma > 0)
+        memory = np.mean((scores.sd[known] / alone.sigma[known]) ** 2) if known.any() else 1.0
+        if part.rows >= len(fit.kept) * memory:
+            wide = np.maximum(scores.sd, alone.sigma * np.sqrt(memory))
+            found.append((int(log), alone.value, wide, scores.stretches - 1.0))
+    if len(found) < 2:
+        return None
+    which, values, sd, dof = (np.array(x) for x in zip(*found, strict=True))
+    sd = np.where(fit.determined & (sd > 0), sd, np.inf)
+    own, p, free = _welch(values, sd, dof)
+    p = holm(p)
+    # One ratio of variance, where logs surely differ, for each kind of parameter.
     kinds = np.array([name.rsplit(".", 1)[-1] for name in fit.columns])
-    own, moved = ratio, known & (p < Thresholds.sign_level)
-    ratio, few = np.ones(len(p)), dof
+    kinds = np.where(np.isin(kinds, GROUPED_KINDS), "bodies", kinds)
+    moved, ratio, few = p < Thresholds.sign_level, np.ones(len(p)), np.maximum(free, 1)
     for kind in np.unique(kinds[moved]):
-        at = known & (kinds == kind)
-        ratio = np.where(at, np.maximum(own[at].mean(), np.where(moved, own, 1.0)), ratio)
-        few = np.where(at, dof[at].sum(), few)
+        at = (kinds == kind) & (free > 0)
+        ratio[at] = np.maximum(own[at].mean(), np.where(moved[at], own[at], 1.0))
+        few[at] = free[at].sum()
     wide = stdtrit(few, ENDS[1]) / REACH
-    excess = len(logs) * np.maximum(ratio - 1.0, 0.0)
-    plain = replace(fit.estimator, noise=None)
-    alone = [plain.fit(information.take(information.log == k)) for k in logs]
-    return Motions(
-        values=np.array([e.value for e in alone]),
-        sd=np.array([e.sigma for e in alone]) * sd / white,
-        p=p,
-        ratio=ratio,
-        dof=few,
-        between=sd * wide * np.sqrt(excess),
-    )
+    sampling = np.isfinite(sd).sum(0) / np.maximum((sd**-2.0).sum(0), 1e-300)
+    excess = np.where(free > 0, sampling, 0.0) * np.maximum(ratio - 1.0, 0.0)
+    return Motions(which, values, sd, p, ratio, few, wide * np.sqrt(excess))
+
+
+def _welch(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:
+    """Return Welch's F of each parameter, its p-value, and logs less one, (k,) each.
+
+    Parameters
+    ----------
+    values, sd : (L, k)
+    dof : (L,)
+    """
+    weight = sd**-2.0
+    total = np.maximum(weight.sum(0), 1e-300)
+    count = np.isfinite(sd).sum(0)
+    d = np.maximum(count - 1, 0)
+    at = np.maximum(d, 1)
+    square = (weight * (values - (weight * values).sum(0) / total) ** 2).sum(0)
+    lost = ((1 - weight / total) ** 2 * np.isfinite(sd) / dof[:, None]).sum(0)
+    wide = np.maximum(count**2 - 1, 3)
+    ratio = square / at / (1 + 2 * np.maximum(count - 2, 0) / wide * lost)
+    p = np.where(d > 0, fdtrc(at, wide / (3 * np.maximum(lost, 1e-12)), ratio), 1.0)
+    return ratio, p, d
 
 
 # What a reduced model's numbers stand for, and how far that is from their labels.
@@ -604,16 +640,16 @@ class Fit:
                 drawn = bootstrap(information, fit, rng, replicates=replicates, length=length)
             except IdentifiabilityError as error:
                 note = str(error)
-        mended, scores = fit.correction, scatter_scores(information, fit, fit.memory)
+        mended = fit.correction
         return Fit(
             estimate=fit,
             column_rms=column_rms(information),
             column_noise=column_noise(information, fit),
-            scores=scores,
+            scores=scatter_scores(information, fit, fit.memory),
             bootstrap=drawn if replicates else None,
             block=length,
             note=note,
-            motions=compare_motions(information, fit, scores),
+            motions=compare_motions(information, fit, fit.memory),
             shared={} if mended is None else {"bias": mended.bias},
         )
 

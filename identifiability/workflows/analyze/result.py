@@ -140,7 +140,7 @@ def compare_logs(samples: Sequence[Prepared], result: ModelResult) -> SeveralLog
     columns, motions = result.submodel.columns, result.fit.motions
     if motions is None:
         return SeveralLogs(None, (), columns, ONE if len(samples) == 1 else SHORT)
-    names = tuple(s.name for s in samples)
+    names = tuple(samples[k].name for k in motions.which)
     if not motions.moved.any():
         text = f"The {len(names)} logs agree: no value differs by more than chance."
         return SeveralLogs(motions, names, columns, text)

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binom
 
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.fit import ScoreScatter, compare_motions, scatter_scores
+from identifiability.estimation.fit import ScoreScatter, compare_motions
 from identifiability.estimation.rules import Thresholds
 from identifiability.regression.information import Information
 
@@ -26,7 +26,7 @@ def motion(rng, samples=SAMPLES):
 
 def ask(information, time=TIME):
     fit = estimate(information)
-    return compare_motions(information, fit, scatter_scores(information, fit, time)), fit
+    return compare_motions(information, fit, time), fit
 
 
 def compare(values, seed, noise=0.5, rho=0.8, change=None, names=("j.a", "j.b", "j.c", "j.d")):
@@ -87,11 +87,11 @@ def test_the_interval_holds_another_motions_values_where_motions_scatter():
 
 
 def test_a_kind_of_parameter_has_one_excess_and_others_have_none():
-    m, _ = compare(shifted(3, 1, [0, 0, 0.5, 0]), 1, names=("j1.m", "j1.Fc", "j2.Fc", "j2.m"))
+    m, _ = compare(shifted(3, 1, [0, 0, 0.5, 0]), 1, names=("j1.m", "j1.Fc", "j2.Fc", "j2.mx"))
     assert m.moved.tolist() == [False, False, True, False]
     assert m.ratio[2] >= m.ratio[1] > 1.0
     assert (m.between > 0).tolist() == [False, True, True, False]
-    assert m.dof[1] > 2.0  # of both joints
+    assert m.dof[1] == 4  # of both joints and three logs
 
 
 def test_what_only_one_motion_determines_is_not_compared():
@@ -136,4 +136,5 @@ def test_a_log_of_fewer_rows_than_parameters_says_nothing():
     log = np.repeat([0, 1, 2], [SAMPLES, SAMPLES, 2])  # four rows for four parameters
     tau = W @ VALUES + 0.5 * rng.normal(size=(len(W), 2))
     m, _ = ask(Information.of_rows("abcd", W, tau, log, BLOCK), 1.0)
+    assert m.which.tolist() == [0, 1]
     assert not m.moved.any()
