@@ -2,7 +2,7 @@
 # make lint: style, types, layers; make docs: the site, with the reference of every module;
 # make pins: do the pinned versions install on the oldest Python that is allowed?;
 # make mutants: would the tests notice faults?; make check-all: what takes too long for make test;
-# make processors: the demo and the tests with the kernels of other processors, before a release.
+# make processors: the kept results with the kernels of other processors, before a release.
 # Each needs Python 3.11 or newer and nothing else: it makes .venv itself.
 
 PYTHON ?= python3
@@ -67,7 +67,8 @@ mutants: $(VENV)/dev
 
 # Before each release: other processors sum in another order.
 processors: $(VENV)/dev
-	$(BIN)/python tests/processors.py --numprocesses 2 --dist worksteal $(PYTEST)
+	for core in Prescott Haswell SkylakeX Zen; do \
+	  OPENBLAS_CORETYPE=$$core $(BIN)/python tests/golden/results.py check || exit 1; done
 
 check-all: PYTEST += --everything
 check-all: $(VENV)/robots lint test mutants

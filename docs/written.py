@@ -94,11 +94,10 @@ def rows_of(schema: type[BaseModel]) -> list[str]:
         said = "" if default in (None, PydanticUndefined, "", [], {}) else f"`{toml_of(default)}`"
         if default is PydanticUndefined:
             said = "must be given"
-        [example] = field.examples or [None]
         assert field.description, f"{schema.__name__}.{name} does not say what it is"
-        assert example is not None, f"{schema.__name__}.{name} has no example"
         key = field.alias or name
-        cells = (f"`{key} = {toml_of(example)}`", kind_of(field.annotation), said)
+        shown = [f"{key} = {toml_of(example)}" for example in field.examples or ()] or [key]
+        cells = (f"`{shown[0]}`", kind_of(field.annotation), said)
         rows.append(f"| {' | '.join(_cell(c) for c in (*cells, field.description))} |")
     return rows
 
@@ -125,7 +124,7 @@ def write_schema(schema: type[BaseModel]) -> str:
             said = inspect.getdoc(table) or ""
             out += [f"## `[{heading}]`", "", said.replace("``", "`"), ""]
         if rows:
-            out += ["| key, as an example | value | default | what it is |", "|---|---|---|---|"]
+            out += ["| key | value | default | what it is |", "|---|---|---|---|"]
             out += [*rows, ""]
     return "\n".join(out)
 

@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-import identifiability
 from identifiability import Analysis, Log, Model, Robot, analyze, plot
-from identifiability.foundation.options import OptionError
 from identifiability.robot.locate import shipped_folder
 
 LOGS = [shipped_folder() / f"3-rps/logs/run{k}.csv" for k in (1, 2, 3)]
@@ -78,20 +76,6 @@ def test_correlated_parameters_are_those_that_hang_together(result, robot):
     texts = {label.get_text() for label in plot.correlated(Two()).axes[0].get_yticklabels()}
     assert {"a", "b"} <= texts
     assert "c" not in texts
-
-
-def test_what_is_not_there_is_refused_in_a_sentence(result, prediction):
-    with pytest.raises(OptionError, match="no joint 'slider9'"):
-        plot.torque(prediction, "slider9")
-    with pytest.raises(OptionError, match="log must be from 0 to 0, not 1"):
-        plot.torque(prediction, "slider1", log=1)
-
-
-def test_what_tools_need_is_public():
-    for name in ("Effect", "Thresholds", "Preparation", "calibrate", "export", "plot"):
-        assert name in identifiability.__all__
-        assert getattr(identifiability, name) is not None
-    assert identifiability.Thresholds().sigma_percent == 20
 
 
 def test_intervals_hold_over_the_nearest_real_robot_where_it_predicts_as_well(result):

@@ -5,14 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from identifiability import Log, Preparation, analyze
-from identifiability.estimation.noise import autocorrelation_time
+from identifiability import Preparation, analyze
 from identifiability.estimation.verdict import Class
-from identifiability.foundation.engines.local import Serial
-from identifiability.foundation.numbers import holm
-from identifiability.physical import feasibility
 from identifiability.simulation import Noise
-from identifiability.simulation.simulator import ar1
 
 
 @pytest.fixture(scope="module")
@@ -146,23 +141,6 @@ def test_other_robots_are_analysed_without_special_cases(simulated, robot):
     assert out.chosen.count(Class.IDENTIFIABLE) > 0
 
 
-def test_a_robot_that_never_moves_determines_nothing_and_says_why(rps):
-    n = 60
-    rng = np.random.default_rng(0)
-    frame = {"t": np.arange(n) * 0.01}
-    for j in rps.joints:
-        frame |= {f"{j}.q": np.full(n, 0.7), f"{j}.dq": np.zeros(n), f"{j}.ddq": np.zeros(n)}
-        frame[f"{j}.tau"] = 54 + rng.normal(size=n)
-    import pandas as pd
-
-    out = analyze(rps, Log.from_frame(pd.DataFrame(frame)))
-    assert out.full.count(Class.IDENTIFIABLE) == 0
-    assert "Nothing is identifiable, because the robot does not move" in out.statement
-    undetermined = [v for v in out.full.verdicts if np.isinf(v.sigma)]
-    assert len(undetermined) > 30
-    assert all(v.verdict is Class.NOT_IDENTIFIABLE and v.reason for v in undetermined)
-
-
 def test_computed_derivatives_give_the_same_parameters_as_true_ones(simulated):
     """Two-link arm, no noise: filtering torque and columns alike leaves the parameters alone."""
     log = simulated("two-link", "a", 0, Noise(), 3000)
@@ -188,21 +166,6 @@ def test_autocorrelated_residuals_inflate_sigma(simulated):
     assert ratio[1] > 2.0
 
 
-def test_the_autocorrelation_time_of_ar1_noise_is_its_formula():
-    rng = np.random.default_rng(0)
-    for rho in (0.0, 0.5, 0.9):
-        times = autocorrelation_time(ar1((20000, 8), rho, rng))
-        expected = (1 + rho) / (1 - rho)
-        # The windowed estimate scatters by about sqrt(2 (2 M + 1) / N), M five times the value.
-        scatter = expected * np.sqrt(2 * (10 * expected + 1) / 20000)
-        assert abs(times.mean() - expected) < 4 * scatter / np.sqrt(8) + 0.02 * expected
-
-
-def test_holm_adjusts_p_values_step_by_step():
-    np.testing.assert_allclose(holm(np.array([0.01, 0.04, 0.03])), [0.03, 0.06, 0.06])
-    assert holm(np.array([0.6, 0.7])).max() <= 1.0
-
-
 def test_a_log_given_twice_is_refused(simulated):
     """Its repetition would pass for new evidence, whether fitted or held out."""
     from identifiability import IdentifiabilityError, diagnose, prune
@@ -213,51 +176,3 @@ def test_a_log_given_twice_is_refused(simulated):
             run("two-link", log, validate=log)
         with pytest.raises(IdentifiabilityError, match="given twice"):
             run("two-link", [log, log])
-
-
-def test_halves_of_one_log_are_two_logs(simulated):
-    """Who cuts a log in a notebook may fit one half and verify on the other, not on both."""
-    from identifiability import IdentifiabilityError
-
-    log = simulated("two-link", "a", 0)
-    first, second = log.cut(0, len(log) // 2, "first"), log.cut(len(log) // 2, len(log), "second")
-    found = analyze("two-link", first, validate=second, replicates=50)
-    assert "cross-validation" not in found.validation_kind
-    for held in (log.cut(10, len(log), "most"), log.cut(0, 300, "some")):
-        with pytest.raises(IdentifiabilityError, match="is the log first that is fitted"):
-            analyze("two-link", first, validate=held)
-
-
-def test_negligible_is_judged_joint_by_joint(simulated):
-    """A wrist parameter is not negligible because the shoulder's residual is large."""
-    out = analyze(
-        "six-dof-arm", simulated("six-dof-arm", "a", 0, Noise(torque=0.02)), replicates=50
-    )
-    for v in out.full.verdicts:
-        if v.verdict is Class.NEGLIGIBLE:
-            assert abs(v.value) < 4 * v.sigma_robust, v.name
-
-
-def test_cross_validation_asks_no_certificate(monkeypatch, simulated) -> None:
-    """Whether a real robot has the values is asked of each model once, not of each fold."""
-    asked = []
-    decide = feasibility.certify
-    monkeypatch.setattr(
-        feasibility, "certify", lambda *given: asked.append(given) or decide(*given)
-    )
-    log = simulated("3-rps", "601", 0)
-    found = analyze("3-rps", log, posterior=False, replicates=20, engine=Serial())
-    assert len(asked) == len(found.models)
-    assert np.isfinite([m.error_ra_physical for m in found.models]).all()
-
-
-def test_a_sensor_that_is_off_by_more_than_friction_forbids_no_sign(simulated):
-    """Two Coulomb levels would be one below zero, and no real robot would be near the log."""
-    frame = simulated("two-link", "a", 0, Noise(torque=0.02)).to_frame()
-    frame["elbow.tau"] += 4.0
-    found = analyze("two-link", frame, replicates=20)
-    assert found.chosen.name == "full model"
-    assert found.chosen.feasible
-    values = found.to_frame().set_index("name")["value"]
-    assert values["elbow.off"] == pytest.approx(4.0, abs=0.1)
-    assert values["elbow.Fc"] < 2.0

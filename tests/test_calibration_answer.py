@@ -11,10 +11,8 @@ from identifiability.foundation.numbers import Share
 from identifiability.logs.prepare.plan import noise_size
 from identifiability.physical.pseudo_inertia import margin, natural_scale
 from identifiability.regression.reduction import LadderEntry, ModelEntry
-from identifiability.robot import Robot
 from identifiability.simulation import Noise
 from identifiability.workflows.calibrate.calibration import calibrate, decide
-from identifiability.workflows.calibrate.outcome import Cell
 from identifiability.workflows.calibrate.world import TrueRobots, make_possible
 
 from .laws.numbers.made import ar1
@@ -38,35 +36,6 @@ def test_yes_where_intervals_hold(log):
     assert third.endswith("This is so if no effect is missing: diagnose looks for one.")
     told = found.to_dict()
     assert (told["answer"], told["statement"], told["causes"]) == ("yes", found.statement, [])
-
-
-@pytest.mark.everything
-def test_no_where_the_motion_errs_and_instruments_mend_it(log):
-    noisy = log(Noise(motion=0.1, torque=0.02))
-    found = calibrate(analyze("two-link", noisy, estimator="ls", replicates=60), **FEW)
-    assert found.word == "no"
-    assert "instruments (--estimator auto)" in found.statement
-    cell = found.cell
-    mended = calibrate(analyze("two-link", noisy, replicates=60), **FEW).cell
-    error = np.hypot(cell.coverage_se, mended.coverage_se)
-    assert mended.coverage - cell.coverage > 3 * error
-
-
-@pytest.mark.everything
-def test_no_where_the_model_leaves_out_what_no_file_states(log):
-    """Coulomb friction of the elbow is in the log, not in the model and not in the file."""
-    effects = ["rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia"]
-    blind = ModelEntry(name="blind", zero=["elbow.Fc+", "elbow.Fc-"])
-    ladder = LadderEntry(models=[ModelEntry(name="whole", effects=effects), blind])
-    robot = Robot.load("two-link")
-    silent = replace(robot, nominal={k: v for k, v in robot.nominal.items() if "Fc" not in k})
-    analysis = analyze(silent, log(Noise(torque=0.02)), ladder=ladder, replicates=60)
-    found = calibrate(analysis, model="blind", **FEW)
-    assert found.word == "no"
-    assert found.cell.names[found.cell.worst] in ("elbow.Fv", "link2.mz")
-    # What the file states is known: then the interval is as wide as what is left out does.
-    stated = analyze(robot, log(Noise(torque=0.02)), ladder=ladder, replicates=60)
-    assert calibrate(stated, model="blind", **ONE).word == "yes"
 
 
 def test_no_where_noise_remembers_longer_than_the_log(log):
@@ -105,33 +74,6 @@ def cell(coverage, *, se=0.005, wrong=(0.0, 0.0, 0.01), single=(0.95, 0.9, 0.99)
 )
 def test_the_answer_is_only_given_beyond_monte_carlo_error(found, word):
     assert decide(found) == word
-
-
-@pytest.fixture(scope="module")
-def calm(simulated_session):
-    analysis = analyze("two-link", simulated_session("two-link", "a", 0, Noise(torque=0.05)))
-    return calibrate(analysis, **ONE)
-
-
-def counted(held):
-    """A cell of two parameters in 60 trials, of which so many intervals held the truth."""
-    rows = np.arange(60)[:, None] < 60 * np.array(held)
-    return Cell(("a", "b"), rows, 2.0, Share(0.0, 0.0, 0.01))
-
-
-def test_what_is_weakest_is_named_with_remedies(calm):
-    bad = counted((0.9, 0.4))
-    first, second, third = replace(calm, cell=bad).statement.splitlines()
-    assert first.startswith(f"No. Of 95 % intervals of {calm.model}, 65.0 ± ")
-    assert second.startswith("None of what is called identifiable is off by more than half.")
-    assert third.startswith(
-        "In b: 40 % of its intervals hold the truth. Too few beyond chance: b. The noise may"
-    )
-    unsure = replace(calm, cell=counted((0.9, 0.9)))
-    assert "Repeat with more trials (--replicates 240)." in unsure.statement
-    still = replace(calm, analysis=replace(calm.analysis, nothing="the robot does not move"))
-    assert still.statement.startswith("No. ")
-    assert "believes no verdict, because the robot does not move." in still.statement
 
 
 def test_the_size_of_noise_is_found_constant_or_relative():

@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import pandas as pd
 import pytest
@@ -11,8 +10,6 @@ from typer.testing import CliRunner
 
 import identifiability
 from identifiability.cli import app
-from identifiability.cli.common import print_result, print_table
-from identifiability.foundation.answers import Column, Table
 
 
 @pytest.fixture
@@ -36,15 +33,6 @@ def test_simulate_then_analyze_writes_report_and_json(run, few_draws, tmp_path):
     assert str(report) in out.output
     assert json.loads(result.read_text())["selected"].startswith("Model")
     assert "<html" in report.read_text()
-
-
-@pytest.mark.everything
-def test_demo_writes_its_report_and_ends_with_the_path(run, tmp_path):
-    out = run("demo", "--quick", "--folder", tmp_path / "reports")
-    assert out.exit_code == 0, out.output
-    opens = out.stdout.strip().splitlines()[-1].split("python -m webbrowser ")[1]
-    assert opens == (tmp_path / "reports" / "demo.html").as_uri()
-    assert (tmp_path / "reports" / "demo.html").stat().st_size > 10_000
 
 
 def test_hidden_effects_are_in_the_data_and_not_in_the_robot(run, tmp_path):
@@ -92,52 +80,6 @@ def test_an_analysis_without_a_report_neither_draws_nor_simulates_and_none_loads
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_the_module_runs_as_a_command():
-    out = subprocess.run(
-        [sys.executable, "-m", "identifiability", "--help"],
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    for command in ("demo", "analyze", "simulate"):
-        assert command in out.stdout
-
-
 def test_the_version_is_printed(run):
     said = run("--version")
     assert (said.exit_code, said.output) == (0, f"identifiability {identifiability.__version__}\n")
-
-
-def test_names_are_whole_where_no_terminal_cuts_them(capsys):
-    columns = (Column("joint"), Column("error", "number"))
-    rows = [("a_joint_of_a_very_long_name" * 5, "1 %")]
-    print_table("title", Table.of("", columns, rows))
-    assert "a_joint_of_a_very_long_name" * 5 in capsys.readouterr().out
-
-
-def test_a_table_that_is_cut_says_how_many_rows_are_left_out(capsys):
-    table = Table.of("thirty", (Column("joint"),), [(f"joint_{k}",) for k in range(30)])
-    print_result(SimpleNamespace(tables=lambda: (table,), next=lambda: ()))
-    text = capsys.readouterr().out
-    assert text.count("joint_") == 12
-    assert "18 rows below them: --report shows them all." in text
-
-
-@pytest.mark.parametrize(
-    ("option", "name", "ending"),
-    [
-        (["analyze", "two-link", "log.csv", "--report"], "out.pdf", ".html or .htm"),
-        (["analyze", "two-link", "log.csv", "--json"], "out.txt", ".json"),
-        (["simulate", "two-link", "rest", "--out"], "out.xlsx", ".csv, .parquet or .pq"),
-        (["excite", "two-link", "--out"], "out.xml", ".json, .csv, .mcap or .npz"),
-        (["inspect", "two-link", "--template"], "out.xlsx", ".csv"),
-    ],
-)
-def test_an_ending_of_another_format_is_refused_before_the_work(
-    run, option, name, ending, tmp_path
-):
-    path = tmp_path / name
-    said = run(*option, path)
-    assert said.exit_code == 2
-    assert f"'{path}' does not end in {ending}, as what is written there does." in said.output
-    assert not path.exists()

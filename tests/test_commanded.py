@@ -9,25 +9,14 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-import pandas as pd
 import pytest
 
-from identifiability import Log, Robot, analyze, diagnose, export, prune
-from identifiability.estimation.rollouts import (
-    KINDS,
-    Gains,
-    Problem,
-    Rollouts,
-    fit_gains,
-    fit_rollouts,
-    roll_late,
-    share_missed,
-)
+from identifiability import Log, Robot, analyze, diagnose, prune
+from identifiability.estimation.rollouts import fit_gains, fit_rollouts, roll_late
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.foundation.options import OptionError
-from identifiability.logs.aliases import take_joint
 from identifiability.logs.commands import held_mean, servo_log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
@@ -35,16 +24,11 @@ from identifiability.logs.prepare.preparation import make_plan, settle_cutoff
 from identifiability.physical.cad_prior import combine_with_file, thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.regression.reduction import find_ladder, ladder_model
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.robot.servo import FOUND, Servo, state_delay
+from identifiability.robot.servo import FOUND, Servo
 from identifiability.simulation.rollout import CommandedRobot
-from identifiability.workflows import servo_gains
-from identifiability.workflows.commanded import check_found, state_drift
-from identifiability.workflows.diagnose.problem import know_share
-from identifiability.workflows.opening import read_recordings
 from identifiability.workflows.rollout import rollout
-from identifiability.workflows.servo_gains import Bodies, learn_gains, state_gains
+from identifiability.workflows.servo_gains import Bodies, state_gains
 from identifiability.workflows.servo_limits import learn_limits
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
@@ -86,19 +70,6 @@ def read(robot, frame):
     return Log.from_frame(frame, conventions=Conventions.of(robot)).select(robot.joints)
 
 
-def test_commands_and_encoder_steps_that_come_again_are_no_copies_where_speeds_differ(arm, frames):
-    frame = pd.concat([frames[1]] * 2, ignore_index=True).assign(
-        t=lambda x: 0.005 * np.arange(len(x))
-    )
-    rng = np.random.default_rng(0)
-    measured = {f"{j}.dq": np.gradient(frame[f"{j}.q"], frame["t"]) for j in arm.joints}
-    sensed = frame.assign(**{k: v + rng.normal(0, 0.02, len(v)) for k, v in measured.items()})
-    for log, copied in ((frame, True), (sensed, False)):
-        read = read_recordings(log, known=Conventions.of(arm), commands=True)
-        assert any("noise and all" in hint for hint in read.hints) == copied
-        assert read.fitted[0].dq is None  # torque is made without them
-
-
 # The servo that files state.
 
 
@@ -129,14 +100,8 @@ def test_a_motor_is_no_servo_and_a_sidecar_states_one_by_joint_and_pattern(arm):
     ("text", "said"),
     [
         ("[servo]\nkp = {shoulder = 3}\n", "gives no kp of elbow"),
-        ('[servo]\nkp = 3\nkv = {"wrist" = 1}\n', "names 'wrist', which the robot does not"),
         ("[servo]\nkp = 0\n", "neither kp nor kv"),
-        (
-            "[servo]\nkp = -1\n",
-            "'servo.kp': .* greater than or equal to 0, or .*'fit'",
-        ),
         ("[servo]\nkp = {shoulder = -1}\n", r"'servo\.kp\.shoulder': .*equal to 0"),
-        ('[servo]\nkp = {shoulder = "fit"}\n', '"fit" where logs shall tell it'),
     ],
 )
 def test_servos_that_cannot_be_are_refused_in_one_sentence(tmp_path, text, said):
@@ -158,40 +123,6 @@ def test_a_quadruped_that_floats_by_its_file_stands_where_its_sidecar_says_so(tm
 # Commands in logs.
 
 
-def test_commands_are_found_by_many_names(arm, frames):
-    plain = read(arm, frames[1])
-    assert plain.commanded
-    renamed = {
-        ".cmd": ("_q_des", ".target", ".position_command", "_desired", ".q_ref", "_action"),
-    }
-    for ending in renamed[".cmd"]:
-        log = read(arm, frames[1].rename(columns=lambda c, e=ending: c.replace(".cmd", e)))
-        np.testing.assert_array_equal(log.q_ref, plain.q_ref)
-    names = ("t", "dof_pos_0", "dof_pos_1", "des_dof_pos_0", "des_dof_pos_1")
-    log = read(arm, frames[1].set_axis(names, axis=1))
-    np.testing.assert_array_equal(log.q_ref, plain.q_ref)
-    for names in (
-        ("time_ns", "shoulder", "elbow", "shoulder_target", "elbow_target"),
-        ("timestamp", "joint_0", "joint_1", "joint_0_target", "joint_1_target"),
-        ("t", "q_0", "q_1", "motor_0_q_des", "motor_1_q_des"),
-    ):
-        frame = frames[1].set_axis(names, axis=1)
-        frame = frame.assign(time_ns=1e9 * frame["time_ns"]) if "ns" in names[0] else frame
-        np.testing.assert_allclose(read(arm, frame).q_ref, plain.q_ref)
-    degrees = frames[1].copy()
-    degrees[["shoulder.cmd", "elbow.cmd"]] *= 180 / np.pi
-    log = read(arm, degrees.rename(columns=lambda c: c.replace(".cmd", ".q_des [deg]")))
-    np.testing.assert_allclose(log.q_ref, plain.q_ref, atol=1e-12)
-
-
-def test_a_word_that_says_nothing_may_lack_in_the_name_of_a_joint():
-    joints = ("FL_hip_joint", "FL_calf_joint", "joint_1", "arm_joint")
-    assert take_joint(["fl", "hip", "pos"], joints) == ("FL_hip_joint", ["pos"])
-    assert take_joint(["1", "pos"], joints) == ("", ["1", "pos"])
-    assert take_joint(["arm", "pos"], joints) == ("", ["arm", "pos"])
-    assert take_joint(["joint", "1", "pos"], joints) == ("joint_1", ["pos"])
-
-
 def test_commands_hold_until_the_next_comes(arm, frames):
     sparse = frames[1].copy()
     command = sparse[["shoulder.cmd", "elbow.cmd"]]
@@ -208,43 +139,9 @@ def test_a_log_with_neither_torque_nor_command_is_refused(arm, frames):
         read(arm, frames[1][["t", "shoulder.q", "elbow.q"]])
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (
-            {"elbow.cmd": None},
-            r"'\.cmd'\) of shoulder and none of elbow; .*--lock elbow",
-        ),
-        ({"shoulder.tau_ff": "elbow.q"}, r"'\.tau_ff'\) of shoulder and none of elbow"),
-        (
-            {"shoulder.cmd": None, "elbow.cmd": None, "waist.action": "elbow.cmd"},
-            r"neither .*waist\.action say which .*--map 'OLD=shoulder\.cmd'",
-        ),
-        (
-            {"shoulder.cmd": None, "elbow.cmd": None, "action_0": "elbow.cmd"},
-            r"action_0 say which",
-        ),
-    ],
-)
-def test_commands_of_some_joints_or_of_others_are_no_missing_commands(arm, frames, change, said):
-    frame = frames[1].assign(**{k: frames[1][v] for k, v in change.items() if v})
-    with pytest.raises(LogError, match=said):
-        read(arm, frame.drop(columns=[k for k, v in change.items() if v is None]))
-
-
 def test_commands_without_gains_are_refused(frames):
     with pytest.raises(LogError, match=r'nothing states the gains.*kp = "fit"'):
         read(Robot.load("two-link"), frames[1])
-
-
-def test_commands_of_a_robot_that_floats_by_its_file_are_refused_with_the_option():
-    robot = Robot.load(MODELS / "quadruped" / "robot.xml", base="floating")
-    table = {
-        "t": [0.0, 0.1],
-        **{f"{j}.{k}": [0.0, 0.1] for j in robot.motor_joints for k in ("q", "cmd")},
-    }
-    with pytest.raises(LogError, match=r"'trunk' floats.* add --base fixed"):
-        Log.from_frame(pd.DataFrame(table), conventions=Conventions.of(robot))
 
 
 def test_measured_torque_goes_before_commands(arm, frames):
@@ -252,20 +149,6 @@ def test_measured_torque_goes_before_commands(arm, frames):
     log = read(arm, frame)
     assert not log.commanded
     np.testing.assert_array_equal(log.tau, np.tile([1.0, 2.0], (len(log), 1)))
-
-
-def test_commands_of_other_joints_are_refused(arm, frames):
-    other = {"shoulder.cmd": "elbow.cmd", "elbow.cmd": "shoulder.cmd"}
-    with pytest.raises(LogError, match="does not follow its command") as error:
-        rollout(arm, frames[1].rename(columns=other))
-    assert "'elbow' does" in str(error.value)
-    degrees = frames[1].copy()
-    degrees[["shoulder.cmd", "elbow.cmd"]] *= 180 / np.pi
-    with pytest.raises(LogError, match="looks like degrees"):
-        rollout(arm, degrees)
-    still = frames[1].assign(**{"elbow.cmd": 0.3})
-    with pytest.raises(LogError, match="'elbow' does not follow its command, which never changes"):
-        rollout(arm, still)
 
 
 def test_means_of_a_staircase_are_its_integrals():
@@ -318,26 +201,6 @@ def test_a_limit_that_nobody_states_is_found_where_the_drive_reaches_it(arm, fra
     assert learn_limits(arm, [log]) is arm  # which is stated
 
 
-def test_a_stated_limit_that_is_another_to_either_side_stays_when_logs_tell_one(arm):
-    low, high = np.array([-np.inf, -35.0]), np.array([np.inf, 10.0])
-    servo = replace(arm.servo, low=low, high=high, limit_open=np.array([True, False]))
-    told = servo.at_most(np.array([20.0, 10.0]))
-    assert told.low.tolist() == [-20.0, -35.0]
-    assert told.high.tolist() == [20.0, 10.0]
-    again = servo.having({"limit": np.array([20.0, np.inf])})  # as a result's JSON holds it
-    assert (again.low == told.low).all()
-    assert (again.high == told.high).all()
-
-
-def test_a_torque_limit_that_a_urdf_states_of_a_joint_does_not_act_unsaid(tmp_path):
-    path = tmp_path / "arm.urdf"
-    text = Robot.load("six-dof-arm").path.read_text()
-    assert "effort=" in text
-    path.write_text(re.sub(r'effort="[^"]*"', 'effort="1e-3"', text))
-    (tmp_path / "arm.toml").write_text("[servo]\nkp = 100\n")
-    assert not CommandedRobot(Robot.load(path), {}).model.jnt_actfrclimited.any()
-
-
 def test_reversals_are_data_where_a_rollout_turns_by_the_same_friction(arm, frames):
     given = servo_log(read(arm, frames[1]), arm.servo, 0.007)
     how = replace(settle_cutoff(arm, [given], None), stands=True)
@@ -346,23 +209,6 @@ def test_reversals_are_data_where_a_rollout_turns_by_the_same_friction(arm, fram
         for log in (given, replace(given, servo_delay=None))  # the same torque, as if measured
     ]
     assert turning[0] == 0 < turning[1]
-
-
-def test_when_commands_act_is_said_from_the_row_that_holds_them():
-    names = ["a.csv", "b.csv", "c.csv"]
-    assert state_delay(np.array([0.0049]), names[:1]) == "commands act 4.9 ms after their rows"
-    both = state_delay(np.array([0.002, -0.003, 0.002]), names)
-    assert "2 ms after their rows of a.csv, c.csv and 3 ms before their rows of b.csv" in both
-    assert "positions are that much late" in both
-    assert "-" not in both
-
-
-def test_what_an_assumed_rate_does_to_damping_is_said(arm):
-    told = arm.servo.state_rate()
-    assert "1000 times a second" in told
-    assert "0.6 higher" in told  # 1200 N·m/rad, half a millisecond more
-    assert replace(arm.servo, assumed=False).state_rate() == ""
-    assert replace(arm.servo, assumed=False).doubted == ()
 
 
 def test_intervals_hold_where_servos_measure_half_as_often_as_is_assumed(arm):
@@ -406,40 +252,6 @@ def test_commands_that_act_later_by_less_than_a_step_move_a_robot_later_by_that(
     rows = slice(len(log) // 2, None)  # those of a start are not later
     apart = (after - before + 3e-4 * slope)[rows]
     assert np.sqrt(np.mean(apart**2)) < 0.01 * np.sqrt(np.mean((3e-4 * slope[rows]) ** 2))
-
-
-@pytest.mark.parametrize("rows", [398, 399, 400, 401])
-def test_rollouts_that_begin_anew_leave_no_row_out(arm, frames, rows):
-    log = read(arm, frames[1]).rows(0, rows)
-    machine = CommandedRobot(arm, {})
-    problem = Problem(machine, (log,), 0.0, anew=1.0)
-    (rolled,) = problem.roll([np.concatenate([*(machine.numbers()[k] for k in KINDS), [0.0]])])
-    assert np.isfinite(rolled[0]).all()
-    begins = [0, problem.rows[0]]
-    np.testing.assert_allclose(rolled[0][begins], log.q[begins], atol=1e-3)
-
-
-def test_commands_on_another_clock_than_rows_are_followed_as_closely(arm):
-    rng = np.random.default_rng(8)
-    how = servos.Recorder(rate=125.0, command_rate=50.0, delay=0.006, bits=14)
-    commands = servos.draw_commands(arm, 8.0, how.command_rate, 0.35, rng)
-    log = read(arm, servos.record(arm, TRUTH, commands, 8.0, how, rng))
-    found = fit_rollouts(arm, [log])
-    np.testing.assert_array_less(found.errors, 1.2 * 2 * np.pi / 2**14 / np.sqrt(12) + 2e-5)
-    np.testing.assert_allclose(found.numbers["Ia"], [0.11, 0.05], rtol=0.02)
-
-
-def test_rollouts_of_several_robots_are_those_of_each(arm, frames):
-    log, machine = read(arm, frames[1]), CommandedRobot(arm, {})
-    own = machine.numbers()
-    other = {**own, "Fv": own["Fv"] + 1.0}
-    both = machine.roll(log, [own, other], [0.0, 0.005])
-    np.testing.assert_array_equal(both[0], machine.roll(log)[0])
-    np.testing.assert_array_equal(both[1], machine.roll(log, [other], 0.005)[0])
-    windows = [(0, 300), (300, len(log))]
-    parts = machine.roll(log, windows=windows)[0]
-    np.testing.assert_array_equal(parts[:300], both[0][:300])
-    np.testing.assert_allclose(parts[300], log.q[300], atol=2e-5)
 
 
 def test_joints_and_delay_are_found_from_rollouts_of_another_physics(arm, frames):
@@ -520,23 +332,6 @@ def test_every_verb_finds_the_delay_again_with_the_bodies_fitted(arm, heavy):
     assert np.abs(reduced.late).max() > 0  # what it leaves open counts in every verb
 
 
-def test_a_file_that_weighs_too_much_does_not_move_the_delay_of_stiff_servos(arm, heavy):
-    log, delay, truth = heavy
-    assert abs(fit_rollouts(arm, [log]).delays[0] - delay) > 2e-4  # with its file
-    result = analyze(arm, log, quick=True)
-    assert abs(result.recordings[0].servo_delay - delay) < 5e-5
-    assert result.commands in result.hints
-    assert sum("holds commands and no torque" in hint for hint in result.hints) == 1
-    assert "errs by" in result.commands
-    table, structure = result.to_frame().set_index("name"), result.structure
-    phi = np.array([{**arm.nominal, **truth}.get(n, 0.0) for n in structure.columns])
-    true = dict(zip(structure.base.names, structure.G @ phi, strict=True))
-    sure = table.index[table["verdict"] == "identifiable"]
-    inside = [table["interval95"][n][0] <= true[n] <= table["interval95"][n][1] for n in sure]
-    assert len(sure) >= 8
-    assert np.mean(inside) >= 0.9
-
-
 def test_bodies_are_within_a_share_of_the_file_where_there_is_no_torque(arm, frames):
     result = analyze(arm, frames[1], quick=True)
     assert result.settings["prior"] == 0.2
@@ -589,15 +384,6 @@ def test_intervals_with_the_file_hold_up_to_its_share_whatever_few_data_say(shar
     assert told <= 1
 
 
-def test_a_parameter_that_neither_log_nor_file_tells_of_is_lost_and_no_other():
-    structure = _standard(Robot.load("two-link"))
-    p = len(structure.columns)
-    A, friction = np.eye(p), structure.columns.index("elbow.Fv")
-    A[friction] = 0.0
-    found = combine_with_file(structure, A, A @ structure.nominal, np.eye(p), 0.2)
-    assert np.flatnonzero(~np.isfinite(found.sd)).tolist() == [friction]
-
-
 def test_what_the_sidecar_states_of_a_body_or_a_parameter_counts_beside_the_log(tmp_path):
     shutil.copy(Robot.load("six-dof-arm").path, tmp_path / "arm.urdf")
     plain = _standard(Robot.load(tmp_path / "arm.urdf"))
@@ -619,33 +405,6 @@ def test_what_the_sidecar_states_of_a_body_or_a_parameter_counts_beside_the_log(
         Robot.load(tmp_path / "arm.urdf")
 
 
-def test_a_diagnosis_knows_bodies_within_a_share_and_nothing_of_joints(arm):
-    """A body that is a share heavier in all is one standard deviation off, or less of a group."""
-    structure = Structure.of(arm, Model.of("rigid_body", "viscous_friction", "torque_offset"))
-    near = know_share(0.2, structure, refitted=True)
-    np.testing.assert_allclose(near.values, structure.nominal_base, rtol=1e-9)
-    for name in ("elbow.Fv", "shoulder.off"):
-        alone = structure.G[:, structure.columns.index(name)]
-        assert np.abs(near.root @ alone).max() < 1e-3 * np.abs(near.root).max()
-    own = np.array([p.owner == arm.bodies[1] for p in structure.parameters])
-    off = near.root @ structure.G @ np.where(own, 0.2 * structure.nominal, 0.0)
-    assert 0.2 < off @ off < 1.0 + 1e-9
-
-
-def test_what_is_known_of_bodies_says_nothing_of_rotors_that_stand_in_their_inertia():
-    """Of parallel axes a rotor's inertia is grouped with its body's, whose friction is beside."""
-    robot = Robot.load("quadruped")
-    usual = ("viscous_friction", "coulomb_friction", "actuator_inertia", "torque_offset")
-    structure = Structure.of(robot, Model.of("rigid_body", *usual))
-    near, rng = know_share(0.2, structure, refitted=True), np.random.default_rng(0)
-    own = np.array([p.owner in robot.joints for p in structure.parameters])
-    assert not any(n == "FL_hip_joint.Ia" for n in structure.base.names)
-    joints = structure.G @ np.where(own, rng.uniform(size=len(own)), 0.0)
-    assert np.linalg.norm(near.root @ joints) < 1e-3 * np.linalg.norm(near.root)
-    bodies = structure.G @ np.where(own, 0.0, 0.1 * structure.nominal)
-    assert 0.5 < np.linalg.norm(near.root @ bodies) < 2.0
-
-
 @pytest.mark.parametrize("late", [0.0, 0.004])
 def test_the_joint_that_is_late_is_named_and_not_those_that_its_delay_made_early(arm, late):
     rng, how = np.random.default_rng(1), servos.Recorder(200.0, 50.0, 0.006, 12)
@@ -659,47 +418,6 @@ def test_the_joint_that_is_late_is_named_and_not_those_that_its_delay_made_early
     assert list(named) == [arm.joints[1]] * bool(late)
     for p in named.values():
         assert abs(p.values[0] - late) < 4 * p.errors[0] + 2e-4
-
-
-def biased(frame, zeros):
-    """A log whose encoders, and so whose commands, count from elsewhere [rad]."""
-    shifts = {f"{j}.{k}": b for j, b in zeros.items() for k in ("q", "cmd")}
-    return frame.assign(**{name: frame[name] + b for name, b in shifts.items()})
-
-
-@pytest.mark.everything
-def test_a_wrong_zero_of_an_encoder_is_measured_where_bodies_do_not_say_the_same(arm, tmp_path):
-    """That of the last joint turns its body's first moments, and no log tells these apart."""
-    rng = np.random.default_rng(5)
-    commands = servos.draw_commands(arm, 12.0, 100.0, 1.0, rng)
-    how = servos.Recorder(200.0, 100.0, 0.006, 16)
-    frame = servos.record(arm, TRUTH, commands, 12.0, how, rng)
-    ladder = tmp_path / "bias.toml"
-    usual = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"]
-    text = {"models": [{"name": "zeros", "effects": [*usual, "torque_offset", "encoder_bias"]}]}
-    ladder.write_text(toml_text(text))
-    found = analyze(arm, biased(frame, {"shoulder": 0.02}), ladder=ladder, quick=True).to_frame()
-    told = found[found["name"].str.endswith(".bias")]
-    assert [*told["name"]] == ["shoulder.bias"]
-    low, high = told["interval95"].item()
-    assert low < 0.02 < high < low + 0.06
-
-
-@pytest.mark.everything
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_wrong_zero_is_named_with_the_tilt_that_it_looks_like(arm, seed):
-    """A planar arm whose first zero is wrong stands as one whose base is tilted."""
-    rng = np.random.default_rng(seed)
-    how = servos.Recorder(200.0, 100.0, 0.006, 16)
-    frames = []
-    for seconds in (25.0, 10.0):
-        commands = servos.draw_commands(arm, seconds, 100.0, 1.0, rng)
-        frames.append(servos.record(arm, TRUTH, commands, seconds, how, rng))
-    for b in (0.0, 0.03):
-        fitted, unseen = (biased(x, {"shoulder": b}) for x in frames)
-        found = diagnose(arm, fitted, unseen, fixed=0.05, quick=True, forward=False)
-        named = {name for e in found.effects for name in (e.name, *e.alternatives)}
-        assert named == ({"gravity_tilt", "encoder_bias"} if b else set())
 
 
 def test_a_log_that_contradicts_the_files_bodies_says_so_and_names_the_farthest():
@@ -725,20 +443,6 @@ def test_gains_that_contradict_the_motion_are_refused(arm, frames, tmp_path, fac
     (tmp_path / "arm.toml").write_text(toml_text({"servo": {"kp": kp, "kv": kv}}))
     with pytest.raises(LogError, match=said):
         analyze(tmp_path / "arm.xml", frames[1], quick=True)
-
-
-def test_a_joint_that_does_not_follow_is_told_where_others_do(arm, frames):
-    """What is wrong at one joint is no reason to say nothing of the others."""
-    log = read(arm, frames[1])
-    apart = 1.0 / share_missed(np.ones(2), [log])  # what there is to explain
-    nothing = dict.fromkeys(KINDS, np.zeros(2))
-    shares = np.array([0.02, 0.7])
-    rolled = Rollouts(nothing, np.zeros(1), shares * apart, apart, 1, np.zeros(1))
-    said = check_found(arm, [log], rolled)
-    assert "Do not use what is said of 'elbow' (70 %)" in said
-    assert not check_found(arm, [log], replace(rolled, errors=0.02 * apart))
-    with pytest.raises(LogError, match="'elbow' errs by 90 %"):
-        check_found(arm, [log], replace(rolled, errors=np.array([0.6, 0.9]) * apart))
 
 
 @pytest.fixture(scope="module")
@@ -774,85 +478,6 @@ def test_gains_that_nobody_states_are_found_and_one_known_body_fixes_their_scale
     assert not again.servo.unknown.any()
 
 
-@pytest.mark.everything
-def test_commanded_speeds_tell_damping_of_servo_and_joint_apart(arm, tmp_path):
-    rng = np.random.default_rng(4)
-    how = servos.Recorder(200.0, 100.0, 0.006, 14, speeds=True)
-    commands = servos.draw_commands(arm, 8.0, 100.0, 0.5, rng)
-    frame = servos.record(arm, TRUTH, commands, 8.0, how, rng)
-    shutil.copy(arm.path, tmp_path / "arm.xml")
-    text = {"servo": {"kp": dict(zip(arm.joints, arm.servo.kp.tolist(), strict=True)), "kv": "fit"}}
-    (tmp_path / "arm.toml").write_text(toml_text(text))
-    found = analyze(tmp_path / "arm.xml", frame, quick=True)
-    for joint, kv in zip(arm.joints, arm.servo.kv, strict=True):
-        assert found.rolled is not None
-        low, high = found.to_frame().set_index("name")["interval95"][f"{joint}.Fv"]
-        assert low < TRUTH[f"{joint}.Fv"] < high
-        assert found.structure.robot.servo.kv[arm.joints.index(joint)] == pytest.approx(
-            kv, rel=5e-3
-        )
-    assert found.hints[0].startswith("Nobody states the gains of the servos")
-    assert "kv of shoulder" in found.hints[0]
-
-
-def test_servos_of_velocity_say_that_rollouts_drift(arm):
-    assert not state_drift(arm)
-    free = replace(arm, servo=replace(arm.servo, kp=np.array([1200.0, 0.0])))
-    assert "The servos of elbow hold no position" in state_drift(free)
-
-
-def test_commands_and_positions_say_nothing_of_the_scale_of_all_numbers(unstated, frames):
-    log = read(unstated, frames[1])
-    free = {"kp": np.ones(2, bool)}
-    servo = replace(unstated.servo, kp=np.array([1100.0, 320.0]), kv=np.zeros(2))
-    kinds = (*KINDS, "kp")
-    machine = CommandedRobot(unstated, {}, servo)
-    problem = Problem(machine, (log,), None, kinds, free, Bodies(unstated))
-    numbers = machine.numbers() | {"kp": servo.kp, "Fv": np.array([50.0, 9.0])}
-    x = problem.extended(np.concatenate([*(numbers[k] for k in kinds), [0.006]]))
-    one, other = problem.roll([x, problem.scaled(x, 1.5)])
-    np.testing.assert_allclose(one[0], other[0], atol=1e-9)
-    J = problem.linearise(x, problem.weights(one)[0])[: -problem.believed_rows]
-    along = problem.scaled(x, 1 + 1e-6) - x
-    assert np.linalg.norm(J @ along) < 1e-6 * np.linalg.norm(J * along)
-
-
-def test_unstated_gains_of_a_joint_that_does_not_follow_hide_no_others(
-    unstated, arm, frames, monkeypatch
-):
-    log, n = read(unstated, frames[1]), len(unstated.joints)
-    apart = 1.0 / share_missed(np.ones(n), [log])
-    found = Gains(arm.servo, dict.fromkeys(KINDS, np.zeros(n)), apart, np.eye(n), np.zeros(40))
-    for shares in ([0.02, 0.9], [0.6, 0.9]):
-        errors = np.array(shares) * apart
-        monkeypatch.setattr(servo_gains, "fit_gains", lambda *_, e=errors: replace(found, errors=e))
-        if np.median(shares) < 0.5:
-            assert not learn_gains(unstated, [log]).servo.unknown.any()
-        else:
-            with pytest.raises(LogError, match="No gains make 'elbow' follow"):
-                learn_gains(unstated, [log])
-
-
-@pytest.mark.everything
-def test_a_log_of_unstated_gains_is_analysed_exported_and_rolled_out(
-    unstated, arm, frames, tmp_path
-):
-    result = analyze(unstated, frames[0], quick=True)
-    assert result.hints[0].startswith("Nobody states the gains of the servos")
-    table = result.to_frame().set_index("name")
-    for joint, kv in zip(arm.joints, arm.servo.kv, strict=True):
-        low, high = table["interval95"][f"{joint}.Fv"]
-        assert low < kv + TRUTH[f"{joint}.Fv"] < high
-    path = result.to_json(tmp_path / "result.json")
-    export(unstated, path, tmp_path / "out.xml")
-    np.testing.assert_allclose(Robot.load(tmp_path / "out.xml").servo.kp, arm.servo.kp, rtol=0.01)
-    for found in (
-        rollout(unstated, frames[1], against=path),
-        rollout(unstated, frames[1], fit=frames[0]),
-    ):
-        assert found.totals[1] < 0.05 * found.totals[0]
-
-
 def test_joints_are_fitted_to_rollouts_and_written_in_one_go(arm, frames, tmp_path):
     found = rollout(arm, frames[1], fit=frames[0])
     assert found.totals[1] < 0.15 * found.totals[0]
@@ -861,16 +486,6 @@ def test_joints_are_fitted_to_rollouts_and_written_in_one_go(arm, frames, tmp_pa
     np.testing.assert_allclose(again.totals[0], found.totals[1], rtol=1e-3)
     with pytest.raises(LogError, match="is fitted and rolled out"):
         rollout(arm, frames[1], fit=frames[1])
-
-
-def test_a_rollout_needs_commands_and_joints_alike(arm, frames):
-    frame = frames[1].rename(columns={"shoulder.cmd": "shoulder.tau", "elbow.cmd": "elbow.tau"})
-    with pytest.raises(LogError, match="has no commands"):
-        rollout(arm, frame)
-    with pytest.raises(RobotError, match="states no gains"):
-        rollout("two-link", frames[1])
-    with pytest.raises(RobotError, match="the same joints"):
-        rollout(arm, frames[1], against="quadruped")
 
 
 def test_the_time_step_is_part_of_the_model_and_taken_off():
@@ -899,10 +514,3 @@ def test_the_time_step_is_part_of_the_model_and_taken_off():
     plain, taken = swing(0.02, 0.004), swing(0.02 - 0.5 * 0.004 * 0.5, 0.004)
     apart = [np.abs(x[40:] - exact[40 : len(x)]).max() for x in (plain, taken)]
     assert apart[1] < 0.35 * apart[0]
-
-
-def test_one_joint_in_degrees_is_said_where_its_gains_contradict(arm, frames, tmp_path):
-    name = arm.joints[1]
-    turned = frames[1].assign(**{c: np.degrees(frames[1][c]) for c in (f"{name}.q", f"{name}.cmd")})
-    with pytest.raises(LogError, match=rf"'{name}' are within .* degrees alone .* {name} = "):
-        analyze(arm, turned, quick=True)

@@ -2,10 +2,9 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
-from identifiability import analyze, diagnose, prune
+from identifiability import analyze
 from identifiability.logs.prepare import Preparation
 from identifiability.simulation import Noise
 
@@ -28,13 +27,6 @@ def about_cutoff(result):
 @pytest.mark.parametrize("seed", range(3))
 def test_a_good_cut_off_gives_no_hint(positions, seed):
     assert about_cutoff(analyze("two-link", positions(2e-5, seed), replicates=100)) == []
-
-
-@pytest.mark.everything
-def test_pruning_says_it_too(positions):
-    loud = Preparation(cutoff=16)
-    hints = about_cutoff(prune("two-link", positions(5e-3), preparation=loud, replicates=20))
-    assert hints[0].startswith("Noise of what is differentiated has ")
 
 
 def test_logs_have_one_cut_off_that_the_fitted_ones_decide(positions):
@@ -70,46 +62,3 @@ def test_noise_that_pulls_values_down_is_said(positions):
     assert hint.startswith("Noise of what is differentiated has ")
     quiet = analyze("two-link", positions(5e-3), replicates=0).samples[0].cutoff
     assert f"set it to {quiet:.2g} Hz (--cutoff)" in hint
-
-
-def test_a_diagnosis_says_it_too(positions):
-    low = Preparation(cutoff=1.2)
-    found = diagnose("two-link", positions(2e-5), preparation=low, forward=False)
-    assert len(about_cutoff(found)) == 1
-    assert about_cutoff(found)[0].startswith("The cut-off of 1.2 Hz cuts into the motion")
-
-
-def _judge(positions, cutoff, encoder, seed):
-    """Return how many 95 % intervals hold, of how many, and identifiable values, and wrong ones."""
-    how = Preparation(cutoff=cutoff)
-    found = analyze("two-link", positions(encoder, seed), preparation=how, replicates=60)
-    submodel, verdicts = found.chosen.submodel, found.chosen.verdicts
-    truth = np.linalg.lstsq(submodel.M, found.structure.nominal_base - submodel.fixed, rcond=None)[
-        0
-    ]
-    off = np.abs(np.array([v.value for v in verdicts]) - truth)
-    sigma = np.array([v.sigma_robust for v in verdicts])
-    known = np.array([v.verdict.value == "identifiable" for v in verdicts])
-    wrong = (off > 0.5 * np.abs(truth)) & known
-    said = bool(about_cutoff(found)) or not np.isfinite(sigma).all()
-    return np.array([(off <= 1.96 * sigma).sum(), len(off), known.sum(), wrong.sum()]), said
-
-
-@pytest.mark.everything
-def test_what_is_said_without_a_hint_holds_whatever_encoder_and_cut_off(positions):
-    """Of an encoder alone, at many steps."""
-    seeds = range(12)
-    rows = [
-        (encoder, cutoff, *_judge(positions, cutoff, encoder, seed))
-        for encoder in (2e-5, 5e-3)
-        for cutoff in (None, 4.0, 30.0)
-        for seed in seeds
-    ]
-    silent = np.sum([counts for *_, counts, said in rows if not said], axis=0)
-    spread = np.sqrt(0.9 * 0.1 / len(seeds) / 4)  # values of one log hold or fail together
-    assert silent[0] / silent[1] >= 0.9 - 2 * spread
-    every = np.sum([counts for *_, counts, _ in rows], axis=0)
-    assert every[2] > 12 * len(seeds)
-    assert every[3] <= 0.02 * every[2]
-    good = [said for encoder, cutoff, _, said in rows if (encoder, cutoff) == (2e-5, None)]
-    assert np.mean(good) <= 0.1

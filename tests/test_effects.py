@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.effects import FAMILIES, find_effect
+from identifiability.effects import find_effect
 from identifiability.foundation.errors import ModelError
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
@@ -31,38 +31,6 @@ def columns(robot, motion, name):
     return W, [p.name for p in effect.parameters(robot)]
 
 
-def test_every_effect_gives_one_named_column_a_parameter(robot, motion):
-    for name, family in FAMILIES.items():
-        effect = family.effect
-        parameters = effect.parameters(robot)
-        assert len({p.name for p in parameters}) == len(parameters)
-        assert all(p.unit and p.group == name for p in parameters)
-        if parameters:
-            W = Model((effect,)).regressor(robot, motion)
-            assert W.shape == (len(motion), len(robot.joints), len(parameters))
-            assert np.isfinite(W).all()
-
-
-def test_friction_and_inertia_act_along_their_own_joint(robot, motion):
-    unit = np.eye(len(robot.joints))
-    for name, value in (
-        ("viscous_friction", motion.actuated_v),
-        ("coulomb_friction", np.sign(motion.actuated_v)),
-        ("torque_offset", np.ones_like(motion.actuated_v)),
-    ):
-        W, _ = columns(robot, motion, name)
-        np.testing.assert_array_equal(W, value[:, :, None] * unit)
-
-
-def test_asymmetric_friction_splits_the_symmetric_one_by_direction(robot, motion):
-    W, names = columns(robot, motion, "coulomb_asymmetry")
-    symmetric, _ = columns(robot, motion, "coulomb_friction")
-    np.testing.assert_array_equal(W[:, :, ::2] + W[:, :, 1::2], symmetric)
-    assert names[:2] == [f"{robot.joints[0]}.Fc+", f"{robot.joints[0]}.Fc-"]
-    # Both levels are positive numbers: the torque opposes backward motion too.
-    assert (W[:, :, 1::2] <= 0).all()
-
-
 def test_friction_dissipates(robot, motion):
     for name in (
         "viscous_friction",
@@ -75,33 +43,6 @@ def test_friction_dissipates(robot, motion):
         W, _ = columns(robot, motion, name)
         power = np.einsum("nik,ni->nk", W, motion.actuated_v)
         assert (power >= -1e-12).all(), name
-
-
-def test_passive_friction_loads_the_actuators_by_virtual_work(rps):
-    """Power at the actuators equals the power lost in the passive joints."""
-    motion = random_motion(rps, np.random.default_rng(0), 30)
-    W, names = columns(rps, motion, "passive_joint_friction")
-    k = names.index("hinge2.Fv")
-    power = np.einsum("ni,ni->n", W[:, :, k], motion.actuated_v)
-    np.testing.assert_allclose(power, motion.v[:, rps.dofs.index("hinge2")] ** 2, rtol=1e-9)
-
-
-def test_the_simulated_friction_of_passive_joints_is_the_columns_times_the_parameters(rps):
-    trajectory = shipped_trajectory(rps, "601")
-    parameters = {"hinge1.Fv": 490.8, "hinge1.Fc": 34.2}
-    plain = simulate(rps, trajectory)
-    added = simulate(rps, trajectory, parameters=parameters)
-    samples = prepare_samples(rps, plain)
-    W, names = columns(rps, samples.motion, "passive_joint_friction")
-    value = np.array([parameters.get(n, 0.0) for n in names])
-    np.testing.assert_allclose(added.tau - plain.tau, W @ value, atol=1e-8)
-
-
-def test_a_model_is_a_sum_of_effects_without_repeats():
-    model = Model.of("rigid_body", "coulomb_friction") + find_effect("coulomb_asymmetry")
-    assert model.names == ("rigid_body", "coulomb_asymmetry")
-    assert (model + find_effect("coulomb_friction")).names == model.names
-    assert (model + find_effect("rigid_body")).names == model.names
 
 
 def test_an_unknown_effect_is_named_with_its_near_match():
@@ -125,18 +66,6 @@ def coupled(tmp_path):
     return Robot.load("two-link", path)
 
 
-def test_friction_of_a_coupled_motor_acts_on_the_sum_of_its_joints(coupled):
-    assert [a.name for a in coupled.axes] == [*coupled.joints, "motor2"]
-    motion = random_motion(coupled, np.random.default_rng(0), 20)
-    W, names = columns(coupled, motion, "viscous_friction")
-    both = motion.actuated_v.sum(1)
-    k = names.index("motor2.Fv")
-    np.testing.assert_allclose(W[:, :, k], np.stack([both, both], 1))
-    W, names = columns(coupled, motion, "actuator_inertia")
-    both = motion.actuated_a.sum(1)
-    np.testing.assert_allclose(W[:, :, names.index("motor2.Ia")], np.stack([both, both], 1))
-
-
 def test_motor_logs_are_converted_to_the_joint_side(coupled):
     trajectory = shipped_trajectory(coupled, "a")
     joint = simulate(coupled, trajectory)
@@ -154,13 +83,6 @@ def test_motor_logs_are_converted_to_the_joint_side(coupled):
     np.testing.assert_allclose(
         (motor.tau * motor.dq).sum(1), (joint.tau * joint.dq).sum(1), atol=1e-10
     )
-
-
-def test_a_coupled_motor_can_be_told_from_the_joints_it_mixes(coupled):
-    base = find_base_parameters(
-        coupled, Model.of("rigid_body", "viscous_friction", "coulomb_friction")
-    )
-    assert {"motor2.Fv", "motor2.Fc"} <= set(base.names)
 
 
 def test_a_joint_coupling_is_a_closure():

@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import analyze, prune
+from identifiability import analyze
 from identifiability.cli.analyze import print_analysis
-from identifiability.cli.prune import print_pruning
 from identifiability.foundation.rounding import error_text
 from identifiability.simulation import Noise
 
@@ -76,25 +75,3 @@ def test_the_terminal_lists_them(result, capsys):
         assert name in text
     worst = result.error_frame().set_index("name").error["bad"]
     assert error_text(worst) in text
-
-
-@pytest.mark.parametrize("validated", [True, False])
-def test_pruning_tells_the_errors_of_its_model_apart(logs, validated, tmp_path, capsys):
-    unseen = [replace(logs[2], name="unseen")] if validated else []
-    pruned = prune("two-link", logs[:2], unseen, replicates=2)
-    again = analyze("two-link", logs[:2], unseen, ladder=pruned, replicates=0)
-    at = [m.name for m in again.models].index(pruned.chosen.name)
-    same = replace(again, selected=at).error_frame()
-    frame = pruned.error_frame()
-    assert list(frame["name"]) == list(same["name"])
-    np.testing.assert_allclose(frame["error"], same["error"], rtol=1e-6)
-    if validated:
-        held = frame["error_validation"], same["error_validation"]
-        np.testing.assert_allclose(*held, rtol=1e-6)
-    content = json.loads(pruned.to_json(tmp_path / "out.json").read_text(encoding="utf-8"))
-    assert [row["joint"] for row in content["errors"]["joints"]] == list(pruned.robot.joints)
-    assert content["errors"]["logs"][1]["error"] == frame.set_index("name").loc["bad", "error"]
-    print_pruning(pruned, [])
-    table = capsys.readouterr().out
-    assert "Each log by itself" in table
-    assert "bad" in table

@@ -6,75 +6,22 @@ import numpy as np
 import pytest
 import scipy
 
-from identifiability.estimation.estimate import estimate
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.fit import scatter_scores
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.regression.gather import gather_information
-from identifiability.regression.reduction import build_comparison, find_ladder, ladder_model
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.report.pruning_report import section_survivors
 from identifiability.robot import Motion, Robot
 from identifiability.simulation import Noise
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.oddities import MeasuredLogs, find_always
-from identifiability.workflows.prune import prune
 
 SEEDS, PERIODS = 6, 10
 MODEL = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 NOISE = Noise(motion=0.04, torque=0.05)
-
-
-@pytest.fixture(scope="module")
-def fits(simulated_session):
-    """Values and σ by estimator (seeds, k), and the values without noise (k,)."""
-    robot = Robot.load("3-rps")
-    source = find_ladder(robot, None, beside=True)
-    structure = Structure.of(robot, ladder_model(source.entry))
-    submodel = next(r for r in build_comparison(source.entry, structure) if r.name == "Model 4")
-    once = simulated_session("3-rps", "601", noise=Noise())
-    q, dq, ddq, tau = (np.tile(x, (PERIODS, 1)) for x in (once.q, once.dq, once.ddq, once.tau))
-    t = once.t[0] + np.median(np.diff(once.t)) * np.arange(len(q))
-
-    def inform(log):
-        samples = prepare_samples(robot, log)
-        samples = add_instrument(robot, log, samples) or samples
-        return submodel.reduce(gather_information(structure.regression([samples])))
-
-    truth = estimate(inform(Log("exact", once.joints, t, q, tau, dq, ddq, ""))).value
-    found = {"ls": [], "iv": []}
-    for seed in range(SEEDS):
-        rng = np.random.default_rng([seed, 3])
-        moved = [NOISE.on_motion(x, rng) for x in (q, dq, ddq)]
-        torque = NOISE.on_torque(tau, rng)
-        information = inform(Log("noisy", once.joints, t, moved[0], torque, *moved[1:], ""))
-        for kind, rows in found.items():
-            fit = Estimator(instruments=kind == "iv").fit(information)
-            rows.append((fit.value, scatter_scores(information, fit, 1.0).widened))
-    return {k: [np.array(x) for x in zip(*rows, strict=True)] for k, rows in found.items()}, truth
-
-
-@pytest.mark.everything
-def test_more_data_help_and_intervals_hold(fits):
-    found, truth = fits
-    off = {kind: values - truth for kind, (values, _) in found.items()}
-    held = {kind: np.abs(off[kind]) <= 1.96 * found[kind][1] for kind in found}
-    error = {kind: np.sqrt((x**2).mean(0)) for kind, x in off.items()}
-    assert np.median(error["iv"] / error["ls"]) <= 0.7
-    spread = held["iv"].mean(1).std(ddof=1) / np.sqrt(SEEDS)
-    assert 0.92 - 2 * spread <= held["iv"].mean() <= 0.98 + 2 * spread
-    assert held["ls"].mean() < 0.75
-
-
-@pytest.mark.everything
-def test_the_difference_to_least_squares_is_its_bias(fits):
-    found, truth = fits
-    (values, _), (plain, _) = found["iv"], found["ls"]
-    bias, seen = (plain.mean(0) - truth) / truth, (plain - values).mean(0) / truth
-    assert np.corrcoef(seen, bias)[0, 1] > 0.95
 
 
 def test_additive_noise_of_velocities_does_not_bias_friction(simulated_session):
@@ -102,9 +49,7 @@ def test_additive_noise_of_velocities_does_not_bias_friction(simulated_session):
 @pytest.mark.parametrize(
     ("noise", "said"),
     [
-        (Noise(), False),
-        (Noise(motion=0.1), False),  # in proportion to the speed: it turns no sign
-        (Noise(motion_additive=0.003), False),
+        (Noise(motion=0.1), False),
         (Noise(motion_additive=0.1), True),
     ],
 )
@@ -149,26 +94,6 @@ def test_results_say_what_least_squares_would_have_been(noisy_log):
         assert abs(moved) < 0.05 * other.sigma_robust
     assert plain.to_frame()["bias_sigma"].isna().all()
     assert any("Fourier series" in note for note in found.samples[0].notes)
-
-
-@pytest.mark.everything
-def test_pruning_follows_the_estimator(noisy_log):
-    found = prune("3-rps", noisy_log, replicates=10)
-    chosen = found.models[found.selected]
-    fit = chosen.estimate
-    assert fit.correction is not None
-    walked = dict(zip(found.start.columns, chosen.step.values[0], strict=True))
-    alike = [c in walked for c in fit.columns]
-    assert sum(alike) >= 6
-    path = np.array([walked[c] for c in fit.columns if c in walked])
-    moved = np.abs(fit.correction.least_squares - fit.value)[alike]
-    assert np.median(np.abs(path - fit.value[alike]) / moved) < 0.3
-    table = section_survivors(found).blocks[0]
-    at = [c.title for c in table.columns].index("least squares − value")
-    told = {row[0].text: row[at].text for row in table.rows}
-    assert told.items() <= {
-        (v.name, f"{v.bias_sigma:+.2f} σ".replace("-", "−")) for v in found.verdicts
-    }
 
 
 def test_a_log_without_a_second_record_is_named_and_does_not_stop_the_others(

@@ -15,11 +15,6 @@ from typer.testing import CliRunner
 from identifiability.cli import app
 from identifiability.effects import FAMILIES
 from identifiability.estimation.estimate import ESTIMATORS
-from identifiability.foundation.errors import LogError
-from identifiability.logs.conventions import Conventions
-from identifiability.logs.source import check_header
-from identifiability.robot import Robot
-from identifiability.robot.locate import shipped_folder
 from identifiability.simulation.forces import hideable
 
 #: Each takes a tenth of a second or more to import.
@@ -132,37 +127,11 @@ def test_a_name_of_another_format_is_refused_before_anything_is_read(verb, tmp_p
         assert not list(tmp_path.iterdir())
 
 
-def test_every_option_that_writes_is_among_them():
-    for verb, command in get_command(app).commands.items():
-        known = {option for parameter in command.params for option in parameter.opts}
-        written = {"--report", "--json", "--out", "--next", "--template", "--folder"}
-        assert known & written == set(WRITTEN[verb][1]), verb
-
-
 def test_an_option_with_another_name_now_is_refused_with_it():
     for verb, option, new in [("prune", "--model", "--out"), ("calibrate", "--trials", "--repl")]:
         done = CliRunner().invoke(app, [verb, "two-link", "run.csv", option, "3"])
         assert done.exit_code == 2
         assert f"{option} is called {new}" in done.stderr
-
-
-@pytest.mark.parametrize("robot", ["six-dof-arm", "3-rps"])
-def test_what_can_be_read_passes(robot):
-    known = Conventions.of(Robot.load(robot))
-    for log in shipped_folder().glob(f"{robot}/logs/*.csv"):
-        check_header(log, known)
-
-
-def test_a_header_is_refused_as_the_reader_would(tmp_path):
-    known = Conventions.of(Robot.load("two-link"))
-    log = tmp_path / "log.csv"
-    log.write_text("t,shoulder.q,elbow.q\n0,0,0\n")
-    with pytest.raises(LogError, match=r"shoulder\.tau"):
-        check_header(log, known)
-    log.write_text("t,shoulder.q,shoulder.tau,elbow.q\n0,0,0,0\n")
-    check_header(log, known)  # torque of one joint may be missing
-    log.write_text("t;shoulder.q;shoulder.tau;elbow.q;elbow.tau\n0,0;0,1;0;0;0\n")
-    check_header(log, known)  # semicolons and decimal commas
 
 
 def test_an_option_that_went_says_what_to_type_instead():

@@ -1,35 +1,23 @@
 """What logs say of a base that floats: every road ends in what an ideal sensor there reads."""
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
-from identifiability.effects.imu import ImuMounting, move_mounting
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_samples
-from identifiability.logs.signals import lowpass
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot, complete_motion
+from identifiability.robot import Robot
 from identifiability.simulation.motion import find_motion
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.excite import excite
 from identifiability.workflows.oddities import MeasuredLogs, find_always
-from identifiability.workflows.oddities.contacts import (
-    find_aliases,
-    find_soles,
-    find_turned_base,
-    find_unheld,
-)
 
-RIGID = Model.of("rigid_body")
 BODY = """<mujoco model="body"><option timestep="0.001" integrator="RK4"/><worldbody>
 <body name="body" pos="0 0 1"><freejoint name="free"/>
 <inertial pos=".03 -.02 .05" mass="2.5" fullinertia=".03 .04 .02 .002 -.001 .003"/>
@@ -152,30 +140,6 @@ def test_a_sensor_that_is_mounted_elsewhere_says_the_same(thrown, body):
     np.testing.assert_allclose(log.base[20:-20, :3], thrown["acc"][20:-20], atol=0.05)
 
 
-def test_corrections_of_a_mounting_change_torque_as_another_sidecar_does(thrown, body):
-    """What one column says is the difference between two readings of the same log."""
-    frame, small = table(thrown, **sensor(thrown)), 1e-5
-    how = Preparation(cutoff=20.0)
-    model = Model.of("rigid_body", ImuMounting.name)
-
-    def torque(text):
-        body.path.with_suffix(".toml").write_text(text + WRENCH)
-        robot = Robot.load(body.path)
-        motion = prepare_samples(robot, read(robot, frame), how).motion
-        return robot, model.regressor(robot, motion), RIGID.regressor(robot, motion)
-
-    robot, W, rigid = torque(IMU)
-    known = np.array([robot.nominal[p.name] for p in RIGID.parameters(robot)])
-    assert not ImuMounting().parameters(replace(robot, base=None))
-    names = [p.name for p in model.parameters(robot)]
-    for kind in ("imu_ry", "imu_x", "imu_az", "imu_wx"):
-        moved = move_mounting(robot, {f"base.{kind}": small}, digits=12)
-        change = (torque(f"{moved}\n")[2] - rigid) @ known / small
-        own = W[:, :, names.index(f"base.{kind}")]
-        inner = slice(50, -50)
-        np.testing.assert_allclose(change[inner], own[inner], atol=2e-3 * np.abs(own).max())
-
-
 def test_a_mounting_that_is_known_roughly_is_corrected_in_the_fit(thrown, body):
     place, bias = np.array([0.05, -0.03, 0.04]), np.array([0.2, -0.1, 0.15])
     lever = np.cross(thrown["alpha"], place)
@@ -196,42 +160,10 @@ def test_a_mounting_that_is_known_roughly_is_corrected_in_the_fit(thrown, body):
     np.testing.assert_allclose(again.base.imu.place, place, atol=2e-3)
 
 
-def test_a_hand_that_lets_go_leaves_no_error_in_the_equations(body):
-    """What is measured of a base may jump: columns and wrench pass the same low-pass, it none."""
-    t = np.arange(0, 8, 0.01)
-    holds = (t % 1.6 < 1.2)[:, None]
-    acc = holds * np.sin(3 * t[:, None] + [0, 1, 2])
-    acc[:, 2] += 9.81 * holds[:, 0]
-    known = np.array([body.nominal[p.name] for p in RIGID.parameters(body)])
-    still = np.hstack([np.zeros((len(t), 3)), np.zeros((len(t), 3)), acc, 0 * acc])
-    q, v, a = np.zeros((len(t), 6)), np.zeros((len(t), 6)), still[:, 6:]
-    tau = RIGID.regressor(body, complete_motion(body, t, q, v, a)) @ known
-    point = body.base.wrenches[0]
-    arm = np.cross(point.point.position, tau[:, :3])
-    wrench = np.hstack([tau[:, :3] @ point.rotation, (tau[:, 3:] - arm) @ point.rotation])
-    s = {"t": t[:, None], "wrench": wrench, "acc": acc, "gyro": 0 * acc}
-    samples = prepare_samples(body, read(body, table(s, **sensor(s))), Preparation(cutoff=5.0))
-    structure = Structure.of(body, RIGID)
-    _, _, W, left = next(iter(structure.regression([samples]).chunks()))
-    error = W @ [body.nominal[name] for name in structure.base.names] - left
-    assert np.abs(error).max() < 1e-6 * np.abs(left).max()
-
-
 def test_the_order_of_a_quaternion_is_asked_for(thrown, body):
     quat = {"q": ([f"base.quat[{k}]" for k in range(4)], thrown["quat"])}
     with pytest.raises(LogError, match=r"which of the four numbers .* call its columns 'base.qw'"):
         read(body, table(thrown, **quat, p=(axes("base."), thrown["pos"])))
-
-
-def test_a_sensor_at_a_rate_of_its_own_is_put_on_the_clock_of_the_log(thrown, body):
-    frame = table(thrown, **sensor(thrown))
-    frame.loc[frame.index % 3 != 0, axes("base.acc.")] = np.nan
-    log = read(body, frame)
-    np.testing.assert_allclose(log.base[:-5, :3], thrown["acc"][:-5], atol=0.02)
-    held = table(thrown, **sensor(thrown))  # a logger that writes the last value until one comes
-    held[axes("base.acc.")] = held[axes("base.acc.")].iloc[held.index // 3 * 3].to_numpy()
-    again = read(body, held)
-    np.testing.assert_allclose(again.base[:-5, :3], log.base[:-5, :3], atol=1e-9)
 
 
 def test_a_base_stands_as_the_sidecar_says_it_was_hung_up(tmp_path):
@@ -309,33 +241,6 @@ def steps():
     return frame
 
 
-@pytest.mark.parametrize(
-    ("scale", "shift", "spin", "said"),
-    [
-        (1, 0, 1, ""),
-        (1 / 9.81, 0, 1, "averages 1 and not the 9.81"),
-        (1, -9.81, 1, "averages .* which a sensor feels"),
-        (1, 0, 57.3, "in rad/s"),
-    ],
-)
-def test_a_sensor_that_does_not_feel_gravity_is_refused(scale, shift, spin, said, body):
-    t = np.linspace(0, 8, 800)
-    angle, rate = np.sin(2 * t), 2 * np.cos(2 * t)
-    up = np.stack([0 * t, np.sin(angle), np.cos(angle)], 1)
-    columns = {f"base.acc.{a}": scale * (9.81 + shift) * up[:, k] for k, a in enumerate("xyz")}
-    columns |= {f"base.gyro.{a}": spin * rate * (a == "x") for a in "xyz"}
-    frame = pd.DataFrame(
-        {"t": t} | columns | dict.fromkeys(("fx", "fy", "fz", "mx", "my", "mz"), 0.0)
-    )
-    if not said:
-        assert read(body, frame).base[:, 8] == pytest.approx(up[:, 2], abs=0.02)
-        frame.loc[300:330, "base.acc.x"] = np.nan
-        assert any("'acc' was missing for 0.31 s" in n for n in read(body, frame).notes)
-        return
-    with pytest.raises(LogError, match=said):
-        read(body, frame)
-
-
 def test_contacts_that_contradict_the_motion_are_told(tmp_path):
     told = "[[contacts]]\nframe = '{0}_foot'\n{1}\n"
     legs = ("left", "right")
@@ -350,81 +255,6 @@ def looked_at(robot, frame):
     log = read(robot, frame)
     structure = Structure.of(robot, Model.of("rigid_body"))
     return MeasuredLogs(structure, (log,), (prepare_samples(robot, log),))
-
-
-ANKLE = """<mujoco model="ankle"><worldbody><body name="trunk"><freejoint/><inertial pos="0 0 0"
-mass="3" diaginertia=".1 .1 .1"/><body name="foot" pos="0 0 -.5"><joint name="x" axis="1 0 0"/>
-<joint name="y" axis="0 1 0"/><joint name="z" axis="0 0 1"/><inertial pos="0 0 0" mass="1"
-diaginertia=".01 .01 .01"/></body></body></worldbody><actuator><motor joint="x"/><motor joint="y"/>
-<motor joint="z"/></actuator></mujoco>"""
-SOLE = '[[contacts]]\nframe = "foot"\nkind = "surface"\n'
-
-
-@pytest.mark.parametrize(
-    ("angle", "unit", "said"),
-    [(0, 1, ""), (0.1, 1, ""), (2, 1, "turned by 11"), (0, 57.3, "in degrees: convert")],
-)
-def test_a_foot_that_stands_tells_how_the_sensor_is_turned(angle, unit, said, tmp_path):
-    """The foot stands, so the trunk turns against it as the ankle does, the other way round."""
-    path = tmp_path / "ankle.xml"
-    path.write_text(ANKLE)
-    path.with_suffix(".toml").write_text(SOLE)
-    t, w = np.linspace(0, 1.9, 380), np.array([5.0, 7.0, 4.0])  # too short to miss gravity
-    q, v = 0.1 * np.sin(t[:, None] * w), 0.1 * w * np.cos(t[:, None] * w)
-    bent = Rotation.from_euler("X", q[:, :1])
-    both = Rotation.from_euler("XY", q[:, :2])
-    omega = v[:, :1] * [1, 0, 0] + v[:, 1:2] * bent.apply([0, 1, 0])
-    omega = -(omega + v[:, 2:] * both.apply([0, 0, 1]))
-    acc = Rotation.from_euler("XYZ", q).apply([0, 0, 9.81])  # along the axes of the trunk
-    sensor = Rotation.from_rotvec(angle * np.array([0.6, 0.0, 0.8]))
-    frame = pd.DataFrame({"t": t})
-    for k, name in enumerate("xyz"):
-        frame[f"{name}.q"], frame[f"{name}.tau"] = q[:, k], np.sin(9 * t + k)
-    frame[axes("base.acc.")] = sensor.apply(acc, inverse=True)
-    frame[axes("base.gyro.")] = unit * sensor.apply(omega, inverse=True)
-    found = find_turned_base(looked_at(Robot.load(path), frame))
-    if not said:
-        assert not found
-        assert not find_soles(looked_at(Robot.load(path), frame))
-        path.with_suffix(".toml").write_text(SOLE.replace("surface", "point"))
-        (flat,) = find_soles(looked_at(Robot.load(path), frame))
-        assert flat.startswith("foot stays flat on the ground while its leg turns")
-        return
-    assert said in found[0]
-    if "[" in found[0]:  # what is to be written says so of the same log no more
-        rpy = found[0].partition("write ")[2].partition("],")[0] + "]"
-        path.with_suffix(".toml").write_text(f"{SOLE}[imu]\n{rpy}\n")
-        assert not find_turned_base(looked_at(Robot.load(path), frame))
-
-
-def test_a_sensor_on_a_base_that_is_taken_to_be_bolted_down_is_told(tmp_path):
-    path = tmp_path / "arm.xml"
-    path.write_text(ANKLE.replace("<freejoint/>", ""))
-    robot, t = Robot.load(path), np.linspace(0, 4, 400)
-    frame = pd.DataFrame({"t": t})
-    for k, name in enumerate("xyz"):
-        frame[f"{name}.q"], frame[f"{name}.tau"] = np.sin((3 + k) * t), np.cos((3 + k) * t)
-    assert not read(robot, frame).notes
-    (note,) = read(robot, frame.assign(**dict.fromkeys(axes("imu.gyro."), 0.1))).notes
-    assert note.startswith("'imu.gyro.x' … is not used, as the base is taken to be bolted down")
-
-
-def test_what_does_not_fall_is_held_by_what_is_stated(thrown, body, tmp_path):
-    frame = table(thrown, **sensor(thrown))
-    forces = ["fx", "fy", "fz", "mx", "my", "mz"]
-    assert not find_unheld(looked_at(body, frame))
-    (said,) = find_unheld(looked_at(body, frame.assign(**{c: -frame[c] for c in forces})))
-    assert "give them the opposite sign" in said
-    body.path.with_suffix(".toml").write_text("")
-    (said,) = find_unheld(looked_at(Robot.load(body.path), frame))
-    assert "Nothing is said to touch body" in said
-    told = "[[contacts]]\nframe = '{0}_foot'\nflag = '{0}_flag'\n"
-    robot = walker(tmp_path, told.format("left") + told.format("right"))
-    walk = steps()
-    flags = ["left_flag", "right_flag"]
-    assert not find_unheld(looked_at(robot, walk))
-    (said,) = find_unheld(looked_at(robot, walk.assign(**{c: 0.4 * walk[c] for c in flags})))
-    assert "flags are late (margin) or say the opposite" in said
 
 
 def test_what_does_not_know_bases_that_move_says_so(body, tmp_path):
@@ -444,32 +274,3 @@ def test_what_does_not_know_bases_that_move_says_so(body, tmp_path):
     saved = Robot.load(stands.save(tmp_path / "saved.xml"))
     assert saved.base is None
     assert Robot.load(robot.save(tmp_path / "moves.xml")).joints == robot.joints
-
-
-def impacts(dt, rng):
-    """Accelerations of a trunk that rings at 300 Hz after each step, every 0.5 ms, in m/s²."""
-    t = np.arange(0, 8, dt)
-    slow = 3 * np.sin(2 * np.pi * (1.1 * t[:, None] + [0.1, 0.4, 0.7])) + [0, 0, 9.81]
-    since = (t + 0.01 * rng.standard_normal()) % 0.25
-    ringing = 60 * np.exp(-since / 0.02) * np.sin(2 * np.pi * 300 * since)
-    return t, slow + ringing[:, None] * [0.2, 0.3, 1.0]
-
-
-@pytest.mark.parametrize("case", ["aliased", "low-passed", "white", "share"])
-def test_impacts_sampled_without_a_low_pass_are_told_and_noise_is_not(case, tmp_path):
-    rng = np.random.default_rng(6)
-    t, acc = impacts(0.0005, rng)
-    if case == "low-passed":
-        acc = lowpass(acc, 0.0005, 80.0)
-    if case in ("white", "share"):
-        acc = lowpass(acc, 0.0005, 20.0)
-    acc = acc[::10]
-    acc *= 1 + 0.03 * rng.standard_normal(acc.shape) * (case == "share")
-    acc += 0.05 * rng.standard_normal(acc.shape)
-    frame = steps()
-    frame["t"], frame[axes("base.acc.")] = t[::10], acc
-    robot = walker(tmp_path, "")
-    log = read(robot, frame)
-    structure = Structure.of(robot, Model.of("rigid_body"))
-    told = find_aliases(MeasuredLogs(structure, (log,), (prepare_samples(robot, log),)))
-    assert any("without a low-pass" in hint for hint in told) == (case == "aliased")

@@ -11,8 +11,6 @@ from typer.testing import CliRunner
 
 import identifiability
 from identifiability.cli import app
-from identifiability.effects.registry import FAMILIES
-from identifiability.simulation.forces import HIDDEN, HIDDEN_WHOLE
 
 ROOMS = [p.parent.name for p in Path(identifiability.__file__).parent.glob("*/__init__.py")]
 VERBS = dict(get_command(app).commands)
@@ -31,22 +29,3 @@ def test_every_help_shows_a_line_to_type_and_explains_each_option(verb):
     for parameter in VERBS[verb].params:
         assert parameter.name == "help" or parameter.help, parameter.name
     assert re.findall(rf"\b(?:{'|'.join(ROOMS)})\.[a-z_]+\.[a-z_]+", text) == []  # no module
-
-
-@pytest.mark.parametrize(
-    ("verb", "names"),
-    [
-        ("diagnose", FAMILIES),
-        ("excite", FAMILIES),
-        ("inspect", FAMILIES),
-        ("simulate", {**HIDDEN, **dict.fromkeys(HIDDEN_WHOLE)}),
-    ],
-)
-def test_a_help_names_the_effects_there_are(verb, names):
-    text = told(verb).partition("Effects:")[2]
-    assert [name for name in names if name not in text] == []
-
-
-@pytest.mark.parametrize("verb", ["prune", "calibrate"])
-def test_a_help_names_no_effects_where_an_option_takes_something_else(verb):
-    assert "Effects:" not in told(verb)

@@ -118,12 +118,8 @@ def test_what_goes_wrong_with_one_robot_is_the_sentence_of_its_row(start, tmp_pa
 @pytest.mark.parametrize(
     ("robots", "options", "sentence"),
     [
-        ([], {}, "No robot is given"),
         (["a/x", "b/x"], {}, "Two robots are called 'x'"),
         (["a"], {"verb": "prune", "replicats": 2}, "'replicats' is no option of prune, did you"),
-        (["a"], {"replicates": "many"}, "replicates must be"),
-        (["a"], {"verb": "analyse"}, "verb must be"),
-        (3, {}, "robots must be"),
     ],
 )
 def test_what_cannot_be_asked_is_one_sentence(robots, options, sentence, tmp_path):
@@ -132,24 +128,13 @@ def test_what_cannot_be_asked_is_one_sentence(robots, options, sentence, tmp_pat
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_is_not_for_answers_is_left_as_it_is(start, tmp_path):
-    (tmp_path / "thesis.tex").write_text("")
-    with pytest.raises(IdentifiabilityError, match=r"holds 'thesis\.tex' and no answer"):
-        ask(start, tmp_path, Serial())
-    with pytest.raises(IdentifiabilityError, match=r"thesis\.tex' cannot be used: "):
-        ask(start, tmp_path / "thesis.tex", Serial())
-    assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
-
-
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
         (["analyze"], "Give a robot and its logs, or folders of several robots with --each"),
-        (["analyze", "two-link"], "Give a robot and its logs"),
-        (["analyze", "--each", "a"], "give --out and how to fit beside it"),
         (["analyze", "two-link", "--each", "a", "--out", "r"], "--each takes robots, logs and"),
-        (["analyze", "--each", "a", "--out", "r", "--angles", "deg"], "--each takes robots"),
         (["batch", "fleet.toml"], "analyze --each FOLDER --each FOLDER --out RESULTS"),
+        (["convert", "dh.toml", "--out", "r.xml"], "identifiability new FOLDER --robot table.toml"),
     ],
 )
 def test_the_command_says_what_to_type(words, sentence):

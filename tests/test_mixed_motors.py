@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from identifiability import Model, Robot, analyze, find_base_parameters, prune, simulate
-from identifiability.regression.reduction import DEFAULT_EFFECTS, LadderEntry, ModelEntry
+from identifiability import Model, Robot, analyze, prune, simulate
+from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.regression.structure import random_motion
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory
-from identifiability.workflows.calibrate.calibration import calibrate
 
 SIDECAR = """
 [transmission]
@@ -62,12 +61,3 @@ def test_pruning_makes_levels_equal_that_are_equal(mixed, noisy):
     ties = [c for r in ladder.models if r.step.move for c in r.step.move.tie]
     assert ("shoulder.Fc+", "shoulder.Fc-") in ties
     assert not any("m6" in name for members in ties for name in members)
-
-
-@pytest.mark.everything
-def test_default_calibration_runs(mixed, noisy):
-    analysis = analyze(mixed, noisy, replicates=0)
-    found = calibrate(analysis, replicates=8, refits=20, names=0)
-    assert found.model == analysis.chosen.name == "no torque offset"
-    full = len(find_base_parameters(mixed, Model.of(*DEFAULT_EFFECTS)))
-    assert len(found.cell.names) == full - len(mixed.joints)  # an offset a joint

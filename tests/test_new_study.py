@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
-import sys
-from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 from typer.testing import CliRunner
@@ -18,7 +15,6 @@ from identifiability.foundation.errors import LogError, OutputError, RobotError
 from identifiability.logs.conventions import Conventions
 from identifiability.robot.locate import shipped_folder, shipped_robots
 
-ROOT = Path(__file__).resolve().parents[1]
 SAMPLED = ("six-dof-arm", "3-rps", "quadruped", "hobby-arm")
 
 
@@ -109,31 +105,6 @@ def test_the_sample_logs_are_small():
     logs = [*shipped_folder().glob("*/logs/*.csv")]
     assert len(logs) >= 7
     assert sum(path.stat().st_size for path in logs) < 2_100_000
-
-
-@pytest.mark.everything
-def test_the_sample_logs_are_those_that_the_script_makes(monkeypatch):
-    monkeypatch.syspath_prepend(ROOT / "studies/shipped")
-    import sample_logs
-
-    for machine in sample_logs.MACHINES:
-        for name, log in machine.logs().items():
-            kept = pd.read_csv(machine.folder / name)
-            made = log.to_frame()
-            assert list(kept.columns) == list(made.columns)
-            np.testing.assert_allclose(kept, made, rtol=1e-4, atol=1e-4)
-
-
-@pytest.mark.everything
-@pytest.mark.parametrize("robot", SAMPLED)
-def test_make_in_a_study_makes_what_it_says(robot, tmp_path):
-    made = new_study(tmp_path / "study", robot)
-    program = f"IDENTIFIABILITY={sys.executable} -m identifiability"
-    subprocess.run(["make", program], cwd=made.folder, check=True, capture_output=True)
-    assert (made.folder / "report.html").is_file()
-    assert (made.folder / "missing.html").is_file()
-    subprocess.run([sys.executable, "study.py"], cwd=made.folder, check=True, capture_output=True)
-    assert (made.folder / "fitted.xml").is_file()
 
 
 def test_a_robot_in_the_folder_where_one_works_has_the_folders_name(tmp_path, monkeypatch):

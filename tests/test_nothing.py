@@ -3,17 +3,13 @@
 import html
 import json
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from identifiability import analyze, diagnose, prune
-from identifiability.cli import app
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import IdentifiabilityError, LogError
-from identifiability.foundation.names import GROUPED_KINDS
 from identifiability.robot import Robot
 from identifiability.workflows.calibrate.calibration import calibrate
 from identifiability.workflows.export import export
@@ -133,12 +129,6 @@ def test_what_needs_a_signal_refuses_with_the_same_reason(case, done, verb, arm)
         verb("two-link", arm(case))
 
 
-@pytest.mark.parametrize("verb", [analyze, prune, diagnose])
-def test_a_log_that_is_held_out_must_have_something_to_explain(verb, arm):
-    with pytest.raises(LogError, match=f"^Nothing can be verified, because {STILL} "):
-        verb("two-link", arm(""), arm("rest"))
-
-
 @pytest.mark.parametrize("case", NOTHING)
 def test_a_result_about_nothing_is_not_exported(case, arm, tmp_path):
     path = tmp_path / "out.json"
@@ -146,17 +136,6 @@ def test_a_result_about_nothing_is_not_exported(case, arm, tmp_path):
     sentence = f"^Nothing can be exported, because {NOTHING[case]} "
     with pytest.raises(IdentifiabilityError, match=sentence):
         export(Robot.load("two-link"), path, tmp_path / "out.xml")
-
-
-@pytest.mark.parametrize("case", SILENT)
-def test_the_table_in_the_terminal_has_no_number_that_is_none(case, arm, tmp_path):
-    log = tmp_path / "log.csv"
-    arm(case).to_csv(log, index=False)
-    done = CliRunner().invoke(app, ["analyze", "two-link", str(log)])
-    assert done.exit_code == 0
-    check_words(done.output)
-    for row in ("full model", "no torque offset"):
-        assert re.search(rf"{row}.*│ +0 │ +— │ +— │ open", done.output), done.output
 
 
 def test_torque_without_relation_to_motion_prunes_to_nothing(arm, tmp_path):
@@ -195,31 +174,3 @@ def test_a_torque_that_never_changes_beside_others_that_do_is_said_everywhere(ca
         check_numbers(json.loads(out.to_json(tmp_path / "out.json").read_text(encoding="utf-8")))
     assert np.isnan(analysis.fitted.joint_error()[1]).all()
     assert np.isfinite(analysis.fitted.joint_error()[0]).all()
-
-
-def test_a_body_that_cannot_exist_is_said_and_no_error_is_made_up(arm, tmp_path, few_draws):
-    robot = Robot.load("two-link")
-    mass = {f"link2.{k}": -robot.nominal[f"link2.{k}"] for k in GROUPED_KINDS}
-    robot = replace(robot, nominal=dict(robot.nominal) | mass)
-    said = "link2: mass -2.5 kg must be positive."
-    with few_draws():
-        analysis = analyze(robot, arm("noisy"), replicates=20, posterior=True)
-    for out in (analysis, prune(robot, arm("noisy"), replicates=2)):
-        assert said in out.statement
-        assert any(said in h for h in out.to_dict()["hints"])
-        page = words(out, tmp_path / "out.html")
-        assert said.replace("-", "−") in page
-        check_words(page)
-        check_words(out.statement)
-
-
-def test_families_that_the_model_has_leave_nothing_to_name(arm, tmp_path):
-    asked = ["viscous_friction", "coulomb_friction"]
-    out = diagnose("two-link", arm(""), effects=asked)
-    assert out.statement.startswith(
-        "Nothing was left to name: viscous_friction (the model has it already) and"
-    )
-    assert "No effect can be named" not in out.statement
-    assert {r["family"] for r in out.to_dict()["not_applicable"]} == set(asked)
-    assert out.to_dict()["effects"] == []
-    assert "Nothing was left to name" in words(out, tmp_path / "out.html")

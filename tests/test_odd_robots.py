@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -15,7 +14,6 @@ import pytest
 from identifiability import IdentifiabilityError, Model, Robot, analyze, find_base_parameters
 from identifiability.foundation.output import plain
 from identifiability.regression.reduction import DEFAULT_EFFECTS
-from identifiability.workflows.analyze.result import state_physics
 
 #: Samples times joints of a log, at most: a larger one asks nothing else.
 MOST = 100_000
@@ -180,12 +178,6 @@ def test_odd_robots_have_an_answer_and_intervals_that_hold(robots, joints, most,
     assert answered > robots / 2
     assert called > robots / 2
     assert wrong <= 0.07 * called + 2 * (0.07 * called) ** 0.5
-
-
-def test_an_error_that_was_not_measured_is_no_number():
-    chosen = SimpleNamespace(feasible=False, error_ra_physical=float("nan"))
-    chosen.physical = SimpleNamespace(nearest="some")
-    assert "too short to say how much" in state_physics(chosen)
 
 
 @pytest.mark.parametrize(

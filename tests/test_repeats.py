@@ -6,12 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability import Log, analyze, excite, prune
+from identifiability import Log, analyze
 from identifiability.foundation.errors import LogError
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.repeats import drop_repeats
 from identifiability.simulation import Noise
-from identifiability.workflows.diagnose import diagnose
 
 
 @pytest.fixture(scope="module")
@@ -53,14 +52,6 @@ def test_rows_given_twenty_times_count_once(log):
     assert hint in many.statement
 
 
-def test_they_count_once_for_the_next_motion_too(log):
-    """What a motion is to add to is read as any log is."""
-    twice = excite("two-link", start_from=tiled(log, 20), evaluations=2, samples=50)
-    once = excite("two-link", start_from=log, evaluations=2, samples=50)
-    np.testing.assert_allclose(twice.before.sigma, once.before.sigma, rtol=1e-9)
-    assert any("they count once" in hint for hint in twice.hints)
-
-
 @pytest.mark.parametrize("copy", [lambda log: shaken(log, 1e-9), lambda log: shaken(log, 1e-7),
                                   lambda log: log.cut(100, 700, "cut")],
                          ids=["1e-9", "1e-7", "cut"])  # fmt: skip
@@ -68,33 +59,6 @@ def test_a_nearly_identical_log_counts_once_wherever_it_is_given(log, copy):
     kept, _, hints = drop_repeats([log, copy(log)])
     assert kept == [log]
     assert len(hints) == 1
-
-
-def test_a_joint_that_never_moves_does_not_hide_a_copy(log):
-    q = np.array(log.q)
-    q[:, 0] = 0.3
-    still = replace(log, q=q, sha256="still")
-    assert drop_repeats([still, shaken(still, 1e-9)])[0] == [still]
-
-
-@pytest.mark.parametrize("size", [0.0, 1e-17, 1e-12])
-def test_a_robot_that_never_moved_is_compared_without_a_warning(log, size):
-    """Anything may agree there; what matters is that nothing overflows and a log is left."""
-    noise = size * np.random.default_rng(0).standard_normal(log.q.shape)
-    rest = replace(log, q=0.3 + noise, tau=2.0 + noise)
-    assert drop_repeats([rest]) == ([rest], [], ())
-
-
-@pytest.mark.everything
-def test_pruning_and_diagnosis_count_copies_once_too(log, again):
-    logs = [log, again, shaken(log, 1e-9)]
-    ladder = prune("two-link", logs, replicates=2)
-    assert [s.name for s in ladder.samples] == [log.name, "again"]
-    assert "shaken repeats rows" in ladder.statement
-    found = diagnose("two-link", [shaken(log, 1e-9), log, again], effects=["torque_offset"],
-                     replicates=99, forward=False)  # fmt: skip
-    assert len(found.samples) == 1
-    assert found.to_dict()["hints"] == list(found.hints) != []
 
 
 def test_a_copy_does_not_validate(log):
@@ -127,16 +91,6 @@ def test_standing_still_and_coarse_encoders_are_no_copies():
     assert hints == ()
 
 
-def test_a_held_sample_does_not_hide_a_copy(log):
-    """Drivers repeat the sample before; a copy repeats that as well."""
-    rng = np.random.default_rng(0)
-    at = np.arange(len(log)) - (rng.random(len(log)) < 0.1) * (np.arange(len(log)) > 0)
-    held = replace(log, q=log.q[at], tau=log.tau[at], sha256="")
-    assert drop_repeats([held])[2] == ()
-    kept, _, _ = drop_repeats([held, shaken(held, 1e-9)])
-    assert kept == [held]
-
-
 def test_a_file_that_is_too_long_for_memory_is_compared_too(log, tmp_path):
     for name, like in (("one.csv", log), ("two.csv", shaken(log, 1e-9))):
         like.to_frame().to_csv(tmp_path / name, index=False)
@@ -165,34 +119,3 @@ def measured(*, periods=6, noise, step=0.0, most=np.inf, scale=1.0, shift=0.0):
 def test_torque_that_saturates_or_has_few_steps_is_no_copy(noise, limits):
     log = measured(noise=noise, **limits)
     assert drop_repeats([log]) == ([log], [], ())
-
-
-@pytest.mark.parametrize("limits", [{}, {"step": 0.1}, {"most": 0.1}], ids=str)
-def test_copies_of_such_torque_are_still_found(limits):
-    log = measured(noise=0.05, **limits)
-    kept, _, _ = drop_repeats([log, log.cut(700, 1900, "cut")])
-    assert kept == [log]
-
-
-@pytest.mark.parametrize("scale", [1e-12, 1e-7, 1.0, 1e6])
-def test_what_is_a_copy_does_not_depend_on_the_size_of_the_robot(scale):
-    log = measured(noise=0.01, scale=scale)
-    assert drop_repeats([log]) == ([log], [], ())
-    assert drop_repeats([log, log.cut(700, 1900, "cut")])[0] == [log]
-
-
-def test_coarse_columns_that_come_again_are_no_copies_where_measured_speeds_differ(log):
-    """Encoders and commands have few steps; what a speed sensor adds is new each time."""
-    frame = tiled(log, 3).to_frame()
-    for column in frame.columns[1:]:
-        if column.endswith((".q", ".tau")):
-            step = 0.02 * frame[column].std()
-            frame[column] = np.round(frame[column] / step) * step
-    assert len(drop_repeats([Log.from_frame(frame, "coarse")])[0][0]) == len(log)
-    rng = np.random.default_rng(0)
-    for joint in log.joints:
-        frame[f"{joint}.dq"] = np.gradient(frame[f"{joint}.q"], frame["t"]) + rng.normal(
-            0, 0.02, len(frame)
-        )
-    kept, _, hints = drop_repeats([Log.from_frame(frame, "coarse")])
-    assert (len(kept[0]), hints) == (3 * len(log), ())

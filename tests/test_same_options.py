@@ -1,27 +1,19 @@
 """The same preparation, engine and progress options in every verb; `--quick` overrides nothing."""
 
-import importlib
 import inspect
 import io
-from dataclasses import fields
-from types import SimpleNamespace
-from typing import Literal, get_origin, get_type_hints
 
 import pytest
 import typer
 from rich.console import Console
 
 import identifiability
-from identifiability.cli import app, common, options
-from identifiability.foundation.engines.local import choose_engine
+from identifiability.cli import app, common
 
 #: Verbs that take logs, and options that mean the same in each.
 VERBS = ("analyze", "prune", "diagnose", "calibrate", "excite", "inspect")
 SHARED = ("derivatives", "cutoff", "period", "harmonics", "decimate", "engine", "workers", "map",
           "scheduler", "resume", "time_unit", "seed", "lock", "sidecar", "plugin")  # fmt: skip
-#: Verbs whose options are those of the function of their name.
-OPTIONS = ("analyze", "prune", "diagnose", "excite", "calibrate", "simulate", "inspect", "payload",
-           "compare", "rollout")  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -58,93 +50,6 @@ def test_options_have_names_and_defaults_of_the_library(verb, names, commands):
         assert (known[name].default or None) == (library[name].default or None)
 
 
-@pytest.mark.parametrize(
-    ("group", "function"),
-    [
-        *((importlib.import_module(f"identifiability.cli.{verb}").Options,
-           getattr(identifiability, verb)) for verb in OPTIONS),
-        (options.Derived, identifiability.Preparation),
-        (options.Place, choose_engine),
-    ],
-)  # fmt: skip
-def test_a_group_of_options_is_what_its_function_takes(group, function):
-    library, kinds = inspect.signature(function).parameters, get_type_hints(group)
-    theirs = get_type_hints(inspect.unwrap(function) if inspect.isfunction(function) else function)
-    for field in fields(group):
-        assert field.default == library[field.name].default
-        if get_origin(kinds[field.name]) is Literal:
-            assert kinds[field.name] == theirs[field.name]
-
-
-def arguments_of(verb, monkeypatch, *words):
-    """What the library is called with by a command line."""
-    seen = {}
-
-    class StoppedError(Exception):
-        pass
-
-    def called(*_args, **options):
-        seen.update(options)
-        raise StoppedError
-
-    robot = SimpleNamespace(check_stands=lambda _what: None)
-    monkeypatch.setattr(options.Machine, "load", lambda *_: robot)
-    monkeypatch.setattr("identifiability.logs.formats.reader.check_there", lambda _path: None)
-    module, name = {
-        "analyze": ("identifiability.workflows.analyze", "analyze"),
-        "diagnose": ("identifiability.workflows.diagnose", "diagnose"),
-        "calibrate": ("identifiability.workflows.calibrate.calibration", "calibrate"),
-    }[verb]
-    if verb == "calibrate":
-        first = importlib.import_module("identifiability.workflows.analyze")
-        monkeypatch.setattr(first, "analyze", lambda *_a, **o: seen.update(analysis=o))
-    monkeypatch.setattr(importlib.import_module(module), name, called)
-    with pytest.raises(StoppedError):
-        typer.main.get_command(app)([verb, "two-link", "run.pq", *words], standalone_mode=False)
-    return seen
-
-
-@pytest.mark.parametrize(
-    ("verb", "words", "name", "usual", "quick", "given"),
-    [
-        ("analyze", ["--posterior"], "posterior", False, False, True),
-        ("analyze", ["--no-posterior"], "posterior", False, False, False),
-        ("calibrate", ["--names", "20"], "names", None, None, 20),
-        ("calibrate", ["--replicates", "50"], "replicates", None, None, 50),
-    ],
-)
-def test_quick_overrides_no_explicit_option(monkeypatch, verb, words, name, usual, quick, given):
-    assert arguments_of(verb, monkeypatch)[name] == usual
-    assert arguments_of(verb, monkeypatch, "--quick")[name] == quick
-    assert arguments_of(verb, monkeypatch, "--quick", *words)[name] == given
-
-
-@pytest.mark.parametrize("verb", ["analyze", "diagnose", "calibrate"])
-def test_preparation_and_workers_reach_the_library(verb, monkeypatch):
-    seen = arguments_of(verb, monkeypatch, "--cutoff", "7", "--workers", "2")
-    how = seen.get("analysis", seen)["preparation"]
-    assert how.cutoff == 7.0
-    assert type(seen["engine"]).__name__ == "Processes"
-    assert arguments_of(verb, monkeypatch).get("preparation") is None
-
-
-def test_progress_is_plain_lines_where_there_is_no_terminal():
-    now, lines = [0.0], []
-    say = common.Lines(lines.append, lambda: now[0])
-    for at, text, share in (
-        (0.5, "reading logs", 0.0),
-        (1.5, "preparing", 0.2),  # what takes no seconds needs no line
-        (2.0, "fitting", 0.3),
-        (2.2, "fitting", 0.35),
-        (2.5, "judging", 0.9),
-        (16.0, "judging", 0.95),
-        (17.6, "judging", 0.97),
-    ):
-        now[0] = at
-        say(text, share)
-    assert lines == [" 30 %  fitting\n", " 90 %  judging\n", " 97 %  judging\n"]
-
-
 def test_a_pipe_gets_lines_and_a_terminal_a_bar(monkeypatch):
     stream = io.StringIO()
     monkeypatch.setattr("sys.stderr", stream)
@@ -161,16 +66,3 @@ def test_a_pipe_gets_lines_and_a_terminal_a_bar(monkeypatch):
     monkeypatch.setattr("rich.console.Console", lambda **_: console)
     with common.progress() as say:
         assert not isinstance(say, common.Lines)
-
-
-@pytest.mark.parametrize(
-    ("words", "kept"),
-    [
-        ([], False),
-        (["--fixed"], True),
-        (["--fixed-share", "0"], 0.0),
-        (["--prior", "0.1"], 0.1),
-    ],
-)
-def test_each_way_to_keep_values_is_one_argument_of_the_library(words, kept, monkeypatch):
-    assert arguments_of("diagnose", monkeypatch, *words).get("fixed") == kept

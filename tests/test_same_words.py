@@ -12,13 +12,12 @@ from typer.testing import CliRunner
 
 from identifiability import Model, analyze, calibrate, diagnose, prune, simulate
 from identifiability.cli import app
-from identifiability.foundation.options import OptionError
 from identifiability.regression.reduction import DEFAULT_EFFECTS as FULL
 from identifiability.regression.reduction import USUAL_EFFECTS as USUAL
 from identifiability.regression.reduction import build_ladder, default_ladder
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.simulation import PrescribedMotion, shipped_trajectory
+from identifiability.simulation import shipped_trajectory
 from identifiability.workflows.diagnose.workflow import usual_effects as diagnose_model
 
 
@@ -41,24 +40,6 @@ def test_a_seed_from_python_is_the_seed_of_the_command(robot, tmp_path):
     assert not np.allclose(pd.read_csv(tmp_path / "4.csv"), ours)
 
 
-@pytest.mark.everything
-def test_quick_is_a_tenth_unless_somebody_says_how_many(robot, monkeypatch):
-    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 200)
-    log = simulate(robot, motion, noise="torque=0.02")
-    assert analyze(robot, log, quick=True).settings["replicates"] == 200
-    assert analyze(robot, log, quick=True, replicates=2).settings["replicates"] == 2
-    assert prune(robot, log, quick=True).settings["replicates"] == 20
-    analysis = analyze(robot, log, replicates=0)
-    few = {"refits": 0}
-    asked = []
-    name = "identifiability.workflows.calibrate.calibration.measure_false_names"
-    monkeypatch.setattr(name, lambda *given: asked.append(given[1]))
-    quick = calibrate(analysis, **few, quick=True)
-    assert (len(quick.cell.held), asked) == (32, [4])
-    stated = calibrate(analysis, **few, quick=True, replicates=2, names=0)
-    assert (len(stated.cell.held), stated.false_names) == (2, None)
-
-
 #: What judging verbs have in common, by how it is called.
 SHARED = {
     "replicates": None,
@@ -79,20 +60,6 @@ def test_the_same_words_have_the_same_defaults(verb):
     assert {word: known[word].default for word in words} == {word: SHARED[word] for word in words}
     options = {p.name for p in get_command(app).commands[verb.__name__].params}
     assert {"replicates", "quick", "seed"} - {other} <= options
-
-
-@pytest.mark.parametrize(
-    ("verb", "old", "new"),
-    [
-        (analyze, "cad_weight", "cad_prior"),
-        (prune, "cad_weight", "cad_prior"),
-        (calibrate, "trials", "replicates"),
-        (calibrate, "diagnoses", "names"),
-    ],
-)
-def test_an_old_word_is_refused_with_the_new_one(verb, old, new):
-    with pytest.raises(OptionError, match=f"'{old}' of {verb.__name__} is called '{new}' now"):
-        verb("two-link", **{old: 3})
 
 
 def test_one_ladder_holds_the_models_of_all_verbs(robot):

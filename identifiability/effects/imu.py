@@ -12,7 +12,7 @@ from identifiability.effects.nominal import has_masses, load_model
 from identifiability.effects.registry import declare
 from identifiability.foundation.names import BASE, Array, Parameter
 from identifiability.robot import Motion, Robot
-from identifiability.robot.along import project, tree_motion
+from identifiability.robot.closure import project, tree_motion
 from identifiability.robot.floating import SIX, base_acceleration
 
 #: What is corrected, by its key under ``[imu]``: kinds of parameters and their unit.

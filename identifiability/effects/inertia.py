@@ -12,8 +12,8 @@ from identifiability.effects.effect import Along, AlongAxes, Effect, Part, Place
 from identifiability.effects.registry import declare
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter, inertial_unit
 from identifiability.robot import Axis, Motion, Robot
-from identifiability.robot.along import tree_motion
-from identifiability.robot.changed import last_bodies
+from identifiability.robot.closure import tree_motion
+from identifiability.robot.robot import last_bodies
 
 # Rigid-body dynamics: ten inertial parameters a body, by Pinocchio's joint torque regressor.
 

@@ -36,7 +36,7 @@ from identifiability.foundation.linalg import without_rounding
 from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Motion, Robot
-from identifiability.robot.along import project
+from identifiability.robot.closure import project
 
 # A constant torque at every actuated joint.
 

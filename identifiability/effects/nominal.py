@@ -13,7 +13,7 @@ import pinocchio as pin
 from identifiability.foundation.linalg import without_rounding
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.robot import Motion, Robot
-from identifiability.robot.along import hold_weight, project, tree_motion
+from identifiability.robot.closure import hold_weight, project, tree_motion
 
 #: Torque of a robot along a motion, (N, n) [N·m or N].
 Torque = Callable[[Robot, Motion], Array]

@@ -20,7 +20,7 @@ from identifiability.effects.registry import declare
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array
 from identifiability.robot import Axis, Robot
-from identifiability.robot.along import rest_along
+from identifiability.robot.closure import rest_along
 
 # Springs along joints.
 

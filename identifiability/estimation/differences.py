@@ -40,8 +40,8 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import list_candidates, number
 from identifiability.regression.structure import Structure
-from identifiability.robot.changed import last_bodies
 from identifiability.robot.kinematics import WORLD
+from identifiability.robot.robot import last_bodies
 
 #: Standard deviations that the drift of friction in a log may have, relative to it: between two
 #: logs up to 3 %.

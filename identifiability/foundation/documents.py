@@ -8,9 +8,9 @@ import stat
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
 from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
 
@@ -36,24 +36,33 @@ _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
 _DEEP_KEY = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{{DEEPEST},}}")
 
 
-def described(said: str, example: Any, default: Any = ..., **limits: Any) -> Any:
-    """Return a key of a schema with what it is, in words, and a value as a file writes it.
+def rising(span: tuple[float, float]) -> tuple[float, float]:
+    """Check that a lower limit is below an upper one."""
+    if not span[0] < span[1]:
+        raise ValueError("the lower limit must be below the upper one")
+    return span
+
+
+#: A lower and an upper limit.
+Span = Annotated[tuple[float, float], AfterValidator(rising)]
+
+
+def key(said: str, default: Any = ..., example: Any = None, **limits: Any) -> Any:
+    """Return a key of a schema with what it is, in words.
 
     Parameters
     ----------
     said : str
         A sentence, with the unit.
-    example : any
     default : any
-        Or a function that makes it; without it the key must stand in the file.
+        Without it the key must stand in the file.
+    example : any
+        A value as a file writes it, where its type does not show it.
     **limits
         Of the value, and an alias, as `pydantic.Field` takes them.
     """
-    if callable(default):
-        limits["default_factory"] = default
-    elif default is not ...:
-        limits["default"] = default
-    return Field(description=said, examples=[example], **limits)
+    examples = None if example is None else [example]
+    return Field(default, description=said, examples=examples, **limits)
 
 
 def read_document(

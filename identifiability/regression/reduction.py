@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from identifiability.effects import FAMILIES, default_effects
-from identifiability.foundation.documents import described, read_document
+from identifiability.foundation.documents import key, read_document
 from identifiability.foundation.errors import ModelError, listing, near_match
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array, find_named, is_pattern
@@ -56,25 +56,25 @@ class ModelEntry(BaseModel):
 
     model_config = ConfigDict(extra="forbid", populate_by_name=True, allow_inf_nan=False)
 
-    name: str = described("Its name.", "Model 2", min_length=1)
-    description: str = described("A sentence on it.", "equal legs", "")
-    effects: list[str] | None = described(
+    name: str = key("Its name.", min_length=1)
+    description: str = key("A sentence on it.", "")
+    effects: list[str] | None = key(
         "What its torque is made of, for the first model: an effect everywhere, in some joints "
         "(`@slider1+slider2`, `@leg*`), with its shape behind a colon.",
-        ["rigid_body", "viscous_friction", "stribeck_friction@slider1:0.02"],
         None,
+        ["rigid_body", "viscous_friction", "stribeck_friction@slider1:0.02"],
     )
-    start: str | None = described(
-        "The model that it starts from; without it the one before.", "Model 1", None, alias="from"
+    start: str | None = key(
+        "That it starts from; else the one before.", None, "Model 1", alias="from"
     )
-    zero: list[str] = described("Left out: held at 0.", ["leg1_lower.mx"], list)
-    hold: dict[str, FixedValue] = described(
-        "Held at a value [SI], or at the robot file's (nominal).", {"platform.mz": "nominal"}, dict
+    zero: list[str] = key("Left out: held at 0.", [], ["leg1_lower.mx"])
+    hold: dict[str, FixedValue] = key(
+        "Held at [SI], or as nominal.", {}, {"platform.mz": "nominal"}
     )
-    tie: dict[str, list[str]] = described(
-        "Columns added: equal values.", {"slider1.Fc": ["slider1.Fc+", "slider1.Fc-"]}, dict
+    tie: dict[str, list[str]] = key(
+        "Equal values.", {}, {"slider1.Fc": ["slider1.Fc+", "slider1.Fc-"]}
     )
-    keep: list[str] | None = described("Everything else is left out.", ["slider1.Fv"], None)
+    keep: list[str] | None = key("Everything else is left out.", None, ["slider1.Fv"])
 
 
 class LadderEntry(BaseModel):

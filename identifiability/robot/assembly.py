@@ -14,37 +14,26 @@ from typing import Any, NoReturn
 import numpy as np
 import pinocchio as pin
 
-from identifiability.foundation.errors import ClosureError, RobotError, listing, near_match
+from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Renames
-from identifiability.foundation.rules import Tolerance
 from identifiability.robot import closure
 from identifiability.robot.cables import stretch_home
-from identifiability.robot.closure import ACCEPTED, find_assemblies, newton
-from identifiability.robot.description import Bound, Description, Ellipsoid
+from identifiability.robot.closure import ACCEPTED, HOPELESS, invert, newton
+from identifiability.robot.description import ENDLESS, Bound, Description, Ellipsoid
 from identifiability.robot.floating import BASE_JOINTS, Base, Contact, Imu, Wrench
 from identifiability.robot.kinematics import Point, body_names
 from identifiability.robot.markup import check_nominal
-from identifiability.robot.measured_torque import KnownTorque, MeasuredTorque
-from identifiability.robot.parts import (
-    Combination,
-    Loop,
-    LoopFrame,
-    Stated,
-    Transmission,
-    name_numbers,
-)
+from identifiability.robot.measured_torque import MeasuredTorque
+from identifiability.robot.parts import Combination, Loop, Stated, Transmission, name_numbers
 from identifiability.robot.rules import RULES
 from identifiability.robot.servo import read_servo
 from identifiability.robot.sidecar import (
-    AxisEntry,
     BodyBoundsEntry,
-    BoundsEntry,
     ImuEntry,
     LimitEntry,
     LoopEntry,
     Owners,
-    ServoEntry,
     Sidecar,
     by_name,
     check_known,
@@ -56,7 +45,7 @@ from identifiability.robot.sidecar import (
 
 
 def combine_joints(
-    path: Path, entries: list[AxisEntry], stated: Stated, taken: Collection[str]
+    path: Path, extra: Sidecar, stated: Stated, taken: Collection[str]
 ) -> Mapping[str, Combination]:
     """Return every combination of joints by its name; the sidecar goes before the robot file.
 
@@ -66,7 +55,7 @@ def combine_joints(
     ----------
     path : Path
         The robot file, for sentences.
-    entries : list of AxisEntry
+    extra : Sidecar
     stated : Stated
     taken : collection of str
         Names of bodies, joints and motors, which no axis can have.
@@ -78,18 +67,18 @@ def combine_joints(
     """
     known = (*stated.tree.single, *stated.locked)
     found = dict(stated.combinations)
-    for entry in entries:
+    for entry in extra.axes:
         check_known(path, f"axes.{entry.name}.joints", entry.joints, known)
         moving = {joint: c for joint, c in entry.joints.items() if joint not in stated.locked}
         if moving:
             found[entry.name] = _restated(found.get(entry.name), moving, entry.rest)
-    for name in (*found, *(entry.name for entry in entries)):
+    for name in (*found, *(entry.name for entry in extra.axes)):
         if name in taken:
             raise RobotError(
                 f"{path}: the axis '{name}' has the name of a body, joint or motor, and parameters "
                 "are named after it; give it another."
             )
-    names = [entry.name for entry in entries]
+    names = [entry.name for entry in extra.axes]
     if len(set(names)) < len(names):
         raise RobotError(f"The sidecar of {path}: the axes are {listing(names)}; name each once.")
     return found
@@ -104,21 +93,11 @@ def _restated(
     return Combination(weights, stated.numbers, stated.rest if rest is None else rest)
 
 
-def motor_tendons(stated: Stated, motors: Collection[str]) -> tuple[Stated, dict[str, Combination]]:
-    """Return what a file states without the tendons that have the names of motors, and these.
-
-    An export writes what a motor that mixes joints has of its own as a tendon.
-    """
-    own = {name: c for name, c in stated.combinations.items() if name in motors}
-    left = {name: c for name, c in stated.combinations.items() if name not in motors}
-    return replace(stated, combinations=left), own
-
-
 # What a sidecar says of masses and centres of mass, body by body.
 
 
 def read_bounds(
-    path: Path, entry: BoundsEntry, bodies: tuple[str, ...], stated: Stated
+    path: Path, extra: Sidecar, bodies: tuple[str, ...], stated: Stated
 ) -> tuple[Bound, ...]:
     """Return the bounds of a robot.
 
@@ -126,7 +105,7 @@ def read_bounds(
     ----------
     path : Path
         The robot file, for sentences.
-    entry : BoundsEntry
+    extra : Sidecar
     bodies : tuple of str
         The moving bodies.
     stated : Stated
@@ -136,20 +115,21 @@ def read_bounds(
     RobotError
         If a body is not there, or the masses of bodies contradict the total one.
     """
-    known = by_name(path, "bounds.bodies", entry.bodies, bodies, stated.welded)
+    known = by_name(path, "bounds.bodies", extra.bounds.bodies, bodies, stated.welded)
     bounds = [_of_body(body, known[body], stated) for body in bodies if body in known]
-    if entry.total_mass is None:
+    total = extra.bounds.total_mass
+    if total is None:
         return tuple(bounds)
     spans = [known[body].mass if body in known else None for body in bodies]
     least = sum(span[0] for span in spans if span is not None)
     most = sum(np.inf if span is None else span[1] for span in spans)
-    low, high = entry.total_mass
+    low, high = total
     if least >= high or most <= low:
         raise RobotError(
             f"The sidecar of {path}: [bounds] says that the total mass is {low:g} … {high:g} kg, "
             f"and that of its bodies is {least:g} … {most:g} kg; widen one of them."
         )
-    return (*bounds, Bound(bodies, entry.total_mass))
+    return (*bounds, Bound(bodies, total))
 
 
 def _of_body(body: str, entry: BodyBoundsEntry, stated: Stated) -> Bound:
@@ -169,12 +149,7 @@ def _of_body(body: str, entry: BodyBoundsEntry, stated: Stated) -> Bound:
 # Which joints move the robot, which follow, and whether its home position says so.
 #
 # A closed chain has several assemblies; home selects one, so it must nearly close the loops. Of a
-# robot whose files state no home it is the assembly nearest to the file's configuration, if no
-# other one is about as near.
-
-
-#: No joint is further from zero than this [m or rad].
-FAR: Tolerance = 1e6
+# robot whose files state no home it is where Newton's steps from the drawing end, if that is near.
 
 
 def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Description:
@@ -222,13 +197,14 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
             f'sidecar: actuated = ["{names[0]}", …] (or give the lengths and angles of redundant '
             "loops all their digits)."
         )
-    _check_closed_home(robot)
-    if not len(dependent):  # the loops say nothing that is not so anyway
-        return robot
-    try:
-        closure.check_home(robot)
-    except ClosureError as error:
-        raise RobotError(str(error)) from None
+    _check_home(robot)
+    A = newton(robot, robot.home[None]).A[:, :, robot.dependent]
+    if len(dependent) and not invert(A)[1][0] < HOPELESS:
+        raise RobotError(
+            f"The loops of {robot.path} do not determine {listing(robot.passive)} at its home "
+            f"position {robot.describe_home()}: it is singular, or other joints are the actuated "
+            "ones; choose another home or other actuators."
+        )
     return robot
 
 
@@ -247,42 +223,35 @@ def _follow_couplings(robot: Description) -> Array:
     home, single = np.array(robot.home), robot.tree.single
     passive = set(robot.passive)
     for c in robot.couplings * len(passive):  # each may follow another
-        poly = np.polynomial.Polynomial(c.polynomial)
-        if c.joint in passive and c.joint not in c.sources:
-            value = 0.0
-            for term in c.terms:
-                parts = (w * robot.dof_position(home[None], j)[0] for j, w in term.weights.items())
-                value += float(np.polynomial.Polynomial(term.polynomial)(sum(parts)))
-            follower = c.joint
-        elif not c.more and c.of in passive and len(np.trim_zeros(poly.coef, "b")) == 2:
-            at = float(robot.dof_position(home[None], c.joint)[0])
-            follower, value = c.of, (at - poly.coef[0]) / poly.coef[1]
-        else:
-            continue
-        if abs(value) < FAR:
+        at = {j: float(robot.dof_position(home[None], j)[0]) for j in (c.joint, *c.terms)}
+        value, follower = c.held(at).constant, c.joint
+        if c.joint not in passive and len(c.terms) == 1 and len(c.polynomial) == 2:
+            ((follower, (_, slope)),) = c.terms.items()
+            value = (at[c.joint] - c.constant) / (slope or 1.0)
+        if follower in passive and abs(value) < ENDLESS:
             home[single[follower].iq] = value
     return home
 
 
 def _refuse_loose(robot: Description, count: int) -> NoReturn:
     """Say what to do about passive joints that no equation determines."""
-    if count or robot.loops or robot.couplings:
-        _check_closed_home(robot)
-    wide = [f"{j.kind} joint '{j.dofs[0].rpartition('.')[0]}'"
-            for j in robot.tree.joints if j.nv > 1]  # fmt: skip
+    if robot.equations:
+        _check_home(robot)
+    wide = [j.dofs[0].rpartition(".")[0] for j in robot.tree.joints if j.nv > 1]
     single = [name for name in robot.passive if name in robot.tree.single]
-    locks = listing([f"--lock {name}" for name in single], between=" ") or "--lock joint"
-    example = f"--lock {(*single, 'joint')[0]}"
-    balls = ""
+    advice = ""
     if wide:
-        balls = f" The {listing(wide)} can only be passive in a closed loop; write a ball that is "
-        balls += "driven as three hinges in one body."
+        advice = f" Ball and floating joints ({listing(wide)}) can only be passive in a closed "
+        advice += "loop; write a ball that is driven as three hinges in one body."
+    if single:
+        locks = listing([f"--lock {name}" for name in single], between=" ")
+        advice += f" What stands still, as a gripper may, is locked: {locks} (or {single[0]}=0.02)."
     raise RobotError(
         f"{robot.path}: {len(robot.dependent)} joints have no actuator ({listing(robot.passive)}) "
         f"and the loops give only {count} independent equations; name the missing actuated joints "
         "(<actuator> in MJCF, 'actuated' in the sidecar), add the closures, or choose a home "
         "position away from singularities. What swings freely, as a pendulum does, is not served."
-        f"{balls} What stands still, as a gripper may, is locked: {locks} (or {example}=0.02)."
+        f"{advice}"
     )
 
 
@@ -299,65 +268,56 @@ def position_limits(
             continue
         lower = float(robot.model.lowerPositionLimit[iq])
         upper = float(robot.model.upperPositionLimit[iq])
-        if lower < upper and max(abs(lower), abs(upper)) < FAR:
+        if lower < upper and max(abs(lower), abs(upper)) < ENDLESS:
             out[row] = lower, upper
     return out
 
 
-def _assemble_nearest(robot: Description, extra: Sidecar) -> Description:
-    """Return a robot of which nothing states a home, its loops closed as nearly as they can be.
+def _speed_limits(robot: Description, given: Sequence[LimitEntry]) -> Array:
+    """Return limits of speed, (n,) [rad/s or m/s]: the sidecar's, else the velocities of a URDF."""
+    own = [] if robot.mjcf else robot.model.velocityLimit.tolist()
+    of_file = {name: own[j.iv] for name, j in robot.tree.single.items() if j.iv < len(own)}
+    pairs = zip(robot.joints, given, strict=True)
+    speeds = [of_file.get(joint, 0.0) if entry.v is None else entry.v for joint, entry in pairs]
+    return np.array([speed if 0 < speed < ENDLESS else np.inf for speed in speeds])
 
-    Raises
-    ------
-    RobotError
-        If several assemblies are about as near.
-    """
+
+def _assemble_nearest(robot: Description, extra: Sidecar) -> Description:
+    """Return a robot of which nothing states a home, closed near where its file draws it."""
     if robot.equations < max(len(robot.dependent), 1):
         return robot
-    if not RULES.home_open < closure.loop_error(robot, robot.home[None])[0] < FAR:
+    if not RULES.home_open < closure.loop_error(robot, robot.home[None])[0] < ENDLESS:
         return robot
-    limits = np.tile([[-np.inf], [np.inf]], len(robot.home))
+    start = np.array(robot.home)
     for name, joint in robot.tree.single.items():
         if name not in extra.home:
-            limits[:, joint.iq] = position_limits(robot, [name], extra.limits)[0]
-    q, distance = find_assemblies(robot, *limits, held=bool(extra.home))
-    if not len(q):
-        return robot
-    # Another assembly is near, too; of 1230 drawings none then gave a wrong assembly.
-    near = q[(distance < 2.0 * distance[0]) | (distance[0] > RULES.leap)]
-    if len(near) > 1:
-        _check_closed_home(robot, near)
-    return replace(robot, home=q[0], assembled=True)
+            start[joint.iq] = np.clip(
+                start[joint.iq], *position_limits(robot, [name], extra.limits)[0]
+            )
+    closed = newton(robot, start[None])
+    if closed.error[0] < ACCEPTED and np.abs(closed.q[0] - start).max() <= RULES.leap:
+        return replace(robot, home=closed.q[0], assembled=True)
+    return robot
 
 
-def _check_closed_home(robot: Description, near: Array | None = None) -> None:
+def _check_home(robot: Description) -> None:
     """Refuse a home position that is far from closing the loops; a rounded one is near."""
-    gap = float(closure.loop_error(robot, robot.home[None])[0])
-    if not gap <= RULES.home_open:
-        several = "" if near is None else f" ({len(near)} that close them were found)"
-        if near is None and robot.equations >= len(robot.dependent):
-            closed = newton(robot, robot.home[None])
-            near = closed.q[closed.error < ACCEPTED]
+    home = robot.home[None]
+    gap = float(closure.loop_error(robot, home)[0])
+    enough = robot.equations >= len(robot.dependent) > 0
+    closed = newton(robot, home) if enough else None
+    closes = closed is not None and closed.error[0] < ACCEPTED
+    if not gap <= RULES.home_open or (enough and not closes):
+        single, such_as = robot.tree.single, ""
+        if closed is not None and closes and single.keys() >= {*robot.passive}:
+            found = (f"{n} = {closed.q[0, single[n].iq]:.4f}" for n in robot.passive)
+            such_as = f", such as {', '.join(found)}"
         raise RobotError(
             f"{robot.path}: the loops are open by {gap:.2g} m at the home position "
-            f"({robot.describe_home()}), so their assembly is not determined{several}; give a "
-            'position of every joint that closes them: <keyframe><key name="home" qpos="…"/>'
-            f"</keyframe> in MJCF, or a table [home] in the sidecar{_such_as(robot, near)}."
+            f"({robot.describe_home()}), so their assembly is not determined; give a position of "
+            'every joint that closes them: <keyframe><key name="home" qpos="…"/></keyframe> in '
+            f"MJCF, or a table [home] in the sidecar{such_as}."
         )
-
-
-def _such_as(robot: Description, near: Array | None) -> str:
-    """Return positions that close the loops; with balls and free joints they are no sentence."""
-    single = robot.tree.single
-    if near is None or any(name not in single for name in robot.passive):
-        return ""
-    moved = [
-        n
-        for n in single
-        if n in robot.passive or (near[:, single[n].iq] != robot.home[single[n].iq]).any()
-    ]
-    ways = [", ".join(f"{n} = {q[single[n].iq]:.4f}" for n in moved) for q in near[:2]]
-    return f", such as {' or '.join(ways)}" if ways else ""
 
 
 # Put a `Description` together from model, closures and sidecar; they must determine the motion.
@@ -379,8 +339,11 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     model, bodies = stated.model, body_names(stated.model)
     motors = tuple(extra.transmission.motors) if extra.transmission else ()
     taken = (*bodies, *(d for j in stated.tree.joints for d in j.dofs), *stated.locked, *motors)
-    stated, driven = motor_tendons(stated, motors)
-    axes = combine_joints(path, extra.axes, stated, taken)
+    # An export writes what a motor that mixes joints has of its own as a tendon of its name.
+    driven = {name: c for name, c in stated.combinations.items() if name in motors}
+    left = {name: c for name, c in stated.combinations.items() if name not in motors}
+    stated = replace(stated, combinations=left)
+    axes = combine_joints(path, extra, stated, taken)
     dofs = tuple(d for j in stated.tree.joints for d in j.dofs)
     owners = Owners(bodies, dofs, (*motors, *axes), tuple(stated.locked), tuple(stated.welded))
     extra = settle_names(path, extra, owners)
@@ -422,13 +385,14 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         scales=_scales(path, extra, stated),
         time_unit=extra.time.unit or "",
         torque=_measured_torque(extra, stated),
-        known_torque=_known_torque(extra, stated),
+        known_torque=tuple(k for k in extra.known_torque if k.along not in stated.locked),
         angles=extra.angles,
         locked=dict(stated.locked),
         welded=dict(stated.welded),
-        bounds=read_bounds(path, extra.bounds, bodies, stated),
+        bounds=read_bounds(path, extra, bodies, stated),
         cables=stated.cables,
         outside=stated.outside,
+        meshes=stated.meshes,
         entries=stated.entries,
         bolted=extra.base == "fixed",
         base=_read_base(path, extra, stated, bodies),
@@ -445,14 +409,14 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         robot,
         nominal=_nominal(robot, extra, stated, {**axes, **driven}),
         limits=position_limits(robot, robot.joints, extra.limits),
-        speed_limits=np.array([np.inf if limit.v is None else limit.v for limit in limits]),
+        speed_limits=_speed_limits(robot, limits),
         acceleration_limits=np.array([np.inf if limit.a is None else limit.a for limit in limits]),
         transmission=_transmission(robot, extra),
     )
     motors = robot.motor_joints
     servo = None
     if motors:  # a body alone has none
-        gains = _servo_tables(path, extra.servo, motors)
+        gains = _servo_tables(path, extra, motors)
         servo = read_servo(path, extra.servo, gains, stated.servos, motors)
     if robot.base is None:
         robot = replace(robot, servo=servo)
@@ -468,13 +432,8 @@ def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
     places = ((entry.body1, entry.point1), (entry.body2, entry.point2))
     only = (pin.FrameType.BODY,)
     ends = [_find_frame(path, "loops", body, at, stated, only)[0] for body, at in places]
-    frame = None
-    if entry.frame is not None:
-        origin, rotation = _find_frame(path, "loops", entry.frame, (0, 0, 0), stated, only)
-        frame = LoopFrame(entry.frame, origin.joint, rotation)
-    axes = tuple("xyz".index(a) for a in entry.axes)
     name = entry.name or f"{entry.body1}-{entry.body2}"
-    return Loop(name, ends[0], ends[1], axes, places, frame)
+    return Loop(name, ends[0], ends[1], places)
 
 
 def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ...]) -> Base | None:
@@ -559,11 +518,9 @@ def _nominal(
     return every
 
 
-def _servo_tables(
-    path: Path, entry: ServoEntry | None, joints: tuple[str, ...]
-) -> dict[str, dict[str, Any]]:
+def _servo_tables(path: Path, extra: Sidecar, joints: tuple[str, ...]) -> dict[str, dict[str, Any]]:
     """Return what the sidecar says of servos, by joint; a number is for all joints."""
-    given = {key: getattr(entry, key, None) for key in ("kp", "kv", "limit")}
+    given = {key: getattr(extra.servo, key, None) for key in ("kp", "kv", "limit")}
     return {
         key: by_name(path, f"servo.{key}", value, joints)
         if isinstance(value, dict)
@@ -606,17 +563,6 @@ def _scales(path: Path, extra: Sidecar, stated: Stated) -> dict[str, tuple[float
         rule.name or key: rule for key, rule in extra.columns.items() if not isinstance(rule, str)
     }
     return by_name(path, "columns", {k: (r.scale, r.offset) for k, r in given.items()}, lines)
-
-
-def _known_torque(extra: Sidecar, stated: Stated) -> tuple[KnownTorque, ...]:
-    """Return the torque that is known; along a locked joint it moves nothing."""
-    return tuple(
-        KnownTorque.of_table(k.along, k.table, k.interpolation or "linear")
-        if k.table
-        else KnownTorque.of_polynomial(k.along, k.polynomial, k.range or (-np.inf, np.inf))
-        for k in extra.known_torque
-        if k.along not in stated.locked
-    )
 
 
 def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:

@@ -106,7 +106,7 @@ def stretch_home(robot: Description) -> Description:
     if not robot.cables:
         return robot
     home = np.array(robot.home)
-    frames = robot.tree.frames(home[None], cable_joints(robot))
+    frames = robot.tree.frames(home[None], [p.joint for p in cable_points(robot)])
     for cable in robot.cables:
         apart = [_distance(robot.tree, frames, segment)[1][0] for segment in cable.segments]
         if min(apart) < ROUNDOFF:
@@ -118,11 +118,6 @@ def stretch_home(robot: Description) -> Description:
         length = cable_equation(robot, cable, frames, home[None])[0]
         home[robot.tree.single[cable.name].iq] -= float(length[0])
     return replace(robot, home=home)
-
-
-def cable_joints(robot: Description) -> list[int]:
-    """Return the joints that the ends of tendons are on."""
-    return [p.joint for t in robot.cables for s in t.segments for p in (s.first, s.second)]
 
 
 def cable_points(robot: Description) -> list[Point]:

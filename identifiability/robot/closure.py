@@ -10,18 +10,19 @@ from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import scipy
 
-from identifiability.foundation.errors import ClosureError, listing
+from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.robot.cables import cable_bias, cable_equation, cable_joints, cable_points
+from identifiability.robot.cables import cable_bias, cable_equation, cable_points
 from identifiability.robot.description import Description
 from identifiability.robot.floating import eliminate
-from identifiability.robot.kinematics import WORLD, Frames, Point, Tree, cross
-from identifiability.robot.parts import Coupling, Loop, LoopFrame, Term
+from identifiability.robot.kinematics import WORLD, Frames, Point
+from identifiability.robot.parts import Axis, Coupling, Loop
 from identifiability.robot.rules import RULES
 
 # Solve the loop equations of each sample for the dependent joints.
@@ -47,13 +48,9 @@ def solve(A: Array, b: Array) -> Array:
     try:
         return np.linalg.solve(A, b[..., None])[..., 0]
     except np.linalg.LinAlgError:
-        out = np.full(b.shape, np.nan)
-        for k in range(len(A)):
-            try:
-                out[k] = np.linalg.solve(A[k], b[k])
-            except np.linalg.LinAlgError:
-                continue
-        return out
+        inverse, condition = invert(A)
+        inverse[np.isinf(condition)] = np.nan
+        return (inverse @ b[..., None])[..., 0]
 
 
 def invert(A: Array) -> tuple[Array, Array]:
@@ -116,10 +113,8 @@ def passes_singular(A: Array) -> np.ndarray:
 def loop_equations(robot: Description, q: Array) -> tuple[Array, Array]:
     """Return the errors of all loop equations and their Jacobian, samples last.
 
-    Where there are more equations than dependent joints, those of a whole point are written in the
-    axes of its first body: the plane of a planar loop stands still there while it turns in space.
-    Directions of a stated body turn with it, and the error is how far apart points are as seen from
-    there.
+    Where there are more equations than dependent joints, those of a point are written in the axes
+    of its first body: the plane of a planar loop stands still there while it turns in space.
 
     Parameters
     ----------
@@ -132,25 +127,19 @@ def loop_equations(robot: Description, q: Array) -> tuple[Array, Array]:
     jacobian : (m, nv, N)
     """
     tree, n = robot.tree, len(q)
-    frames = tree.frames(q, [*_loop_joints(robot), *cable_joints(robot)])
+    frames = tree.frames(q, [p.joint for p in _ends(robot)])
     errors, J = np.empty((robot.equations, n)), np.zeros((robot.equations, robot.nv, n))
-    at = 0
-    for loop in robot.loops:
-        axes, rows = list(loop.axes), slice(at, at + len(loop.axes))
-        whole = J[rows] if len(axes) == 3 else np.zeros((3, robot.nv, n))
+    at = 3 * len(robot.loops)
+    for k, loop in enumerate(robot.loops):
+        rows = slice(3 * k, 3 * k + 3)
         apart = tree.world_point(frames, loop.first) - tree.world_point(frames, loop.second)
-        tree.add_point_jacobian(frames, loop.first, 1.0, whole)
-        tree.add_point_jacobian(frames, loop.second, -1.0, whole)
-        if loop.frame is not None:
-            _see_from(tree, loop.frame, frames, loop, whole)
+        tree.add_point_jacobian(frames, loop.first, 1.0, J[rows])
+        tree.add_point_jacobian(frames, loop.second, -1.0, J[rows])
         turn = _own_axes(robot, loop, frames)
         if turn is not None:
             apart = np.einsum("cxn,xn->cn", turn, apart)
-            whole[:] = np.einsum("cxn,xvn->cvn", turn, whole)
-        errors[rows] = apart[axes]
-        if len(axes) < 3:
-            J[rows] = whole[axes]
-        at = rows.stop
+            J[rows] = np.einsum("cxn,xvn->cvn", turn, J[rows])
+        errors[rows] = apart
     for k, coupling in enumerate(robot.couplings, at):
         error, row = _coupling_error(coupling, q, robot)
         errors[k], J[k] = error, row.T
@@ -167,18 +156,14 @@ def loop_jacobian(robot: Description, q: Array) -> Array:
 def loop_bias(robot: Description, q: Array, v: Array) -> Array:
     """Return ``Ȧ v`` of the loop equations at configurations that close them, (N, m)."""
     tree = robot.tree
-    points: list[Point] = [p for loop in robot.loops for p in (loop.first, loop.second)]
-    points += cable_points(robot)
-    frames = tree.frames(q, [*_loop_joints(robot), *cable_joints(robot)])
-    bias = tree.bias_accelerations(frames, v, points)
+    frames = tree.frames(q, [p.joint for p in _ends(robot)])
+    bias = tree.bias_accelerations(frames, v, _ends(robot))
     rows = []
     for k, loop in enumerate(robot.loops):
         apart, turn = bias[2 * k] - bias[2 * k + 1], _own_axes(robot, loop, frames)
-        if loop.frame is not None:
-            apart = apart - _frame_bias(tree, loop.frame, frames, loop, v)
         if turn is not None:
             apart = np.einsum("cxn,xn->cn", turn, apart)
-        rows.append(np.broadcast_to(apart[list(loop.axes)], (len(loop.axes), len(q))))
+        rows.append(np.broadcast_to(apart, (3, len(q))))
     rows += [_coupling_bias(c, q, v, robot)[None] for c in robot.couplings]
     at = 2 * len(robot.loops)
     for cable in robot.cables:
@@ -189,38 +174,14 @@ def loop_bias(robot: Description, q: Array, v: Array) -> Array:
     return bias_rows
 
 
-def _loop_joints(robot: Description) -> list[int]:
-    """Return the joints that ends of loops are on, and bodies whose axes they are written in."""
-    ends = [p.joint for loop in robot.loops for p in (loop.first, loop.second)]
-    return ends + [loop.frame.joint for loop in robot.loops if loop.frame is not None]
-
-
-def _see_from(tree: Tree, frame: LoopFrame, frames: Frames, loop: Loop, whole: Array) -> None:
-    """Take off what the points would move with a body, from the Jacobian of their distance."""
-    for point, sign in ((loop.first, -1.0), (loop.second, 1.0)):
-        tree.add_jacobian_at(frames, frame.joint, tree.world_point(frames, point), sign, whole)
-
-
-def _frame_bias(tree: Tree, frame: LoopFrame, frames: Frames, loop: Loop, v: Array) -> Array:
-    """Return what a body that turns takes off the acceleration of a distance, (3, N).
-
-    Of a distance a that moves by u as seen from the body: ``α × a + ω × (ω × a) + 2 ω × u``.
-    """
-    omega, alpha, _ = tree.bias_motions(frames, v, [frame.joint])[frame.joint]
-    first, second = (tree.world_point(frames, p) for p in (loop.first, loop.second))
-    whole = np.zeros((3, tree.nv, len(v)))
-    tree.add_point_jacobian(frames, loop.first, 1.0, whole)
-    tree.add_point_jacobian(frames, loop.second, -1.0, whole)
-    _see_from(tree, frame, frames, loop, whole)
-    u, a = np.einsum("xvn,nv->xn", whole, v), first - second
-    return cross(alpha, a) + cross(omega, cross(omega, a) + 2 * u)
+def _ends(robot: Description) -> list[Point]:
+    """Return the ends of loops and of the segments of tendons, two by two."""
+    return [p for x in robot.loops for p in (x.first, x.second)] + cable_points(robot)
 
 
 def _own_axes(robot: Description, loop: Loop, frames: Frames) -> Array | None:
     """Return the axes in which a loop is written, (3, 3, N), or None for those of the world."""
-    if loop.frame is not None:
-        return robot.tree.world_axes(frames, loop.frame.joint, loop.frame.rotation)
-    if robot.equations == len(robot.dependent) or len(loop.axes) < 3 or loop.first.joint == WORLD:
+    if robot.equations == len(robot.dependent) or loop.first.joint == WORLD:
         return None
     return frames.axes[loop.first.joint]
 
@@ -230,27 +191,21 @@ def _coupling_error(coupling: Coupling, q: Array, robot: Description) -> tuple[A
     J = np.zeros((len(q), robot.nv))
     J[:, robot.dof_index(coupling.joint)] = 1.0
     error = robot.dof_position(q, coupling.joint)
-    for term in coupling.terms:
-        x, poly = _source(term, q, robot), np.polynomial.Polynomial(term.polynomial)
-        error = error - poly(x)
-        for joint, weight in term.weights.items():
-            J[:, robot.dof_index(joint)] -= weight * poly.deriv()(x)
+    error = error - coupling.constant
+    for of, coefficients in coupling.terms.items():
+        x, poly = robot.dof_position(q, of), np.polynomial.Polynomial(coefficients)
+        error -= poly(x)
+        J[:, robot.dof_index(of)] -= poly.deriv()(x)
     return error, J
 
 
 def _coupling_bias(coupling: Coupling, q: Array, v: Array, robot: Description) -> Array:
     """Return ``J̇ v`` of a coupling, (N,)."""
     bias = np.zeros(len(q))
-    for term in coupling.terms:
-        poly = np.polynomial.Polynomial(term.polynomial)
-        rate = sum(w * v[:, robot.dof_index(joint)] for joint, w in term.weights.items())
-        bias -= poly.deriv(2)(_source(term, q, robot)) * rate**2
+    for of, coefficients in coupling.terms.items():
+        bent = np.polynomial.Polynomial(coefficients).deriv(2)(robot.dof_position(q, of))
+        bias -= bent * v[:, robot.dof_index(of)] ** 2
     return bias
-
-
-def _source(term: Term, q: Array, robot: Description) -> Array:
-    parts = (w * robot.dof_position(q, joint) for joint, w in term.weights.items())
-    return sum(parts, np.zeros(len(q)))
 
 
 # Close loops by Newton steps, batched over samples.
@@ -267,11 +222,6 @@ ACCEPTED: Tolerance = 1e-9
 HOPELESS: Tolerance = 1e12
 _HOMOTOPY_STEPS = 10
 
-
-#: Starts from which assemblies are searched, and the most steps from each.
-STARTS, FAR_STEPS = 256, 40
-#: Closed configurations in which no joint differs by more are one [rad, or sizes of the robot].
-SAME: Tolerance = 1e-4
 
 #: Samples a batch: its frames and Jacobians stay in the processor's cache.
 BATCH = 2048
@@ -301,21 +251,13 @@ def close_loops(robot: Description, q: Array) -> Closed:
     count = min(n, max(64, n // 32))
     chosen = np.unique(np.linspace(0, n - 1, count).astype(int))
     seeds = follow_from_home(robot, q[chosen], _HOMOTOPY_STEPS)
-    good = seeds.error < ACCEPTED
-    if not good.any():
+    if not (seeds.error < ACCEPTED).any():
         seeds = follow_from_home(robot, q[chosen], 6 * _HOMOTOPY_STEPS)
-        good = seeds.error < ACCEPTED
-        if not good.any():
-            # Of longer motions that seem to close nowhere, only some samples are
-            # tried.
-            left = q if n <= 2000 else q[chosen]  # the rest is not worth minutes
-            tried = follow_from_home(robot, left, 2 * _HOMOTOPY_STEPS)
-            if len(left) == n:
-                return tried
-            error = np.full(n, np.inf)
-            error[chosen] = tried.error
-            rows = np.zeros(n, int)
-            return Closed(tried.q[rows], error, tried.A[rows])
+    good = seeds.error < ACCEPTED
+    if not good.any():  # what closes nowhere on the way is not worth minutes
+        return Closed(
+            seeds.q[np.zeros(n, int)], np.full(n, seeds.error.min()), seeds.A[np.zeros(n, int)]
+        )
     guess = _predict(robot, q, q[chosen[good]], seeds.q[good], seeds.A[good])
     closed = newton(robot, guess)
     moved = np.abs(closed.q - guess).max(1)
@@ -405,94 +347,6 @@ def _newton_batch(robot: Description, q: Array, most: int) -> Closed:
         q[left] = robot.tree.integrate(q[left], step)
     error[~np.isfinite(error)] = np.inf
     return Closed(q, error, A)
-
-
-@np.errstate(over="ignore", invalid="ignore")  # some starts lead astray
-def find_assemblies(
-    robot: Description, low: Array, high: Array, *, held: bool
-) -> tuple[Array, Array]:
-    """Return configurations that close the loops, one of each assembly, nearest to home first.
-
-    All have the same actuated positions: those of home, moved into the limits. Where the loops
-    do not close there, those of the nearest configuration at which they do.
-
-    Parameters
-    ----------
-    robot : Description
-        Its loops are open at home.
-    low, high : (nq,)
-        Position limits, infinite where there are none.
-    held : bool
-        Whether the actuated joints must stay where home has them.
-
-    Returns
-    -------
-    q : (K, nq)
-    distance : (K,)
-        Farthest way of a joint from home [rad, or sizes of the robot for slides].
-    """
-    tree, n = robot.tree, robot.nv
-    home = np.clip(robot.home, low, high)
-    points = [p.position for loop in robot.loops for p in (loop.first, loop.second)]
-    lengths = [float(np.linalg.norm(x)) for x in (*points, *(j.translation for j in tree.joints))]
-    size = max(*lengths, float(np.abs(loop_equations(robot, home[None])[0]).max()))
-    reach = np.array([size if robot.is_prismatic(k) else np.pi for k in range(n)])
-    ways = np.random.default_rng(0).uniform(-1, 1, (STARTS, n)) * reach
-    ways[0] = 0.0
-    starts = np.clip(tree.integrate(np.repeat(home[None], STARTS, 0), ways), low, high)
-
-    def close(starts: Array) -> tuple[Array, Array]:
-        closed = newton(robot, starts, FAR_STEPS)
-        inside = ((closed.q >= low - SAME) & (closed.q <= high + SAME)).all(1)
-        q = closed.q[inside & (closed.error < ACCEPTED)]
-        distance = _ways(tree, home, q, size).max(1, initial=0.0)
-        order = np.argsort(distance)
-        return q[order], distance[order]
-
-    def at(actuated: Array) -> Array:
-        moved = starts.copy()
-        moved[:, columns] = actuated[columns]
-        return moved
-
-    columns = [tree.single[name].iq for name in robot.joints]
-    q, distance = close(at(home))
-    if not len(q) and not held:
-        q, _ = close(_approach(robot, starts, low, high))
-        q, distance = close(at(q[0])) if len(q) else (q, _)
-    kept: list[int] = []
-    for k in range(len(q)):
-        turns = _ways(tree, q[k], q[kept], size, whole_turns=False)
-        if not (turns.max(1, initial=0.0) < SAME).any():
-            kept.append(k)
-    return q[kept], distance[kept]
-
-
-def _approach(robot: Description, q: Array, low: Array, high: Array) -> Array:
-    """Return configurations moved towards closed loops by shortest steps of all joints."""
-    for _ in range(FAR_STEPS):
-        residual, jacobian = map(np.nan_to_num, loop_equations(robot, q))
-        step = -np.einsum("nvm,mn->nv", np.linalg.pinv(np.moveaxis(jacobian, -1, 0)), residual)
-        step *= np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(1, keepdims=True), 1e-300))
-        q = np.clip(robot.tree.integrate(q, step), low, high)
-    return q
-
-
-def _ways(tree: Tree, start: Array, q: Array, size: float, *, whole_turns: bool = True) -> Array:
-    """Return how far joints are from where they are at a start (nq,), (N, joints)."""
-    ways = []
-    for j in tree.joints:
-        way = np.abs(q[:, j.iq : j.iq + j.nq] - start[j.iq : j.iq + j.nq])
-        if j.kind == "revolute":
-            ways.append(
-                way[:, 0] if whole_turns else np.abs((way[:, 0] + np.pi) % (2 * np.pi) - np.pi)
-            )
-            continue
-        if j.kind in ("ball", "free"):
-            last = slice(j.iq + j.nq - 4, j.iq + j.nq)
-            ways.append(2 * np.arccos(np.minimum(np.abs(q[:, last] @ start[last]), 1.0)))
-            way = way[:, :-4]
-        ways.append(way.max(1, initial=0.0) / size)
-    return np.stack(ways, 1)
 
 
 # Full motion of a robot from the motion of its actuated joints.
@@ -729,24 +583,74 @@ def count_independent(robot: Description) -> int:
     return int((np.abs(np.diag(r)) > ROUNDOFF).sum())
 
 
-def check_home(robot: Description) -> None:
-    """Refuse a closed chain whose home position does not close or leaves joints undetermined.
+# Along a motion: torque of the actuated joints, what is known of it, and where springs are relaxed.
+
+
+def project(robot: Description, motion: Motion, tree: Array) -> Array:
+    """Return the torque of the actuated joints (N, n) from that of the bodies' joints (N, nv)."""
+    tendons = np.zeros((len(tree), robot.nv - tree.shape[1]))  # they carry no body
+    tree = np.hstack([tree, tendons]) if tendons.shape[1] else tree
+    tau: Array = tree[:, robot.actuated]
+    if motion.X is not None:
+        tau = tau - np.einsum("nij,ni->nj", motion.X, tree[:, robot.dependent])
+    return tau
+
+
+def tree_motion(robot: Description, motion: Motion) -> tuple[Array, Array, Array]:
+    """Return the motion of the joints that Pinocchio has, all but tendons."""
+    nq, nv = robot.model.nq, robot.model.nv
+    return motion.q[:, :nq], motion.v[:, :nv], motion.a[:, :nv]
+
+
+def hold_weight(robot: Description, motion: Motion, model: Any = None) -> Array:
+    """Return the torque that holds the weight of the file's masses, (N, n) [N·m or N].
+
+    Parameters
+    ----------
+    robot : Description
+    motion : Motion
+    model : pinocchio.Model, optional
+        With other masses or another gravity.
+    """
+    model = robot.model if model is None else model
+    data, tree = model.createData(), np.empty((len(motion), model.nv))
+    for k, q in enumerate(tree_motion(robot, motion)[0]):
+        tree[k] = pin.computeGeneralizedGravity(model, data, q)
+    return project(robot, motion, tree)
+
+
+def known_torque(robot: Description, motion: Motion) -> Array:
+    """Return the torque of the actuated joints that is known beforehand, (N, n) [N·m or N].
+
+    Where measured torque is compensated for gravity, less what holds the file's weight.
 
     Raises
     ------
-    ClosureError
+    RobotError
+        If a position lies where it is not known.
     """
-    home = robot.home[None]
-    closed = newton(robot, home)
-    if not closed.error[0] < ACCEPTED:
-        raise ClosureError(
-            f"The loops of {robot.name} do not close at its home position "
-            f"{robot.describe_home()}: the loop error is {loop_error(robot, home)[0]:.2g} m; give "
-            "a home keyframe (MJCF) or a [home] table (sidecar) that satisfies the closures."
-        )
-    if not invert(closed.A[:, :, robot.dependent])[1][0] < HOPELESS:
-        raise ClosureError(
-            f"The loops of {robot.name} do not determine {listing(robot.passive)} at its home "
-            f"position {robot.describe_home()}: it is singular, or other joints are the actuated "
-            "ones; choose another home or other actuators."
-        )
+    tau = np.zeros(motion.actuated_q.shape)
+    axes = {a.name: a for a in (*robot.axes, *robot.passive_axes)}
+    for known in robot.known_torque:
+        axis = axes[known.along]
+        force = known.force(robot.travel(axis, motion.q))
+        if axis.row is not None:
+            tau += force[:, None] * axis.row
+        elif motion.X is not None:
+            at = int(np.flatnonzero(robot.dependent == axis.dof)[0])
+            tau -= force[:, None] * motion.X[:, at]
+    compensated = [robot.torque.is_compensated(joint) for joint in robot.joints]
+    if any(compensated):
+        tau -= np.where(compensated, hold_weight(robot, motion), 0.0)
+    return tau
+
+
+def rest_along(robot: Description, axis: Axis) -> float:
+    """Return where a spring along an axis is relaxed [rad or m]."""
+    if axis.name in robot.rest and (axis.row is None or axis.weights is not None):
+        return robot.rest[axis.name]
+    home = robot.actuated_positions(robot.home[None])[0]
+    if axis.row is None:
+        return float(robot.travel(axis, robot.home[None])[0])
+    rest = [robot.rest.get(j, zero) for j, zero in zip(robot.joints, home, strict=True)]
+    return float(np.asarray(rest) @ axis.row)

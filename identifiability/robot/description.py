@@ -187,6 +187,8 @@ class Description:
         Straight tendons with a force or a motor, slides of `tree` that Pinocchio does not have.
     outside : tuple of str
         Bodies of a scene that no actuated joint reaches; they and what they carry are left out.
+    meshes : tuple of Path
+        From which the file takes inertias.
     entries : mapping
         Entries of arrays that MuJoCo keeps of its joints, by array, then index or name.
     upright : (3,) [m/s²] or None
@@ -246,6 +248,7 @@ class Description:
     cables: tuple[Cable, ...] = ()
     outside: tuple[str, ...] = ()
     assembled: bool = False
+    meshes: tuple[Path, ...] = ()
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
     upright: Array | None = None
     servo: Servo | None = None
@@ -260,11 +263,7 @@ class Description:
     @cached_property
     def sha256(self) -> str:
         """Hash of the robot file, what it includes, meshes that weigh, and its sidecar."""
-        files = (self.path, *included_files(self.path))
-        if self.mjcf:
-            from identifiability.robot.mjcf import weighing_files  # noqa: PLC0415 - MuJoCo is large
-
-            files += weighing_files(self.path)
+        files = (self.path, *included_files(self.path), *self.meshes)
         digest = hashlib.sha256()
         for file in (*files, self.sidecar) if self.sidecar is not None else files:
             digest.update(file.read_bytes())
@@ -327,8 +326,7 @@ class Description:
     @cached_property
     def equations(self) -> int:
         """Number of loop equations, those included that follow from others."""
-        points = sum(len(loop.axes) for loop in self.loops)
-        return points + len(self.couplings) + len(self.cables)
+        return 3 * len(self.loops) + len(self.couplings) + len(self.cables)
 
     @property
     def nv(self) -> int:
@@ -511,21 +509,5 @@ class Description:
         return sorted(range(len(names)), key=lambda k: rank.get(names[k], len(rank)))
 
 
-# Limits of speed that files of a robot state: the sidecar, else the velocities of a URDF.
-
-
 #: A position or speed from which on a file means that there is no limit [rad or m, and per s].
 ENDLESS: Tolerance = 1e6
-
-
-def stated_speeds(robot: Description) -> Array:
-    """Return limits of speed, (n,) [rad/s or m/s]; infinite where no file states one."""
-    speeds = robot.speed_limits.copy()
-    of_file = np.asarray(() if robot.mjcf else robot.model.velocityLimit, float)
-    for k, name in enumerate(robot.joints):
-        joint = robot.tree.single.get(name)
-        if joint is None or not np.isinf(speeds[k]) or joint.iv >= len(of_file):
-            continue
-        if 0 < of_file[joint.iv] < ENDLESS:  # zero where the file is silent
-            speeds[k] = of_file[joint.iv]
-    return speeds

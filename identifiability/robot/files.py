@@ -11,7 +11,7 @@ import re
 import sys
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from fnmatch import fnmatchcase
@@ -28,98 +28,42 @@ from identifiability.robot.description import Description
 from identifiability.robot.floating import BASE_JOINTS
 from identifiability.robot.kinematics import body_names, read_tree
 from identifiability.robot.locate import find_sidecar, locate_robot
-from identifiability.robot.locking import LockOption, add_couplings, read_locks, settle_locks, weld
+from identifiability.robot.locking import (
+    LockOption,
+    add_couplings,
+    merge_axes,
+    read_locks,
+    settle_locks,
+    weld,
+)
 from identifiability.robot.markup import check_magnitudes, check_regular, check_weight, read_markup
 from identifiability.robot.parts import Coupling, Stated
 from identifiability.robot.sidecar import Sidecar, check_known, read_sidecar
-
-# Links without mass between the axes of one joint, which a URDF needs for a universal joint.
-
 
 #: Simulators refuse links without any mass: this one is none [kg].
 PLACEHOLDER: Tolerance = 1e-12
 
 
-def merge_axes(
-    path: Path, model: Any, massless: Collection[str]
-) -> tuple[Any, dict[int, tuple[str, ...]]]:
-    """Return a Pinocchio model in which links without mass are part of the joint behind them.
-
-    Parameters
-    ----------
-    path : Path
-        The robot file, for sentences.
-    model : pinocchio.Model
-        With joints of one axis before these links.
-    massless : collection of str
-
-    Returns
-    -------
-    model : pinocchio.Model
-    names : dict
-        Joints of the file in each joint of several axes.
+def _find_massless(path: Path, model: Any, massless: Collection[str]) -> set[int]:
+    """Return the joints before links without mass, which a universal joint needs in a URDF.
 
     Raises
     ------
     RobotError
         If a link is not there, has a mass, or does not carry exactly one joint.
     """
-    if not massless:
-        return model, {}
     bodies = body_names(model)
-    for link in massless:
-        _check(path, model, bodies, link)
-    gone = {k for k in range(1, model.njoints) if bodies[k - 1] in massless}
-    out = pin.Model()
-    out.name, out.gravity = model.name, model.gravity
-    index, names, parts = {0: 0}, {}, []
-    for k in range(1, model.njoints):
-        parts.append(k)
-        if k in gone:  # the joint that it carries comes next
-            continue
-        joint, above = model.joints[k], index[model.parents[parts[0]]]
-        if len(parts) > 1:
-            joint = pin.JointModelComposite()
-            for n, part in enumerate(parts):
-                place = model.jointPlacements[part] if n else pin.SE3.Identity()
-                joint.addJoint(model.joints[part], place)
-        title = "+".join(model.names[part] for part in parts)
-        index[k] = out.addJoint(above, joint, model.jointPlacements[parts[0]], title)
-        if len(parts) > 1:
-            names[index[k]] = tuple(model.names[part] for part in parts)
-        out.appendBodyToJoint(index[k], model.inertias[k], pin.SE3.Identity())
-        parts = []
-    _copy_frames(model, out, index)
-    for limits in ("lowerPositionLimit", "upperPositionLimit", "velocityLimit", "damping",
-                   "armature", "upperDryFrictionLimit", "lowerDryFrictionLimit"):  # fmt: skip
-        setattr(out, limits, np.array(getattr(model, limits)))
-    return out, names
-
-
-def _check(path: Path, model: Any, bodies: tuple[str, ...], link: str) -> None:
-    check_known(path, "massless", [link], bodies)
-    index = bodies.index(link) + 1
-    mass = float(model.inertias[index].mass)
-    carried = [k for k in range(1, model.njoints) if model.parents[k] == index]
-    if mass > PLACEHOLDER or len(carried) != 1 or model.joints[index].nv != 1:
-        raise RobotError(
-            f"The sidecar of {path}: 'massless' names '{link}', which has a mass of {mass:g} kg "
-            f"and carries {len(carried)} joints; it is for links without mass that carry one."
-        )
-
-
-def _copy_frames(model: Any, out: Any, index: dict[int, int]) -> None:
-    """Add the frames of a model to another one, but those of joints that are not there."""
-    at = {0: 0}
-    for k, frame in enumerate(model.frames):
-        if not k or frame.parentJoint not in index:
-            continue
-        joint = index[frame.parentJoint]
-        if frame.type == pin.FrameType.JOINT:
-            at[k] = out.addJointFrame(joint)
-            continue
-        before = at.get(frame.parentFrame, 0)
-        at[k] = out.addFrame(pin.Frame(frame.name, joint, before, frame.placement, frame.type))
+    check_known(path, "massless", massless, bodies)
+    gone = {bodies.index(link) + 1 for link in massless}
+    for k in gone:
+        mass, carried = float(model.inertias[k].mass), list(model.parents).count(k)
+        if mass > PLACEHOLDER or carried != 1 or model.joints[k].nv != 1:
+            raise RobotError(
+                f"The sidecar of {path}: 'massless' names '{bodies[k - 1]}', which has a mass of "
+                f"{mass:g} kg and carries {carried} joints; it is for links without mass that "
+                "carry one."
+            )
+    return gone
 
 
 # Read robot files: MJCF as MuJoCo compiles it, URDF through Pinocchio.
@@ -139,7 +83,7 @@ def read_robot(
     extra = extra if base is None else extra.model_copy(update={"base": base})
     root = read_markup(path)
     if root.tag == "mujoco":  # who has a URDF does not wait for MuJoCo
-        from identifiability.robot.compiled import state_robot  # noqa: PLC0415
+        from identifiability.robot.mjcf import state_robot  # noqa: PLC0415
 
         stated = state_robot(path, root, extra)
     else:
@@ -180,16 +124,24 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         for n, mimic in follow.items()
         if mimic is not None and (n not in instead or mimic.get("joint") in joints)
     ]
-    _check_mimics(path, mimics, joints)
+    for c in mimics:
+        others = [name for name in joints if name != c.joint]
+        of = next(iter(c.terms), None)
+        if of is not None and of not in others:
+            raise RobotError(
+                f"{path}: joint '{c.joint}' mimics '{of}', which is none of the others"
+                f"{near_match(of, others)} Correct the file, or say in the sidecar what it "
+                f'follows ([[couplings]]) or that it stands still (locked = ["{c.joint}"]).'
+            )
     couplings = add_couplings(mimics, extra.couplings)
     # What follows a fixed joint stands still as well, and what is fixed need not be locked.
-    wanted: dict[str, float | None] = {c.joint: None for c in mimics if c.of is None}
+    wanted: dict[str, float | None] = {c.joint: None for c in mimics if not c.terms}
     wanted |= {n: at for n, at in read_locks(extra.locked).items() if at or n not in fixed}
     single = [model.names[j] for j in range(1, model.njoints) if model.joints[j].nv == 1]
     home = {name: extra.home.get(name, 0.0) for name in single}
     locked, couplings = settle_locks(path, wanted, home, couplings)
     model, welded = weld(model, locked)
-    model, names = merge_axes(path, model, extra.massless)
+    model, names = merge_axes(model, _find_massless(path, model, extra.massless))
     gravity = np.array(model.gravity.linear)
     if top:  # of a base that floats the proper acceleration is known, of which gravity is a part
         names[1], model.gravity.linear = BASE_JOINTS, np.zeros(3)
@@ -315,22 +267,11 @@ def _is_endless(limit: ET.Element, key: str) -> bool:
     return limit.get(key, "").strip().lower().lstrip("+-.") in ("inf", "infinity")
 
 
-def _check_mimics(path: Path, mimics: Sequence[Coupling], joints: Collection[str]) -> None:
-    """Refuse a joint that follows one which is not there."""
-    for c in mimics:
-        if c.of is not None and c.of not in joints:
-            raise RobotError(
-                f"{path}: joint '{c.joint}' mimics '{c.of}', which is not there"
-                f"{near_match(c.of, joints)} Correct the file, or say in the sidecar what it "
-                f'follows ([[couplings]]) or that it stands still (locked = ["{c.joint}"]).'
-            )
-
-
 def _read_mimic(name: str, mimic: Any, fixed: set[str]) -> Coupling:
     of, offset = mimic.get("joint", ""), float(mimic.get("offset", 0.0))
     if of in fixed:  # it never leaves zero
-        return Coupling(name, name, None, (offset,))
-    return Coupling(name, name, of, (offset, float(mimic.get("multiplier", 1.0))))
+        return Coupling(name, name, offset, {})
+    return Coupling(name, name, offset, {of: (0.0, float(mimic.get("multiplier", 1.0)))})
 
 
 @contextmanager
@@ -426,8 +367,6 @@ def _neighbours(robot: Description) -> set[frozenset[int]]:
 
 def _of_urdf(robot: Description, root: Any) -> Iterator[tuple[str, Any, Any, tuple[int, int]]]:
     """Give body, place, shape and mask of everything in `<collision>`."""
-    if not any(True for _ in root.iter("collision")):
-        return
     text = plain_urdf(root, robot.path.stem)
     model = pin.buildModelFromXML(text)
     folder = robot.path.resolve().parent
@@ -460,17 +399,10 @@ def _of_mjcf(robot: Description, root: Any) -> Iterator[tuple[str, Any, Any, tup
         geom = made.geom(k)
         kind = mujoco.mjtGeom(int(geom.type[0])).name.removeprefix("mjGEOM_").lower()
         mask = int(geom.contype[0]), int(geom.conaffinity[0])
-        at, place = int(geom.bodyid[0]), _pose(geom.pos, geom.quat)
-        while at and made.body(at).name not in known:
-            place, at = _pose(made.body_pos[at], made.body_quat[at]) * place, made.body_parentid[at]
-        if kind in _GROUND or not any(mask) or not at:
-            continue  # what stands on the ground beside the robot is no body of it
-        yield str(made.body(at).name), place, _solid(kind, geom.size, made, k), mask
-
-
-def _pose(position: Any, quaternion: Any) -> Any:
-    w, x, y, z = (float(v) for v in quaternion)
-    return pin.SE3(pin.Quaternion(w, x, y, z).matrix(), np.array(position, float))
+        body = str(made.body(int(geom.bodyid[0])).name)
+        if kind not in _GROUND and any(mask) and body in known - {made.body(0).name}:
+            place = pin.SE3(pin.Quaternion(*map(float, geom.quat)).matrix(), np.array(geom.pos))
+            yield body, place, _solid(kind, geom.size, made, k), mask
 
 
 def _solid(kind: str, size: Any, made: Any, k: int) -> Any:
@@ -490,11 +422,5 @@ def _solid(kind: str, size: Any, made: Any, k: int) -> Any:
         return coal.Box(2 * a, 2 * b, 2 * c)
     mesh = int(made.geom_dataid[k])
     start, count = int(made.mesh_vertadr[mesh]), int(made.mesh_vertnum[mesh])
-    first, faces = int(made.mesh_faceadr[mesh]), int(made.mesh_facenum[mesh])
-    hull = coal.BVHModelOBBRSS()
-    hull.beginModel(faces, count)
-    hull.addVertices(np.array(made.mesh_vert[start : start + count], float))
-    hull.addTriangles(np.array(made.mesh_face[first : first + faces], np.int32))
-    hull.endModel()
-    hull.buildConvexHull(True, "Qt")
-    return hull.convex
+    points = np.array(made.mesh_vert[start : start + count], float)
+    return coal.ConvexBase.convexHull(points, True, "Qt")

@@ -314,27 +314,11 @@ class Tree:
         v : (N, nv)
         points : list of Point
         """
-        motion = self.bias_motions(frames, v, (p.joint for p in points))
-        out = []
-        for p in points:
-            omega, alpha, acc = motion[p.joint]
-            start = frames.origin.get(p.joint, np.zeros((3, 1)))
-            arm = self.world_point(frames, p) - start
-            out.append(acc + cross(alpha, arm) + cross(omega, cross(omega, arm)))
-        return out
-
-    def bias_motions(
-        self, frames: Frames, v: Array, joints: Iterable[int]
-    ) -> dict[int, tuple[Array, Array, Array]]:
-        """Return how frames behind joints move at zero joint acceleration, each (3, N).
-
-        Angular velocity, angular acceleration, and acceleration of the origin, by joint.
-        """
         v = np.ascontiguousarray(v.T)
         zero = np.zeros((3, 1))
         motion: dict[int, tuple[Array, Array, Array]] = {WORLD: (zero, zero, zero)}
         origin = {WORLD: zero, **frames.origin}
-        for k in self.ancestors(joints):
+        for k in self.ancestors(p.joint for p in points):
             j, R = self.joints[k], frames.axes[k]
             omega, alpha, acc = motion[j.parent]
             arm = origin[k] - origin[j.parent]
@@ -351,7 +335,12 @@ class Tree:
                 alpha = alpha + cross(omega, spin)
                 omega = omega + spin
             motion[k] = (omega, alpha, acc)
-        return motion
+        out = []
+        for p in points:
+            omega, alpha, acc = motion[p.joint]
+            arm = self.world_point(frames, p) - origin[p.joint]
+            out.append(acc + cross(alpha, arm) + cross(omega, cross(omega, arm)))
+        return out
 
 
 def _move(j: Joint, q: Array, R: Array, p: Array) -> tuple[Array, Array]:

@@ -7,20 +7,20 @@ what follows a locked joint stands still with it.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import pinocchio as pin
 
-from identifiability.foundation.errors import RobotError, listing, near_match
+from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected
 from identifiability.robot.description import Description
 from identifiability.robot.kinematics import body_names
-from identifiability.robot.parts import Coupling, Term, couple, hold_still
+from identifiability.robot.parts import Coupling
+from identifiability.robot.sidecar import by_name
 
 #: Joints by name; a number is where one is held, none is its home position.
 Locks = Mapping[str, float | None]
@@ -39,27 +39,23 @@ def read_locks(given: LockOption | None) -> dict[str, float | None]:
     RobotError
         If a position is no finite number.
     """
-    if given is None:
-        return {}
+    words = [given] if isinstance(given, str) else given or ()
     if isinstance(given, Mapping):
         pairs: Iterable[tuple[str, Any]] = given.items()
     else:
-        words = [given] if isinstance(given, str) else given
         pairs = [(w.partition("=")[0].strip(), w.partition("=")[2] or None) for w in words]
-    return {name: _position(name, value) for name, value in pairs}
-
-
-def _position(name: str, value: Any) -> float | None:
-    try:
-        position = None if value is None else float(value)
-    except (TypeError, ValueError):
-        position = np.nan
-    if position is not None and not np.isfinite(position):
-        raise RobotError(
-            f"The joint '{name}' cannot be locked at '{value}'; give its position in rad or m, as "
-            f"{name}=0.5, or none for its home position."
-        )
-    return position
+    out: dict[str, float | None] = {}
+    for name, value in pairs:
+        try:
+            out[name] = None if value is None else float(value)
+        except (TypeError, ValueError):
+            out[name] = np.nan
+        if not np.isfinite(out[name] or 0.0):
+            raise RobotError(
+                f"The joint '{name}' cannot be locked at '{value}'; give its position in rad or m, "
+                f"as {name}=0.5, or none for its home position."
+            )
+    return out
 
 
 def settle_locks(
@@ -83,82 +79,44 @@ def settle_locks(
     RobotError
         If a joint cannot be locked, or couplings put it elsewhere.
     """
-    wanted = {
-        name: at
-        for pattern, at in wanted.items()
-        for name in [n for n in home if n == pattern or fnmatchcase(n, pattern)] or [pattern]
+    wanted = by_name(path, "locked or --lock", wanted, home)
+    follow = {c.joint: c for c in couplings if c.terms or c.joint in wanted}
+    locked = {
+        name: home[name] if at is None else at for name, at in wanted.items() if name not in follow
     }
-    for name in wanted:
-        if name not in home:
-            raise RobotError(
-                f"{path} has no joint '{name}' with one axis, which is to be locked"
-                f"{near_match(name, home)} Its joints are {', '.join(home)}."
-            )
-    locked = {name: float(value) for name, value in wanted.items() if value is not None}
-    for c in couplings:
-        if not c.sources and c.joint in wanted:
-            _hold(path, locked, c.joint, float(np.polynomial.Polynomial(c.polynomial)(0.0)))
-    left = _carry_on(path, locked, home, list(couplings))
-    for name in wanted:
-        if name not in locked:
-            locked[name] = home[name]
-            left = _carry_on(path, locked, home, left)
-    return locked, left
-
-
-def _carry_on(
-    path: Path, locked: dict[str, float], home: Mapping[str, float], couplings: list[Coupling]
-) -> list[Coupling]:
-    """Lock what is coupled to locked joints, and return the couplings of the others."""
-    left, found = couplings, True
-    while found:
-        couplings, left, found = left, [], False
-        for c in couplings:
-            less = hold_still(c, locked) if locked.keys() & set(c.sources) else c
-            if not less.sources and (c.sources or c.joint in locked):
-                _hold(path, locked, c.joint, less.polynomial[0])
-            elif c.joint in locked and less.of is not None:
-                _hold(path, locked, less.of, _source(path, less, locked[c.joint], home))
-            elif c.joint in locked:
+    left = list(couplings)
+    while True:
+        left = [c.held(locked) for c in left]
+        still = [c for c in left if not c.terms and c.joint in follow]
+        if not still:
+            break
+        for c in still:
+            if abs(locked.setdefault(c.joint, c.constant) - c.constant) > NEARLY:
                 raise RobotError(
-                    f"{path}: the joint '{c.joint}' cannot be locked, as it follows "
-                    f"{listing(less.sources)}; lock all but one of those too."
+                    f"{path}: couplings put the locked joint '{c.joint}' at two places."
                 )
-            else:
-                left.append(less)
-                continue
-            found = True
-    return left
-
-
-def _source(path: Path, coupling: Coupling, value: float, home: Mapping[str, float]) -> float:
-    """Return where a joint must stand for the one that follows it to be at a position."""
-    shifted = np.polynomial.Polynomial(coupling.polynomial) - value
-    roots = shifted.trim().roots() if shifted.trim().degree() else np.empty(0)
-    real = roots[np.abs(np.imag(roots)) < NEARLY].real
-    if not len(real):
-        raise RobotError(
-            f"{path}: the joint '{coupling.joint}' cannot be locked at {value:g}, which its "
-            f"coupling to '{coupling.of}' never gives; lock '{coupling.of}' instead."
-        )
-    return float(real[np.abs(real - home.get(str(coupling.of), 0.0)).argmin()])
-
-
-def _hold(path: Path, locked: dict[str, float], name: str, value: float) -> None:
-    if abs(locked.setdefault(name, value) - value) > NEARLY * (1 + abs(value)):
-        raise RobotError(
-            f"{path}: the joint '{name}' is locked at {locked[name]:g}, but a coupling to another "
-            f"locked joint puts it at {value:g}; lock one of them, the other follows."
-        )
+        left = [c for c in left if c not in still]
+    for name, at in wanted.items():
+        others = listing(follow[name].terms) if name in follow else ""
+        if name not in locked:
+            raise RobotError(
+                f"{path}: the joint '{name}' cannot be locked, as it follows {others}; lock that."
+            )
+        if at is not None and abs(locked[name] - at) > NEARLY * (1 + abs(at)):
+            raise RobotError(
+                f"{path}: the joint '{name}' is locked at {at:g}, but its coupling to {others} "
+                f"puts it at {locked[name]:g}; lock one of them, the other follows."
+            )
+    return locked, left
 
 
 def add_couplings(stated: Iterable[Coupling], entries: Sequence[Any]) -> list[Coupling]:
     """Return a file's couplings and those of its sidecar, which go before it joint by joint."""
     more = []
     for c in entries:
-        terms = [Term({joint: 1.0}, tuple(poly)) for joint, poly in c.terms.items()]
-        first = Term({} if c.of is None else {c.of: 1.0}, tuple(c.polynomial))
-        more.append(couple(c.name or c.joint, c.joint, [first, *terms]))
+        first = {} if c.of is None else {c.of: c.polynomial}
+        constant = 0.0 if first else c.polynomial[0]
+        more.append(Coupling.of(c.name or c.joint, c.joint, {**first, **c.terms}, constant))
     own = {c.joint for c in more}
     return [*(c for c in stated if c.joint not in own), *more]
 
@@ -191,13 +149,73 @@ def weld(model: Any, locked: Mapping[str, float]) -> tuple[Any, dict[str, Array]
         place = data.oMi[_host(model, still, index)].actInv(data.oMi[index])
         theta = place.act(model.inertias[index]).toDynamicParameters()
         welded[bodies[index - 1]] = np.array(theta)
-    return pin.buildReducedModel(model, sorted(still), q), welded
+    reduced = pin.buildReducedModel(model, sorted(still), q)
+    moving = body_names(reduced)  # of a body on several joints some may be left
+    behind = {b: x for b, x in welded.items() if model.existBodyName(b) and b not in moving}
+    return reduced, behind
 
 
 def _host(model: Any, still: Collection[int], index: int) -> int:
     while index in still:
         index = model.parents[index]
     return index
+
+
+def merge_axes(model: Any, gone: Collection[int]) -> tuple[Any, dict[int, tuple[str, ...]]]:
+    """Return a Pinocchio model in which some joints are part of the joint behind them.
+
+    Parameters
+    ----------
+    model : pinocchio.Model
+    gone : collection of int
+        Joints that move nothing but the next one.
+
+    Returns
+    -------
+    model : pinocchio.Model
+    names : dict
+        Joints of the file in each joint of several axes.
+    """
+    if not gone:
+        return model, {}
+    out = pin.Model()
+    out.name, out.gravity = model.name, model.gravity
+    index, names, parts = {0: 0}, {}, []
+    for k in range(1, model.njoints):
+        parts.append(k)
+        if k in gone:  # the joint that it carries comes next
+            continue
+        joint, above = model.joints[k], index[model.parents[parts[0]]]
+        if len(parts) > 1:
+            joint = pin.JointModelComposite()
+            for n, part in enumerate(parts):
+                place = model.jointPlacements[part] if n else pin.SE3.Identity()
+                joint.addJoint(model.joints[part], place)
+        title = "+".join(model.names[part] for part in parts)
+        index[k] = out.addJoint(above, joint, model.jointPlacements[parts[0]], title)
+        if len(parts) > 1:
+            names[index[k]] = tuple(model.names[part] for part in parts)
+        out.appendBodyToJoint(index[k], model.inertias[k], pin.SE3.Identity())
+        parts = []
+    _copy_frames(model, out, index)
+    for limits in ("lowerPositionLimit", "upperPositionLimit", "velocityLimit", "damping",
+                   "armature", "upperDryFrictionLimit", "lowerDryFrictionLimit"):  # fmt: skip
+        setattr(out, limits, np.array(getattr(model, limits)))
+    return out, names
+
+
+def _copy_frames(model: Any, out: Any, index: dict[int, int]) -> None:
+    """Add the frames of a model to another one, but those of joints that are not there."""
+    at = {0: 0}
+    for k, frame in enumerate(model.frames):
+        if not k or frame.parentJoint not in index:
+            continue
+        joint = index[frame.parentJoint]
+        if frame.type == pin.FrameType.JOINT:
+            at[k] = out.addJointFrame(joint)
+            continue
+        before = at.get(frame.parentFrame, 0)
+        at[k] = out.addFrame(pin.Frame(frame.name, joint, before, frame.placement, frame.type))
 
 
 def share_out(robot: Description, bodies: Mapping[str, Array]) -> dict[str, Array]:

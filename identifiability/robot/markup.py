@@ -10,9 +10,9 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from unicodedata import category
 
 import numpy as np
+import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
@@ -98,9 +98,6 @@ DEEPEST = 250
 #: Letters ``<`` that an element has at most, with its end, comments and the like.
 TAGS: Tolerance = 4
 
-#: Closures and couplings: five for each degree of freedom that a robot may have.
-MOST_EQUALITIES = 500
-
 #: Files that are included; one that includes itself is refused by their number.
 MOST_INCLUDES = 100
 
@@ -112,12 +109,7 @@ def check_regular(path: Path) -> None:
     ------
     RobotError
     """
-    try:
-        other = path.exists() and not path.is_file()
-    except (OSError, ValueError) as error:  # no name of a file
-        reason = getattr(error, "strerror", None) or error
-        raise RobotError(f"'{path}' cannot be read: {reason}.") from None
-    if other:
+    if path.exists() and not path.is_file():
         raise RobotError(f"{path} cannot be read: it is no file.")
 
 
@@ -128,9 +120,9 @@ def parse_xml(path: Path, roots: tuple[str, ...]) -> ET.Element:
     ------
     RobotError
     """
-    check_regular(path)
-    check_weight(path, [path])
     try:
+        check_regular(path)
+        check_weight(path, [path])
         content = path.read_bytes()
         if b"<!DOCTYPE" in content:  # its entities and attributes multiply what a file holds
             raise RobotError(
@@ -140,12 +132,9 @@ def parse_xml(path: Path, roots: tuple[str, ...]) -> ET.Element:
         if content.count(b"<") > TAGS * MOST_ELEMENTS:
             raise _too_large(path)
         root: ET.Element = ET.fromstring(content)
-    except ET.ParseError as error:
-        raise RobotError(f"{path} is not an MJCF or URDF file: it is not XML ({error}).") from None
-    except OSError as error:
-        raise RobotError(f"{path} cannot be read: {error.strerror}.") from None
-    except (ValueError, LookupError) as error:  # bytes or an encoding that XML does not know
-        raise RobotError(f"{path} cannot be read as XML: {error}.") from None
+    except (ET.ParseError, OSError, ValueError, LookupError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise RobotError(f"{path} cannot be read as MJCF or URDF: {reason}.") from None
     if root.tag not in roots:
         raise RobotError(
             f"{path} is not an MJCF or URDF file: its root element is <{root.tag}>, expected "
@@ -219,7 +208,6 @@ def read_markup(path: Path) -> ET.Element:
     """
     root, _ = _with_includes(path)
     _check_size(path, root)
-    _check_names(path, root)
     if root.tag == "robot":
         _check_expanded(path, root)
     return root
@@ -268,17 +256,6 @@ def _with_includes(path: Path) -> tuple[ET.Element, list[Path]]:
     return root, found
 
 
-def _check_names(path: Path, root: ET.Element) -> None:
-    """Refuse names of more than one line, of no end, or that a terminal would obey."""
-    for element in root.iter():
-        for name in (element.get("name", ""), element.get("model", "")):
-            if len(name) > LONGEST_NAME or any(category(c) == "Cc" for c in name):
-                raise RobotError(
-                    f"{path}: the name '{name}' of a <{element.tag}> has control characters or "
-                    f"more than {LONGEST_NAME} letters; give it another."
-                )
-
-
 def drop_repeated(root: ET.Element) -> None:
     """Take out of a URDF what is stated again where readers take the first; MuJoCo refuses it."""
     for element in (*root.findall("joint"), *root.iter("inertial")):
@@ -311,6 +288,27 @@ _GONE = (
 def numbers(values: Array) -> str:
     """Return numbers as an attribute that is read back to the bit."""
     return " ".join(f"{v:.17g}" for v in values)
+
+
+def urdf_joint(
+    top: ET.Element, name: str, kind: str, parent: str, child: str, place: Any
+) -> ET.Element:
+    """Add a joint to a URDF, at a place (pinocchio.SE3) in the frame of its parent."""
+    made = ET.SubElement(top, "joint", name=name, type=kind)
+    ET.SubElement(made, "parent", link=parent)
+    ET.SubElement(made, "child", link=child)
+    rpy = np.array(pin.rpy.matrixToRpy(place.rotation))
+    ET.SubElement(made, "origin", xyz=numbers(place.translation), rpy=numbers(rpy))
+    return made
+
+
+def urdf_inertial(link: ET.Element, mass: float, centre: Array, inertia: Array) -> None:
+    """Add mass [kg], centre (3,) [m] and inertia (3, 3) about it [kg·m²] to a link of a URDF."""
+    made = ET.SubElement(link, "inertial")
+    ET.SubElement(made, "origin", xyz=numbers(centre), rpy="0 0 0")
+    ET.SubElement(made, "mass", value=f"{mass:.17g}")
+    entries = {f"i{'xyz'[i]}{'xyz'[j]}": inertia[i, j] for i in range(3) for j in range(i, 3)}
+    ET.SubElement(made, "inertia", {name: f"{value:.17g}" for name, value in entries.items()})
 
 
 def in_radians(top: ET.Element) -> bool:
@@ -360,7 +358,7 @@ def write_servos(top: ET.Element, joints: Sequence[str], servo: Servo) -> None:
             new.set("forcerange", numbers(np.array([servo.low[k], servo.high[k]])))
 
 
-def write_cable(element: ET.Element, stated: Mapping[str, float], rest: float) -> None:
+def write_tendon(element: ET.Element, stated: Mapping[str, float], rest: float) -> None:
     """Write friction, inertia and spring of a tendon that is relaxed at a length [m]."""
     for word, value in stated.items():
         element.set(word, f"{value:.17g}")

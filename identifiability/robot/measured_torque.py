@@ -5,14 +5,14 @@ Torque columns are in a unit, of a side and sign; known torque is a function of 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import field
-from functools import cached_property
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
-import scipy
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from identifiability.foundation.documents import Span, key
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -92,75 +92,40 @@ class MeasuredTorque:
 # it.
 
 
-#: How a table is read between its points: straight lines, monotone cubics [Fritsch & Carlson 1980]
-#: that never overshoot them, or the cubic spline whose second derivative has no steps.
-Interpolation = Literal["linear", "monotone", "cubic"]
+#: Coefficients of a polynomial.
+DEGREE = 50
+Polynomial = Annotated[list[float], Field(max_length=DEGREE)]
 
 
-@frozen
-class KnownTorque:
-    """Torque along one axis as a function of its position; the motors supply it beside all else.
+class KnownTorque(BaseModel):
+    """Torque that is supplied beside the motor's, and taken off the measured one."""
 
-    Attributes
-    ----------
-    along : str
-        Actuated or passive joint, or motor that mixes joints (then position is ``coupling · q``).
-    positions, torques : (k,) [rad or m], [N·m or N]
-        The points of a table; empty for a polynomial.
-    interpolation : {"linear", "monotone", "cubic"}
-        Between the points of the table.
-    polynomial : (d,)
-        ``c0 + c1 q + c2 q² + …`` [N·m or N, q in rad or m]; empty for a table.
-    span : (float, float) [rad or m]
-        Where it is known.
-    """
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
-    along: str
-    positions: Array
-    torques: Array
-    interpolation: Interpolation
-    polynomial: Array
-    span: tuple[float, float] = (-np.inf, np.inf)
+    along: str = key("A joint, passive or not, or a coupled motor.")
+    table: list[tuple[float, float]] = key(
+        "Points (position [rad or m], torque [N·m or N]) with lines between.", [], [[0, 0], [1, -3]]
+    )
+    polynomial: Polynomial = key("In place of a table: c0 + c1 q + …", [])
+    range: Span | None = key("Positions between which the polynomial holds.", None)
 
-    @staticmethod
-    def of_table(
-        along: str, table: Sequence[Sequence[float]], interpolation: Interpolation = "linear"
-    ) -> KnownTorque:
-        """Return the torque of a table of (position, torque), which is known between its ends."""
-        points = np.array(sorted(map(tuple, table)), float)
-        x, y = points[:, 0], points[:, 1]
-        ends = float(x[0]), float(x[-1])
-        return KnownTorque(along, x, y, interpolation, np.empty(0), ends)
+    @model_validator(mode="after")
+    def _one_of_both(self) -> KnownTorque:
+        if bool(self.table) == bool(self.polynomial):
+            raise ValueError("give either a table or a polynomial")
+        if self.table:
+            if len({position for position, _ in self.table}) < max(len(self.table), 2):
+                raise ValueError("a table needs two points or more, each at another position")
+            if self.range is not None:
+                raise ValueError("a table ends where its points end; leave out the range")
+        return self
 
-    @staticmethod
-    def of_polynomial(
-        along: str,
-        coefficients: Sequence[float],
-        span: tuple[float, float] = (-np.inf, np.inf),
-    ) -> KnownTorque:
-        """Return ``c0 + c1 q + c2 q² + …``, known within `span` [rad or m]."""
-        none = np.empty(0)
-        return KnownTorque(along, none, none, "linear", np.array(coefficients, float), span)
-
-    @cached_property
-    def _curve(self) -> Callable[[Array], Array]:
-        x, y = self.positions, self.torques
-        if not len(x):
-            c = self.polynomial
-            return lambda q: np.polynomial.polynomial.polyval(q, c)
-        if self.interpolation == "linear":
-            return lambda q: np.interp(q, x, y)
-        curve = (
-            scipy.interpolate.CubicSpline
-            if self.interpolation == "cubic"
-            else scipy.interpolate.PchipInterpolator
-        )
-        through: Callable[[Array], Array] = curve(x, y)
-        return through
-
-    def __getstate__(self) -> dict[str, object]:
-        """Return what is pickled, without the curve that was made of it meanwhile."""
-        return {name: value for name, value in vars(self).items() if name != "_curve"}
+    @property
+    def span(self) -> tuple[float, float]:
+        """Where it is known [rad or m]."""
+        if self.table:
+            return min(self.table)[0], max(self.table)[0]
+        return self.range or (-np.inf, np.inf)
 
     def force(self, position: Array) -> Array:
         """Return the torque at some positions (N,) [rad or m], (N,) [N·m or N].
@@ -180,18 +145,18 @@ class KnownTorque:
                 f"{low:.4g} to {high:.4g}: {len(outside)} of {len(position)} samples lie outside, "
                 "and nothing is extrapolated; measure it there too, or leave these samples out."
             )
-        found: Array = self._curve(position)
+        if self.table:
+            return np.asarray(np.interp(position, *np.array(sorted(self.table)).T))
+        found: Array = np.polynomial.polynomial.polyval(position, self.polynomial)
         return found
 
     @property
     def text(self) -> str:
         """What it is, in a few words."""
-        if len(self.positions):
-            words = {"linear": "straight lines", "monotone": "monotone cubics"}
-            between = words.get(self.interpolation, "a cubic spline")
+        if self.table:
             return (
-                f"along {self.along} by a table of {len(self.positions)} points from "
-                f"{self.span[0]:.4g} to {self.span[1]:.4g}, {between} between them"
+                f"along {self.along} by a table of {len(self.table)} points from "
+                f"{self.span[0]:.4g} to {self.span[1]:.4g}, straight lines between them"
             )
         within = ""
         if np.isfinite(self.span).any():

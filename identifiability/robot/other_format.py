@@ -16,10 +16,11 @@ from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_text
 from identifiability.foundation.rules import Tolerance
-from identifiability.robot.description import ENDLESS, Description
+from identifiability.robot.assembly import position_limits
+from identifiability.robot.description import Description
 from identifiability.robot.files import PLACEHOLDER
 from identifiability.robot.kinematics import WORLD, Joint, Point
-from identifiability.robot.markup import numbers
+from identifiability.robot.markup import numbers, urdf_inertial, urdf_joint
 from identifiability.robot.parts import Coupling
 
 # What both formats of a robot are written from.
@@ -47,13 +48,6 @@ def ends_of(robot: Description, ground: str) -> list[list[tuple[str, Array]]]:
     return [[(body_of(robot, p.joint, ground), p.position) for p in pair] for pair in points]
 
 
-def range_of(robot: Description, joint: Joint) -> tuple[float, float] | None:
-    """Return the position limits of a joint, if it has any."""
-    low = float(robot.model.lowerPositionLimit[joint.iq])
-    high = float(robot.model.upperPositionLimit[joint.iq])
-    return (low, high) if -ENDLESS < low < high < ENDLESS else None
-
-
 def placement(joint: Joint) -> pin.SE3:
     """Return the place of a joint on the one before it."""
     return pin.SE3(np.array(joint.rotation), np.array(joint.translation))
@@ -61,7 +55,7 @@ def placement(joint: Joint) -> pin.SE3:
 
 def stated_in_file(coupling: Coupling, most: int) -> bool:
     """Whether a format whose polynomials have so many coefficients holds a coupling."""
-    return not coupling.more and len(coupling.polynomial) <= most
+    return len(coupling.terms) == 1 and len(coupling.polynomial) <= most
 
 
 # A robot as MJCF, from what is known of it.
@@ -97,9 +91,9 @@ def converted_mjcf(robot: Description) -> ET.Element:
                 body, "joint", name=joint.dofs[0], type=kind,
                 axis=numbers(place.rotation @ joint.axis), pos=numbers(place.translation),
             )  # fmt: skip
-            span = range_of(robot, joint)
-            if span is not None:
-                made.set("range", numbers(np.array(span)))
+            span = position_limits(robot, joint.dofs, {})[0]
+            if np.isfinite(span).all():
+                made.set("range", numbers(span))
         ET.SubElement(body, "inertial", mass="1", pos="0 0 0", diaginertia="1 1 1")
     _add_closures(top, bodies, robot)
     motors = ET.SubElement(top, "actuator")
@@ -120,10 +114,10 @@ def _add_closures(top: ET.Element, bodies: dict[str, ET.Element], robot: Descrip
     for c in robot.couplings:
         if not stated_in_file(c, MOST_MJCF):
             continue
-        both = {"joint1": c.joint} | ({} if c.of is None else {"joint2": c.of})
+        (of,) = c.terms
         padded = np.zeros(MOST_MJCF)
         padded[: len(c.polynomial)] = c.polynomial
-        ET.SubElement(equality, "joint", both, polycoef=numbers(padded))
+        ET.SubElement(equality, "joint", joint1=c.joint, joint2=of, polycoef=numbers(padded))
 
 
 # A robot as URDF, from what is known of it.
@@ -161,33 +155,29 @@ def converted_urdf(robot: Description) -> ET.Element:
     ground, between = ground_of(robot), links_between(robot)
     ET.SubElement(top, "link", name=ground)
     for name in (*robot.bodies, *between.values()):
-        size = "1" if name in robot.bodies else f"{PLACEHOLDER:g}"
-        inertial = ET.SubElement(ET.SubElement(top, "link", name=name), "inertial")
-        ET.SubElement(inertial, "mass", value=size)
-        ET.SubElement(inertial, "inertia", ixx=size, ixy="0", ixz="0", iyy=size, iyz="0", izz=size)
+        size = 1.0 if name in robot.bodies else PLACEHOLDER
+        urdf_inertial(ET.SubElement(top, "link", name=name), size, np.zeros(3), size * np.eye(3))
     coupled = {c.joint: c for c in robot.couplings if stated_in_file(c, MOST_URDF)}
     for body, joints in body_joints(robot):
         above = body_of(robot, joints[0].parent, ground)
         for joint in joints:
-            name, span = joint.dofs[0], range_of(robot, joint)
-            turning = "revolute" if span else "continuous"
+            name, span = joint.dofs[0], position_limits(robot, joint.dofs, {})[0]
+            limited = np.isfinite(span).all()
+            turning = "revolute" if limited else "continuous"
             kind = "prismatic" if joint.kind == "prismatic" else turning
-            own = ET.SubElement(top, "joint", name=name, type=kind)
-            ET.SubElement(own, "parent", link=above)
-            above = between.get(name, body)
-            ET.SubElement(own, "child", link=above)
-            rpy = np.array(pin.rpy.matrixToRpy(joint.rotation))
-            ET.SubElement(own, "origin", xyz=numbers(joint.translation), rpy=numbers(rpy))
+            child = between.get(name, body)
+            own = urdf_joint(top, name, kind, above, child, placement(joint))
+            above = child
             ET.SubElement(own, "axis", xyz=numbers(joint.axis))
-            if span is None and joint.kind == "prismatic":
-                span = (-FAR, FAR)  # of a URDF that has none no reader makes a robot
-            if span:
-                limit = {"lower": f"{span[0]:.17g}", "upper": f"{span[1]:.17g}"}
+            if kind != "continuous":  # of a slide without limits no reader makes a robot
+                low, high = np.clip(span, -FAR, FAR)
+                limit = {"lower": f"{low:.17g}", "upper": f"{high:.17g}"}
                 ET.SubElement(own, "limit", limit, effort="0", velocity="0")
             follows = coupled.get(name)
-            if follows is not None and follows.of is not None:
+            if follows is not None:
+                (of,) = follows.terms
                 offset, slope = (f"{x:.17g}" for x in (*follows.polynomial, 0.0)[:2])
-                ET.SubElement(own, "mimic", joint=follows.of, multiplier=slope, offset=offset)
+                ET.SubElement(own, "mimic", joint=of, multiplier=slope, offset=offset)
     return top
 
 
@@ -222,13 +212,22 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
         if robot.home.any():
             places = {name: j.iq for name, j in robot.tree.single.items()}
             new["home"] = {name: float(robot.home[at]) for name, at in places.items()}
-    whole = all(len(loop.axes) == 3 for loop in robot.loops)
-    ground = GROUND if mjcf else ground_of(robot)
-    new["loops"] = [] if mjcf and whole else _loops(robot, ground)
+        new["loops"] = [
+            {"name": loop.name}
+            | {f"body{k}": body for k, (body, _) in enumerate(ends, 1)}
+            | {f"point{k}": point.tolist() for k, (_, point) in enumerate(ends, 1)}
+            for loop, ends in zip(robot.loops, ends_of(robot, ground_of(robot)), strict=True)
+        ]
     most = MOST_MJCF if mjcf else MOST_URDF
     left = [c for c in robot.couplings if not stated_in_file(c, most)]
-    new["couplings"] = [_coupling(robot, c) for c in left]
-    new["axes"] = [_axis(robot, name) for name in robot.combinations]
+    new["couplings"] = [
+        {"joint": c.joint, "polynomial": [c.constant], "terms": dict(c.terms)} for c in left
+    ]
+    new["axes"] = [
+        {"name": name, "joints": dict(weights)}
+        | ({"rest": robot.rest[name]} if name in robot.rest else {})
+        for name, weights in robot.combinations.items()
+    ]
     if "bounds" in given:
         given["bounds"] = {**given["bounds"], "bodies": _bounds(robot)}
     return {**{k: v for k, v in new.items() if v}, **given}
@@ -262,56 +261,6 @@ def _is_of(text: Any, gone: Collection[str]) -> bool:
     if not isinstance(text, str):
         return False
     return bool({text, text.rpartition(".")[0], text.partition("@")[2]} & {*gone})
-
-
-def _loops(robot: Description, ground: str) -> list[dict[str, Any]]:
-    out = []
-    for loop, ends in zip(robot.loops, ends_of(robot, ground), strict=True):
-        entry: dict[str, Any] = {"name": loop.name}
-        for k, (body, point) in enumerate(ends, 1):
-            entry |= {f"body{k}": body, f"point{k}": point.tolist()}
-        if len(loop.axes) < 3:
-            entry["axes"] = ["xyz"[axis] for axis in loop.axes]
-        if loop.frame is not None:
-            if not np.allclose(loop.frame.rotation, np.eye(3), atol=1e-9):
-                raise RobotError(
-                    f"The frame of '{loop.frame.body}' in {robot.path} is turned against "
-                    f"its joint, so the axes of the loop '{loop.name}' cannot be said in the other "
-                    "format: export it in its own, or as JSON."
-                )
-            entry |= {} if loop.frame.joint == WORLD else {"frame": loop.frame.body}
-        out.append(entry)
-    return out
-
-
-def _coupling(robot: Description, coupling: Coupling) -> dict[str, Any]:
-    """Return a coupling as the sidecar says it: a polynomial of each joint.
-
-    Raises
-    ------
-    RobotError
-        If it has one of a sum of joints.
-    """
-    entry: dict[str, Any] = {"joint": coupling.joint, "polynomial": list(coupling.polynomial)}
-    terms: dict[str, Any] = {}
-    for term in coupling.more:
-        poly = np.polynomial.Polynomial(term.polynomial).trim()
-        if (len(term.weights) > 1 and poly.degree() > 1) or terms.keys() & term.weights.keys():
-            raise RobotError(
-                f"A sidecar cannot hold how '{coupling.joint}' of {robot.path} is coupled to "
-                "several joints: export it in its own format, or as JSON."
-            )
-        for k, (joint, weight) in enumerate(term.weights.items()):
-            own = poly(np.polynomial.Polynomial([0.0, weight])) - (poly(0.0) if k else 0.0)
-            terms[joint] = own.coef.tolist()
-    if coupling.of is not None:
-        entry["of"] = coupling.of
-    return {**entry, "terms": terms} if terms else entry
-
-
-def _axis(robot: Description, name: str) -> dict[str, Any]:
-    rest = {"rest": robot.rest[name]} if name in robot.rest else {}
-    return {"name": name, "joints": dict(robot.combinations[name]), **rest}
 
 
 def _bounds(robot: Description) -> dict[str, Any]:

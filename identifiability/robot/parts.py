@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -96,77 +97,58 @@ class Axis:
 
 
 @frozen
-class LoopFrame:
-    """A body whose axes a closure is written in, as a slot turns with its body.
-
-    Attributes
-    ----------
-    body : str
-    joint : int
-        The joint of the tree that it is behind, or ``WORLD``.
-    rotation : (3, 3)
-        Of its frame in that of the joint.
-    """
-
-    body: str
-    joint: int
-    rotation: Array
-
-
-@frozen
 class Loop:
     """A point closure: a point of one body coincides with a point of another.
 
-    `axes` are the directions in which the closure is demanded (a planar loop needs two), those of
-    the world or of `frame`; `stated` is the entry of a sidecar: bodies, and points in their frames.
+    `stated` is the entry of a sidecar: bodies, and points in their frames.
     """
 
     name: str
     first: Point
     second: Point
-    axes: tuple[int, ...] = (0, 1, 2)
     stated: tuple[tuple[str, tuple[float, ...]], tuple[str, tuple[float, ...]]] | None = None
-    frame: LoopFrame | None = None
-
-
-@frozen
-class Term:
-    """A polynomial of a sum of joints, ``Σ_k c_k (Σ_j w_j q_j)^k``.
-
-    Attributes
-    ----------
-    weights : mapping
-        Joint to its coefficient.
-    polynomial : tuple of float
-    """
-
-    weights: Mapping[str, float]
-    polynomial: tuple[float, ...]
 
 
 @frozen
 class Coupling:
-    """A joint coupling ``q_joint = Σ c_k (q_of)^k + …``.
+    """A joint that follows others: ``q_joint = constant + Σ_j p_j(q_j)``.
 
-    With one joint it is an MJCF ``<joint>`` equality or a URDF mimic; `more` adds polynomials of
-    other joints, and of sums of them as an MJCF ``<tendon>`` equality has.
+    With one joint it is an MJCF ``<joint>`` equality or a URDF mimic.
+
+    Attributes
+    ----------
+    name, joint : str
+    constant : float
+    terms : mapping
+        Joint that is followed to the polynomial of its position, which has no constant.
     """
 
     name: str
     joint: str
-    of: str | None
-    polynomial: tuple[float, ...]
-    more: tuple[Term, ...] = ()
+    constant: float
+    terms: Mapping[str, tuple[float, ...]]
+
+    @staticmethod
+    def of(
+        name: str, joint: str, terms: Mapping[str, Sequence[float]], constant: float = 0.0
+    ) -> Coupling:
+        """Return a coupling whose polynomials may have constants."""
+        constant += sum(float(poly[0]) for poly in terms.values())
+        bare = {of: (0.0, *map(float, poly[1:])) for of, poly in terms.items()}
+        return Coupling(name, joint, constant, bare)
+
+    def held(self, locked: Mapping[str, float]) -> Coupling:
+        """Return the coupling where some of the joints that are followed stand still."""
+        still = [(of, poly) for of, poly in self.terms.items() if of in locked]
+        constant = self.constant + sum(float(Polynomial(p)(locked[of])) for of, p in still)
+        moving = {of: poly for of, poly in self.terms.items() if of not in locked}
+        return Coupling(self.name, self.joint, constant, moving)
 
     @property
-    def terms(self) -> tuple[Term, ...]:
-        """All that the joint is the sum of."""
-        return (Term({} if self.of is None else {self.of: 1.0}, self.polynomial), *self.more)
-
-    @property
-    def sources(self) -> tuple[str, ...]:
-        """The joints that the joint follows, each once."""
-        return tuple(dict.fromkeys(joint for term in self.terms for joint in term.weights))
+    def polynomial(self) -> tuple[float, ...]:
+        """Of the only joint that is followed, with the constant."""
+        (poly,) = self.terms.values() or ((0.0,),)
+        return (self.constant, *poly[1:])
 
 
 @frozen
@@ -273,6 +255,8 @@ class Stated:
         The last joints of `tree` are their slides, the last coordinates of `home` their lengths.
     outside : tuple of str
         Bodies of a scene that no actuated joint reaches, at which what is left out begins.
+    meshes : tuple of Path
+        From which an MJCF takes inertias.
     entries : mapping
         Of arrays that MuJoCo keeps, by array, then index or name.
     servos : mapping
@@ -306,6 +290,7 @@ class Stated:
     combinations: Mapping[str, Combination] = field(default_factory=dict)
     cables: tuple[Cable, ...] = ()
     outside: tuple[str, ...] = ()
+    meshes: tuple[Path, ...] = ()
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
     servos: Mapping[str, JointServo] = field(default_factory=dict)
     floating: str | None = None
@@ -330,37 +315,6 @@ def name_numbers(
         "stiffness": ("K",),
     }
     return {f"{joint}.{kind}": value for word, value in numbers.items() for kind in kinds[word]}
-
-
-# Couplings of several joints: stated, and with some joints held still.
-
-
-def couple(name: str, joint: str, terms: Iterable[Term]) -> Coupling:
-    """Return the coupling of a joint that is a sum of terms, as simple as it can be said."""
-    constant, left = 0.0, []
-    for term in terms:
-        if term.weights:
-            left.append(term)
-        else:
-            constant += float(Polynomial(term.polynomial)(0.0))
-    if not left:
-        return Coupling(name, joint, None, (constant,))
-    if len(left) == 1 and len(left[0].weights) == 1 and joint not in left[0].weights:
-        ((of, w),) = left[0].weights.items()
-        poly = Polynomial(left[0].polynomial)(Polynomial([0.0, w])) + constant
-        return Coupling(name, joint, of, tuple(map(float, poly.coef)))
-    return Coupling(name, joint, None, (constant,), tuple(left))
-
-
-def hold_still(coupling: Coupling, locked: Mapping[str, float]) -> Coupling:
-    """Return a coupling in which some of the joints that are followed stand still."""
-    terms = []
-    for term in coupling.terms:
-        moving = {j: w for j, w in term.weights.items() if j not in locked}
-        still = sum(w * locked[j] for j, w in term.weights.items() if j in locked)
-        poly = Polynomial(term.polynomial)(Polynomial([still, 1.0]))
-        terms.append(Term(moving, tuple(map(float, poly.coef))))
-    return couple(coupling.name, coupling.joint, terms)
 
 
 #: How a compiled model (mjtWrap) numbers what a tendon runs through.

@@ -1,17 +1,17 @@
 """The sidecar: a TOML file beside the robot file with what the robot file cannot say.
 
-Every key is optional; each says here what it is, for the reader of this file and for
-``docs/reference/sidecar.md``, which is written from it. In [nominal], [prior], [shapes],
-[reference], [limits] and the sums of [[symmetry]] a pattern such as ``wrist_*.Fv`` or ``leg?.my``
-stands for all names that fit (passive joints too), ``*`` being any letters and ``?`` one. A name
-goes before a pattern, and of two patterns the one that stands last.
+Every key is optional; each says here what it is, and ``docs/reference/sidecar.md`` is written from
+that. In [nominal], [prior], [shapes], [reference], [limits] and the sums of [[symmetry]] a pattern
+such as ``wrist_*.Fv`` or ``leg?.my`` stands for all names that fit (passive joints too), ``*``
+being any letters and ``?`` one. A name goes before a pattern, and of two patterns the one that
+stands last.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal, TypeAlias, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -23,14 +23,15 @@ from pydantic import (
     model_validator,
 )
 
-from identifiability.foundation.documents import described, read_document
+from identifiability.foundation.documents import Span, key, read_document, rising
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Renames, find_named, is_pattern
 from identifiability.foundation.values import frozen
 from identifiability.robot.markup import LARGEST, LONGEST_NAME
-from identifiability.robot.measured_torque import Interpolation, Side
+from identifiability.robot.measured_torque import KnownTorque, Polynomial, Side
 
 Triple = tuple[float, float, float]
+T = TypeVar("T")
 
 
 class _Strict(BaseModel):
@@ -43,12 +44,6 @@ def _unique(names: list[str]) -> list[str]:
     return names
 
 
-def _rising(span: tuple[float, float]) -> tuple[float, float]:
-    if not span[0] < span[1]:
-        raise ValueError("the lower limit must be below the upper one")
-    return span
-
-
 def _not_zero(value: float) -> float:
     if not value:
         raise ValueError("zero would leave nothing; give another number")
@@ -57,27 +52,33 @@ def _not_zero(value: float) -> float:
 
 Factor = Annotated[float, AfterValidator(_not_zero)]
 Names = Annotated[list[str], AfterValidator(_unique)]
-Span = Annotated[tuple[float, float], AfterValidator(_rising)]
-Masses = Annotated[tuple[Annotated[float, Field(ge=0)], float], AfterValidator(_rising)]
+Masses = Annotated[tuple[Annotated[float, Field(ge=0)], float], AfterValidator(rising)]
 Length = Annotated[float, Field(gt=0)]
 Gain = Annotated[float, Field(ge=0)]
 Fitted = Gain | Literal["fit"]
 #: No value of a robot in SI units is larger.
 Value = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
-#: Coefficients of a polynomial.
-DEGREE = 50
+#: Letters of a description.
+LONGEST_TEXT = 20 * LONGEST_NAME
+Powers = Annotated[Polynomial, Field(min_length=1)]
+Delay = Annotated[float, Field(ge=0, le=1)]
+Share = Annotated[float, Field(gt=0, le=1)]
+Named = Annotated[str, Field(min_length=1)]
+Kinds = Annotated[list[str], Field(min_length=1), AfterValidator(_unique)]
+Weights = Annotated[dict[str, Factor], Field(min_length=1)]
+Mounting = Literal["rotation", "place", "acc_bias", "gyro_bias"]
+Locked = Names | dict[str, float | None]
+Numbers = dict[str, Value]
+#: One value for all joints, or one by joint.
+ByJoint: TypeAlias = T | dict[str, T] | None
 
 
 class ColumnEntry(_Strict):
     """Positions and commands of a joint in the logs, in ticks, degrees or normalised units."""
 
-    name: str | None = described(
-        "The joint here, where the key is what logs call it.", "elbow", None
-    )
-    scale: Factor = described("What one is [rad or m].", 0.00153, 1.0)
-    offset: float = described(
-        "Position where the log holds zero [rad or m].", -3.14, 0.0, ge=-LARGEST, le=LARGEST
-    )
+    name: str | None = key("The joint here, where the key is what logs call it.", None)
+    scale: Factor = key("What one is [rad or m].", 1.0)
+    offset: Value = key("Position where the log holds zero [rad or m].", 0.0)
 
 
 _ColumnRule = Annotated[
@@ -100,40 +101,21 @@ def _checked(rules: dict[str, str | ColumnEntry]) -> dict[str, str | ColumnEntry
 class LoopEntry(_Strict):
     """A point of one body that coincides with a point of another: a closed chain."""
 
-    name: str = described("Its name in reports.", "tip", "")
-    body1: str = described("The one body.", "left_tip")
-    point1: Triple = described("The point in its frame [m].", [0.3, 0, 0], (0.0, 0.0, 0.0))
-    body2: str = described("The other body.", "right_tip")
-    point2: Triple = described("The point in its frame [m].", [0.3, 0, 0], (0.0, 0.0, 0.0))
-    axes: list[Literal["x", "y", "z"]] = described(
-        "Directions in which it is demanded; a planar loop may have all, at any yaw.",
-        ["x", "z"],
-        lambda: ["x", "y", "z"],
-        min_length=1,
-    )
-    frame: str | None = described(
-        "The body whose axes they are, as a slot turns with its body; without it the world's.",
-        "table",
-        None,
-    )
+    name: str = key("Its name in reports.", "")
+    body1: str = key("The one body.")
+    point1: Triple = key("The point in its frame [m].", (0.0, 0.0, 0.0))
+    body2: str = key("The other body.")
+    point2: Triple = key("The point in its frame [m].", (0.0, 0.0, 0.0))
 
 
 class _CouplingEntry(_Strict):
     """A joint that moves as a polynomial of others, beside what the robot file says."""
 
-    name: str = described("Its name in reports.", "parallelogram", "")
-    joint: str = described("The joint that follows.", "joint3")
-    of: str | None = described("The joint that it follows.", "joint2", None)
-    polynomial: list[float] = described(
-        "``joint = c0 + c1 of + c2 of² + …``",
-        [0, -1],
-        lambda: [0.0, 1.0],
-        min_length=1,
-        max_length=DEGREE,
-    )
-    terms: dict[str, Annotated[list[float], Field(min_length=1, max_length=DEGREE)]] = described(
-        "Further joints that are added, a polynomial each.", {"joint1": [0, 0.5, 0.1]}, dict
-    )
+    name: str = key("Its name in reports.", "")
+    joint: str = key("The joint that follows.")
+    of: str | None = key("The joint that it follows.", None)
+    polynomial: Powers = key("``joint = c0 + c1 of + c2 of² + …``", [0.0, 1.0])
+    terms: dict[str, Powers] = key("Further joints that are added.", {}, {"joint1": [0, 0.5, 0.1]})
 
     @model_validator(mode="after")
     def _two_joints(self) -> _CouplingEntry:
@@ -145,14 +127,10 @@ class _CouplingEntry(_Strict):
 class _TransmissionEntry(_Strict):
     """Motors that are coupled: motor = ratio ∘ (coupling · (q − offset))."""
 
-    motors: Names = described("Their names, also more than there are joints.", ["m1", "m2"])
-    coupling: list[list[float]] = described(
-        "What each motor turns by per joint, before its gear.", [[1, 0], [1, 1]]
-    )
-    ratio: list[float] | None = described("Ratios of the gears.", [45, 32], None)
-    offset: list[float] | None = described(
-        "Joint positions where motors are at zero.", [0, 0], None
-    )
+    motors: Names = key("Their names, also more than there are joints.")
+    coupling: list[list[float]] = key("What a motor turns by per joint.", ..., [[1, 0], [1, 1]])
+    ratio: list[float] | None = key("Ratios of the gears behind that.", None)
+    offset: list[float] | None = key("Joint positions where motors are at zero.", None)
 
 
 class AxisEntry(_Strict):
@@ -161,121 +139,59 @@ class AxisEntry(_Strict):
     Fixed tendons of an MJCF along several joints are axes by their own names.
     """
 
-    name: str = described("Its name.", "jaws", min_length=1)
-    joints: dict[str, Factor] = described(
-        "By how much each joint moves it.", {"jaw2": 1, "jaw1": -1}, min_length=1
-    )
-    rest: float | None = described(
-        "Where a spring on it is relaxed; without it at home.", 0.1, None
-    )
+    name: Named = key("Its name.")
+    joints: Weights = key("By how much each joint moves it.", ..., {"jaw2": 1, "jaw1": -1})
+    rest: float | None = key("Where a spring on it is relaxed; without it at home.", None)
 
 
 class _BaseParametersEntry(_Strict):
     """How dependent columns are grouped."""
 
-    bodies: Names = described(
-        "Bodies whose columns are kept first when columns are grouped.", ["arm2", "arm1"], list
-    )
+    bodies: Names = key("Bodies whose columns are kept first when columns are grouped.", [])
 
 
 class LimitEntry(_Strict):
     """Motion limits of an actuated joint, for motions that are designed."""
 
-    q: Span | None = described("Position [rad or m].", [-1, 1], None)
-    v: float | None = described("Speed [rad/s or m/s].", 2, None, gt=0)
-    a: float | None = described("Acceleration [rad/s² or m/s²].", 10, None, gt=0)
-    tau: float | None = described("Torque [N·m or N].", 40, None, gt=0)
-    power: float | None = described("Power [W].", 200, None, gt=0)
+    q: Span | None = key("Position [rad or m].", None)
+    v: Length | None = key("Speed [rad/s or m/s].", None)
+    a: Length | None = key("Acceleration [rad/s² or m/s²].", None)
+    tau: Length | None = key("Torque [N·m or N].", None)
+    power: Length | None = key("Power [W].", None)
 
 
 class _TimeEntry(_Strict):
     """The clock of logs."""
 
-    unit: Literal["s", "ms", "us", "ns"] | None = described(
-        "Unit of `t`; without it s, or what can only be meant.", "ms", None
-    )
+    unit: Literal["s", "ms", "us", "ns"] | None = key("Of `t`; else what can only be meant.", None)
 
 
 class _TorqueEntry(_Strict):
-    """What torque columns hold: τ = sign · gain · ratio · value."""
+    """What torque columns hold: τ = sign · gain · ratio · value.
 
-    side: Side = described(
-        "Where it was measured: at the joint with all of its rotor, at the `motor`'s rotor, or at "
-        "the `link` behind the gear, where no rotor inertia is seen.",
-        "motor",
-        "joint",
-    )
-    gain: Factor | dict[str, Factor] | None = described(
-        "Torque constants of currents [N·m/A]; one number, or by joint.", {"joint1": 0.11}, None
-    )
-    ratio: Factor | dict[str, Factor] | None = described("Of the gears.", {"joint1": 100}, None)
-    sign: Literal[1, -1] | dict[str, Literal[1, -1]] | None = described(
-        "−1 where a column counts the other way.", {"joint1": -1}, None
-    )
-    compensated: bool | Names | None = described(
-        "Whether the driver took off what holds the weight (or of which joints): the file's is "
-        "added again.",
-        True,
-        None,
-    )
+    Measured at the `joint` with all of its rotor, at the `motor`'s rotor, or at the `link` behind
+    the gear, where no rotor inertia is seen. One number is of all joints, a table by joint.
+    """
 
-
-class _KnownTorqueEntry(_Strict):
-    """Torque that is supplied beside the motor's, and taken off the measured one."""
-
-    along: str = described("A joint, passive or not, or a coupled motor.", "joint2")
-    table: list[tuple[float, float]] = described(
-        "Points (position [rad or m], torque [N·m or N]).", [[-1, 0.2], [0, 0], [1, -3]], list
-    )
-    interpolation: Interpolation | None = described(
-        "Between points: linear, monotone or cubic, and never beyond the ends.", "linear", None
-    )
-    polynomial: list[float] = described(
-        "In place of a table: c0 + c1 q + …", [0, -2.5], list, max_length=DEGREE
-    )
-    range: Span | None = described("Positions between which the polynomial holds.", [-1, 1], None)
-
-    @model_validator(mode="after")
-    def _one_of_both(self) -> _KnownTorqueEntry:
-        if bool(self.table) == bool(self.polynomial):
-            raise ValueError("give either a table or a polynomial")
-        if self.table:
-            positions = {position for position, _ in self.table}
-            if len(positions) < max(len(self.table), 2):
-                raise ValueError("a table needs two points or more, each at another position")
-            if self.range is not None:
-                raise ValueError("a table ends where its points end; leave out the range")
-        elif self.interpolation is not None:
-            raise ValueError("a polynomial needs no interpolation; leave it out")
-        return self
+    side: Side = key("Where it was measured.", "joint")
+    gain: ByJoint[Factor] = key("Torque constants of currents [N·m/A].", None, {"joint1": 0.11})
+    ratio: ByJoint[Factor] = key("Of the gears.", None, {"joint1": 100})
+    sign: ByJoint[Literal[1, -1]] = key("−1 where a column counts the other way.", None, -1)
+    compensated: bool | Names | None = key("Whether (where) drivers took the weight off.", None)
 
 
 class ServoEntry(_Strict):
     """Position servos, where logs hold commands and no torque.
 
-    τ = kp (q_cmd − q) + kv (dq_cmd − dq) + τ_ff
+    τ = kp (q_cmd − q) + kv (dq_cmd − dq) + τ_ff. One number is of all joints, a table by joint;
+    `fit` lets logs tell a gain, as they do where nobody states any.
     """
 
-    kp: Fitted | dict[str, Fitted] | None = described(
-        '[N·m/rad or N/m]; one number, or by joint; "fit" where logs shall tell it, as they do '
-        "where nobody states any gain.",
-        40,
-        None,
-    )
-    kv: Fitted | dict[str, Fitted] | None = described(
-        '[N·m·s/rad or N·s/m]; one number, or by joint, or "fit".', {"*_knee": 2, "*": 1}, None
-    )
-    limit: Length | dict[str, Length] | None = described(
-        "Torque beyond which it is saturated [N·m or N]; where none is stated logs tell it.",
-        30,
-        None,
-    )
-    delay: Literal["auto"] | Annotated[float, Field(ge=0, le=1)] = described(
-        "Of commands [s]; auto: logs tell it.", 0.004, "auto"
-    )
-    rate: Length | None = described(
-        "At which the servo measures and acts [Hz]; 1000 where nobody says it.", 500, None
-    )
+    kp: ByJoint[Fitted] = key("[N·m/rad or N/m]", None, 40)
+    kv: ByJoint[Fitted] = key("[N·m·s/rad or N·s/m]", None, {"*_knee": 2, "*": 1})
+    limit: ByJoint[Length] = key("Torque at saturation [N·m or N]; else logs tell it.", None, 30)
+    delay: Literal["auto"] | Delay = key("Of commands [s]; auto: logs tell it.", "auto")
+    rate: Length | None = key("At which it measures and acts [Hz]; 1000 if nobody says it.", None)
 
 
 class ImuEntry(_Strict):
@@ -284,22 +200,11 @@ class ImuEntry(_Strict):
     It reads a = R (a₀ + dω/dt × r + ω × (ω × r)) + b where the base's origin accelerates by a₀.
     """
 
-    rotation: Triple = described(
-        "Roll, pitch and yaw of the sensor on the base [rad].", [0, 0, 1.57], (0.0, 0.0, 0.0)
-    )
-    place: Triple = described("Where it is on the base [m].", [0, 0, 0.05], (0.0, 0.0, 0.0))
-    acc_bias: Triple = described(
-        "What the accelerometer reads too much [m/s²].", [0.1, 0, -0.05], (0.0, 0.0, 0.0)
-    )
-    gyro_bias: Triple = described(
-        "What the gyroscope reads too much [rad/s].", [0.002, 0, 0], (0.0, 0.0, 0.0)
-    )
-    fit: list[Literal["rotation", "place", "acc_bias", "gyro_bias"]] = described(
-        "Those of these that are known roughly: corrections of them are fitted (the effect "
-        "`imu_mounting`).",
-        ["place", "acc_bias"],
-        list,
-    )
+    rotation: Triple = key("Roll, pitch and yaw on the base [rad].", (0.0, 0.0, 0.0))
+    place: Triple = key("Where it is on the base [m].", (0.0, 0.0, 0.0))
+    acc_bias: Triple = key("What the accelerometer reads too much [m/s²].", (0.0, 0.0, 0.0))
+    gyro_bias: Triple = key("What the gyroscope reads too much [rad/s].", (0.0, 0.0, 0.0))
+    fit: list[Mounting] = key("Those that are corrected by a fit (effect `imu_mounting`).", [])
 
 
 class ContactEntry(_Strict):
@@ -308,20 +213,14 @@ class ContactEntry(_Strict):
     Without flag and schedule the contact never opens.
     """
 
-    frame: str = described("A body, or a site or geom of an MJCF.", "FL_foot")
-    kind: Literal["point", "surface"] = described(
-        "Whether it transmits a force alone, or a moment, too.", "point", "point"
-    )
-    point: Triple = described("Its middle in that frame [m].", [0, 0, -0.2], (0.0, 0.0, 0.0))
-    radius: Gain | None = described(
-        "Of a round foot [m]; without it that of a sphere of the file is its own.", 0.02, None
-    )
-    flag: str = described("Column of logs that says when it is closed.", "FL_contact", "")
-    threshold: float = described("Of that column, above which it is.", 10, 0.5)
-    schedule: list[Span] | None = described(
-        "Or between which times it is closed [s].", [[0, 1.5], [2, 4]], None
-    )
-    margin: Gain = described("How much longer on both sides it may be [s].", 0.02, 0.02)
+    frame: str = key("A body, or a site or geom of an MJCF.")
+    kind: Literal["point", "surface"] = key("A surface transmits a moment, too.", "point")
+    point: Triple = key("Its middle in that frame [m].", (0.0, 0.0, 0.0))
+    radius: Gain | None = key("Of a round foot [m]; else that of the file's sphere.", None)
+    flag: str = key("Column of logs that says when it is closed.", "")
+    threshold: float = key("Of that column, above which it is.", 0.5)
+    schedule: list[Span] | None = key("Or between which times it is [s].", None, [[0, 1.5], [2, 4]])
+    margin: Gain = key("How much longer on both sides it may be [s].", 0.02)
 
     @model_validator(mode="after")
     def _one_of_both(self) -> ContactEntry:
@@ -333,10 +232,8 @@ class ContactEntry(_Strict):
 class WrenchEntry(_Strict):
     """A force, and a moment, on a robot that floats which is measured."""
 
-    frame: str = described("A body, site or geom, along whose axes it is.", "FL_foot")
-    columns: Names = described(
-        "Columns of logs: three [N], or six [N, N·m].", ["FL_fx", "FL_fy", "FL_fz"]
-    )
+    frame: str = key("A body, site or geom, along whose axes it is.")
+    columns: Names = key("Columns of logs: three [N], or six [N, N·m].")
 
     @model_validator(mode="after")
     def _three_or_six(self) -> WrenchEntry:
@@ -348,158 +245,85 @@ class WrenchEntry(_Strict):
 class _SymmetryEntry(_Strict):
     """Columns that equal parts let us add."""
 
-    name: str = described("Its name in reports.", "equal legs", "")
-    tie: dict[str, list[str]] = described(
-        "The parameter, and those that are equal to it.", {"leg.my": ["leg1.my", "leg2.my"]}
-    )
+    name: str = key("Its name in reports.", "")
+    tie: dict[str, list[str]] = key("What is equal.", ..., {"leg.my": ["leg1.my", "leg2.my"]})
 
 
 class _EllipsoidEntry(_Strict):
     """Where a centre of mass is."""
 
-    centre: Triple = described("In the body's frame [m].", [0, 0, 0.2], (0.0, 0.0, 0.0))
-    radii: tuple[Length, Length, Length] = described("Along its axes [m].", [0.1, 0.1, 0.3])
+    centre: Triple = key("In the body's frame [m].", (0.0, 0.0, 0.0))
+    radii: tuple[Length, Length, Length] = key("Along its axes [m].")
 
 
 class BodyBoundsEntry(_Strict):
     """What is known of a body, or of all whose names fit."""
 
-    mass: Masses | None = described("Least and largest mass [kg].", [0.5, 2.0], None)
-    box: tuple[Span, Span, Span] | None = described(
-        "Where its centre of mass is, along the axes of the body's frame in the robot file [m].",
-        [[-0.1, 0.1], [-0.1, 0.1], [0.0, 0.4]],
-        None,
-    )
+    mass: Masses | None = key("Least and largest mass [kg].", None)
+    box: tuple[Span, Span, Span] | None = key("Of its centre, along its frame's axes [m].", None)
     ellipsoid: _EllipsoidEntry | None = None
 
 
 class BoundsEntry(_Strict):
     """What a real robot of this kind can have."""
 
-    total_mass: Masses | None = described(
-        "Least and largest mass of all moving bodies, without payload [kg].", [8.0, 12.0], None
-    )
+    total_mass: Masses | None = key("Of all moving bodies, without payload [kg].", None)
     bodies: dict[str, BodyBoundsEntry] = {}
 
 
 class _PriorEntry(_Strict):
     """A normal prior of a standard parameter; others are nominal ± prior_relative × their size."""
 
-    mean: float = described("In SI units.", 3.0)
-    sd: float = described("In SI units.", 0.3, gt=0)
+    mean: float = key("In SI units.")
+    sd: Length = key("In SI units.")
 
 
 class Sidecar(_Strict):
     """What the robot file cannot say."""
 
-    name: str = described("The robot's name.", "3-RPS parallel robot", "", max_length=LONGEST_NAME)
-    description: str = described(
-        "A sentence on it.", "Three legs carry a platform.", "", max_length=20 * LONGEST_NAME
-    )
-    base: Literal["fixed", "floating"] | None = described(
-        "Whether the root of a legged robot, or of one that floats in its file, was bolted down "
-        "(`fixed`), or nothing held it (`floating`).",
-        "fixed",
-        None,
-    )
-    stand: Triple | None = described(
-        "Roll, pitch and yaw [rad] at which the root stood in the world where it was bolted down "
-        "or hung up; without it as the file draws it.",
-        [0, 1.57, 0],
-        None,
-    )
-    actuated: list[str] | None = described(
-        "Which joints have a motor; without it those of <actuator>, or all.",
-        ["joint1", "joint2"],
-        None,
-    )
-    locked: Names | dict[str, float | None] = described(
-        "Joints that do not move, or a table with where they stand.", {"finger": 0.02}, list
-    )
-    angles: Literal["rad", "deg"] | None = described(
-        "Unit of angles in logs; without it rad, and what looks like degrees is refused.",
-        "deg",
-        None,
-    )
-    effects: Names = described(
-        "Effects of default models that are at some places only, as a ladder writes them.",
-        ["joint_stiffness@roll"],
-        list,
-    )
-    massless: Names = described(
-        "Links of a URDF between the axes of one joint (universal, ball), each carrying one "
-        "joint: they are no bodies.",
-        ["cross"],
-        list,
-    )
-    guessed: Names = described(
-        "Bodies whose masses and inertias in the file are guesses, as those that a table "
-        "leaves out: no torque is compared with what they ask for.",
-        ["forearm"],
-        list,
-    )
-    inertia_parts: Names = described(
-        "What an actuator's inertia is made of.", ["Jr", "Js"], lambda: ["Ia"], min_length=1
-    )
-    home: dict[str, float] = described(
-        "Joint positions; they select the assembly of a closed chain.", {"joint1": 0.3}, dict
+    name: Annotated[str, Field(max_length=LONGEST_NAME)] = key("The robot's name.", "")
+    description: Annotated[str, Field(max_length=LONGEST_TEXT)] = key("A sentence on it.", "")
+    base: Literal["fixed", "floating"] | None = key("Whether its root was bolted down.", None)
+    stand: Triple | None = key("Roll, pitch, yaw [rad] of a root that was; else as drawn.", None)
+    actuated: list[str] | None = key("Joints with a motor; else those of <actuator>, or all.", None)
+    locked: Locked = key("Joints that stand still, or a table of where.", [], {"finger": 0.02})
+    angles: Literal["rad", "deg"] | None = key("Unit of angles in logs; else rad.", None)
+    effects: Names = key("Effects that are at some places only.", [], ["joint_stiffness@roll"])
+    massless: Names = key("Links of a URDF between the axes of one joint, which are no bodies.", [])
+    guessed: Names = key("Bodies whose masses in the file are guesses, compared with nothing.", [])
+    inertia_parts: Kinds = key("What an actuator's inertia is made of.", ["Ia"], ["Jr", "Js"])
+    home: Numbers = key(
+        "Positions that select the assembly of a closed chain.", {}, {"joint1": 0.3}
     )
     loops: list[LoopEntry] | None = None
     couplings: list[_CouplingEntry] = []
     transmission: _TransmissionEntry | None = None
     axes: list[AxisEntry] = []
-    symbols: dict[str, str] = described(
-        "Short forms of bodies and joints in labels.", {"platform": "3"}, dict
-    )
+    symbols: dict[str, str] = key("Short forms in labels.", {}, {"platform": "3"})
     base_parameters: _BaseParametersEntry = _BaseParametersEntry()
-    nominal: dict[str, Value] = described(
-        "Values of parameters beside those of the robot file.", {"joint1.Fv": 3.0}, dict
+    nominal: Numbers = key("Values that go before the robot file's.", {}, {"joint1.Fv": 3.0})
+    rest: Numbers = key(
+        "Where springs are relaxed; else as the file says, or at home.", {}, {"joint2": 0.4}
     )
-    rest: dict[str, float] = described(
-        "Where the spring of a joint (joint2.K) is relaxed [rad or m]; without it as the robot "
-        "file says, or at home.",
-        {"joint2": 0.4},
-        dict,
-    )
-    shapes: dict[str, Annotated[float, Field(gt=0)]] = described(
-        "Shapes by joint and effect: a Stribeck velocity [rad/s or m/s], the period of a ripple.",
-        {"joint1.stribeck_friction": 0.05},
-        dict,
-    )
-    reference: dict[str, float] = described(
-        "Values by which the loads of load-dependent friction, a tilted base and a delay are "
-        "known; without them nominal ones.",
-        {"arm1.m": 3.0},
-        dict,
-    )
+    shapes: dict[str, Length] = key("As of Stribeck.", {}, {"joint1.stribeck_friction": 0.05})
+    reference: Numbers = key("Values by which loads are known; else nominal.", {}, {"arm1.m": 3.0})
     limits: dict[str, LimitEntry] = {}
-    columns: Annotated[dict[str, _ColumnRule], AfterValidator(_checked)] = described(
-        "Column or joint in the logs = column or joint here; or a regular expression for the "
-        "whole name. Or joint (or pattern) = scale and offset of its positions and commands.",
+    columns: Annotated[dict[str, _ColumnRule], AfterValidator(_checked)] = key(
+        "Name or regular expression in logs = name here, or scale and offset of positions.",
+        {},
         {"fer_joint(\\d)": "panda_joint\\1", "elbow": {"scale": 0.00153, "offset": -3.14}},
-        dict,
     )
     time: _TimeEntry = _TimeEntry()
     torque: _TorqueEntry = _TorqueEntry()
     servo: ServoEntry | None = None
-    known_torque: list[_KnownTorqueEntry] = []
+    known_torque: list[KnownTorque] = []
     imu: ImuEntry | None = None
     contacts: list[ContactEntry] = []
     wrench: list[WrenchEntry] = []
     symmetry: list[_SymmetryEntry] = []
-    prior_relative: float = described(
-        "Width of the priors that [prior] does not state, as a share of their size.",
-        0.5,
-        1.0,
-        gt=0,
-    )
+    prior_relative: Length = key("Width of priors that [prior] does not state.", 1.0)
     prior: dict[str, _PriorEntry] = {}
-    prior_share: dict[str, Annotated[float, Field(gt=0, le=1)]] = described(
-        "Bodies (or patterns) to the share within which each is the robot file's; of the others "
-        "--prior is.",
-        {"hand": 0.02, "link*": 0.1},
-        dict,
-    )
+    prior_share: dict[str, Share] = key("Within which bodies are the file's.", {}, {"link*": 0.1})
     bounds: BoundsEntry = BoundsEntry()
 
 
@@ -517,9 +341,6 @@ def read_sidecar(path: Path | None) -> Sidecar:
 
 
 # Names and patterns in a sidecar's tables: ``wrist_*.Fv`` for every joint or axis that fits.
-
-
-V = TypeVar("V")
 
 
 def check_known(path: Path, key: str, given: Iterable[str], known: Iterable[str]) -> None:
@@ -548,8 +369,8 @@ def check_known(path: Path, key: str, given: Iterable[str], known: Iterable[str]
 
 
 def by_name(
-    path: Path, key: str, table: Mapping[str, V], known: Collection[str], gone: Collection[str] = ()
-) -> dict[str, V]:
+    path: Path, key: str, table: Mapping[str, T], known: Collection[str], gone: Collection[str] = ()
+) -> dict[str, T]:
     """Return what a table says of every name that its names and patterns stand for.
 
     A name goes before a pattern, and of two patterns the one that stands last.
@@ -570,7 +391,7 @@ def by_name(
     RobotError
         If nothing fits a name or pattern.
     """
-    out: dict[str, V] = {}
+    out: dict[str, T] = {}
     for text in sorted(table, key=is_pattern, reverse=True):
         found = find_named(text, known)
         if not found and not find_named(text, gone):
@@ -599,7 +420,7 @@ class Owners:
     locked: tuple[str, ...] = ()
     welded: tuple[str, ...] = ()
 
-    def parameters(self, path: Path, key: str, table: Mapping[str, V]) -> dict[str, V]:
+    def parameters(self, path: Path, key: str, table: Mapping[str, T]) -> dict[str, T]:
         """Return a table of parameters by name; kinds of inertia are bodies'.
 
         Raises
@@ -607,7 +428,7 @@ class Owners:
         RobotError
             If the robot has no such body, joint, motor or axis.
         """
-        out: dict[str, V] = {}
+        out: dict[str, T] = {}
         for text in sorted(table, key=is_pattern, reverse=True):
             owner, _, kind = text.rpartition(".")
             kinds = find_named(kind, INERTIAL_KINDS) if is_pattern(kind) else [kind]

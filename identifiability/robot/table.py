@@ -42,12 +42,12 @@ import numpy as np
 import pinocchio as pin
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from identifiability.foundation.documents import first_problem, read_document, toml_text
+from identifiability.foundation.documents import Span, first_problem, read_document, toml_text
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.output import check_apart, check_ending, write_together
 from identifiability.robot.kinematics import shortest_turn
-from identifiability.robot.markup import numbers
-from identifiability.robot.sidecar import Sidecar, Span, Triple
+from identifiability.robot.markup import numbers, urdf_inertial, urdf_joint
+from identifiability.robot.sidecar import Sidecar, Triple
 
 #: The link on which the first ones stand.
 BASE = "base"
@@ -160,7 +160,8 @@ def write_table(table: str | Path | Mapping[str, Any], out: str | Path) -> tuple
         read = read_document(table, Table, "TOML", "DH table", RobotError)
     _check(source, read)
     guessed = [r.name for r in read.links if r.joint and r.mass is None]
-    notes = _notes(read, guessed)
+    ball = "has no mass and is taken for a ball of 1 kg; state what is known."
+    notes = (f"{listing(guessed)} {ball}",) if guessed else ()
     top = _urdf(read)
     top.insert(0, ET.Comment(f" {' '.join([f'From {source}.', *notes]).replace('--', '- -')} "))
     ET.indent(top)
@@ -208,20 +209,6 @@ def _check(source: str, table: Table) -> None:
         joints += [row.joint] if row.joint else []
 
 
-def _notes(table: Table, guessed: list[str]) -> tuple[str, ...]:
-    """Return what the table left open, or may have rounded."""
-    near = []
-    for row in table.links:
-        for x in (table.radians(row.alpha), table.radians(row.theta)):
-            away = abs(x - round(4 * x / math.pi) * math.pi / 4)
-            # Nearer than a rounded figure, farther than rounding of the machine.
-            near += [row.name] if 1e-12 < away < 1e-3 else []
-    rounded = 'has an angle that is nearly a multiple of 45°; if rounded, give a text: "pi/2".'
-    ball = "has no mass and is taken for a ball of 1 kg; state what is known."
-    told = ((near, rounded), (guessed, ball))
-    return tuple(f"{listing(names)} {text}" for names, text in told if names)
-
-
 def _urdf(table: Table) -> ET.Element:
     """Return the URDF: a link and a joint a row, of standard rows the frame behind the joint."""
     top = ET.Element("robot", name=table.name)
@@ -229,7 +216,7 @@ def _urdf(table: Table) -> ET.Element:
     ET.SubElement(top, "link", name=BASE)
     down = np.array([0.0, 0.0, -1.0])
     turn = pin.exp3(shortest_turn(np.array(table.gravity), down))
-    _joint(top, "stands", "fixed", "ground", BASE, pin.SE3(turn, np.zeros(3)))
+    urdf_joint(top, "stands", "fixed", "ground", BASE, pin.SE3(turn, np.zeros(3)))
     before, ends = BASE, {BASE: BASE}
     for row in table.links:
         parent = ends[before if row.parent is None else row.parent]
@@ -241,7 +228,7 @@ def _urdf(table: Table) -> ET.Element:
         _inertial(ET.SubElement(top, "link", name=row.name), row, inside)
         kind: str = "fixed" if row.joint is None else row.type
         kind = "continuous" if kind == "revolute" and row.range is None else kind
-        made = _joint(top, row.joint or f"{row.name}_fixed", kind, parent, row.name, place)
+        made = urdf_joint(top, row.joint or f"{row.name}_fixed", kind, parent, row.name, place)
         if row.joint is not None:
             ET.SubElement(made, "axis", xyz=numbers(np.array(row.axis)))
         if kind in ("revolute", "prismatic"):
@@ -250,19 +237,8 @@ def _urdf(table: Table) -> ET.Element:
             ET.SubElement(made, "limit", lower=low, upper=high, effort="0", velocity="0")
         if split:
             ET.SubElement(top, "link", name=ends[row.name])
-            _joint(top, ends[row.name], "fixed", row.name, ends[row.name], inside)
+            urdf_joint(top, ends[row.name], "fixed", row.name, ends[row.name], inside)
     return top
-
-
-def _joint(
-    top: ET.Element, name: str, kind: str, parent: str, child: str, place: pin.SE3
-) -> ET.Element:
-    made = ET.SubElement(top, "joint", name=name, type=kind)
-    ET.SubElement(made, "parent", link=parent)
-    ET.SubElement(made, "child", link=child)
-    rpy = np.array(pin.rpy.matrixToRpy(place.rotation))
-    ET.SubElement(made, "origin", xyz=numbers(place.translation), rpy=numbers(rpy))
-    return made
 
 
 def _inertial(link: ET.Element, row: Row, inside: pin.SE3) -> None:
@@ -272,11 +248,5 @@ def _inertial(link: ET.Element, row: Row, inside: pin.SE3) -> None:
     mass = 1.0 if row.mass is None else row.mass
     t = row.inertia or dict.fromkeys(("xx", "yy", "zz"), 0.01 * mass)
     own = np.array([[t.get("".join(sorted(a + b)), 0.0) for a in "xyz"] for b in "xyz"])  # type: ignore[call-overload]
-    turned = inside.rotation @ own @ inside.rotation.T
-    made = ET.SubElement(link, "inertial")
-    ET.SubElement(made, "mass", value=f"{mass:.17g}")
     centre = np.array(inside.act(np.array(row.centre or (0.0, 0.0, 0.0))))
-    ET.SubElement(made, "origin", xyz=numbers(centre))
-    upper = [(a, b) for a in range(3) for b in range(a, 3)]
-    six = {f"i{'xyz'[a]}{'xyz'[b]}": f"{turned[a, b]:.17g}" for a, b in upper}
-    ET.SubElement(made, "inertia", six)
+    urdf_inertial(link, mass, centre, inside.rotation @ own @ inside.rotation.T)

@@ -16,7 +16,7 @@ from identifiability.foundation.errors import OutputError, RobotError
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_together
-from identifiability.robot.along import rest_along
+from identifiability.robot.closure import rest_along
 from identifiability.robot.description import Description
 from identifiability.robot.floating import BASE_JOINTS
 from identifiability.robot.kinematics import shortest_turn
@@ -26,13 +26,14 @@ from identifiability.robot.markup import (
     clear_mjcf,
     drop_repeated,
     in_radians,
-    numbers,
     read_markup,
     thicken,
-    write_cable,
+    urdf_inertial,
+    urdf_joint,
     write_gravity,
     write_inertial,
     write_servos,
+    write_tendon,
 )
 from identifiability.robot.parts import Axis
 from identifiability.robot.servo import FOUND, SIDECAR
@@ -65,9 +66,7 @@ def write_axes(
         element = present[name] if name in present else _add(top, robot, axes[name])
         parts = [(str(e.get("joint")), float(e.get("coef", 1.0))) for e in element.iter("joint")]
         still = sum(c * robot.locked.get(joint, 0.0) for joint, c in parts)
-        element.attrib.update({word: f"{value:.17g}" for word, value in numbers.items()})
-        if numbers.get("stiffness"):
-            element.set("springlength", f"{rest_along(robot, axes[name]) + still:.17g}")
+        write_tendon(element, numbers, rest_along(robot, axes[name]) + still)
 
 
 def _add(top: ET.Element, robot: Description, axis: Axis) -> ET.Element:
@@ -131,16 +130,11 @@ def write_robot(
     """
     path = Path(path)
     top = _template(robot)
-    if (path.suffix.lower() == ".urdf") == robot.mjcf:
-        other, own, suffix = ("URDF", "MJCF", ".xml") if robot.mjcf else ("MJCF", "URDF", ".urdf")
-        raise RobotError(
-            f"'{path}' asks for {other}, but {robot.path} is {own}; give a file name ending in "
-            f"{suffix}."
-        )
     if not robot.mjcf:
         drop_repeated(top)
     for body, theta in share_out(robot, bodies).items():
-        _write_body(top, robot, body, theta)
+        write_body = write_inertial if robot.mjcf else _write_urdf_inertial
+        write_body(top, body, *own_inertial(robot, body, theta))
     elements = {e.get("name"): e for e in _joints(top)}
     degrees = robot.mjcf and not in_radians(top)
     slides = {cable.name for cable in robot.cables}
@@ -160,7 +154,7 @@ def write_robot(
     cables = {e.get("name"): e for e in top.iter("spatial")}
     for name in slides & set(joints):
         home = float(robot.dof_position(robot.home[None], name)[0])
-        write_cable(cables[name], joints[name], robot.rest.get(name, home))
+        write_tendon(cables[name], joints[name], robot.rest.get(name, home))
     if comment:  # two hyphens end one
         top.insert(0, ET.Comment(f" {comment.replace('--', '– ')} "))
     ET.indent(top)
@@ -207,8 +201,14 @@ def _joints(top: ET.Element) -> list[ET.Element]:
     return [e for w in worlds for e in w.iter("joint")] if worlds else top.findall("joint")
 
 
-def _write_body(top: ET.Element, robot: Description, body: str, theta: Array) -> None:
-    """Write ten parameters of a body, given in the frame of the joint that moves it."""
+def own_inertial(robot: Description, body: str, theta: Array) -> tuple[float, Array, Array]:
+    """Return mass, centre (3,) and inertia (3, 3) about it in the frame that a file gives a body.
+
+    Parameters
+    ----------
+    theta : (10,)
+        In the frame of the joint that moves it.
+    """
     mass = float(theta[0])
     if mass <= 0:
         raise RobotError(
@@ -220,11 +220,7 @@ def _write_body(top: ET.Element, robot: Description, body: str, theta: Array) ->
     # The library's frame is the joint's; the file's may be shifted or turned against it.
     frame = robot.model.frames[robot.model.getFrameId(body, pin.FrameType.BODY)].placement
     R, p = np.array(frame.rotation), np.array(frame.translation)
-    centre, inertia = R.T @ (centre - p), thicken(R.T @ inertia @ R)
-    if robot.mjcf:
-        write_inertial(top, body, mass, centre, inertia)
-    else:
-        _write_urdf_inertial(top, body, mass, centre, inertia)
+    return mass, R.T @ (centre - p), thicken(R.T @ inertia @ R)
 
 
 def _write_urdf_inertial(
@@ -233,11 +229,7 @@ def _write_urdf_inertial(
     links = top.findall("link")
     element = next(link for link in links if link.get("name") == body)
     _remove_all(element, "inertial")
-    new = ET.SubElement(element, "inertial")
-    ET.SubElement(new, "origin", xyz=numbers(centre), rpy="0 0 0")
-    ET.SubElement(new, "mass", value=f"{mass:.17g}")
-    entries = {f"i{'xyz'[i]}{'xyz'[j]}": inertia[i, j] for i in range(3) for j in range(i, 3)}
-    ET.SubElement(new, "inertia", {name: f"{value:.17g}" for name, value in entries.items()})
+    urdf_inertial(element, mass, centre, inertia)
     # Links that are fixed to this one are part of it now.
     ends: list[tuple[str | None, str | None]] = [
         (parent.get("link"), child.get("link"))
@@ -257,33 +249,20 @@ def _turn_base(top: ET.Element, robot: Description) -> None:
     """Let a URDF stand so that gravity, which is down in every one, is along the robot's.
 
     Its first link hangs on another one by a joint whose origin turns the whole robot.
-
-    Raises
-    ------
-    RobotError
-        If loops are closed along some axes of the world, which would not turn.
     """
     step = shortest_turn(robot.gravity, DOWN) if robot.gravity.any() else np.zeros(3)
     if np.linalg.norm(step) < TINY:
         return
-    if any(len(loop.axes) < 3 and loop.frame is None for loop in robot.loops):
-        raise RobotError(
-            f"{robot.path} closes loops along axes of the world, which a URDF cannot turn with the "
-            "robot: export it as MJCF, or as JSON."
-        )
     children = {e.get("link") for joint in top.findall("joint") for e in joint.findall("child")}
     links = [str(link.get("name")) for link in top.findall("link")]
     first = next(name for name in links if name not in children)
     taken = {*links, *(str(j.get("name")) for j in top.findall("joint"))}
-    ground = joint = "ground"
+    ground = "ground"
     while ground in taken:
-        ground = joint = f"{ground}_"
+        ground = f"{ground}_"
     ET.SubElement(top, "link", name=ground)
-    made = ET.SubElement(top, "joint", name=f"{joint}_to_{first}", type="fixed")
-    rpy = pin.rpy.matrixToRpy(pin.exp3(step))
-    ET.SubElement(made, "origin", xyz="0 0 0", rpy=numbers(rpy))
-    ET.SubElement(made, "parent", link=ground)
-    ET.SubElement(made, "child", link=first)
+    turn = pin.SE3(pin.exp3(step), np.zeros(3))
+    urdf_joint(top, f"{ground}_to_{first}", "fixed", ground, first, turn)
 
 
 def _remove_all(element: ET.Element, tag: str) -> None:

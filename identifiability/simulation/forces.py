@@ -14,7 +14,8 @@ from identifiability.foundation.linalg import without_rounding
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.robot import Robot
+from identifiability.robot import Axis, Robot
+from identifiability.robot.closure import rest_along
 from identifiability.simulation.motion import PrescribedMotion
 from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
 from identifiability.simulation.rules import RULES
@@ -140,54 +141,31 @@ def joint_torque(
         If a joint moves where its known torque is not known.
     """
     tau = np.zeros_like(move.q)
-    home = robot.actuated_positions(robot.home[None])[0]
-    rest = [robot.rest.get(j, at) for j, at in zip(robot.joints, home, strict=True)]
-    for axis in robot.axes:
+    for axis in (*robot.axes, *robot.passive_axes):
         terms = JointTerms.of(values, axis.name, robot.inertia_parts)
-        if axis.weights is not None:
-            tau += _stated_axis(robot, axis.name, move, rigid, terms)
-            continue
-        assert axis.row is not None
-        motion = (x @ axis.row for x in (move.q - rest, move.dq, move.ddq))
-        force = terms.force(*motion) + terms.springs(move.q @ axis.row)
-        tau += force[:, None] * axis.row
-    for axis in robot.passive_axes:
-        terms = JointTerms.of(values, axis.name, robot.inertia_parts)
-        k = int(np.flatnonzero(robot.dependent == axis.dof)[0])
-        stretch = rigid.passive_q[:, k] - robot.rest.get(axis.name, 0.0)
-        force = terms.force(stretch, rigid.passive_v[:, k], rigid.passive_a[:, k])
-        force += terms.springs(rigid.passive_q[:, k])
-        tau -= force[:, None] * rigid.X[:, k]
-    for known in robot.known_torque:
-        for axis in (a for a in robot.axes if a.name == known.along):
-            tau += known.force(move.q @ axis.row)[:, None] * axis.row
-        for axis in (a for a in robot.passive_axes if a.name == known.along):
-            k = int(np.flatnonzero(robot.dependent == axis.dof)[0])
-            tau -= known.force(rigid.passive_q[:, k])[:, None] * rigid.X[:, k]
+        position, speed, acceleration, arms = _along(robot, axis, move, rigid)
+        force = terms.force(position - rest_along(robot, axis), speed, acceleration)
+        force += terms.springs(position)
+        for known in robot.known_torque:
+            force += known.force(position) if known.along == axis.name else 0.0
+        tau += force[:, None] * arms
     return tau
 
 
-def _stated_axis(
-    robot: Robot, name: str, move: PrescribedMotion, rigid: RigidTorque, terms: JointTerms
-) -> Array:
-    """Return the torque of a combination of joints at the actuated ones, (N, n)."""
-    arms = np.zeros_like(move.q)
-    motion = np.zeros((3, len(move.q)))  # position, velocity, acceleration
-    home = 0.0
-    for joint, c in robot.combinations[name].items():
-        home += c * float(robot.dof_position(robot.home[None], joint)[0])
+def _along(robot: Robot, axis: Axis, move: PrescribedMotion, rigid: RigidTorque) -> list[Array]:
+    """Return position, speed and acceleration (N,) along an axis, and its arms (N, n)."""
+    own, passive = (move.q, move.dq, move.ddq), (rigid.passive_q, rigid.passive_v, rigid.passive_a)
+    weights = axis.along(robot.joints) if axis.row is not None or axis.weights else {axis.name: 1.0}
+    arms, motion = np.zeros_like(move.q), np.zeros((3, len(move.q)))
+    for joint, c in weights.items():
         if joint in robot.joints:
             k = robot.joints.index(joint)
             arms[:, k] += c
-            motion += c * np.array([x[:, k] for x in (move.q, move.dq, move.ddq)])
         else:
             k = robot.passive.index(joint)
             arms -= c * rigid.X[:, k]
-            passive = (rigid.passive_q, rigid.passive_v, rigid.passive_a)
-            motion += c * np.array([x[:, k] for x in passive])
-    force = terms.force(motion[0] - robot.rest.get(name, home), motion[1], motion[2])
-    force += terms.springs(motion[0])
-    return force[:, None] * arms
+        motion += c * np.array([x[:, k] for x in (own if joint in robot.joints else passive)])
+    return [*motion, arms]
 
 
 # Effects that are in the data and not in the robot file: their names and their torque.

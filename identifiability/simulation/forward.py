@@ -6,28 +6,24 @@ straight tendons.
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
-import pinocchio as pin
+from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import INERTIAL_KINDS, Array
-from identifiability.foundation.output import temporary_folder
 from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Robot
-from identifiability.robot.closure import count_independent
-from identifiability.robot.kinematics import Point
-from identifiability.robot.mjcf import leave_out, quiet, replace_free_joints
+from identifiability.robot.closure import rest_along
+from identifiability.robot.locking import share_out
+from identifiability.robot.mjcf import quiet
 from identifiability.robot.servo import UNLIMITED, Servo
-from identifiability.robot.write import write_robot
+from identifiability.robot.write import own_inertial
 from identifiability.simulation.forces import JointTerms, both_directions
-from identifiability.simulation.mujoco_robot import MujocoRobot, bare_urdf, reason_of
+from identifiability.simulation.mujoco_robot import MujocoRobot, compile_robot, robot_spec
 from identifiability.simulation.rules import RULES
 
 # The MuJoCo model that is simulated forward: the robot file with other values, and its sidecar.
@@ -36,8 +32,8 @@ from identifiability.simulation.rules import RULES
 # has a motor of unit gain.
 
 
-#: Parts of an MJCF file that have no share in the free motion of the bodies.
-_IDLE = ("asset", "actuator", "sensor", "contact", "visual", "statistic", "custom")
+#: Coefficients of a coupling of MuJoCo.
+POWERS = 5
 
 #: A motor of unit gain, whatever the defaults of a file are.
 _MOTOR = {
@@ -59,7 +55,6 @@ def mixed_axes(robot: Robot) -> dict[str, dict[str, float]]:
 def compile_forward(
     robot: Robot,
     values: Mapping[str, float],
-    joints: Mapping[str, Mapping[str, float]],
     servo: Servo | None = None,
 ) -> Any:
     """Return the MuJoCo model of a robot with other bodies, without looks and contacts.
@@ -69,8 +64,6 @@ def compile_forward(
     robot : Robot
     values : mapping
         Parameters of the bodies by name.
-    joints : mapping
-        What a file states of each joint.
     servo : Servo, optional
         That drives the actuated joints, an actuator of each joint's name.
 
@@ -80,113 +73,70 @@ def compile_forward(
         If MuJoCo refuses the robot, or a joint follows others in a way that it does not have.
     """
     for coupling in robot.couplings:
-        if coupling.more:
+        if len(coupling.terms) > 1 or len(coupling.polynomial) > POWERS:
             raise RobotError(
-                f"The joint '{coupling.joint}' follows several others, and MuJoCo's couplings have "
-                "one: it is not simulated forward."
+                f"The joint '{coupling.joint}' follows several others, or by a high power, and "
+                f"MuJoCo's couplings have one, up to the power {POWERS - 1}: it is not simulated "
+                "forward."
             )
-    with temporary_folder() as folder:
-        path = Path(folder) / f"robot{robot.path.suffix}"
-        bodies = {b: np.array([values[f"{b}.{k}"] for k in INERTIAL_KINDS]) for b in robot.bodies}
-        write_robot(robot, path, bodies, joints, {})
-        top = ET.parse(path).getroot()
-    text = (
-        bare_urdf(top, balance="true")
-        if top.tag == "robot"
-        else _bare_mjcf(top, {cable.name for cable in robot.cables})
-    )
-    try:
-        spec = mujoco.MjSpec.from_string(text)
-        if robot.bolted:
-            replace_free_joints(spec)
-        if robot.outside:
-            leave_out(spec, robot.outside)
-        _add_closures(spec, robot)
-        for name, weights in mixed_axes(robot).items():
-            _add_tendon(spec, name, weights)
-        for cable in robot.cables:
-            spec.add_actuator(
-                name=cable.name, target=cable.name, trntype=mujoco.mjtTrn.mjTRN_TENDON, **_MOTOR
-            )
-        if servo is not None:
-            for k, joint in enumerate(robot.joints):
-                _add_servo(spec, joint, servo, k)
-        model = spec.compile()
-    except ValueError as error:
-        raise RobotError(
-            f"MuJoCo cannot simulate {robot.path} with these values: {reason_of(error)}."
-        ) from None
+    spec = robot_spec(robot, balance="true")
+    for k, tendon in enumerate(spec.tendons):
+        tendon.name = tendon.name or f"tendon{k + 1}"
+    cables = {cable.name for cable in robot.cables}
+    gone = [*spec.actuators, *(e for e in spec.equalities if e.type == mujoco.mjtEq.mjEQ_TENDON)]
+    for element in (*gone, *(t for t in spec.tendons if t.name not in cables)):
+        spec.delete(element)
+    _add_couplings(spec, robot)
+    for name, weights in mixed_axes(robot).items():
+        tendon = spec.add_tendon(name=name)
+        for joint, coefficient in weights.items():
+            tendon.wrap_joint(joint, coefficient)
+    for name in (cable.name for cable in robot.cables):
+        spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON, **_MOTOR)
+    if servo is not None:
+        for k, joint in enumerate(robot.joints):
+            _add_servo(spec, joint, servo, k)
+    model = compile_robot(robot, spec)
+    _set_couplings(model, robot)
+    _set_bodies(model, robot, values)
     model.jnt_actfrclimited[:] = 0  # logged torque acted as it is, and servos have limits of theirs
     return model
 
 
-def _bare_mjcf(top: ET.Element, tendons: Collection[str]) -> str:
-    """Return an MJCF file without looks, contacts and what else no free motion needs."""
-    for part in [c for c in top if c.tag in _IDLE]:
-        top.remove(part)
-    for group in top.findall("tendon"):
-        for tendon in [c for c in group if c.get("name") not in tendons]:
-            group.remove(tendon)
-    for group in top.findall("equality"):
-        for tendon in group.findall("tendon"):
-            group.remove(tendon)
-    for parent in list(top.iter()):
-        for child in [c for c in parent if c.tag in ("geom", "light", "camera")]:
-            parent.remove(child)
-    for key in top.iter("key"):
-        for name in ("ctrl", "act", "mpos", "mquat"):
-            key.attrib.pop(name, None)
-    compiler = top.find("compiler")
-    compiler = ET.SubElement(top, "compiler") if compiler is None else compiler
-    compiler.set("balanceinertia", "true")
-    return ET.tostring(top, encoding="unicode")
+def _set_bodies(model: Any, robot: Robot, values: Mapping[str, float]) -> None:
+    """Set the bodies that move; what is fixed to one is part of it."""
+    bodies = {b: np.array([values[f"{b}.{k}"] for k in INERTIAL_KINDS]) for b in robot.bodies}
+    for body, theta in share_out(robot, bodies).items():
+        b = model.body(body).id
+        whole = np.flatnonzero(model.body_weldid == model.body_weldid[b])
+        model.body_mass[whole], model.body_inertia[whole] = 0.0, 0.0
+        mass, centre, inertia = own_inertial(robot, body, theta)
+        moments, axes = np.linalg.eigh(inertia)
+        axes[:, 0] *= np.linalg.det(axes)
+        model.body_mass[b], model.body_ipos[b], model.body_inertia[b] = mass, centre, moments
+        mujoco.mju_mat2Quat(model.body_iquat[b], axes.ravel())
 
 
-def _add_closures(spec: Any, robot: Robot) -> None:
-    """Add the closures that the sidecar states, and couplings that the format does not carry."""
-    for index, loop in enumerate(robot.loops):
-        if loop.stated is None:
-            continue
-        names = [f"closure {index} {end}" for end in (0, 1)]
-        for name, (body, point) in zip(names, _whole_closure(robot, index), strict=True):
-            spec.body(body).add_site(name=name, pos=list(point))
-        _equate(spec, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE, names)
+def _add_couplings(spec: Any, robot: Robot) -> None:
+    """Add the couplings that the robot file does not state, or not so."""
     present = {e.name1 for e in spec.equalities if e.type == mujoco.mjtEq.mjEQ_JOINT}
-    for coupling in robot.couplings:
-        if coupling.joint in present:
-            continue
-        data = np.zeros(11)
-        data[: len(coupling.polynomial)] = coupling.polynomial
-        names = [coupling.joint, coupling.of or ""]
-        _equate(spec, mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT, names, data=data)
+    for c in robot.couplings:
+        if c.joint not in present:
+            kind = {"type": mujoco.mjtEq.mjEQ_JOINT, "objtype": mujoco.mjtObj.mjOBJ_JOINT}
+            own, of = f"coupling of {c.joint}", next(iter(c.terms), "")
+            spec.add_equality(name=own, name1=c.joint, name2=of, active=True, **kind)
 
 
-def _whole_closure(robot: Robot, index: int) -> list[tuple[str, Array]]:
-    """Return bodies and points of a closure that is demanded in all directions, as MuJoCo's are.
-
-    Raises
-    ------
-    RobotError
-        If it would hold what the loop leaves free.
-    """
-    loop = robot.loops[index]
-    assert loop.stated is not None
-    (first, at), (second, there) = loop.stated
-    frames = robot.tree.frames(robot.home[None], [loop.first.joint, loop.second.joint])
-    apart = robot.tree.world_point(frames, loop.first) - robot.tree.world_point(frames, loop.second)
-    if len(loop.axes) == 3:
-        return [(first, np.array(at)), (second, np.array(there))]
-    by = robot.tree.world_axes(frames, loop.second.joint, np.eye(3))[:, :, 0] @ apart[:, 0]
-    meeting = Point(loop.second.joint, loop.second.position + by)
-    held = replace(loop, second=meeting, axes=(0, 1, 2), frame=None)
-    loops = (*robot.loops[:index], held, *robot.loops[index + 1 :])
-    if count_independent(replace(robot, loops=loops)) > len(robot.dependent):
-        raise RobotError(
-            f"The loop '{loop.name}' of {robot.name} leaves a direction free, as a slot does, and "
-            "MuJoCo's closures hold all three: it is not simulated forward."
-        )
-    body = robot.model.frames[robot.model.getFrameId(second, pin.FrameType.BODY)].placement
-    return [(first, np.array(at)), (second, np.array(there) + np.array(body.rotation).T @ by)]
+def _set_couplings(model: Any, robot: Robot) -> None:
+    """Set the curves of couplings that were added: MuJoCo counts from where joints are drawn."""
+    names = {model.equality(k).name for k in range(model.neq)}
+    for c in robot.couplings:
+        own = f"coupling of {c.joint}"
+        if own in names:
+            drawn = [model.qpos0[model.joint(j).qposadr[0]] for j in (c.joint, *c.terms)]
+            curve = Polynomial(c.polynomial)(Polynomial([*drawn[1:], 1.0])) - drawn[0]
+            model.eq_data[model.equality(own).id, :POWERS] = 0.0
+            model.eq_data[model.equality(own).id, : len(curve.coef)] = curve.coef
 
 
 def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
@@ -204,17 +154,6 @@ def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
     spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT, **options)
 
 
-def _equate(spec: Any, kind: Any, of: Any, names: list[str], **options: Any) -> None:
-    ends = {"name1": names[0], "name2": names[1]}
-    spec.add_equality(type=kind, objtype=of, active=True, **ends, **options)
-
-
-def _add_tendon(spec: Any, name: str, weights: Mapping[str, float]) -> None:
-    tendon = spec.add_tendon(name=name)
-    for joint, coefficient in weights.items():
-        tendon.wrap_joint(joint, coefficient)
-
-
 # Where motors of a robot that is simulated forward act: at joints, or along straight tendons.
 
 
@@ -227,60 +166,53 @@ class Drives:
     """
 
     def __init__(self, kinematics: MujocoRobot) -> None:
-        self.model = kinematics.model
-        inside = kinematics.actuated < self.model.nv
-        #: Which actuated joints are joints of the model, and which are tendons.
-        self.joints, self.tendons = np.flatnonzero(inside), np.flatnonzero(~inside)
-        self.dofs = kinematics.actuated[inside]
-        self.addresses = kinematics.positions[inside]
-        #: Their tendons among those of the robot, which are in the order of the actuators.
-        self.cables = kinematics.actuated[~inside] - self.model.nv
-        self._lines = [kinematics.cables[k] for k in self.cables]
-        names = [kinematics.robot.cables[k].name for k in self.cables]
-        self._at = np.array([self.model.tendon(name).id for name in names], int)
+        self.model, self._lines = kinematics.model, kinematics.cables
+        #: Where they are in velocities and positions, which lengths of tendons follow.
+        self._dofs, self._at = kinematics.actuated, kinematics.positions
+        names = [cable.name for cable in kinematics.robot.cables]
+        self._tendons = np.array([self.model.tendon(name).id for name in names], int)
 
     def forces(self, force: Array, bias: tuple[Array, Array]) -> tuple[Array, Array]:
         """Return forces (K, n) of K copies as the model takes them, at joints and actuators.
 
         Less what is always taken off at joints (nv,) and cables (c,).
         """
-        joints, cables = (np.tile(-always, (len(force), 1)) for always in bias)
-        joints[:, self.dofs] += force[:, self.joints]
-        cables[:, self.cables] += force[:, self.tendons]
-        return joints, cables
+        full = np.zeros((len(force), self.model.nv + len(self._lines)))
+        full[:, self._dofs] = force
+        return full[:, : self.model.nv] - bias[0], full[:, self.model.nv :] - bias[1]
 
     @property
     def dry(self) -> Array:
         """Levels of dry friction, (n,)."""
-        out = np.empty(len(self.joints) + len(self.tendons))
-        out[self.joints] = self.model.dof_frictionloss[self.dofs]
-        out[self.tendons] = self.model.tendon_frictionloss[self._at]
-        return out
+        lines = self.model.tendon_frictionloss[self._tendons]
+        levels: Array = np.append(self.model.dof_frictionloss, lines)[self._dofs]
+        return levels
 
     @dry.setter
     def dry(self, levels: Array) -> None:
-        self.model.dof_frictionloss[self.dofs] = levels[self.joints]
-        self.model.tendon_frictionloss[self._at] = levels[self.tendons]
+        inside = self._dofs < self.model.nv
+        self.model.dof_frictionloss[self._dofs[inside]] = levels[inside]
+        lines = self._tendons[self._dofs[~inside] - self.model.nv]
+        self.model.tendon_frictionloss[lines] = levels[~inside]
 
     def positions(self, copies: Sequence[Any]) -> Array:
         """Return positions of K copies, (K, n)."""
-        out = np.empty((len(copies), len(self.joints) + len(self.tendons)))
-        out[:, self.joints] = np.array([data.qpos for data in copies])[:, self.addresses]
-        if self._lines:
-            for row, data in zip(out, copies, strict=True):
+        out = []
+        for data in copies:
+            if self._lines:
                 mujoco.mj_kinematics(self.model, data)
-                row[self.tendons] = [line.length(data) for line in self._lines]
-        return out
+            out.append(np.append(data.qpos, [c.length(data) for c in self._lines])[self._at])
+        return np.array(out)
 
     def rates(self, copies: Sequence[Any]) -> tuple[Array, Array]:
         """Return velocities and accelerations of K copies, (K, n) each."""
-        v, a = np.empty((2, len(copies), len(self.joints) + len(self.tendons)))
-        v[:, self.joints] = np.array([data.qvel for data in copies])[:, self.dofs]
-        a[:, self.joints] = np.array([data.qacc for data in copies])[:, self.dofs]
-        for k, line in zip(self.tendons, self._lines, strict=True):
-            for row, data in enumerate(copies):
-                slope, bent = (line.slope(self.model, data, dot=dot) for dot in (False, True))
-                v[row, k], a[row, k] = slope @ data.qvel, slope @ data.qacc + bent @ data.qvel
+        v, a = np.empty((2, len(copies), len(self._dofs)))
+        for k, data in enumerate(copies):
+            slopes = [-c.apart(self.model, data)[1][0] for c in self._lines]
+            bent = [-float(c.rate(self.model, data)[0] @ data.qvel) for c in self._lines]
+            v[k] = np.append(data.qvel, [x @ data.qvel for x in slopes])[self._dofs]
+            pulled = [x @ data.qacc + y for x, y in zip(slopes, bent, strict=True)]
+            a[k] = np.append(data.qacc, pulled)[self._dofs]
         return v, a
 
 
@@ -330,15 +262,16 @@ class ForwardRobot:
         places = (*robot.tree.single, *self._axes)
         terms = {n: JointTerms.of(values, n, parts) for n in places}
         numbers = {name: stated_numbers(of) for name, of in terms.items()}
-        joints = {name: numbers[name] for name in (*robot.tree.single, *robot.tendons)}
-        self._kinematics = MujocoRobot(robot, compile_forward(robot, values, joints, servo))
+        self._kinematics = MujocoRobot(robot, compile_forward(robot, values, servo))
         self.model = self._kinematics.model
         self._set_joints(numbers)
         self._bias = self._constant(terms)
         self._drives = Drives(self._kinematics)
         options = self.model.opt
         disabled = mujoco.mjtDisableBit
-        options.disableflags &= ~int(disabled.mjDSBL_CONSTRAINT | disabled.mjDSBL_ACTUATION)
+        # What the file switches off is in no value that is given.
+        on = disabled.mjDSBL_SPRING | disabled.mjDSBL_DAMPER | disabled.mjDSBL_FRICTIONLOSS
+        options.disableflags &= ~int(disabled.mjDSBL_CONSTRAINT | disabled.mjDSBL_ACTUATION | on)
         options.disableflags |= int(disabled.mjDSBL_LIMIT | disabled.mjDSBL_CONTACT)
         options.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 
@@ -371,14 +304,11 @@ class ForwardRobot:
 
     def _rest(self, name: str) -> float:
         """Return where a spring on a joint, tendon, motor or axis is relaxed [rad or m]."""
-        robot = self.robot
-        if name in robot.rest:
-            return robot.rest[name]
-        weights = self._axes.get(name, {name: 1.0})
-        at = {j: float(robot.dof_position(robot.home[None], j)[0]) for j in weights}
-        if name not in robot.combinations:  # a motor's is so where those of its joints are
-            at |= {j: robot.rest[j] for j in weights if j in robot.rest}
-        return sum(c * at[j] for j, c in weights.items())
+        axes = {a.name: a for a in (*self.robot.axes, *self.robot.passive_axes)}
+        if name in axes:
+            return rest_along(self.robot, axes[name])
+        at_home = float(self.robot.dof_position(self.robot.home[None], name)[0])
+        return self.robot.rest.get(name, at_home)
 
     def _set_tendon(self, t: int, numbers: Mapping[str, float], rest: float) -> None:
         for word, value in numbers.items():

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
+from scipy.interpolate import CubicSpline
 
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import LogError, listing, near_match
@@ -19,7 +20,6 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.gaps import Gaps, fill
 from identifiability.logs.mend import check_units
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.source import read_table
@@ -171,13 +171,19 @@ def shipped_trajectory(robot: Robot, name: str) -> Trajectory:
             f"'{name}' is neither a motion file nor a known trajectory: {robot.name} comes without "
             "trajectories; give a CSV with t and <joint>.q, or 'random'."
         )
-    known = read_trajectories(path, robot)
-    if name not in known:
+    return _chosen(read_trajectories(path, robot), name, f"for {robot.name}")
+
+
+def _chosen(known: Mapping[str, Trajectory], name: str, where: str) -> Trajectory:
+    """Return a trajectory of a file by name, the first without one."""
+    if not known:
+        raise LogError("The file holds no trajectory; give one under 'trajectories'.")
+    if name and name not in known:
         raise LogError(
-            f"There is no motion file or trajectory '{name}' for {robot.name}"
-            f"{near_match(name, known)} It has {', '.join(known)}; 'random' draws one."
+            f"There is no motion file or trajectory '{name}' {where}{near_match(name, known)} It "
+            f"has {', '.join(known)}; 'random' draws one."
         )
-    return known[name]
+    return known[name or next(iter(known))]
 
 
 #: Reach about home, speed and acceleration of joints without limits: (rotary [rad], sliding [m]).
@@ -253,17 +259,10 @@ def find_motion(
         )
     stem, colon, name = source.partition(".json:")
     if colon or source.endswith(".json"):
-        path = f"{stem}.json" if colon else source
-        known = read_trajectories(path, robot)
-        if not known:
-            raise LogError(f"{path} holds no trajectory; give one under 'trajectories'.")
-        chosen = name or next(iter(known))
-        if chosen not in known:
-            raise LogError(
-                f"{path} has no trajectory '{chosen}'{near_match(chosen, known)} It has "
-                f"{', '.join(known)}."
-            )
-        return PrescribedMotion.of(known[chosen], samples)
+        path = Path(f"{stem}.json" if colon else source)
+        return PrescribedMotion.of(
+            _chosen(read_trajectories(path, robot), name, f"in {path}"), samples
+        )
     if Path(source).suffix.lower() in (".csv", ".parquet", ".pq"):
         return _from_file(robot, source)
     return PrescribedMotion.of(shipped_trajectory(robot, source), samples)
@@ -280,19 +279,20 @@ def _from_file(robot: Robot, source: str) -> PrescribedMotion:
     check_units(robot, [log])
     if log.dq is not None and log.ddq is not None:
         return PrescribedMotion(log.t, log.q, log.dq, log.ddq, log.name)
-    t, q, gaps = log.t, log.q, Gaps.of(log.name, log.clock, [log.t])
-    grid = gaps.divide(np.inf)
-    dt, few = gaps.step, gaps.lost.sum() <= len(log)
-    if grid is not None and few:  # lost samples are bridged as where a log is fitted
-        gaps.check(len(log))
-        at = grid.places(0, len(log))
-        t, q = fill(t, at), fill(q, at)
+    dt, gaps = signals.sampling_step(log.t), np.diff(log.t)
+    grid = np.round((log.t - log.t[0]) / dt).astype(int)
+    if grid[-1] > 2 * len(grid) or np.diff(grid).min() < 1:
+        raise LogError(f"{log.name} is not sampled evenly, as a motion is; give it on even times.")
+    # Lost samples are bridged as where a log is fitted.
+    t, q = log.t[0] + dt * np.arange(grid[-1] + 1), log.q
+    if len(t) > len(q):
+        q = CubicSpline(log.t, q)(t)
     cutoff = choose_band([Spectrum.of([q], dt)]).outputs
-    long = gaps.length > LOG_RULES.gap_bridged / cutoff
-    if long.any() or not few:
+    longest = int(np.argmax(gaps))
+    if gaps[longest] > LOG_RULES.gap_bridged / cutoff:
         raise LogError(
-            f"{log.name} has a gap of {gaps.tell(long | (not few))}; velocity and acceleration "
-            "cannot be computed across it: split the log there."
+            f"{log.name} has a gap of {gaps[longest]:.2g} s after t = {log.t[longest]:.4g} s; "
+            "velocity and acceleration cannot be computed across it: split the log there."
         )
     smooth = signals.lowpass(q, dt, cutoff)
     dq = signals.differentiate(smooth, dt)

@@ -6,10 +6,12 @@ A robot file as MuJoCo compiles it; loops, couplings and straight tendons in MuJ
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import ClosureError, RobotError
 from identifiability.foundation.linalg import ROUNDOFF
@@ -19,41 +21,78 @@ from identifiability.robot import Robot
 from identifiability.robot.files import release_root
 from identifiability.robot.floating import BASE_JOINTS
 from identifiability.robot.markup import drop_repeated, read_markup
-from identifiability.robot.mjcf import AXES, compile_mjcf, quiet
-from identifiability.robot.parts import Loop
+from identifiability.robot.mjcf import AXES, quiet, read_spec
 
 # A robot file as MuJoCo compiles it, and its loops and couplings in MuJoCo's terms.
 
 
+_EQ = mujoco.mjtEq
+
+
 def load_file(robot: Robot) -> Any:
     """Load the robot file; a URDF loses its meshes, which have no part in the dynamics."""
+    return compile_robot(robot, robot_spec(robot))
+
+
+@quiet()
+def robot_spec(robot: Robot, *, balance: str = "false") -> Any:
+    """Return the robot file before it is compiled (mujoco.MjSpec); what floats has six joints.
+
+    Loops of the sidecar, which go before those of the file, are connections of sites.
+
+    Raises
+    ------
+    RobotError
+    """
     try:
-        root = ET.parse(robot.path).getroot()
-        if robot.path.suffix.lower() == ".urdf" or root.tag == "robot":
-            model = _load_urdf(robot, root)
-        else:
-            root = read_markup(robot.path)
+        if robot.mjcf:
             which = None if robot.base is None else robot.base.which
             how: dict[str, Any] = {"fixed": robot.bolted, "floating": which}
-            model = compile_mjcf(robot.path, root, robot.outside, **how)
+            spec = read_spec(robot.path, read_markup(robot.path), robot.outside, **how)
+            return _with_loops(spec, robot)
+        said = "floating" if robot.base is not None else "fixed" if robot.bolted else None
+        root, _ = release_root(ET.parse(robot.path).getroot(), said)
+        spec = mujoco.MjSpec.from_string(bare_urdf(root, balance))
+    except (ValueError, OSError) as error:
+        raise RobotError(f"MuJoCo cannot load {robot.path}: {reason_of(error)}.") from None
+    if robot.base is not None:
+        top = spec.worldbody.bodies[0]
+        for k, name in enumerate(BASE_JOINTS):
+            kind = mujoco.mjtJoint.mjJNT_SLIDE if k < len(AXES) else mujoco.mjtJoint.mjJNT_HINGE
+            top.add_joint(name=name, type=kind, axis=AXES[k % len(AXES)])
+    return _with_loops(spec, robot)
+
+
+def _with_loops(spec: Any, robot: Robot) -> Any:
+    stated = [loop.stated for loop in robot.loops if loop.stated is not None]
+    own = (_EQ.mjEQ_CONNECT, _EQ.mjEQ_WELD)
+    idle = bool(stated) or not robot.loops  # a flag of the file may open them all
+    for element in [e for e in spec.equalities if idle and e.type in own]:
+        spec.delete(element)
+    for index, ends in enumerate(stated):
+        names = [f"closure {index} {end}" for end in (0, 1)]
+        for name, (body, point) in zip(names, ends, strict=True):
+            spec.body(body).add_site(name=name, pos=list(point))
+        kind = {"type": _EQ.mjEQ_CONNECT, "objtype": mujoco.mjtObj.mjOBJ_SITE}
+        spec.add_equality(name1=names[0], name2=names[1], active=True, **kind)
+    return spec
+
+
+@quiet()
+def compile_robot(robot: Robot, spec: Any) -> Any:
+    """Return the model of a spec, in which gravity is that of the robot.
+
+    Raises
+    ------
+    RobotError
+    """
+    try:
+        model = spec.compile()
     except (ValueError, OSError) as error:
         raise RobotError(f"MuJoCo cannot load {robot.path}: {reason_of(error)}.") from None
     if robot.upright is not None or robot.base is not None:
         model.opt.gravity[:] = robot.gravity
     return model
-
-
-def _load_urdf(robot: Robot, root: ET.Element) -> Any:
-    """Load a URDF; what floats hangs on six joints."""
-    if robot.base is None:
-        said = "fixed" if robot.bolted else None
-        return mujoco.MjModel.from_xml_string(bare_urdf(release_root(root, said)[0], "false"))
-    spec = mujoco.MjSpec.from_string(bare_urdf(release_root(root, "floating")[0], "false"))
-    top = spec.worldbody.bodies[0]
-    for k, name in enumerate(BASE_JOINTS):
-        kind = mujoco.mjtJoint.mjJNT_SLIDE if k < len(AXES) else mujoco.mjtJoint.mjJNT_HINGE
-        top.add_joint(name=name, type=kind, axis=AXES[k % len(AXES)])
-    return spec.compile()
 
 
 def bare_urdf(root: ET.Element, balance: str) -> str:
@@ -74,115 +113,60 @@ def reason_of(error: Exception) -> str:
     return " ".join(str(error).split())[:300].rstrip(".")
 
 
-# Point closures of a robot on the other road, in MuJoCo's terms.
+# What ties coordinates of a robot together on the other road, in MuJoCo's terms: each tells how far
+# it is open with the derivative of that, and how that derivative changes in time.
 
 
 @frozen
 class PointClosure:
-    """A point closure: two bodies and a point in the frame of each.
+    """Two bodies, and a point in the frame of each, which shall coincide."""
 
-    Attributes
-    ----------
-    body : (int, int)
-    point : two (3,) [m]
-    axes : tuple of int
-        Directions in which it is demanded.
-    frame : int
-        The body whose directions they are, the world by default.
-    """
-
-    body: tuple[int, int]
-    point: tuple[Array, Array]
-    axes: tuple[int, ...] = (0, 1, 2)
-    frame: int = 0
-
-    def points(self, data: Any) -> list[Array]:
-        """Return where both points are, (3,) each [m]."""
-        ends = zip(self.body, self.point, strict=True)
-        return [data.xpos[body] + data.xmat[body].reshape(3, 3) @ point for body, point in ends]
-
-    def _turn(self, data: Any) -> Array:
-        turn: Array = data.xmat[self.frame].reshape(3, 3).T
-        return turn
+    bodies: tuple[int, int]
+    points: tuple[Array, Array]
 
     def apart(self, model: Any, data: Any) -> tuple[Array, Array]:
-        """Return how far the points are apart as demanded (k,) [m], and its derivative (k, nv)."""
-        points = self.points(data)
-        error, change = points[0] - points[1], self._moved(model, data, points, mujoco.mj_jac)
-        if self.frame:
-            error, change = self._turn(data) @ error, self._turn(data) @ change
-        return error[[*self.axes]], change[[*self.axes]]
+        """Return how far the points are apart (3,) [m], and its derivative (3, nv)."""
+        places = self._places(data)
+        return places[0] - places[1], self._moved(model, data, mujoco.mj_jac)
 
-    def gradient_rate(self, model: Any, data: Any) -> Array:
-        """Return the time derivative of that derivative, (k, nv)."""
-        points = self.points(data)
-        rate = self._moved(model, data, points, mujoco.mj_jacDot)
-        if self.frame:
-            turn, seen = self._turn(data), self._moved(model, data, points, mujoco.mj_jac)
-            rate = turn @ rate
-            spin = np.zeros((3, model.nv))
-            mujoco.mj_jac(model, data, None, spin, np.zeros(3), self.frame)
-            rate += turn @ np.cross(seen @ data.qvel, spin, axisb=0, axisc=0)
-            rate += np.cross(spin @ data.qvel, turn) @ seen
-        return np.asarray(rate[[*self.axes]])
+    def rate(self, model: Any, data: Any) -> Array:
+        """Return the time derivative of that derivative, (3, nv)."""
+        return self._moved(model, data, mujoco.mj_jacDot)
 
-    def _moved(self, model: Any, data: Any, points: list[Array], jacobian: Any) -> Array:
-        """Return by what joints move the points apart, as seen from the frame, (3, nv)."""
+    def _places(self, data: Any) -> list[Array]:
+        ends = zip(self.bodies, self.points, strict=True)
+        return [data.xpos[body] + data.xmat[body].reshape(3, 3) @ point for body, point in ends]
+
+    def _moved(self, model: Any, data: Any, jacobian: Any) -> Array:
         J = np.zeros((2, 3, model.nv))
-        for end, at, body in zip(J, points, self.body, strict=True):
+        for end, at, body in zip(J, self._places(data), self.bodies, strict=True):
             jacobian(model, data, end, None, at, body)
-        total: Array = J[0] - J[1]
-        if self.frame:
-            for end, at in zip(J, points, strict=True):
-                jacobian(model, data, end, None, at, self.frame)
-            total -= J[0] - J[1]
-        return total
+        return np.asarray(J[0] - J[1])
 
 
 def find_closures(model: Any, robot: Robot) -> list[PointClosure]:
-    """Return the point closures of the MJCF, or of the sidecar where it has its own."""
-    if any(loop.stated is not None for loop in robot.loops):
-        return [_stated(model, loop) for loop in robot.loops]
+    """Return the point closures of a model that `robot_spec` has made."""
     out = []
     for k in range(model.neq if robot.loops else 0):  # a flag of the file may open them all
-        weld = model.eq_type[k] == mujoco.mjtEq.mjEQ_WELD
-        if not (weld or model.eq_type[k] == mujoco.mjtEq.mjEQ_CONNECT) or not model.eq_active0[k]:
+        weld = model.eq_type[k] == _EQ.mjEQ_WELD
+        if not (weld or model.eq_type[k] == _EQ.mjEQ_CONNECT) or not model.eq_active0[k]:
             continue
-        first, second = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
-        data, turns = model.eq_data[k], [np.array([1.0, 0.0, 0.0, 0.0])] * 2
+        bodies, data = [int(model.eq_obj1id[k]), int(model.eq_obj2id[k])], model.eq_data[k]
+        points, turns = [data[:3], data[3:6]], np.eye(4)[[0, 0]]
         if model.eq_objtype[k] == mujoco.mjtObj.mjOBJ_SITE:
-            bodies = (int(model.site_bodyid[first]), int(model.site_bodyid[second]))
-            points = (np.array(model.site_pos[first]), np.array(model.site_pos[second]))
-            turns = [model.site_quat[first], model.site_quat[second]]
+            points, turns = model.site_pos[bodies], model.site_quat[bodies]
+            bodies = model.site_bodyid[bodies].tolist()
         elif weld:
-            bodies, points = (first, second), (np.array(data[3:6]), np.array(data[:3]))
-            turns[0] = data[6:10]
-        else:
-            bodies, points = (first, second), (np.array(data[:3]), np.array(data[3:6]))
-        out.append(PointClosure(bodies, points))
-        if weld and data[10]:  # with their torque bodies share two more points
-            out += [PointClosure(bodies, _shifted(points, turns, e)) for e in np.eye(3)[:2]]
+            points, turns[0] = points[::-1], data[6:10]
+        # With its torque a weld holds two more points.
+        for by in [np.zeros(3), *np.eye(3)[: 2 * bool(weld and data[10])]]:
+            shifted = np.array(points)
+            for point, turn in zip(shifted, turns, strict=True):
+                away = np.zeros(3)
+                mujoco.mju_rotVecQuat(away, by, np.array(turn))
+                point[:] += away
+            out.append(PointClosure((bodies[0], bodies[1]), (shifted[0], shifted[1])))
     return out
-
-
-def _stated(model: Any, loop: Loop) -> PointClosure:
-    assert loop.stated is not None
-    (first, at), (second, there) = loop.stated
-    bodies = (int(model.body(first).id), int(model.body(second).id))
-    frame = 0 if loop.frame is None else int(model.body(loop.frame.body).id)
-    return PointClosure(bodies, (np.array(at), np.array(there)), loop.axes, frame)
-
-
-def _shifted(points: tuple[Array, Array], turns: list[Array], by: Array) -> tuple[Array, Array]:
-    """Return points that lie some way from others along the axes of two turned frames."""
-    out = [np.zeros(3), np.zeros(3)]
-    for end, (point, turn) in enumerate(zip(points, turns, strict=True)):
-        mujoco.mju_rotVecQuat(out[end], by, np.array(turn))
-        out[end] += point
-    return out[0], out[1]
-
-
-# Straight tendons of a robot file in MuJoCo's terms, read from the compiled model itself.
 
 
 @frozen
@@ -197,28 +181,34 @@ class StraightCable:
                  for a, b, part in self.sites]  # fmt: skip
         return float(sum(apart))
 
-    def slope(self, model: Any, data: Any, *, dot: bool) -> Array:
-        """Return the derivative of the length, (nv,), or that derivative's by time times speed."""
-        total = np.zeros(model.nv)
+    def apart(self, model: Any, data: Any) -> tuple[Array, Array]:
+        """Return what its length takes off its coordinate, (1,) [m], and its derivative."""
+        slope = np.zeros((1, model.nv))
+        for a, b, part in self.sites:
+            apart = data.site_xpos[b] - data.site_xpos[a]
+            along = apart / np.linalg.norm(apart)
+            slope -= part * along @ self._moved(model, data, a, b, mujoco.mj_jac)
+        return np.array([-self.length(data)]), slope
+
+    def rate(self, model: Any, data: Any) -> Array:
+        """Return the time derivative of that derivative, (1, nv)."""
+        out = np.zeros((1, model.nv))
         for a, b, part in self.sites:
             apart = data.site_xpos[b] - data.site_xpos[a]
             length = float(np.linalg.norm(apart))
-            along, moved = apart / length, self._apart(model, data, a, b, mujoco.mj_jac)
-            if not dot:
-                total += part * along @ moved
-                continue
+            along, moved = apart / length, self._moved(model, data, a, b, mujoco.mj_jac)
             across = (moved @ data.qvel) @ (np.eye(3) - np.outer(along, along)) @ moved
-            bent = along @ self._apart(model, data, a, b, mujoco.mj_jacDot)
-            total += part * (bent + across / length)
-        return total
+            bent = along @ self._moved(model, data, a, b, mujoco.mj_jacDot)
+            out -= part * (bent + across / length)
+        return out
 
     @staticmethod
-    def _apart(model: Any, data: Any, a: int, b: int, jacobian: Any) -> Array:
+    def _moved(model: Any, data: Any, a: int, b: int, jacobian: Any) -> Array:
         """Return by what the joints move one site away from the other, (3, nv)."""
-        ends = [np.zeros((3, model.nv)), np.zeros((3, model.nv))]
+        ends = np.zeros((2, 3, model.nv))
         for J, site in zip(ends, (a, b), strict=True):
             jacobian(model, data, J, None, data.site_xpos[site], int(model.site_bodyid[site]))
-        return ends[1] - ends[0]
+        return np.asarray(ends[1] - ends[0])
 
 
 def find_cables(model: Any, robot: Robot) -> list[StraightCable]:
@@ -240,58 +230,32 @@ def find_cables(model: Any, robot: Robot) -> list[StraightCable]:
     return out
 
 
-# Couplings of joints on the other road, joint by joint in MuJoCo's indices.
-
-
 @frozen
 class JointCoupling:
-    """A coupling in MuJoCo's terms: a joint less a sum of polynomials of sums of joints is zero.
+    """A joint that is a constant and polynomials of others, by names of the robot file."""
 
-    Attributes
-    ----------
-    joint : (int, int)
-        Index of the joint that follows, in velocities and in positions.
-    terms : tuple
-        Of each polynomial: indices in velocities and in positions, weights, and the polynomial.
-    """
+    joint: str
+    constant: float
+    terms: tuple[tuple[str, Polynomial], ...]
 
-    joint: tuple[int, int]
-    terms: tuple[tuple[list[int], list[int], Array, Any], ...]
+    def apart(self, model: Any, data: Any) -> tuple[Array, Array]:
+        """Return what it is violated by, (1,), and its derivative (1, nv)."""
+        row, follows = np.zeros((1, model.nv)), model.joint(self.joint)
+        row[0, follows.dofadr[0]] = 1.0
+        error = data.qpos[follows.qposadr[0]] - self.constant
+        for name, poly in self.terms:
+            of = model.joint(name)
+            error -= poly(data.qpos[of.qposadr[0]])
+            row[0, of.dofadr[0]] -= poly.deriv()(data.qpos[of.qposadr[0]])
+        return np.array([error]), row
 
-    def error(self, q: Array) -> float:
-        """Return what the coupling is violated by at positions (nq,)."""
-        return float(q[self.joint[1]] - sum(poly(w @ q[at]) for _, at, w, poly in self.terms))
-
-    def gradient(self, q: Array, size: int) -> Array:
-        """Return its gradient in velocities at positions (nq,), (1, size)."""
-        row = np.zeros((1, size))
-        row[0, self.joint[0]] = 1.0
-        for dofs, at, w, poly in self.terms:
-            row[0, dofs] -= poly.deriv()(w @ q[at]) * w
+    def rate(self, model: Any, data: Any) -> Array:
+        """Return the time derivative of that derivative, (1, nv)."""
+        row = np.zeros((1, model.nv))
+        for name, poly in self.terms:
+            dof, at = model.joint(name).dofadr[0], model.joint(name).qposadr[0]
+            row[0, dof] -= poly.deriv(2)(data.qpos[at]) * data.qvel[dof]
         return row
-
-    def gradient_rate(self, q: Array, v: Array) -> Array:
-        """Return the time derivative of the gradient at velocities (nv,), (1, nv)."""
-        row = np.zeros((1, len(v)))
-        for dofs, at, w, poly in self.terms:
-            row[0, dofs] -= poly.deriv(2)(w @ q[at]) * (w @ v[dofs]) * w
-        return row
-
-
-def find_couplings(model: Any, robot: Robot) -> list[JointCoupling]:
-    """Return the joint couplings of a robot."""
-    out = []
-    for c in robot.couplings:
-        joint = model.joint(c.joint)
-        terms = []
-        for term in c.terms:
-            joints = [model.joint(name) for name in term.weights]
-            dofs = [int(j.dofadr[0]) for j in joints]
-            at = [int(j.qposadr[0]) for j in joints]
-            weights = np.array([*term.weights.values()], float)
-            terms.append((dofs, at, weights, np.polynomial.Polynomial(term.polynomial)))
-        out.append(JointCoupling((int(joint.dofadr[0]), int(joint.qposadr[0])), tuple(terms)))
-    return out
 
 
 # The other road from motion to torque: MuJoCo's inverse dynamics along a prescribed motion.
@@ -346,37 +310,30 @@ class MujocoRobot:
         self.model.tendon_stiffness[:] = 0
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self.model.opt.enableflags = 0
-        #: Coordinates are those of the model, and the lengths of its straight tendons.
-        self.size = self.model.nv + len(robot.cables)
-        self.actuated = np.array([self._dof(j) for j in robot.joints], int)
-        self.positions = np.array([self._address(j) for j in robot.joints], int)
+        m = self.model
+        #: Where joints are in velocities and positions, which lengths of straight tendons follow.
+        self.places = {
+            m.joint(j).name: (int(m.jnt_dofadr[j]), int(m.jnt_qposadr[j])) for j in range(m.njnt)
+        }
+        self.places |= {c.name: (m.nv + k, m.nq + k) for k, c in enumerate(robot.cables)}
+        missing = [j for j in (*robot.joints, *robot.locked) if j not in self.places]
+        if missing:
+            raise RobotError(f"MuJoCo does not find the joint '{missing[0]}' in {robot.path}.")
+        self.size = m.nv + len(robot.cables)
+        self.actuated, self.positions = np.array([self.places[j] for j in robot.joints], int).T
         self.cables = find_cables(self.model, robot)
         #: Locked joints are in the file; prescribed to stand still, they need not be welded.
-        self.locked = np.array([self._dof(j) for j in robot.locked], int)
+        self.locked = np.array([self.places[j][0] for j in robot.locked], int)
         self.passive = np.setdiff1d(np.arange(self.size), [*self.actuated, *self.locked])
-        self.closures = find_closures(self.model, robot)
-        self.couplings = find_couplings(self.model, robot)
+        couplings = [
+            JointCoupling(
+                c.joint, c.constant, tuple((j, Polynomial(p)) for j, p in c.terms.items())
+            )
+            for c in robot.couplings
+        ]
+        #: What ties the coordinates together, straight tendons last.
+        self.ties: list[Any] = [*find_closures(self.model, robot), *couplings, *self.cables]
         self._A = np.zeros((0, self.size))
-
-    def _joint(self, name: str) -> Any:
-        try:
-            return self.model.joint(name)
-        except KeyError:
-            raise RobotError(
-                f"MuJoCo does not find the joint '{name}' in {self.robot.path}."
-            ) from None
-
-    def _dof(self, name: str) -> int:
-        at = self._cable(name)
-        return int(self._joint(name).dofadr[0]) if at is None else self.model.nv + at
-
-    def _address(self, name: str) -> int:
-        at = self._cable(name)
-        return int(self._joint(name).qposadr[0]) if at is None else self.model.nq + at
-
-    def _cable(self, name: str) -> int | None:
-        names = [cable.name for cable in self.robot.cables]
-        return names.index(name) if name in names else None
 
     @quiet()
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> RigidTorque:
@@ -387,9 +344,10 @@ class MujocoRobot:
         ClosureError
             If the loops do not close at some sample.
         """
-        named = self._named()
-        columns, dofs = [k for k, _ in named], [self._dof(d) for _, d in named]
-        at, rows = [self._address(d) for _, d in named], np.searchsorted(self.passive, dofs)
+        columns = [k for k, d in enumerate(self.robot.passive) if d in self.places]
+        own = [self.places[self.robot.passive[k]] for k in columns]
+        dofs, at = [dof for dof, _ in own], [address for _, address in own]
+        rows = np.searchsorted(self.passive, dofs)
         n, m = q.shape[1], len(self.robot.dependent)
         tau, slope = np.zeros_like(q), np.zeros((len(q), m, n))
         passive = np.zeros((3, len(q), m))
@@ -410,21 +368,15 @@ class MujocoRobot:
             slope[k, columns] = X[rows]
         return RigidTorque(tau, passive[0], passive[1], passive[2], slope)
 
-    def _named(self) -> list[tuple[int, str]]:
-        """Return the passive one-dof joints with their place among the robot's passive ones."""
-        names = {self.model.joint(j).name for j in range(self.model.njnt)}
-        names |= {cable.name for cable in self.robot.cables}
-        return [(k, d) for k, d in enumerate(self.robot.passive) if d in names]
-
     def home(self) -> Array:
         """Return the configuration that selects the assembly, (nq,)."""
         home = np.append(self.model.qpos0, np.zeros(len(self.cables)))
         q = self.robot.home
         for name, position in self.robot.locked.items():
-            home[int(self._joint(name).qposadr[0])] = position
+            home[self.places[name][1]] = position
         for j in self.robot.tree.joints:
             name = j.dofs[0] if j.nv == 1 else j.dofs[0].rpartition(".")[0]
-            at = self._address(name)
+            at = self.places[name][1]
             if j.nv == 1:
                 home[at] = self.robot.dof_position(q[None], name)[0]
             else:  # a quaternion begins with its real part there
@@ -457,7 +409,7 @@ class MujocoRobot:
     @property
     def closed(self) -> bool:
         """Whether there are loops."""
-        return bool(self.closures or self.couplings or self.cables)
+        return bool(self.ties)
 
     def _close(self, full: Array) -> bool:
         """Close the loops by Newton steps of the passive joints; `full` is changed in place."""
@@ -485,22 +437,17 @@ class MujocoRobot:
 
     def _apart(self, full: Array) -> tuple[Array, Array]:
         """Return the loop errors (k,) and their Jacobian (k, size)."""
-        q, nv = self.data.qpos, self.model.nv
-        closed = [c.apart(self.model, self.data) for c in self.closures]
-        errors: list[Any] = [e for e, _ in closed] + [[c.error(q)] for c in self.couplings]
-        drawn = zip(full[self.model.nq :], self.cables, strict=True)
-        errors += [[x - c.length(self.data)] for x, c in drawn]
-        rows = [A for _, A in closed] + [c.gradient(q, nv) for c in self.couplings]
-        rows += [-c.slope(self.model, self.data, dot=False)[None] for c in self.cables]
-        return np.concatenate(errors), self._beside(rows, np.eye(len(self.cables)))
+        errors, rows = zip(*(tie.apart(self.model, self.data) for tie in self.ties), strict=True)
+        error, lengths = np.concatenate(errors), full[self.model.nq :]
+        error[len(error) - len(lengths) :] += lengths
+        return error, self._beside(rows, np.eye(len(lengths)))
 
-    def _beside(self, rows: list[Array], lengths: Array) -> Array:
+    def _beside(self, rows: Sequence[Array], lengths: Array) -> Array:
         """Return rows over the joints with what the lengths of cables add to the last of them."""
         joints = np.concatenate(rows)
         out = np.zeros((len(joints), self.size))
         out[:, : self.model.nv] = joints
-        if len(lengths):
-            out[-len(lengths) :, self.model.nv :] = lengths
+        out[len(joints) - len(lengths) :, self.model.nv :] = lengths
         return out
 
     def slope(self) -> Array:
@@ -514,9 +461,7 @@ class MujocoRobot:
             return np.zeros(len(self.passive))
         self.data.qvel[:] = v[: self.model.nv]
         mujoco.mj_comVel(self.model, self.data)
-        rows = [c.gradient_rate(self.model, self.data) for c in self.closures]
-        rows += [c.gradient_rate(self.data.qpos, self.data.qvel) for c in self.couplings]
-        rows += [-c.slope(self.model, self.data, dot=True)[None] for c in self.cables]
-        bias = self._beside(rows, np.zeros((0, 0))) @ v
+        rows = [tie.rate(self.model, self.data) for tie in self.ties]
+        bias = np.concatenate(rows) @ v[: self.model.nv]
         a: Array = np.linalg.lstsq(self._A[:, self.passive], -bias, rcond=None)[0]
         return a

@@ -48,7 +48,6 @@ from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.regression.reduction import ModelLike, choose_model, find_ladder, ladder_model
 from identifiability.regression.structure import OfStructure, Structure, group_columns
 from identifiability.robot import Robot, RobotLike
-from identifiability.robot.description import stated_speeds
 from identifiability.robot.parts import Coupling
 from identifiability.robot.sidecar import read_sidecar
 from identifiability.workflows.alternatives import find_alternative
@@ -139,7 +138,7 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
     actuated = {int(dof): k for k, dof in enumerate(robot.actuated)}
     kinds: dict[str, str] = {d: j.kind for j in robot.tree.joints for d in j.dofs}
     kinds |= dict.fromkeys((t.name for t in robot.cables), "tendon")
-    facts, speeds = [], stated_speeds(robot)
+    facts, speeds = [], robot.speed_limits
     for dof, name in enumerate(robot.dofs):
         unit = "m" if robot.is_prismatic(dof) else "rad"
         if dof in actuated:
@@ -167,16 +166,10 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
 
 
 def _equation(coupling: Coupling) -> str:
-    terms = []
-    for term in coupling.terms:
-        of = _sum_of(term.weights) if term.weights else ""
-        if list(term.weights.values()) == [1.0]:
-            (of,) = term.weights
-        elif (of and len(np.trim_zeros(term.polynomial, "b")) > 2) or len(term.weights) > 1:
-            of = f"({of})"
-        powers = ("", f"·{of}", *(f"·{of}^{k}" for k in range(2, 6)))
-        values = zip(term.polynomial, powers, strict=False)
-        terms += [f"{c:.4g}{power}" for c, power in values if c]
+    terms = [f"{coupling.constant:.4g}"] if coupling.constant else []
+    for of, poly in coupling.terms.items():
+        powers = (f"·{of}", *(f"·{of}^{k}" for k in range(2, 6)))
+        terms += [f"{c:.4g}{power}" for c, power in zip(poly[1:], powers, strict=False) if c]
     return " + ".join(terms) or "0"
 
 
@@ -258,7 +251,7 @@ def _missing_numbers(robot: Robot) -> list[Need]:
     driven = np.isin(robot.joints, robot.motor_joints)
     joint = (*robot.motor_joints, *robot.joints)[0]
     open_ends = [j for j in robot.motor_joints if np.isinf(limited[j]).any()]
-    fast = np.isinf(stated_speeds(robot)[driven]).any()
+    fast = np.isinf(robot.speed_limits[driven]).any()
     jerky = np.isinf(robot.acceleration_limits[driven]).any()
     if open_ends or fast or jerky:
         open_ = {"position": open_ends, "speed": fast, "acceleration": jerky}

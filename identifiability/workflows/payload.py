@@ -51,7 +51,7 @@ from identifiability.regression.reduction import DEFAULT_EFFECTS, full_model
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.robot.changed import Point, body_of, ten_parameters
+from identifiability.robot.robot import Point, body_of, ten_parameters
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.compare import (

@@ -29,7 +29,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.tables import write_table
 from identifiability.robot import Robot, RobotLike
-from identifiability.robot.changed import new_place
+from identifiability.robot.robot import new_place
 from identifiability.robot.servo import state_delay
 from identifiability.simulation.rollout import NO_SERVO, CommandedRobot, forgotten
 from identifiability.simulation.rules import RULES as SIMULATION_RULES

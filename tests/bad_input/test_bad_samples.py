@@ -1,7 +1,5 @@
 """One wrong value in a log is named by every verb, and does not decide what they answer."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,6 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.mend import mend_logs
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.excite import excite
 from identifiability.workflows.opening import read_recordings
 
 ROW = 301  # counted from 1
@@ -68,17 +65,6 @@ def test_it_is_named_and_weighs_nothing(frame, fault, analysed):
     assert [v.verdict for v in bad.full.verdicts] == [v.verdict for v in good.full.verdicts]
 
 
-@pytest.mark.everything
-def test_prune_and_diagnose_name_it_fitted_or_held_out(frame):
-    spoilt, _ = spoil(frame, "torque times 1000")
-    good, bad = Log.from_frame(frame.iloc[::2], "good"), Log.from_frame(spoilt, "bad")
-    for found in (
-        prune("two-link", good, Log.from_frame(spoilt.iloc[1:], "bad"), replicates=20),
-        diagnose("two-link", bad, quick=True, forward=False),
-    ):
-        assert any(h.startswith("bad: one value lies") and "elbow.tau" in h for h in found.hints)
-
-
 def test_a_burst_that_is_no_single_sample_is_told_by_every_verb(frame):
     frame.loc[300:311, "elbow.tau"] *= 10
     log = Log.from_frame(frame, "a")
@@ -92,48 +78,11 @@ def test_a_burst_that_is_no_single_sample_is_told_by_every_verb(frame):
         assert hint.startswith(("a from t = 2.", "a, part 1 from t = 2."))
 
 
-@pytest.mark.everything
-def test_the_command_line_says_it_on_the_page_and_in_the_file(frame, command, write, tmp_path):
-    spoilt, named = spoil(frame.iloc[: ROW + 49], "torque times 1000")
-    path, result, page = write("log.csv", spoilt), tmp_path / "out.json", tmp_path / "out.html"
-    out = command(
-        "analyze", "two-link", path, "--json", result, "--report", page, "--no-posterior", "--quick"
-    )
-    assert out.exit_code == 0, out.output
-    assert "log.csv: one value lies far" in out.output
-    (hint,) = json.loads(result.read_text())["hints"]
-    assert named in hint
-    assert f"data row {ROW}" in page.read_text()
-    out = command("calibrate", "two-link", path, "--replicates", 4, "--names", 0, "--quick")
-    assert out.exit_code == 0, out.output
-    assert "log.csv: one value lies far" in out.output
-
-
-def test_a_motion_is_not_searched_beside_it(frame):
-    spoilt, named = spoil(frame, "a velocity off")
-    log, options = Log.from_frame(spoilt, "a"), {"evaluations": 1, "samples": 100}
-    found = excite("two-link", start_from=log, **options)
-    assert named in found.hints[0]
-    wanted = excite("two-link", start_from=Log.from_frame(frame, "a"), **options)
-    (shapes,) = wanted.hints
-    assert "no shapes that can collide" in shapes
-    assert found.before.figure == pytest.approx(wanted.before.figure, rel=1e-3)
-
-
 def test_a_log_without_wrong_values_is_the_one_that_was_given(frame):
     log = Log.from_frame(frame, "a")
     (same,), hints = mend_logs([log])
     assert same is log
     assert hints == ()
-
-
-def test_several_are_counted_and_some_listed(frame):
-    rows = [100, 200, 300, 400, 500]
-    frame.loc[rows, "elbow.tau"] *= 1e4
-    _, (hint,) = mend_logs([Log.from_frame(frame, "a")])
-    assert hint.startswith("a: 5 values lie far")
-    assert [f"data row {k + 1} " in hint for k in rows] == [True, True, True, False, False]
-    assert "; and 2 more): check the log." in hint
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet"])

@@ -1,22 +1,19 @@
 """However a command ends: nothing half or lost, nothing that a terminal or sheet would run."""
 
-import gc
 import os
 import signal
 import subprocess
 import sys
-import warnings
 from pathlib import Path
 from time import time
 
 import pandas as pd
 import pytest
 
-from identifiability import Robot
 from identifiability.cli.common import harmless
 from identifiability.cli.options import RESCUED, RESCUED_FOR, Outputs
-from identifiability.foundation import documents, output
-from identifiability.foundation.errors import IdentifiabilityError, OutputError
+from identifiability.foundation import output
+from identifiability.foundation.errors import OutputError
 from identifiability.foundation.output import csv_text, write_text
 
 
@@ -57,29 +54,6 @@ def test_a_result_that_cannot_be_written_is_written_elsewhere(tmp_path, monkeypa
     assert (old.exists(), new.exists()) == (False, True)
 
 
-def test_what_else_was_found_is_written_where_one_file_cannot_be(tmp_path, monkeypatch):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    gone, found = tmp_path / "gone", Found(tmp_path / "gone")
-    with pytest.raises(OutputError, match=r"model.toml' cannot .*is not lost: it is in '") as said:
-        Outputs(json=tmp_path / "r.json").write(
-            found, lambda *_: None, (found.to_json, gone / "model.toml"), (found.to_json, None)
-        )
-    assert Path(str(said.value).split("'")[-2]).read_text() == "{}"
-    assert (tmp_path / "r.json").read_text() == "{}"
-
-
-def test_where_nothing_can_be_written_nothing_is_left(tmp_path, monkeypatch):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-
-    class Full(Found):
-        def to_json(self, path):
-            raise OutputError(f"'{path.name}' cannot be written: No space left on device.")
-
-    with pytest.raises(OutputError, match=r"^'result.json' cannot be written: No space left"):
-        Outputs(json=tmp_path / "result.json").write(Full(tmp_path), lambda *_: None)
-    assert list(tmp_path.iterdir()) == []
-
-
 def hear():
     """Let the command hear Ctrl-C, to which programs in the background of a shell are deaf."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -109,29 +83,6 @@ def test_a_command_that_is_ended_leaves_nothing_and_prints_no_traceback(name, tm
     assert "Traceback" not in said
     assert list(out.iterdir()) == []
     assert [p.name for p in tmp_path.iterdir()] == ["work"]
-
-
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        (".".join(["a"] * 50_000) + " = 1", "a key names more than 64 tables"),
-        ("[" + ".".join(['"a b"'] * 50_000) + "]", "a key names more than 64 tables"),
-        ("x = {" + " . ".join(["a"] * 50_000) + " = 1}", "a key names more than 64 tables"),
-        ("# " + "x" * 5_000_000, "larger than 1 MB"),
-    ],
-)
-def test_a_document_without_end_is_refused_at_once(tmp_path, text, sentence, at_once):
-    sidecar = tmp_path / "robot.toml"
-    sidecar.write_text(text)
-    with at_once(), pytest.raises(IdentifiabilityError, match=sentence):
-        Robot.load("two-link", sidecar)
-
-
-def test_long_arrays_of_numbers_are_no_deep_keys(tmp_path):
-    numbers = ", ".join(["0.5"] * 500)
-    assert documents._DEEP_KEY.search(f"positions = [{numbers}]") is None
-    assert documents._DEEP_KEY.search(".".join("a" * 65)) is not None
-    assert documents._DEEP_KEY.search(".".join("a" * 64)) is None
 
 
 #: A program of another container that shares folder and host name: its number says nothing here.
@@ -173,26 +124,3 @@ def test_what_killed_programs_left_is_swept_and_what_others_work_on_is_not(tmp_p
     output.write_text(tmp_path / "mine.txt", "whole")
     output.temporary_folder().cleanup()
     assert set(tmp_path.iterdir()) == {saved, tmp_path / "mine.txt"}
-
-
-def test_a_folder_that_is_swept_before_it_is_held_is_made_again_without_a_warning(
-    tmp_path, monkeypatch
-):
-    """Warnings are errors: of one that comes when rubbish is collected another test would fail."""
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    hold, gone = output.hold, []
-
-    def swept_once(owner, path):
-        if not gone:
-            gone.append(path)
-            path.rmdir()
-        return hold(owner, path)
-
-    monkeypatch.setattr(output, "hold", swept_once)
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        with output.temporary_folder() as folder:
-            assert Path(folder).is_dir()
-            assert Path(folder) != gone[0]
-        gc.collect()
-    assert not said

@@ -110,12 +110,6 @@ def test_containers_without_a_log_are_refused_by_name(arrays, known, tmp_path):
     path.with_suffix(".mat").write_bytes(b"MATLAB 7.3 MAT-file, Platform" + bytes(600))
     with pytest.raises(LogError, match=r"version 7\.3 \(HDF5\), .*'-v7'\), or write CSV"):
         Log.read(path.with_suffix(".mat"), known)
-    path.with_suffix(".npz").write_bytes(b"nothing")
-    with pytest.raises(LogError, match=r"is no archive of arrays, as numpy\.savez writes it"):
-        Log.read(path.with_suffix(".npz"), known)
-    path.with_suffix(".mat").write_bytes(b"nothing")
-    with pytest.raises(LogError, match=r"cannot be read as MATLAB: "):
-        Log.read(path.with_suffix(".mat"), known)
     for suffix, sentence in {".xls": "old sheet", ".pkl": "any program", ".h5": "HDF5"}.items():
         path.with_suffix(suffix).write_bytes(b"x")
         with pytest.raises(LogError, match=sentence):

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from identifiability.foundation.errors import LogError
-from identifiability.logs import Log, reading
+from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.source import check_header
@@ -48,14 +48,10 @@ def check(log, frame, rtol=1e-13):
 
 
 FORMS = {
-    "semicolons": ({"separator": ";"}, "", "separated by semicolons"),
     "decimal commas": ({"separator": ";", "decimal": ","}, "", "decimal commas"),
-    "tabs": ({"separator": "\t"}, "", "separated by tabs"),
-    "tabs and commas": ({"separator": "\t", "decimal": ","}, "", "decimal commas"),
     "bars": ({"separator": "|", "end": "\r\n"}, "", "separated by '|'"),
     "blanks": ({"separator": "  "}, "", "separated by spaces"),
     "units": ({"units": ("s", "[rad]", "rad", "N·m", "Nm")}, "", "states units"),
-    "comments": ({}, "# run 3, cold\n# of Monday\n\n", "begin with '#' were passed over"),
     "title": (
         {"separator": ";"},
         "Recorded on Monday\nof week 3\n\n",
@@ -64,7 +60,13 @@ FORMS = {
 }
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize(
+    "encoding",
+    [
+        "utf-8",
+        "utf-16",
+    ],
+)
 @pytest.mark.parametrize("form", FORMS)
 def test_other_forms_are_read_and_said_short_and_long_alike(
     form, encoding, bare, known, write, monkeypatch
@@ -122,37 +124,6 @@ def test_a_file_cut_anywhere_loses_its_last_line_with_a_note(bare, known, write)
         assert len(log) == 200 - content[-cut:].count("\n") + (ended and 0)
 
 
-def test_a_last_line_without_an_end_is_left_out_short_and_long_alike(bare, known, write):
-    for form in ("%.6f", "%.5e"):
-        content = bare.to_csv(index=False, float_format=form)
-        log = read_both(write("log.csv", content[:-1]), known)
-        assert len(log) == 199
-        assert "left out, for it may have been cut" in log.notes[-1]
-
-
-def test_what_is_hashed_is_what_is_read(bare, known, write, monkeypatch):
-    """A file that is written anew between hash and reading has the hash of what was read."""
-    import hashlib
-
-    path = write("log.csv", text_of(bare))
-    old = path.read_bytes()
-    real = reading.Reading.add
-
-    def add(self, frame, form):
-        path.write_bytes(b"other")
-        return real(self, frame, form)
-
-    monkeypatch.setattr(reading.Reading, "add", add)
-    log = Log.read(path, known)
-    check(log, bare)
-    assert log.sha256 == hashlib.sha256(old).hexdigest()
-    path = path.with_suffix(".parquet")
-    bare.to_parquet(path)
-    old = path.read_bytes()
-    assert Log.read(path, known).sha256 == hashlib.sha256(old).hexdigest()
-    assert path.read_bytes() == b"other"
-
-
 def test_time_as_index_is_taken_and_said(bare, known, tmp_path):
     for name in ("time", None):
         frame = bare.set_index(pd.Index(bare["t"].to_numpy(), name=name)).drop(columns="t")
@@ -169,7 +140,13 @@ def test_time_as_index_is_taken_and_said(bare, known, tmp_path):
 DEGREES = {"shoulder.q": "shoulder.q [°]", "elbow.q": "elbow.q [°]"}
 
 
-@pytest.mark.parametrize("encoding", ["cp1252", "latin-1", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize(
+    "encoding",
+    [
+        "cp1252",
+        "utf-16",
+    ],
+)
 @pytest.mark.parametrize("form", [{}, {"separator": ";", "decimal": ","}])
 def test_units_are_read_in_the_code_that_a_table_is_written_in(encoding, form, bare, known, write):
     angles = [c for c in bare if c.endswith(".q")]
@@ -183,10 +160,7 @@ def test_units_are_read_in_the_code_that_a_table_is_written_in(encoding, form, b
 @pytest.mark.parametrize(
     ("header", "encoding", "says"),
     [
-        ("shoulder.q [°]", "mac_roman", "'shoulder.q [¡]' states the unit '¡', which is not known"),
         ("shoulder.q [gon]", "utf-8", "--map 'shoulder.q [gon]=shoulder.q [deg]'"),
-        ("Winkel shoulder (inc)", "utf-8", "states the unit 'inc'"),
-        ("t [h]", "utf-8", "say in which one t is given, as in --map 't [h]=t [ms]'"),
         ("shoulder.tau [%]", "utf-8", "[torque] gain = {shoulder = …}"),
     ],
 )
@@ -216,11 +190,3 @@ def test_a_unit_counts_whatever_a_rule_makes_of_the_column(mapped, bare, write):
 def test_brackets_may_hold_a_joint_a_number_or_a_word_that_is_no_unit(bare, known, write):
     names = {"shoulder.q": "position [shoulder]", "elbow.tau": "effort (elbow, measured)"}
     check(read_both(write("log.csv", text_of(bare.rename(columns=names))), known), bare)
-
-
-def test_a_file_that_holds_no_text_is_told_what_is_read(bare, known, write):
-    path = write("log.feather", b"ARROW1\0\0" + bytes(200))
-    with pytest.raises(LogError, match=r"a \.feather file that holds no text.* Parquet, \.npz, "):
-        Log.read(path, known)
-    with pytest.raises(LogError, match=r"is Parquet by its content; name it so: log\.parquet"):
-        Log.read(write("log.txt", b"PAR1" + bytes(20)), known)

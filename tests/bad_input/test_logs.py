@@ -17,24 +17,11 @@ def cell(frame, row, column, value):
     return frame
 
 
-def test_a_missing_log_is_refused(refused, write):
-    assert "There is no log file 'no.csv'; give a CSV" in refused("analyze", "two-link", "no.csv")
-    folder = write("log.csv", "").parent
-    assert "is a folder, and none of a bag" in refused("analyze", "two-link", folder)
-    assert "cannot be read as CSV: " in refused("analyze", "two-link", "a" * 5000)
-
-
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
         ("", "is empty; nothing was written to it"),
-        (bytes(range(256)) * 4, "a .csv file that holds no text"),
-        ("t,é.q\n".encode("latin1"), "has 'é.q' but no torque column 'é.tau'"),
         ('t,a.q\n1,"2\n', "cannot be read as CSV: .*EOF inside string"),
-        ("t,a.q\n1,2\n1,2,3\n", "cannot be read as CSV: .*Expected 2 fields in line 3, saw 3"),
-        ("t,a.q\n1,2,3\n2,3,4\n", "rows with more fields than its header"),
-        ("t;a.q;a.tau\n1;2;3\n", "has 1 sample, too few to say anything; at least 20"),
-        ('"a.q" ; "t" ; "x"\n0,1;0,2;3\n', r"has 'a.q' but no torque column 'a.tau'"),
         ("t,a.q,a.tau\n", "has 0 samples, too few to say anything; at least 20"),
     ],
 )
@@ -43,8 +30,13 @@ def test_what_is_no_table_is_refused(content, sentence, write):
         Log.read(write("log.csv", content))
 
 
-@pytest.mark.parametrize("spoil", [lambda b: b"", lambda b: b"hello", lambda b: b[:-50],
-                                   lambda b: b[:4] + bytes(50) + b[-4:]])  # fmt: skip
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda b: b"hello",
+        lambda b: b[:4] + bytes(50) + b[-4:],
+    ],
+)
 def test_a_parquet_that_is_none_is_refused(spoil, write, arm, refuses):
     content = spoil(arm.to_parquet())
     assert "log.parquet cannot be read as Parquet: " in refuses(
@@ -55,15 +47,12 @@ def test_a_parquet_that_is_none_is_refused(spoil, write, arm, refuses):
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"t": "x"}, "has no column 't' (time in s). It has the columns x, shoulder.q"),
         ({"elbow.tau": "elbow.tua"}, "no torque column 'elbow.tau', did you mean 'elbow.tua'?"),
-        ({"elbow.q": "elbow.p"}, "no position column 'elbow.q', did you mean 'elbow.p'?"),
         (
             {"elbow.q": "elbwo.q", "elbow.tau": "elbwo.tau"},
             "but for elbwo, which the robot does not have; if these are they, add --map 'elbwo=",
         ),
         ({"shoulder.dq": "elbow.q"}, "has the column 'elbow.q' more than once"),
-        ({"shoulder.dq": " elbow.q "}, "has the column 'elbow.q' more than once"),
     ],
 )
 def test_wrong_columns_are_named_with_the_near_match(change, sentence, refuses, arm):
@@ -73,9 +62,7 @@ def test_wrong_columns_are_named_with_the_near_match(change, sentence, refuses, 
 @pytest.mark.parametrize(
     ("lost", "sentence"),
     [
-        (["elbow.tau", "shoulder.tau"], "has 'shoulder.q' but no torque column 'shoulder.tau'."),
         (["elbow.q"], "has 'elbow.tau' but no position column 'elbow.q'. Every actuated joint"),
-        (["elbow.q", "shoulder.q"], "has 'shoulder.tau' but no position column 'shoulder.q'"),
         (
             ["elbow.q", "elbow.dq", "elbow.ddq", "elbow.tau"],
             "has no columns for the actuated joint elbow; every actuated joint needs",
@@ -86,7 +73,14 @@ def test_missing_columns_are_named(lost, sentence, refuses, arm):
     assert sentence in refuses("two-link", arm.drop(columns=lost))
 
 
-@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "", "abc", "1,5", "0x10", "1e400", "True"])
+@pytest.mark.parametrize(
+    "value",
+    [
+        "nan",
+        "abc",
+        "1e400",
+    ],
+)
 def test_what_is_no_finite_number_is_named_with_its_row(value, write, arm):
     sentence = r"column 'elbow.q' is not a finite number in 1 of 200 rows, first in data row 42"
     with pytest.raises(LogError, match=sentence):
@@ -105,11 +99,7 @@ def test_values_that_no_unit_explains_are_refused(write, arm):
 @pytest.mark.parametrize(
     ("column", "values", "sentence"),
     [
-        ("t", np.full(200, 1j), "numbers in SI units, seconds"),
         ("elbow.q", pd.date_range("2024-01-01", periods=200, freq="10ms"), "holds datetime64"),
-        ("elbow.q", np.full(200, 1j), "holds complex128"),
-        ("elbow.q", np.ones(200, bool), "holds bool"),
-        ("elbow.q", [[1.0]] * 200, r"not a finite number in 200 of 200 rows, .*\('\[1\.0\]'\)"),
         ("elbow.q", ["0,5"] * 200, "give numbers with a decimal point"),
     ],
 )
@@ -153,20 +143,7 @@ def test_a_data_frame_hashes_its_values_and_nothing_else(arm):
     assert Log.from_frame(arm).sha256 != Log.from_frame(arm * 1.001).sha256
 
 
-@pytest.mark.parametrize("lost", [1, 2, 10])
-def test_a_gap_bridges_or_splits_a_log_and_is_said(lost, bare, arm):
-    rows = [*range(50), *range(50 + lost, 200)]
-    how = Preparation(cutoff=6.0)  # half of its period is 2.2 steps
-    samples = prepare_samples(Robot.load("two-link"), Log.from_frame(bare.iloc[rows]), how)
-    said = [" s after t = 1.8375 s (data row 50)" in text for text in samples.hints]
-    assert said == [True] * (lost > 1)
-    assert any("lost samples (1, at most 0.075 s" in note for note in samples.notes) == (lost == 1)
-    # The log's own derivatives are kept, but for the first sample after a long gap.
-    assert len(prepare_two_link(arm.iloc[rows]).tau) == 200 - lost - (lost > 4)
-
-
 def prepare_two_link(frame, **how):
-    from identifiability.robot import Robot
 
     return prepare_samples(Robot.load("two-link"), Log.from_frame(frame), Preparation(**how))
 
@@ -174,33 +151,15 @@ def prepare_two_link(frame, **how):
 @pytest.mark.parametrize(
     ("how", "sentence"),
     [
-        ({"derivatives": "given"}, r"does not have '<joint>\.dq' and '<joint>\.ddq'"),
         ({"derivatives": "fourrier"}, "not 'fourrier', did you mean 'fourier'"),
-        ({"cutoff": 0.0}, "cutoff must be a number above 0"),
-        ({"cutoff": 1e5}, r"cut-off 100000 Hz does not lie between .* \(13\.3333 Hz\)"),
         ({"cutoff": 1e-9}, r"cut-off 1e-09 Hz does not lie between one over the length"),
-        ({"decimate": 0}, "must be a whole number of at least 1"),
         ({"decimate": 60}, "too short to be decimated by 60: of its 200 samples fewer than 20"),
-        ({"derivatives": "fourier", "harmonics": 0}, "must be a whole number of at least 1"),
-        ({"derivatives": "fourier", "harmonics": 10**9}, "too few for the 2000000001 coefficients"),
-        ({"derivatives": "fourier", "period": -1.0}, "period must be a number above 0"),
-        ({"derivatives": "fourier", "period": 1e-9}, "The period 1e-09 s does not fit"),
         ({"derivatives": "fourier", "period": 1e9}, r"The period 1e\+09 s does not fit"),
     ],
 )
 def test_preparations_that_cannot_be_are_refused(how, sentence, bare):
     with pytest.raises(IdentifiabilityError, match=sentence):
         prepare_two_link(bare, **how)
-
-
-def test_a_short_log_is_decimated_less_rather_than_to_nothing(bare):
-    short = prepare_two_link(bare.iloc[:45])
-    assert short.outputs >= 20
-
-
-@pytest.mark.parametrize("words", [("--cutoff", 0), ("--period", 0)])
-def test_the_command_refuses_a_cutoff_or_period_of_nothing(words, refuses, bare):
-    assert "must be a number above 0" in refuses("two-link", bare, *words)
 
 
 def test_a_comment_in_another_code_does_not_move_the_rows(simulated, tmp_path):

@@ -15,7 +15,6 @@ from identifiability.foundation.errors import ModelError
 from identifiability.regression.reduction import build_ladder, ladder_text, model_entry, read_ladder
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.simulation import shipped_trajectory
-from identifiability.workflows.calibrate.calibration import calibrate
 
 
 @pytest.fixture(scope="module")
@@ -43,13 +42,6 @@ def test_a_pruned_model_is_one_model_that_is_judged_beside_the_full_model(pruned
             model.estimate.value, pruned.chosen.estimate.value, rtol=1e-9, atol=1e-12
         )
     assert prune("two-link", log, ladder=pruned, replicates=0).full.columns == pruned.chosen.columns
-
-
-def test_calibration_is_about_the_model_of_a_model_file(pruned, log):
-    analysis = analyze("two-link", log, ladder=pruned, replicates=0)
-    found = calibrate(analysis, replicates=2, refits=20, names=0)
-    assert found.model == pruned.chosen.name
-    assert found.to_dict()["provenance"]["replicates"] == "2"
 
 
 def test_a_model_with_every_reduction_is_written_and_read_back_as_it_was(tmp_path):
@@ -120,10 +112,8 @@ def test_a_place_may_be_a_pattern_and_a_named_place_goes_before_it():
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("stribek_friction@elbow", "There is no effect 'stribek_friction', did you mean"),
         ("coulomb_friction@elbow:0.1", "coulomb_friction has no shape"),
         ("stribeck_friction@elbw:0.1", "has no parameter at 'elbw' of two-link"),
-        ("joint_stiffness@wrist_*", r"has no parameter at 'wrist_\*' of two-link"),
     ],
 )
 def test_effects_that_cannot_live_there_are_refused(text, sentence):
@@ -159,30 +149,6 @@ def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(besid
     assert [found[k] for k in decided] == ["ols", "0.5", "0", "0"]
 
 
-@pytest.mark.everything
-def test_diagnosis_and_excitation_use_the_effects_of_a_model_file_and_say_so(pruned, log, tmp_path):
-    path = pruned.write_model(tmp_path / "model.toml")
-    free = "Of the model file only the effects were used"
-    for model in (path, pruned):
-        found = diagnose(
-            "two-link", log, model=model, effects=["payload"], quick=True, forward=False
-        )
-        assert found.base == pruned.effects
-        assert found.hints[-1].startswith(free)
-        motion = excite("two-link", model=model, evaluations=1)
-        assert motion.effects == pruned.effects
-        assert motion.to_dict()["hints"][0].startswith(free)
-    plain = tmp_path / "plain.toml"
-    plain.write_text('[[models]]\nname = "a"\neffects = ["rigid_body", "coulomb_friction@elbow"]\n')
-    motion = excite("two-link", model=plain, evaluations=1)
-    assert all("no shapes that can collide" in h for h in motion.hints)
-    assert motion.names[-1] == "elbow.Fc"
-    words = ["two-link", "--model", str(plain), "--out", str(tmp_path / "m.json")]
-    done = CliRunner().invoke(app, ["excite", *words, "--evaluations", "50"])
-    assert done.exit_code == 0, done.output
-    assert json.loads((tmp_path / "m.json").read_text())["effects"] == list(motion.effects)
-
-
 def test_other_verbs_say_that_a_ladder_beside_the_robot_was_not_used(beside, log, tmp_path):
     unused = "ladder.toml beside robot.xml was not used"
     motion = excite(beside, evaluations=1)
@@ -197,13 +163,3 @@ def test_other_verbs_say_that_a_ladder_beside_the_robot_was_not_used(beside, log
     done = CliRunner().invoke(app, ["export", str(beside.path), str(result), "--out", out])
     assert done.exit_code == 0, done.output
     assert unused in done.output
-
-
-def test_pruning_says_that_a_ladder_beside_the_robot_was_not_used(beside, log, pruned):
-    unused = "ladder.toml beside robot.xml was not used"
-    found = prune(beside, log, replicates=0)
-    assert found.hints[0].startswith(unused)
-    assert found.to_dict()["hints"] == list(found.hints)
-    assert found.provenance["ladder"] == "default"
-    assert prune(beside, log, ladder=pruned, replicates=0).hints == ()
-    assert pruned.hints == ()

@@ -8,9 +8,8 @@ import pandas as pd
 import pytest
 
 from identifiability.estimation.verdict import Class
-from identifiability.foundation.errors import ClosureError, LogError
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import prepare_samples
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.analyze import analyze
@@ -46,48 +45,6 @@ def test_a_robot_at_rest_gives_a_result_and_exit_code_0(derivatives, command, wr
     assert all(r["reason"] for r in rows)
 
 
-@pytest.mark.parametrize("derivatives", ["given", "butterworth", "fourier"])
-def test_a_robot_at_rest_is_answered_without_sampling(derivatives, arm, monkeypatch):
-    def refuse(*_, **__):
-        raise AssertionError("sampled")
-
-    monkeypatch.setattr("identifiability.workflows.analyze.belief.sample_posterior", refuse)
-    how = Preparation(derivatives=derivatives)
-    out = analyze("two-link", at_rest(arm), preparation=how, replicates=20, posterior=True)
-    assert out.belief.note == "the robot does not move in these logs"
-    assert not any(m.estimate.determined.any() for m in out.models)
-    assert all(m.paper_identified == 0 for m in out.models)
-    for m in out.models:  # a residual that is rounding weighs no actuator
-        np.testing.assert_array_equal(m.estimate.weights, 1.0)
-
-
-@pytest.mark.parametrize("derivatives", ["butterworth", "fourier"])
-def test_the_computed_derivatives_of_a_joint_that_never_moves_are_zero(derivatives, arm):
-    arm["elbow.q"] = 0.3
-    log = Log.from_frame(arm.drop(columns=[c for c in arm if c.endswith(("dq", "ddq"))]))
-    motion = prepare_samples(Robot.load("two-link"), log, Preparation(derivatives)).motion
-    assert not motion.actuated_v[:, 1].any()
-    assert not motion.actuated_a[:, 1].any()
-    assert motion.actuated_v[:, 0].any()
-
-
-def test_noise_on_a_robot_at_rest_does_not_make_it_identifiable(arm, rng):
-    out = analyze("two-link", at_rest(arm, rng, 1e-4), replicates=20)
-    assert out.chosen.count(Class.IDENTIFIABLE) == 0
-    assert out.statement.startswith("Nothing is identifiable, because ")
-
-
-def test_torque_of_nothing_is_refused(refuses, arm):
-    empty = arm.assign(**{c: 0.0 for c in arm if c.endswith(".tau")})
-    assert "all torques are zero; nothing was measured" in refuses("two-link", empty)
-
-
-def test_torque_that_has_nothing_to_do_with_the_motion_identifies_nothing(arm, rng):
-    noise = {c: rng.standard_normal(len(arm)) for c in arm if c.endswith(".tau")}
-    out = analyze("two-link", arm.assign(**noise), replicates=20)
-    assert out.statement.startswith("Nothing is identifiable, because ")
-
-
 def test_a_joint_that_never_moves_is_not_identifiable_and_says_why():
     robot = Robot.load("six-dof-arm")
     motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
@@ -113,16 +70,6 @@ def test_samples_whose_loops_do_not_close_are_dropped_and_reported_with_their_ro
     assert dropped in samples.notes
 
 
-def test_too_few_samples_whose_loops_close_are_an_error(simulated, refuses):
-    frame = simulated("3-rps")
-    frame.loc[10:, "slider1.q"] = 5.0
-    sentence = refuses("3-rps", frame)
-    assert "8 of 200 samples are left" in sentence
-    # The leap contradicts the derivatives of the log; the low-pass of computed ones spreads it.
-    assert "192 of 200 samples were dropped because the loops do not close there" in sentence
-    assert "(data rows 7, 10, 11, 12, 13 …)" in sentence
-
-
 def test_loops_that_close_nowhere_are_an_error_that_names_the_home_position(simulated, refuses):
     frame = simulated("3-rps")
     frame[[f"slider{k}.q" for k in (1, 2, 3)]] += [0.0, 3.0, 0.0]
@@ -130,13 +77,6 @@ def test_loops_that_close_nowhere_are_an_error_that_names_the_home_position(simu
     assert "close at none of the 200 samples" in sentence
     assert "in another unit or from another zero" in sentence
     assert "home position slider1 = 0.7, slider2 = 0.7, slider3 = 0.7." in sentence
-
-
-def test_long_motion_that_closes_nowhere_is_refused_in_seconds():
-    robot = Robot.load("3-rps")
-    q = np.full((20_000, 3), 0.7) + np.array([0.0, 3.0, 0.0])
-    with pytest.raises(ClosureError, match="close at none of the 20000 samples"):
-        complete_motion(robot, np.arange(20_000.0), q, 0 * q, 0 * q)
 
 
 def stretched(short_of: float):
@@ -169,24 +109,6 @@ def test_a_motion_through_a_singular_configuration_is_flagged_where_it_passes():
     assert complete_motion(robot, t, q, 0 * q, 0 * q).singular == 0
 
 
-def test_exactly_singular_samples_are_dropped(monkeypatch):
-    from identifiability.robot import closure as newton
-
-    robot = Robot.load("five-bar")
-    t, q = stretched(0.3)
-    plain = newton.newton
-
-    def flat(robot, q, *most, **more):
-        out = plain(robot, q, *most, **more)
-        A = np.array(out.A)
-        A[:, :, robot.dependent] *= np.arange(len(q))[:, None, None] > 2
-        return replace(out, A=A)
-
-    assert len(complete_motion(robot, t, q, 0 * q, 0 * q)) == 401
-    monkeypatch.setattr(newton, "newton", flat)
-    assert complete_motion(robot, t, q, 0 * q, 0 * q).dropped[:3].tolist() == [0, 1, 2]
-
-
 def test_degrees_for_radians_are_refused(simulated, refuses):
     frame = simulated("six-dof-arm")
     turned = [c for c in frame if c.endswith(CHANNELS)]
@@ -195,39 +117,3 @@ def test_degrees_for_radians_are_refused(simulated, refuses):
     assert "'joint_1.q' spans " in sentence
     assert "the joint's limits are -2.5 … 2.5 rad: it looks like degrees" in sentence
     assert "it looks like degrees: say --angles deg" in sentence
-
-
-@pytest.mark.parametrize(("factor", "unit"), [(1e3, "mm"), (1e2, "cm")])
-def test_millimetres_and_centimetres_for_metres_are_refused(factor, unit, simulated, refuses):
-    frame = simulated("3-rps")
-    moved = [c for c in frame if c.endswith(CHANNELS)]
-    frame[moved] *= factor
-    sentence = refuses("3-rps", frame)
-    assert f"limits 0.6 … 0.8 m; it looks like {unit}: convert it to m." in sentence
-
-
-@pytest.mark.parametrize(
-    ("columns", "factor", "sentence"),
-    [
-        (
-            ".dq",
-            180 / np.pi,
-            r"'shoulder\.dq' is 57\.\d+ times the time derivative of 'shoulder\.q'",
-        ),
-        (".ddq", 180 / np.pi, r"'shoulder\.ddq' is 57\.\d+ times .* of 'shoulder\.dq'"),
-        (".dq", -1.0, r"'shoulder\.dq' is -(1|0\.99)\d* times .* has another sign"),
-        ("t", 60.0, r"'shoulder\.dq' is \d+\.?\d* times .* \(or the time\) is in another unit"),
-    ],
-)
-def test_derivatives_that_do_not_fit_are_refused(columns, factor, sentence, arm):
-    wrong = [c for c in arm if c.endswith(columns)]
-    arm[wrong] *= factor
-    with pytest.raises(LogError, match=sentence):
-        prepare_samples(Robot.load("two-link"), Log.from_frame(arm))
-
-
-def test_noise_and_coarse_sampling_are_no_wrong_units(simulated):
-    """The paper's noise on every sample, and 40 samples of 7.5 s, pass the same checks."""
-    for samples, noise in ((750, 0.04), (40, 0.0), (40, 0.04)):
-        frame = simulated("two-link", samples, motion=noise, torque=noise)
-        prepare_samples(Robot.load("two-link"), Log.from_frame(frame))

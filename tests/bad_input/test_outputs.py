@@ -10,7 +10,7 @@ import pytest
 from identifiability.__main__ import main
 from identifiability.foundation import output
 from identifiability.foundation.errors import OutputError
-from identifiability.foundation.output import check_apart, check_writable, write_bytes, write_text
+from identifiability.foundation.output import check_apart, write_text
 
 FULL = OSError(errno.ENOSPC, "No space left on device")
 
@@ -23,34 +23,6 @@ def old(write):
 def alone(path: Path) -> bool:
     """Whether nothing else lies beside a file: no temporary one is left."""
     return list(path.parent.iterdir()) == [path]
-
-
-@pytest.mark.parametrize("error", [FULL, PermissionError(errno.EACCES, "Permission denied")])
-@pytest.mark.parametrize("step", ["fsync", "replace", "open"])
-def test_a_failed_write_leaves_the_old_file_and_nothing_else(step, error, old, monkeypatch):
-    def fail(*_args, **_options):
-        raise error
-
-    place = output.os if step == "fsync" else Path
-    monkeypatch.setattr(place, step, fail)
-    with pytest.raises(OutputError, match=rf"out.csv' cannot be written: {error.strerror}\."):
-        write_text(old, "new" * 1000)
-    monkeypatch.undo()
-    assert old.read_text() == "old"
-    assert alone(old)
-
-
-@pytest.mark.parametrize("step", ["fsync", "replace"])
-def test_ctrl_c_in_the_middle_of_a_write_leaves_the_old_file(step, old, monkeypatch):
-    def stop(*_args):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(output.os if step == "fsync" else Path, step, stop)
-    with pytest.raises(KeyboardInterrupt):
-        write_bytes(old, b"new")
-    monkeypatch.undo()
-    assert old.read_text() == "old"
-    assert alone(old)
 
 
 def test_ctrl_c_ends_a_command_with_130_and_the_old_file(old, command, monkeypatch):
@@ -83,25 +55,6 @@ def test_paths_that_cannot_be_written_are_refused_before_the_work(refuses, refus
     assert refused(*words, missing) == folder
     assert "is a folder; give a file name" in refused(*words, tmp_path)
     assert "cannot be written: File name too long." in refused(*words, tmp_path / ("a" * 300))
-
-
-def test_folders_and_files_that_are_not_writable_are_refused(old, refused, monkeypatch):
-    """Root may write everywhere, so the operating system's answer is made up."""
-    words = ["simulate", "two-link", "a", "--out", old]
-    shut, really = (old.parent, os.W_OK), os.open
-    with monkeypatch.context() as patch:
-        patch.setattr(output.os, "access", lambda *asked: asked != shut)
-        told = f"The folder '{old.parent}' is not writable; choose another."
-        assert refused(*words) == told
-
-    def refuse(path, *how, **more):
-        if Path(path) == old:
-            raise PermissionError(errno.EACCES, "Permission denied")
-        return really(path, *how, **more)
-
-    monkeypatch.setattr(output.os, "open", refuse)
-    told = f"'{old}' is protected against writing; give another name."
-    assert refused(*words) == told
 
 
 def test_pipes_and_devices_are_not_replaced_by_files(tmp_path):
@@ -140,16 +93,6 @@ def test_inputs_are_not_written_over(refuses, refused, write, arm):
     check_apart([log.with_name("a"), log.with_name("b")], [log])
     with pytest.raises(OutputError, match="another output"):
         check_apart(["a", "./a"], [])
-
-
-def test_names_that_are_no_paths_are_refused():
-    with pytest.raises(OutputError, match=r"cannot be written: .*embedded null"):
-        check_writable("a\0b")
-
-
-def test_a_demo_folder_that_is_a_file_is_refused(old, refused):
-    sentence = f"'{old}' is the name of a file; give that of a folder."
-    assert refused("demo", "--quick", "--folder", old) == sentence
 
 
 @pytest.mark.parametrize(

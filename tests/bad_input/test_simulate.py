@@ -27,9 +27,7 @@ def simulates(refused, write):
     ("robot", "motion", "sentence"),
     [
         ("3-rps", "600", "'600' for 3-rps, did you mean '601'? It has 571, 595, 601; 'random'"),
-        ("two-link", "no.csv", "There is no motion file 'no.csv'"),
         ("two-link", "no.json", "There is no trajectory file 'no.json'"),
-        ("two-link", "no.json:a", "There is no trajectory file 'no.json'"),
     ],
 )
 def test_unknown_motion_is_refused(robot, motion, sentence, simulates):
@@ -40,19 +38,8 @@ def test_unknown_motion_is_refused(robot, motion, sentence, simulates):
     ("option", "value", "sentence"),
     [
         ("--hide", "stribek_friction", "cannot be hidden, did you mean 'stribeck_friction'?"),
-        ("--hide", "stribeck_friction=much", "give its share of the joint's torque"),
         ("--hide", "stribeck_friction=-1", "give its share of the joint's torque"),
-        ("--hide", "stribeck_friction=nan", "give its share of the joint's torque"),
-        ("--hide", "passive_joint_friction", "two-link has no passive joints"),
-        (
-            "--noise",
-            "papr",
-            "'papr' is not understood, did you mean 'paper'? Give 'paper', 'none'",
-        ),
         ("--noise", "motoin=0.1", "no noise level 'motoin', did you mean 'motion'?"),
-        ("--noise", "motion=-1", "noise level motion must be a number of at least 0"),
-        ("--noise", "motion=nan", "noise level motion must be a number .* not nan"),
-        ("--noise", "motion=1e308", "motion must be .* and below 100, not 1e+308"),
         ("--noise", "correlation=1", "correlation must be .* and below 1, not 1.0"),
     ],
 )
@@ -80,12 +67,6 @@ def test_motion_outside_the_workspace_is_refused(q, sentence, simulates, write):
     assert sentence in simulates("3-rps", write("motion.csv", motion_of(q)))
 
 
-def test_a_motion_file_names_its_unknown_joint(simulates, write):
-    motion = motion_of(0.7 + 0.02 * SWING).rename(columns={"slider3.q": "slidre3.q"})
-    said = simulates("3-rps", write("motion.csv", motion))
-    assert "for slidre3, which the robot does not have; if these are they, add --map 'sli" in said
-
-
 def test_a_motion_file_with_a_gap_is_refused(simulates, write):
     rows = [*range(50), *range(60, 200)]
     motion = motion_of(0.7 + 0.02 * SWING).iloc[rows]
@@ -105,33 +86,13 @@ def edited(**changes):
     ("content", "sentence"),
     [
         ("{", "is not valid JSON: Expecting property name"),
-        ("[1]", "input should be a valid dictionary"),
-        ("[" * 200_000, "is not valid JSON: it is nested too deeply"),
-        ("9" * 5000, "is not valid JSON: Exceeds the limit"),
-        (bytes(range(128, 256)), "is not a trajectory file (JSON): 'utf-8' codec"),
-        (edited(trajectories={}), "holds no trajectory; give one under 'trajectories'"),
         (edited(period=1e308), "'period': input should be less than or equal to"),
-        (edited(period=0.0), "'period': input should be greater than or equal to"),
-        (edited(samples=10**12), "'samples': input should be less than or equal to"),
-        (edited(samples=2), "has 2 samples, too few"),
         (edited(lost=["elbow"]), "trajectory 'a' has no entry for elbow."),
-        (
-            edited(joints={"elbwo": {}}, lost=["elbow"]),
-            "trajectory 'a' has no entry for elbow, did you mean 'elbwo'?",
-        ),
         (edited(joints={"elbow": {"sin": [1.0]}}), "has joints with different harmonics"),
-        (edited(joints={"elbow": {"sin": []}}), "'trajectories.a.elbow.sin': list should have"),
-        (edited(joints={"elbow": {"offset": 1e300}}), "elbow.offset': input should be less than"),
-        (edited(joints={"elbow": {"cosine": 1}}), "elbow.cosine' is not a key that is known here"),
     ],
 )
 def test_a_bad_trajectory_file_is_refused(content, sentence, simulates, write):
     assert sentence in simulates("two-link", write("motion.json", content))
-
-
-def test_an_unknown_trajectory_in_a_file_is_refused(simulates, write):
-    path = write("motion.json", edited())
-    assert f"{path} has no trajectory 'd'. It has a, b, c." in simulates("two-link", f"{path}:d")
 
 
 def test_lost_samples_that_a_fit_bridges_are_bridged_in_a_motion(tmp_path):

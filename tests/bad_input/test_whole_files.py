@@ -171,14 +171,6 @@ def test_a_robot_and_its_sidecar_are_written_both_or_none(count, stop, tmp_path,
     assert len(before) == 2
 
 
-@pytest.mark.parametrize("count", [1, 2])
-def test_a_first_robot_is_written_with_its_sidecar_or_not_at_all(count, tmp_path, monkeypatch):
-    stop_at(monkeypatch, count, FULL)
-    with pytest.raises(OutputError, match=r"copy.toml' and '.*copy.xml' cannot be written: No spa"):
-        write_parameters(Robot.load("3-rps"), {"slider1.Fc+": 300.0}, tmp_path / "copy.xml")
-    assert not files_in(tmp_path)
-
-
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 5])
 def test_a_process_that_is_killed_leaves_no_mixed_pair(count, tmp_path):
     """No undoing here: either pair, or no main file with its old content beside it."""
@@ -242,38 +234,6 @@ def test_two_runs_that_write_the_same_files_leave_those_of_one(tmp_path):
     assert seen <= {me * 10_000 for me in (b"a", b"b", b"c", b"d")}
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="nothing is swept on Windows")
-def test_who_sweeps_leaves_what_has_taken_the_name_since(tmp_path, monkeypatch):
-    """Between opening an orphan and locking it another run may remove it and begin its own."""
-    from identifiability.foundation import output
-
-    path = tmp_path / "turn.tmp"
-    path.write_text("orphan")
-
-    def lock(file, how):
-        path.rename(tmp_path / "gone")
-        path.write_text("another's")
-
-    monkeypatch.setattr(output.fcntl, "flock", lock)
-    output.sweep([path])
-    assert path.read_text() == "another's"
-
-
-def test_another_run_may_put_the_old_file_aside_while_the_new_one_is_filled(tmp_path, monkeypatch):
-    from identifiability.foundation import output
-
-    (tmp_path / "result.json").write_text("old")
-    copymode = output.shutil.copymode
-
-    def aside(old, new):
-        old.rename(tmp_path / "result.json.1.old")
-        copymode(old, new)
-
-    monkeypatch.setattr(output.shutil, "copymode", aside)
-    output.write_bytes(tmp_path / "result.json", b"new")
-    assert (tmp_path / "result.json").read_bytes() == b"new"
-
-
 def test_a_sidecar_takes_no_other_files_name(tmp_path):
     rps, path = Robot.load("3-rps"), tmp_path / "copy.xml"
     beside = tmp_path / "copy.toml"
@@ -292,14 +252,6 @@ def test_a_sidecar_takes_no_other_files_name(tmp_path):
     twin = write_parameters(Robot.load(own), {}, tmp_path / "own.mjcf")
     assert twin.sidecar == tmp_path / "own.mjcf.toml"
     assert own.with_suffix(".toml").read_text() == "name = 'own'"
-
-
-def test_nominal_values_are_replaced_wherever_they_stand(tmp_path):
-    path = tmp_path / "own.xml"
-    path.write_bytes(Robot.load("two-link").path.read_bytes())
-    path.with_suffix(".toml").write_text('nominal = {"elbow.Fc+" = 1.0}')
-    write_parameters(Robot.load(path), {"elbow.Fc+": 3.0, "elbow.Fc-": 2.0}, tmp_path / "copy.xml")
-    assert Robot.load(tmp_path / "copy.xml").nominal["elbow.Fc+"] == 3.0
 
 
 def test_two_robot_files_that_need_other_sidecars_have_one_each(tmp_path):

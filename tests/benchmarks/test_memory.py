@@ -4,10 +4,7 @@ import json
 import subprocess
 import sys
 
-import numpy as np
-import pytest
 from peers.running import STUDIES, make_samples, run_contender
-from peers.tables import all_agree
 
 #: Heavy packages that a fit needs none of.
 NEEDLESS = ("pandas", "pyarrow", "scipy.signal", "scipy.spatial", "scipy.stats", "matplotlib",
@@ -36,18 +33,6 @@ def test_a_hundred_thousand_samples_of_the_arm_are_fitted_in_300_mb():
     assert found.ran, found.why
     assert found.evidence["rank"] == 48
     assert found.peak <= 300.0, f"{found.peak:.0f} MB"
-
-
-@pytest.mark.everything
-def test_contenders_agree_and_a_wrong_answer_is_seen():
-    names = ("ours", "bare loop", "ours, physical", "cvxpy, all rows")
-    with make_samples(300, 0) as folder:
-        runs = [run_contender(name, folder, 300, 1, 120.0) for name in names]
-    assert all(r.ran for r in runs), [r.why for r in runs]
-    assert all_agree(runs)
-    regressor = np.array(runs[1].evidence["regressor"])
-    runs[1].evidence["regressor"] = (regressor * (1 + 1e-6)).tolist()
-    assert not all_agree(runs)
 
 
 def test_what_does_not_fit_in_memory_is_not_run_and_said_so(monkeypatch):

@@ -10,14 +10,8 @@ DETAIL = "document.getElementById('statistics')?.click()"
 FOUND = """async () => (await axe.run()).violations.filter((v) => v.impact !== "minor").map(
   (v) => [v.impact, v.id, v.nodes[0].html.slice(0, 120)])"""
 
-WIDTHS = (400, 1280)
 #: The two kinds with the most in them: one on a telephone, the other on a screen.
 DEFAULT = (("analysis", 400), ("pruning", 1280))
-LATER = (
-    ("analysis", 1280),
-    ("pruning", 400),
-    *((kind, w) for kind in ("diagnosis", "calibration", "inspection", "demo") for w in WIDTHS),
-)
 GOING_ON = ("payload", "comparison", "excitation", "prediction", "robot", "fleet", "floating")
 
 
@@ -42,19 +36,6 @@ def look(page: Path, width: int, visit, axe: str, *, closed: bool = True) -> Non
 @pytest.mark.parametrize(("kind", "width"), DEFAULT)
 def test_everybody_can_read_a_report(kind, width, reports, visit, axe):
     look(reports[kind], width, visit, axe, closed=False)
-
-
-@pytest.mark.everything
-@pytest.mark.parametrize(("kind", "width"), [*DEFAULT, *LATER])
-def test_everybody_can_read_the_others(kind, width, reports, visit, axe):
-    look(reports[kind], width, visit, axe)
-
-
-@pytest.mark.everything
-@pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("kind", GOING_ON)
-def test_everybody_can_read_what_goes_on_from_a_result(kind, width, later_reports, visit, axe):
-    look(later_reports[kind], width, visit, axe)
 
 
 #: What of a page does not survive its way onto paper of this size [px], of which 205 mm are free.
@@ -91,27 +72,6 @@ def look_printed(page: Path, visit) -> None:
 
 def test_a_page_survives_its_way_onto_paper_and_is_read_in_one_go(reports, visit):
     look_printed(reports["pruning"], visit)
-
-
-@pytest.mark.everything
-@pytest.mark.parametrize("kind", ["analysis", "calibration", "diagnosis", "inspection", "demo"])
-def test_other_pages_survive_it(kind, reports, visit):
-    look_printed(reports[kind], visit)
-
-
-@pytest.mark.everything
-@pytest.mark.parametrize("kind", GOING_ON)
-def test_what_goes_on_from_a_result_survives_it(kind, later_reports, visit):
-    look_printed(later_reports[kind], visit)
-
-
-def test_what_axe_finds_fails(tmp_path, visit, axe):
-    page = tmp_path / "bad.html"
-    page.write_text("<main><h1>a</h1><img src='data:,'><button></button></main>")
-    with visit(page) as seen:
-        seen.page.evaluate(axe)
-        found = {rule for _, rule, _ in seen.page.evaluate(FOUND)}
-    assert {"image-alt", "button-name"} <= found
 
 
 @pytest.mark.everything

@@ -16,19 +16,6 @@ CARD = """() => {
           getComputedStyle(cell, "::before").content, cell.getAttribute("role")];
 }"""
 
-SORTED = """() => {
-  const table = document.querySelector("#full-model details details table");
-  const header = table.rows[0].cells[5];
-  const column = () => [...table.tBodies[0].rows].map((r) => r.cells[5].dataset.key);
-  header.querySelector("button").click();
-  const up = [header.getAttribute("aria-sort"), column()];
-  header.querySelector("button").click();
-  const down = [header.getAttribute("aria-sort"), column()];
-  const focusable = header.querySelector("button").tabIndex;
-  table.rows[0].cells[0].querySelector("button").click();
-  return [up, down, focusable, header.getAttribute("aria-sort"),
-          [...table.tBodies[0].rows].map((r) => r.cells[0].firstChild.textContent)];
-}"""
 
 FILTERED = """() => {
   const box = [...document.querySelectorAll(".table")]
@@ -63,18 +50,6 @@ def test_on_a_wide_window_no_table_needs_to_scroll(kind, reports, visit):
 def test_on_a_phone_rows_become_cards_that_say_what_each_number_is(reports, visit):
     with visit(reports["demo"], 400) as seen:
         assert seen.page.evaluate(CARD) == ["grid", "value", '"value"', "cell"]
-
-
-def test_tables_sort_by_number_and_say_so(reports, visit):
-    with visit(reports["demo"]) as seen:
-        up, down, focusable, after, names = seen.page.evaluate(SORTED)
-    keys = [float(k) for k in up[1]]
-    assert up[0] == "ascending"
-    assert keys == sorted(keys)
-    assert down == ["descending", up[1][::-1]]
-    assert focusable == 0
-    assert after == "none"
-    assert names[0] == min(names, key=str.lower)
 
 
 def test_chips_show_only_the_rows_with_their_verdict(reports, visit):

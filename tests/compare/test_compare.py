@@ -10,11 +10,8 @@ from typer.testing import CliRunner
 
 from identifiability import Robot, analyze, compare
 from identifiability.cli import app
-from identifiability.estimation.differences import load_bodies
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs import Log
-from identifiability.regression.regression import Model
-from identifiability.regression.structure import Structure
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.simulation.forces import joint_torque
 from identifiability.simulation.simulator import Campaign
@@ -110,20 +107,6 @@ def test_the_same_motion_cancels_what_the_model_leaves_out():
         assert other.answer.endswith("or the model leaves out what the motions show differently.")
 
 
-def test_a_motion_that_is_followed_otherwise_is_no_change():
-    found = compare(PLANAR, logs(PLANAR, 12)[0], logs(PLANAR, 13, scale=1.03)[0])
-    assert found.pairs
-    assert not found.changes
-
-
-def test_the_repetition_may_start_later_and_have_another_clock():
-    before, after = logs(PLANAR, 10)[0], logs(PLANAR, 11, elbow=1.4)[0]
-    late = replace(after.rows(3, len(after)), t=after.t[3:] - after.t[3] + 17.0)
-    found = compare(PLANAR, before, late)
-    assert found.pairs
-    assert said(found) == {("friction", "elbow")}
-
-
 def test_results_are_compared_by_their_values(tmp_path):
     paths = []
     for k, friction in enumerate(({}, {"elbow": 1.3}, {})):
@@ -172,32 +155,3 @@ def test_the_command_answers_first_and_writes_what_was_asked(tmp_path):
     out = CliRunner().invoke(app, ["compare", PLANAR, str(first), str(first)])
     assert out.exit_code == 2
     assert "monday.csv stands on both sides" in out.stderr.replace("\n", " ")
-
-
-def test_logs_that_show_only_large_changes_say_so():
-    rng = np.random.default_rng(0)
-    shape = campaign(PLANAR).torque.shape
-    shaken = 80.0 * np.cumsum(rng.standard_normal(shape), axis=0) / np.sqrt(shape[0])
-    before, after = (logs(PLANAR, s, extra=x)[0] for s, x in ((17, shaken), (18, shaken[::-1])))
-    found = compare(PLANAR, before, after)
-    assert not found.changes
-    assert min(found.found_from.values()) > 0.5
-    assert "but only large changes could be" in found.answer
-
-
-def test_how_logs_of_both_sides_were_read_is_said_once():
-    note = "the times are in ms"
-    one, other = (replace(logs(PLANAR, s)[0], notes=(note,)) for s in (1, 2))
-    found = compare(PLANAR, one, other)
-    said = " ".join(found.hints)
-    assert said.count(note) == 1
-    assert said.count("How ") == 1
-    assert f"{one.name}, {other.name} were read" in said
-
-
-def test_a_body_that_the_sidecar_bounds_may_carry_a_load(tmp_path):
-    path = tmp_path / "arm.xml"
-    path.write_text(Robot.load(PLANAR).path.read_text())
-    path.with_suffix(".toml").write_text("[bounds.bodies.link1]\nmass = [0.1, 50]\n")
-    structures = [Structure.of(Robot.load(r), Model.of("rigid_body")) for r in (PLANAR, path)]
-    assert [load_bodies(s) for s in structures] == [("link2",), ("link2", "link1")]

@@ -8,7 +8,6 @@ import pytest
 from identifiability import analyze, prune
 from identifiability.effects.gravity import horizontal_axes
 from identifiability.effects.nominal import gravity_torque
-from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import prepare_samples
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.regression import Model
@@ -195,21 +194,3 @@ def test_it_is_diagnosed_under_the_other_model_and_held_out_logs_do_not_choose(t
     assert found.held_before < 0.2
     assert not diagnose(robot, good[0], logs[1], quick=True).alternative
     assert not diagnose(robot, *logs, quick=True, fixed=True).alternative
-
-
-def test_columns_of_files_that_stay_files_are_said_and_not_read_otherwise(turned, tmp_path):
-    robot, logs, _ = turned
-    path = tmp_path / "long.csv"
-    logs[0].to_frame().to_csv(path, index=False)
-    long = LogFile.read(path)
-    found = analyze(robot, long, replicates=0)
-    assert "elbow seems to have the wrong sign" in found.hints[0]
-    assert not any("under that reading" in hint for hint in found.hints)
-
-
-def test_a_file_of_placeholder_masses_is_diagnosed_as_any_other():
-    robot, log = record("six-dof-arm", masses=0.1)
-    found = diagnose(robot, log, record("six-dof-arm", seed=2, masses=0.1)[1], quick=True)
-    assert not found.nothing
-    assert not found.alternative
-    assert found.evidence

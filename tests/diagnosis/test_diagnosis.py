@@ -1,7 +1,6 @@
 """The result: statement, frames, JSON schema, report, fixed values, command line."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,14 +11,7 @@ from identifiability.cli import options
 from identifiability.cli.diagnose import diagnose as command
 from identifiability.foundation.errors import LogError, ModelError
 from identifiability.foundation.output import plain
-from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.regression.gather import gather_information
-from identifiability.regression.regression import Regression
-from identifiability.robot import Robot
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.diagnose.findings import Rival, headline
-from identifiability.workflows.diagnose.motion import STRETCH, prepare_rows, thin
-from identifiability.workflows.diagnose.rows import explained_share
 
 HIDDEN = "stribeck_friction@slider1+slider3=0.03"
 #: What it may be, with what it resembles and what no motion here shows.
@@ -41,18 +33,6 @@ def test_the_statement_says_effect_joints_odds_and_how_far_the_gap_shrinks(diagn
     assert text.startswith("Stribeck friction in slider1 and slider3 (log odds ")
     assert "the error goes from" in text
     assert "95 %" in text
-
-
-def test_the_headline_states_each_effect_and_what_is_undecided_stands_beneath(diagnosis):
-    (e,) = diagnosis.effects
-    rivals = (Rival("quadratic_friction", "slider1"),)
-    unsure = replace(e, placements=tuple(replace(p, rivals=rivals) for p in e.placements))
-    d = replace(diagnosis, effects=(e, unsure, unsure))
-    first, *rest = d.statement.split("\n- ")
-    assert headline(d) == first
-    assert first.count("Stribeck friction") + first.count("stribeck friction") == 3
-    either = [text for text in rest if "cannot tell Stribeck friction or quadratic" in text]
-    assert len(either) == 2
 
 
 def test_json_follows_the_schema(diagnosis, tmp_path):
@@ -99,47 +79,6 @@ def test_a_name_that_the_verifying_motion_contradicts_is_listed_as_refuted(logs_
     assert "Not confirmed by the motion that verifies" in page
 
 
-def test_a_name_is_refuted_at_the_place_where_it_is_not(logs_of):
-    """Both joints have it while names are chosen, one of them on the motion that verifies."""
-    one, other = (f"position_ripple@{j}_shoulder=0.05" for j in ("left", "right"))
-    fitted, held = logs_of("five-bar", one, other)[:4], logs_of("five-bar", one)[4]
-    few = {"effects": ["position_ripple"], "quick": True, "forward": False}
-    d = diagnose("five-bar", fitted, held, **few)
-    assert [(e.name, e.joints) for e in d.effects] == [("position_ripple", ("left_shoulder",))]
-    assert [(x.name, x.place) for x in d.refuted] == [("position_ripple", "right_shoulder")]
-    assert "Position ripple in right_shoulder stood out" in d.statement
-    assert not any(name.startswith("right_shoulder.Rs") for name in d.completed.columns)
-
-
-def test_what_survives_beside_a_refuted_name_is_judged_without_it(logs_of):
-    both = ("position_ripple@left_shoulder=0.05", "stribeck_friction@right_shoulder=0.05")
-    d = diagnose(
-        "five-bar", logs_of("five-bar", *both)[:4], logs_of("five-bar", both[1])[4],
-        effects=["position_ripple", "stribeck_friction"], quick=True, forward=False,
-    )  # fmt: skip
-    assert [e.name for e in d.effects] == ["stribeck_friction"]
-    assert [e.name for e in d.refuted] == ["position_ripple"]
-    assert d.effects[0].before == d.held_before
-    assert d.effects[0].after == d.held_after < d.held_before
-    assert not any("left_shoulder" in name for name in d.to_frame().parameter)
-
-
-def test_the_report_is_one_file_that_tells_the_story(diagnosis, tmp_path):
-    page = diagnosis.write_report(tmp_path / "d.html").read_text()
-    for words in ("Stribeck friction", "The gap before and after", "The evidence", "slider3.Fs"):
-        assert words in page
-    assert "How models were judged" in page
-    assert "http://" not in page.replace("http://www.w3.org", "")
-    assert diagnosis.statement.split(" (")[0] in diagnosis._repr_html_()
-
-
-def test_the_model_with_the_effect_is_a_model_like_any_other(diagnosis):
-    regression = Regression(diagnosis.robot, diagnosis.model, diagnosis.samples)
-    names = [p.name for p in regression.parameters]
-    assert names[-2:] == ["slider1.Fs", "slider3.Fs"]
-    assert gather_information(regression).size == len(names)
-
-
 def test_what_was_named_has_odds_beside_the_model_alone(diagnosis):
     odds = {(x.name, x.place): x for x in diagnosis.evidence}
     own = odds["stribeck_friction", "slider1"]
@@ -154,25 +93,6 @@ def test_the_same_seed_gives_the_same_answer(logs_of):
         diagnose("two-link", logs[:2], logs[4:], effects=FEW, quick=True, seed=3) for _ in range(2)
     )
     assert plain(a.to_dict()) == plain(b.to_dict())
-
-
-def test_without_held_out_logs_some_motion_is_set_aside_to_verify(logs_of):
-    logs = logs_of("five-bar", "position_ripple@left_shoulder=0.05")
-    d = diagnose("five-bar", logs[:3], effects=FEW, quick=True, forward=False)
-    assert [e.name for e in d.effects] == ["position_ripple"]
-    assert "On motion 3, which was set aside, which was not fitted" in d.statement
-    assert d.to_dict()["roles"]["fitted"] == ["motion 1", "motion 2"]
-    few = {"effects": ["position_ripple"], "quick": True, "forward": False}
-    one = diagnose("five-bar", logs[0], **few)
-    assert one.verified_on == "the last 25 % of motion 1, set aside"
-
-
-def test_the_frame_has_the_error_before_and_after(diagnosis):
-    frame = diagnosis.to_frame()
-    (effect,) = diagnosis.effects
-    np.testing.assert_allclose(frame.before, effect.before, rtol=1e-5)
-    np.testing.assert_allclose(frame.after, effect.after, rtol=1e-5)
-    assert (frame.after < frame.before).all()
 
 
 @pytest.mark.parametrize(
@@ -213,14 +133,6 @@ def test_only_the_families_that_are_asked_for_are_named(logs_of):
         diagnose("3-rps", [])
 
 
-def test_averages_explain_what_depends_on_the_variable_and_nothing_else():
-    rng = np.random.default_rng(0)
-    x, noise = rng.uniform(-1, 1, 3000), rng.standard_normal(3000)
-    assert explained_share(x, np.sin(3 * x) + 0.1 * noise) > 0.9
-    assert explained_share(x, noise) < 0.01
-    assert explained_share(np.zeros(3000), noise) == 0.0
-
-
 @pytest.fixture
 def app():
     app = typer.Typer()
@@ -241,32 +153,3 @@ def test_the_command_writes_json_and_report(app, logs_of, tmp_path):
     assert "quadratic_friction" in out.output
     assert json.loads(result.read_text())["effects"][0]["effect"] == "quadratic_friction"
     assert page.is_file()
-
-
-def test_the_command_refuses_an_unknown_family_in_one_sentence(app, logs_of, tmp_path):
-    path = tmp_path / "log.csv"
-    logs_of("two-link")[0].write(path)
-    out = CliRunner().invoke(app, ["two-link", str(path), "--effects", "stribek_friction"])
-    assert out.exit_code == 2
-    assert "did you mean 'stribeck_friction'" in " ".join(out.output.split())
-
-
-def test_long_logs_are_thinned_to_stretches_that_keep_their_neighbours(logs_of, monkeypatch):
-    log = logs_of("two-link", motion=0.01)[0]
-    samples = prepare_samples(Robot.load("two-link"), log, Preparation(keep_rest=True))
-    monkeypatch.setattr("identifiability.workflows.diagnose.motion.STRETCH", 50)
-    less = thin(samples, 300)
-    gaps = np.flatnonzero(np.diff(less.motion.kept) > 1)
-    assert len(less.tau) == 300
-    assert len(gaps) == 5
-    np.testing.assert_array_equal(less.tau, samples.tau[less.motion.kept])
-    assert STRETCH == 300
-
-
-def test_measured_derivatives_are_decimated_unless_the_log_has_a_gap(logs_of):
-    robot = Robot.load("two-link")
-    log = logs_of("two-link", motion=0.01)[0]
-    assert prepare_rows(robot, log, None).decimation.factor > 1
-    keep = np.r_[0:300, 400:750]
-    rows = {k: getattr(log, k)[keep] for k in ("t", "q", "tau", "dq", "ddq")}
-    assert prepare_rows(robot, replace(log, **rows), None).decimation is None

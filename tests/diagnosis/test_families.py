@@ -9,16 +9,13 @@ from identifiability.effects import (
     FAMILIES,
     Effect,
     Family,
-    Part,
-    Placed,
     Shaped,
     find_effect,
     find_families,
     forget,
     register,
 )
-from identifiability.effects.friction import StribeckFriction
-from identifiability.foundation.errors import IdentifiabilityError, ModelError
+from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Parameter
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
@@ -61,37 +58,6 @@ def test_what_the_simulator_hides_is_the_columns_times_some_levels(name):
     assert np.linalg.norm(left) < tolerance * np.linalg.norm(torque)
 
 
-def test_hidden_stribeck_friction_lies_on_the_column_of_its_velocity():
-    robot = Robot.load("two-link")
-    motion, torque = hidden_part(robot, "stribeck_friction@elbow=0.05")
-    assert not torque[:, 0].any()
-    typical = np.sqrt(np.mean(motion.actuated_v[:, 1] ** 2))
-    effect = Placed([Part(StribeckFriction(0.3 * typical), "elbow")])
-    column = Model((effect,)).regressor(robot, motion)[:, 1, 0]
-    level = column @ torque[:, 1] / (column @ column)
-    np.testing.assert_allclose(torque[:, 1], level * column, atol=1e-9)
-
-
-def test_a_hidden_delay_is_minus_the_slope_of_the_torque(logs_of):
-    robot = Robot.load("five-bar")
-    trajectory = shipped_trajectory(robot, "a")
-    plain = simulate(robot, trajectory)
-    added = simulate(robot, trajectory, hide=["time_delay=0.01"])
-    motion = prepare_samples(robot, plain, Preparation(keep_rest=True)).motion
-    W = Model((find_effect("time_delay"),)).regressor(robot, motion)
-    for k in range(2):
-        change = added.tau[:, k] - plain.tau[:, k]
-        assert np.corrcoef(W[:, k, k], change)[0, 1] > 0.999
-
-
-def test_effects_dissipate_or_conserve_as_their_names_say(robot):
-    motion = random_motion(robot, np.random.default_rng(0), 30)
-    for name in ("stribeck_friction", "quadratic_friction", "load_dependent_friction"):
-        W = Model((find_effect(name),)).regressor(robot, motion)
-        power = np.einsum("nik,ni->nk", W, motion.actuated_v)
-        assert (power >= -1e-12).all(), name
-
-
 def test_every_joint_of_every_robot_has_candidates_or_a_reason(robot):
     motion = random_motion(robot, np.random.default_rng(0), 50)
     session = [replace(motion, start=start) for start in (0.0, 60.0, 120.0)]
@@ -109,43 +75,9 @@ def test_every_joint_of_every_robot_has_candidates_or_a_reason(robot):
         assert taken == list(range(len(taken)))
 
 
-def test_a_serial_robot_says_that_it_has_no_passive_joints():
-    robot = Robot.load("two-link")
-    motion = random_motion(robot, np.random.default_rng(0), 20)
-    present = Structure.of(robot, Model.of("rigid_body")).present
-    _, refused = list_candidates(robot, find_families(None), present, [motion], fixed=False)
-    reasons = {r.family: r.reason for r in refused}
-    assert "no place" in reasons["passive_joint_friction"]
-    assert "every mass is refitted" in reasons["payload"]
-
-
-def test_an_effect_can_be_placed_in_some_joints_each_with_its_shape(rps):
-    motion = random_motion(rps, np.random.default_rng(0), 20)
-    effect = Placed(
-        [Part(StribeckFriction(0.02), "slider1"), Part(StribeckFriction(0.05), "slider3")]
-    )
-    assert [p.name for p in effect.parameters(rps)] == ["slider1.Fs", "slider3.Fs"]
-    W = (Model.of("rigid_body") + effect).regressor(rps, motion)[:, :, -2:]
-    v = motion.actuated_v
-    np.testing.assert_allclose(W[:, 2, 1], np.exp(-np.abs(v[:, 2] / 0.05)) * np.sign(v[:, 2]))
-    assert not W[:, 0, 1].any()
-    assert not W[:, 1].any()
-
-
-def test_an_effect_placed_where_it_is_not_says_where_it_could_be(rps):
-    with pytest.raises(ModelError, match=r"has no parameter at 'hinge9'.*slider1, slider2"):
-        Placed([Part(StribeckFriction(), "hinge9")]).parameters(rps)
-
-
 def test_an_unknown_family_is_named_with_its_near_match():
     with pytest.raises(ModelError, match="'stribek_friction', did you mean 'stribeck_friction'"):
         find_families(["stribek_friction"])
-
-
-def test_hiding_an_effect_in_an_unknown_joint_is_refused():
-    robot = Robot.load("two-link")
-    with pytest.raises(IdentifiabilityError, match=r"'elbo'.*did you mean 'elbow'"):
-        simulate(robot, shipped_trajectory(robot, "a"), hide=["stribeck_friction@elbo"])
 
 
 class Cubic(Effect):
@@ -211,20 +143,3 @@ def test_a_shape_that_is_known_is_stated_and_not_searched():
         assert np.isnan([c.shape for c in found]).all()
     finally:
         forget("cogging")
-
-
-def test_a_coupled_motor_is_a_place_like_a_joint(tmp_path):
-    path = tmp_path / "coupled.toml"
-    path.write_text(
-        '[transmission]\nmotors = ["motor1", "motor2"]\ncoupling = [[1, 0], [1, 1]]\n'
-        "ratio = [50, -30]\noffset = [0.1, -0.2]\n"
-    )
-    robot = Robot.load("two-link", path)
-    motion = random_motion(robot, np.random.default_rng(0), 30)
-    candidates, _ = list_candidates(robot, find_families(None), (), [motion], fixed=False)
-    at_motor = {c.family.name for c in candidates if c.place == "motor2"}
-    assert at_motor >= {"stribeck_friction", "quadratic_friction", "joint_stiffness"}
-    part = next(c.part for c in candidates if c.group == ("quadratic_friction", "motor2"))
-    W = Model((Placed([part]),)).regressor(robot, motion)[:, :, 0]
-    speed = motion.actuated_v.sum(1)
-    np.testing.assert_allclose(W, np.stack([np.abs(speed) * speed] * 2, 1))

@@ -5,14 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from identifiability import IdentifiabilityError, Robot, analyze, diagnose
-from identifiability.cli import app
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.workflows.diagnose.problem import know_share
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
@@ -94,40 +91,3 @@ def test_a_result_tells_its_values_and_their_covariance(logs_of, tmp_path):
     assert np.all(np.abs(d.fit.base - d.known.values) <= 3.0 * sd)
     with pytest.raises(IdentifiabilityError, match="give that model, or no model"):
         quick("two-link", logs, fixed=path, model=["rigid_body"])
-
-
-def test_shares_are_of_bodies_as_a_whole_and_of_friction_by_itself():
-    """A body that is a share heavier in all, or friction that is larger, is one deviation off."""
-    structure = Structure.of(Robot.load("six-dof-arm"), Model.of(*EFFECTS))
-    known = know_share(0.2, structure)
-    np.testing.assert_allclose(known.values, structure.nominal_base, rtol=1e-9)
-    assert np.linalg.matrix_rank(known.root) == len(known.values)
-    for owner, least, most in (("link_6", 0.4, 1.0), ("joint_2", 0.8, 1.8)):
-        own = np.array([p.owner == owner for p in structure.parameters])
-        off = known.root @ structure.G @ np.where(own, 0.2 * structure.nominal, 0.0)
-        assert least < np.linalg.norm(off) < most + 1e-6
-    with pytest.raises(IdentifiabilityError, match="a share above 0"):
-        know_share(0.0, structure)
-
-
-def test_values_are_kept_in_one_way_at_a_time(tmp_path):
-    log = tmp_path / "log.csv"
-    names = [f"{joint}.{kind}" for joint in ("shoulder", "elbow") for kind in ("q", "tau")]
-    rows = [f"{0.01 * k},1,2,3,{k}" for k in range(60)]
-    log.write_text("\n".join([",".join(["t", *names]), *rows]))
-    argv = ["diagnose", "two-link", str(log), "--fixed", "--fixed-share", "0.1"]
-    out = CliRunner().invoke(app, argv)
-    assert out.exit_code == 2
-    assert "one way at a time" in " ".join(out.output.split())
-
-
-def test_a_simulation_forward_is_of_the_robot_that_was_logged_whatever_its_file(logs_of):
-    far = {"link1.m": 1.0, "link2.m": 0.8, "link2.mx": 0.2, "elbow.Fc": 0.3}
-    before = moved(logs_of("two-link", seed=5), "two-link", far)
-    hidden = logs_of("two-link", "joint_stiffness@shoulder=0.05", seed=6)
-    logs = moved(hidden, "two-link", far)
-    a = analyze("two-link", before[:3], replicates=0)
-    few = {"effects": ["joint_stiffness"]}
-    d = diagnose("two-link", logs[:4], logs[4:], fixed=a, **few)
-    assert [(e.name, e.joints) for e in d.effects] == [("joint_stiffness", ("shoulder",))]
-    assert max(d.forward.error_after, d.forward.error_before) < 0.05

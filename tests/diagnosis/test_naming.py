@@ -62,18 +62,6 @@ def among(*effects):
     return pytest.mark.parametrize("effects", [effects, every], ids=["few", "all"])
 
 
-@pytest.mark.everything
-def test_two_hidden_effects_are_both_named(diagnosis_of, named):
-    both = ("stribeck_friction@slider1=0.03", "position_ripple@slider2=0.02")
-    d = diagnosis_of("3-rps", *both)
-    assert sorted(named(d)) == [
-        ("position_ripple", ("slider2",)),
-        ("stribeck_friction", ("slider1",)),
-    ]
-    errors = [d.held_before, *(e.after for e in d.effects)]
-    assert errors == sorted(errors, reverse=True)
-
-
 @among("torque_leak", "torque_offset", "stribeck_friction", "joint_stiffness", "time_delay")
 def test_torque_that_leaks_from_another_joint_is_named(diagnosis_of, named, effects):
     """Half as large, four of its errors, no other name is given."""
@@ -134,25 +122,6 @@ def test_the_papers_nonlinear_friction_is_named(rps, named):
     assert named(d) == [("stribeck_friction", ("slider1", "slider2", "slider3"))]
     level = d.to_frame().value.to_numpy()
     np.testing.assert_allclose(level, 372.0, rtol=0.35)
-
-
-@among("passive_joint_friction", "stribeck_friction", "quadratic_friction", "joint_stiffness")
-def test_the_papers_rotational_friction_is_named(rps, named, effects):
-    hinges = {f"hinge{k}.{n}": v for k in (1, 2, 3) for n, v in (("Fv", 490.8), ("Fc", 34.2))}
-    logs = paper_logs(rps, hinges)
-    d = diagnose(rps, logs[:2], logs[2:], effects=effects, forward=False)
-    assert named(d) == [("passive_joint_friction", ("hinge1", "hinge2", "hinge3"))]
-
-
-@among("actuator_inertia", "payload", "time_delay", "quadratic_friction", "joint_stiffness")
-def test_the_papers_actuator_dynamics_are_named(rps, named, effects):
-    logs = paper_logs(rps)
-    model = ("rigid_body", "viscous_friction", "coulomb_friction")
-    few = {"effects": effects, "forward": False}
-    d = diagnose(rps, logs[:2], logs[2:], model=model, **few)
-    assert named(d) == [("actuator_inertia", ("slider1", "slider2", "slider3"))]
-    np.testing.assert_allclose(d.to_frame().value, 483.1, rtol=0.1)
-    assert d.held_after < 0.3 * d.held_before
 
 
 def test_a_shape_that_lies_between_is_found_and_nothing_beside_it(diagnosis_of, named):

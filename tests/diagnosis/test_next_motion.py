@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from identifiability import IdentifiabilityError, Robot, excite
+from identifiability import Robot
 from identifiability.cli import app
 from identifiability.estimation.rules import RULES
 from identifiability.logs.prepare import Preparation
@@ -134,33 +134,6 @@ def test_of_what_its_rival_contains_the_rival_is_taken_as_true():
     found = ask(diagnosis("torque_offset@elbow", "off", 0.1, ("position_torque@elbow",)))
     assert not found.same
     assert found.chance > found.before
-
-
-def test_what_is_the_same_torque_however_the_robot_moves_is_said_to_be():
-    found = ask(diagnosis("actuator_inertia@shoulder", "Ia", 0.1, ("payload@link2",)))
-    assert found.same
-    assert found.chance < 0.01
-    assert "they are the same torque" in found.statement
-
-
-def test_nothing_is_asked_for_where_nothing_is_undecided():
-    with pytest.raises(IdentifiabilityError, match="Nothing that was named is undecided"):
-        ask(diagnosis("quadratic_friction@elbow", "Fq", 0.1, ()))
-
-
-def test_a_motion_may_begin_and_end_at_rest():
-    found = excite("two-link", at_rest=True, evaluations=300, seed=2)
-    path = found.trajectory
-    q, v, a = path.motion(np.array([0.0, path.period]))
-    np.testing.assert_allclose(v, 0.0, atol=1e-12)
-    np.testing.assert_allclose(a, 0.0, atol=1e-10)
-    np.testing.assert_allclose(q[0], q[1], atol=1e-12)
-    _, q, v, a = found.motion
-    assert np.all(q >= found.limits.low)
-    assert np.all(q <= found.limits.high)
-    assert np.abs(v).max() > 0.1
-    with pytest.raises(IdentifiabilityError, match="at least 2 harmonics"):
-        excite("two-link", at_rest=True, harmonics=1)
 
 
 def again(robot, motions, found, hidden):

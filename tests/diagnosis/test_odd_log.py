@@ -10,7 +10,6 @@ from identifiability.effects import title_of
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.regression import Model
 from identifiability.report.results import answer_first
-from identifiability.simulation import Noise, random_trajectory, simulate
 
 FEW = {"effects": ["joint_stiffness", "torque_offset", "position_ripple"], "quick": True}
 FEW |= {"forward": False}
@@ -113,21 +112,3 @@ def test_friction_that_warms_up_through_a_session_is_no_change_at_an_instant(log
         logs[k] = replace(log, tau=log.tau + np.outer(dry, [0.0, 1.0]))
         begun += t[-1]
     assert not diagnose("two-link", logs[:3], logs[3:], **CHANGES).changes
-
-
-def test_a_large_load_on_a_closed_chain_is_not_said_to_be_an_offset_of_one_actuator(logs_of):
-    logs = list(logs_of("3-rps")[:4])
-    since = 0.6 * np.ptp(logs[1].t)
-    logs[1] = gripped(logs[1], since, 10.0, (0.0, 0.0, 0.0), "3-rps", "leg3_upper")
-    (change,) = diagnose("3-rps", logs[:3], logs[3:], **CHANGES).changes
-    said = {(change.family, change.place), *change.others}
-    assert ("payload", "leg3_upper") in said
-    assert said <= {("torque_offset", "slider3"), ("payload", "leg3_upper")}
-
-
-def test_a_log_too_short_to_change_inside_is_diagnosed():
-    robot, rng = Robot.load("two-link"), np.random.default_rng(0)
-    motion = random_trajectory(robot, rng, period=0.5, samples=1000)
-    noise, hide = Noise(additive=0.01, correlation=0.5), ("joint_stiffness@elbow=0.1",)
-    log = simulate(robot, motion, noise=noise, rng=rng, hide=hide)
-    assert diagnose(robot, log, **FEW).statement

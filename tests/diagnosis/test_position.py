@@ -8,8 +8,6 @@ import pytest
 
 from identifiability import Robot, diagnose
 from identifiability.estimation.prediction import predict
-from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.regression.regression import Model
 from identifiability.simulation import Campaign, Noise, random_trajectory
 
 NOISE = Noise(additive=0.012, correlation=0.9, encoder=2e-5)
@@ -101,32 +99,6 @@ def test_the_model_that_is_kept_predicts_farther_than_was_fitted_as_was_verified
     before, verified = d.gap.prediction.joint_rms()[0, [0, -1]]
     assert verified < 0.5 * before
     assert kept < 1.1 * verified
-
-
-def test_a_spring_of_negative_stiffness_is_one_effect_with_its_rest():
-    """Stiffness and offset in one joint are one spring, also where only its parts were found."""
-    c = source("two-link")
-    d = find("spring", 1, 3, c)
-    assert [(e.name, e.joints) for e in d.effects] == [("free_spring", ("elbow",))]
-    (place,) = d.effects[0].placements
-    values = dict(zip(place.parameters, place.values, strict=True))
-    stiffness, level = np.polyfit(c.move.q[:, 1], planted("spring", 1, c)[:, 1], 1)
-    assert stiffness < 0
-    assert values["elbow.k"] == pytest.approx(stiffness, rel=0.1)
-    assert values["elbow.kq0"] / values["elbow.k"] == pytest.approx(-level / stiffness, abs=0.1)
-
-
-def test_columns_of_a_named_curve_are_those_of_its_model():
-    """Along other motion too: what is learned does not hang on what was fitted."""
-    robot = source().robot
-    log = source().logs(planted("cable", 0), Noise(), derivatives=True)[2]
-    motion = prepare_samples(robot, log, Preparation(keep_rest=True)).motion
-    model = Model.of("position_torque@left_shoulder:0.11")
-    W = model.regressor(robot, motion)
-    tau = planted("cable", 0)[source().log == 2]
-    value = np.linalg.lstsq(W[:, 0], tau[:, 0], rcond=None)[0]
-    np.testing.assert_allclose(W[:, 0] @ value, tau[:, 0], atol=0.02 * np.ptp(tau))
-    assert not W[:, 1].any()
 
 
 def test_ripple_of_a_geared_motor_is_named_with_its_period_and_size(tmp_path):

@@ -4,44 +4,13 @@ from dataclasses import replace
 
 import pytest
 
-from identifiability.foundation.errors import LogError
 from identifiability.workflows import opening
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.diagnose.motion import SHORTEST, assign_roles
 
 
 @pytest.fixture
 def logs(logs_of):
     return logs_of("two-link")
-
-
-def names(logs):
-    return [log.name for log in logs]
-
-
-def test_all_fitted_logs_are_fitted_and_all_held_out_ones_verify(logs):
-    roles = assign_roles(logs[:3], logs[3:])
-    assert names(roles.fit) == ["motion 1", "motion 2", "motion 3"]
-    assert names(roles.verify) == ["motion 4", "motion 5"]
-    assert roles.verified_on == "motion 4 and motion 5"
-
-
-def test_without_held_out_logs_the_last_log_or_the_last_part_is_set_aside(logs):
-    roles = assign_roles(logs[:3], [])
-    assert names(roles.fit) == ["motion 1", "motion 2"]
-    assert names(roles.verify) == ["motion 3"]
-    assert "set aside" in roles.verified_on
-    one = assign_roles(logs[:1], [])
-    assert one.fit[0].t[-1] < one.verify[0].t[0]
-    assert len(one.verify[0]) >= SHORTEST
-
-
-def test_a_log_too_short_to_be_divided_is_refused_in_one_sentence(logs):
-    short = logs[0].cut(0, len(logs[0]) // 5, "short")
-    with pytest.raises(LogError, match="too few to name effects from one part and verify"):
-        assign_roles([short], [])
-    # As the only held-out log it verifies whole.
-    assert assign_roles(logs[:1], [short]).verify == (short,)
 
 
 def test_what_verifies_can_only_refute(logs_of, monkeypatch):

@@ -49,21 +49,3 @@ def test_where_logs_share_no_clock_the_session_is_not_asked_for(logs_of, told):
     d = named(without, quick=True)
     assert NAME not in {x.name for x in d.evidence}
     assert all("session" not in x.explained for x in d.discrepancies)
-
-
-def test_no_session_is_named_where_nothing_drifts(logs_of):
-    assert named(logs_of("two-link")).effects == ()
-
-
-def test_a_drift_within_each_log_stays_one(logs_of):
-    d = named(logs_of("two-link", "torque_drift@elbow=0.1"))
-    assert [e.name for e in d.effects] == ["torque_drift"]
-
-
-def test_a_log_with_an_offset_of_its_own_makes_no_function_of_the_session(logs_of):
-    logs = logs_of("two-link")
-    for k in range(5):
-        offset = np.array([0.0, 0.1 * np.std(logs[k].tau[:, 1])])
-        shifted = replace(logs[k], tau=logs[k].tau + offset)
-        d = named([*logs[:k], shifted, *logs[k + 1 :]], quick=True)
-        assert NAME not in [e.name for e in d.effects]

@@ -60,12 +60,3 @@ def test_an_offset_is_a_part_of_a_spring_without_a_name_and_else_an_offset(logs_
     d = diagnose("two-link", logs[:4], logs[4], effects=known, forward=False)
     ((name, joints),) = [(e.name, e.joints) for e in d.effects]
     assert (name, joints) == (found, ("elbow",))
-
-
-@pytest.mark.everything
-def test_where_a_name_fits_or_nothing_is_left_no_function_is_given(logs_of):
-    for hidden in ((), ("stribeck_friction@left_shoulder=0.1",)):
-        logs = logs_of("five-bar", *hidden)
-        d = diagnose("five-bar", logs[:4], logs[4], forward=False, quick=True)
-        assert [e.name for e in d.effects] == [h.partition("@")[0] for h in hidden]
-        assert not any(e.unnamed for e in d.refuted)

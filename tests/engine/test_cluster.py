@@ -2,12 +2,9 @@
 
 import asyncio
 import os
-import signal
 import socket
 import sys
-import time
 from functools import partial
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -94,13 +91,6 @@ def test_a_module_of_a_study_is_sent_to_workers(cluster, tmp_path, monkeypatch):
 
 
 @needs_dask
-@pytest.mark.parametrize("address", ["nonsense", "tcp://127.0.0.1", "smoke://a:1"])
-def test_an_address_that_is_none_is_one_sentence(address):
-    with pytest.raises(EngineError, match=f"no Dask scheduler at '{address}'.*give the address"):
-        choose_engine(scheduler=address)
-
-
-@needs_dask
 def test_a_scheduler_that_is_not_there_is_said(monkeypatch):
     assert clusters.PATIENCE <= 10
     monkeypatch.setattr(clusters, "PATIENCE", 1.0)
@@ -111,19 +101,6 @@ def test_a_scheduler_that_is_not_there_is_said(monkeypatch):
             choose_engine(scheduler=address)
 
 
-@needs_dask
-def test_a_cluster_without_workers_is_one_sentence(monkeypatch):
-    assert clusters.JOINING >= 60  # workers that died before start anew, on a busy machine late
-    monkeypatch.setattr(clusters, "JOINING", 1.0)
-    with (
-        distributed.LocalCluster(
-            n_workers=0, dashboard_address="127.0.0.1:0", protocol="tcp://"
-        ) as empty,
-        pytest.raises(EngineError, match="has no workers; start some with 'dask worker tcp://"),
-    ):
-        choose_engine(scheduler=empty.scheduler_address)
-
-
 def test_without_dask_one_sentence_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(
@@ -132,65 +109,5 @@ def test_without_dask_one_sentence_says_what_to_install(monkeypatch):
         choose_engine("dask")
 
 
-@needs_dask
-def test_an_attribute_that_the_work_lacks_is_the_works_own_error(cluster):
-    def broken(item):
-        return item.nothing_of_the_kind
-
-    with pytest.raises(AttributeError, match="nothing_of_the_kind"):
-        list(cluster.map(broken, range(3)))
-
-
 async def never(*_, **__):
     await asyncio.sleep(60.0)
-
-
-@needs_dask
-def test_a_cluster_of_this_machine_that_cannot_be_started_is_one_sentence(monkeypatch):
-    def end(**_):
-        raise RuntimeError("Nanny failed to start.")
-
-    monkeypatch.setattr(distributed, "LocalCluster", end)
-    with pytest.raises(EngineError, match="could not be started: a worker ended"):
-        choose_engine("dask", workers=1)
-
-
-@needs_dask
-def test_what_interrupts_the_start_of_a_cluster_ends_it_once_it_is_there(monkeypatch):
-    ended = []
-
-    def start(**_):
-        time.sleep(0.1)
-        os.kill(os.getpid(), signal.SIGINT)
-        time.sleep(0.1)
-        return SimpleNamespace(close=lambda timeout: ended.append("closed"), workers={})
-
-    monkeypatch.setattr(distributed, "LocalCluster", start)
-    usual = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            choose_engine("dask", workers=1)
-    finally:
-        signal.signal(signal.SIGINT, usual)
-    assert ended == ["closed"]
-
-
-@needs_dask
-def test_the_end_of_a_cluster_is_not_waited_for(monkeypatch):
-    """Neither an item at work nor what Dask waits for."""
-    assert clusters.ENDING <= 10
-    monkeypatch.setattr(clusters, "ENDING", 0.5)
-    engine = choose_engine("dask", workers=1)
-    results = engine.map(time.sleep, [0.0, 600.0])
-    next(results)
-    local = engine.client.cluster
-    pids = [nanny.pid for nanny in local.workers.values()]
-    with monkeypatch.context() as patch:
-        patch.setattr(local, "_close", never)
-        start = time.monotonic()
-        engine.close()
-        assert time.monotonic() - start < 300
-    local.close(timeout=300)
-    for pid in pids:
-        with pytest.raises(ProcessLookupError):
-            os.kill(pid, 0)

@@ -10,10 +10,8 @@ import time
 import pytest
 from typer.testing import CliRunner
 
-from identifiability import analyze, prune
 from identifiability.cli import app
 from identifiability.foundation.engines.local import Processes
-from identifiability.workflows.calibrate.calibration import calibrate
 
 
 @pytest.fixture(scope="module")
@@ -25,29 +23,6 @@ def two():
 @pytest.fixture(scope="module")
 def log(simulated_session):
     return simulated_session("two-link", "a", 0, samples=300)
-
-
-@pytest.mark.everything
-def test_seeds_of_a_calibration_do_not_depend_on_who_does_it(log, two):
-    analysis = analyze("two-link", log, replicates=0)
-    small = {"replicates": 12, "refits": 10, "names": 0}
-    here, there = (
-        calibrate(analysis, **small, seed=3, engine=engine).to_dict() for engine in (None, two)
-    )
-    assert here == there
-    other = calibrate(analysis, **small, seed=4).to_dict()
-    assert other["cells"] != here["cells"]
-
-
-@pytest.mark.everything
-def test_seeds_of_pruning_do_not_depend_on_who_does_it(log, two):
-    here, there = (
-        prune("two-link", log, replicates=25, seed=1, engine=engine).stability
-        for engine in (None, two)
-    )
-    assert here.sizes.tolist() == there.sizes.tolist()
-    assert here.survives.tobytes() == there.survives.tobytes()
-    assert here.replicates == 25
 
 
 def test_a_calibration_is_taken_up_again(log, tmp_path):
@@ -84,7 +59,6 @@ def test_work_that_is_done_in_one_piece_says_that_nothing_was_kept(log, tmp_path
     [
         (["--engine", "serial", "--scheduler", "tcp://a:1"], "give the engine 'dask' with it"),
         (["--resume", "{log}"], "give a folder"),
-        (["--scheduler", "a", "--workers", "2"], "has its own workers"),
     ],
 )
 def test_engines_that_cannot_be_are_one_sentence(words, sentence, log, tmp_path):

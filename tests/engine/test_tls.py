@@ -5,9 +5,7 @@ import subprocess
 
 import pytest
 
-from identifiability.foundation.engines import cluster as clusters
 from identifiability.foundation.engines.local import Serial, choose_engine
-from identifiability.foundation.errors import EngineError
 
 distributed = pytest.importorskip("distributed")
 
@@ -75,15 +73,3 @@ def test_work_goes_over_tls(address, folder, work):
     with dask.config.set(settings(folder)), choose_engine(scheduler=address) as engine:
         there = list(engine.map(work.solve, range(4)))
     assert [x.tobytes() for x in there] == [x.tobytes() for x in Serial().map(work.solve, range(4))]
-
-
-@pytest.mark.parametrize("case", ["no certificate", "another's certificate", "no encryption"])
-def test_who_has_no_certificate_is_told_so_at_once(case, address, tmp_path, monkeypatch):
-    import dask
-
-    monkeypatch.setattr(clusters, "PATIENCE", 2.0)
-    given = settings(certify(tmp_path / "other", "other")) if case.startswith("another") else {}
-    target = address.replace("tls", "tcp") if case == "no encryption" else address
-    said = "There is no Dask scheduler at" if case == "no encryption" else "certificates"
-    with dask.config.set(given), pytest.raises(EngineError, match=said):
-        choose_engine(scheduler=target)

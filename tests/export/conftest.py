@@ -75,11 +75,3 @@ def replay(robot: Robot, result, log, folder: Path) -> Replayed:
 def replayed():
     """A function (robot, result, log, folder) -> Replayed."""
     return replay
-
-
-@pytest.fixture(scope="session")
-def coded():
-    """The effects that code can hold, without Coulomb friction, which its asymmetry contains."""
-    less = {"coulomb_friction", "backlash", "clock_error", "friction_drift", "hysteresis"}
-    less |= {"time_delay", "torque_drift", "torque_leak", "torque_scale", "velocity_leak"}
-    return [n for n, f in FAMILIES.items() if not f.unnamed and n not in less]

@@ -4,15 +4,12 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from identifiability import analyze, simulate
-from identifiability.cli import app
-from identifiability.foundation.errors import OutputError
 from identifiability.logs.prepare import prepare_samples
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
-from identifiability.workflows.export import export, write_parameters
+from identifiability.workflows.export import export
 
 OTHER = {"six-dof-arm": "fitted.xml", "two-link": "fitted.urdf"}
 
@@ -74,34 +71,3 @@ def test_a_urdf_says_what_it_cannot_hold(results, tmp_path):
     assert "fitted.urdf cannot hold" in exported.statement
     assert "shoulder.Ia" in exported.statement
     assert exported.error_ra_file > exported.error_ra
-
-
-def test_parameters_alone_have_units_and_bodies(results, tmp_path):
-    words = ["export", "two-link", str(results["two-link"][1]), "--out"]
-    out = CliRunner().invoke(app, [*words, str(tmp_path / "robot.json"), "--format", "json"])
-    assert out.exit_code == 0, out.output
-    told = json.loads((tmp_path / "robot.json").read_text())
-    values = {p["name"]: p["value"] for p in told["parameters"]}
-    units = {p["name"]: p["unit"] for p in told["parameters"]}
-    body = next(iter(told["bodies"].values()))
-    assert any(body["mass"] == pytest.approx(v) for n, v in values.items() if n.endswith(".m"))
-    assert np.linalg.eigvalsh(body["inertia"]).min() > 0
-    assert set(units.values()) >= {"kg", "kg·m", "kg·m²"}
-
-
-def test_an_ending_that_is_another_format_is_refused(results, tmp_path):
-    path = results["two-link"][1]
-    with pytest.raises(OutputError):
-        export("two-link", path, tmp_path / "fitted.xml", "urdf")
-    with pytest.raises(OutputError):
-        export("two-link", path, tmp_path / "fitted.txt")
-
-
-def test_a_locked_joint_is_one_body_with_its_host(tmp_path):
-    robot = Robot.load("six-dof-arm", lock=["joint_4=0.3"])
-    write_parameters(robot, dict(robot.nominal), tmp_path / "fitted.xml")
-    copy = Robot.load(tmp_path / "fitted.xml")
-    assert copy.joints == robot.joints
-    assert not copy.locked
-    for parameter, value in robot.nominal.items():
-        assert copy.nominal[parameter] == pytest.approx(value, rel=1e-9, abs=1e-9)

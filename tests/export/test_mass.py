@@ -1,12 +1,11 @@
 """A real robot weighs about what its file says; a far heavier one is told of, with a remedy."""
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from identifiability import Robot, analyze, prune
+from identifiability import Robot, analyze
 from identifiability.cli import app
-from identifiability.physical.cad_prior import state_mass, state_masses, total_mass
+from identifiability.physical.cad_prior import state_mass, total_mass
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.report import build_analysis_page
 
@@ -57,31 +56,6 @@ def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, tm
     assert total_mass(light.robot, light.chosen.physical.parameters()) < 3 * 25.248
 
 
-def test_pruning_knows_the_remedy(log):
-    entry = LadderEntry(models=[ModelEntry(name="few", keep=["platform.mx", "slider1.Fv"])])
-    heavy = prune("3-rps", log, ladder=entry, replicates=2, cad_prior=1.0)
-    assert "weighs" not in heavy.statement
-    assert heavy.to_dict()["physical"]["cad_prior"] == 1.0
-
-
-@pytest.mark.everything
-def test_a_diagnosis_chooses_the_prior_on_motion_that_it_has_not_seen(log, simulated_session):
-    """As an analysis does under the same model; the choice is not the weight where none is."""
-    from identifiability.physical.cad_prior import WEAK
-    from identifiability.regression.regression import Model
-    from identifiability.regression.structure import Structure
-    from identifiability.workflows.diagnose.result import fit_physical
-
-    robot, unseen = Robot.load("3-rps"), simulated_session("3-rps", "595", 0)
-    result = analyze(robot, log, unseen, ladder=FULL, replicates=0, estimator="ls")
-    structure = Structure.of(robot, Model.of(*result.effects))
-    found = fit_physical(structure, result.samples, result.validation)
-    assert found.cad_weight == result.chosen.physical.cad_weight != WEAK
-    masses = {n: v for n, v in result.chosen.physical.parameters().items() if n.endswith(".m")}
-    assert {n: found.values[n] for n in masses} == pytest.approx(masses, rel=1e-3)
-    assert fit_physical(structure, result.samples).cad_weight == WEAK
-
-
 def test_three_times_the_file_is_the_limit_and_a_third_of_it():
     robot = Robot.load("two-link")  # 6.5 kg, of bodies with volume
     values = dict(robot.nominal)
@@ -95,14 +69,3 @@ def test_three_times_the_file_is_the_limit_and_a_third_of_it():
     assert not state_mass(robot, light | {"link1.m": 6.51 / 3 - 0.1})
     assert "weighs 2.16 kg" in state_mass(robot, light | {"link1.m": 2.06})
     assert not state_mass(robot, {"elbow.Fv": 1.0})
-
-
-def test_a_load_weighs_with_its_body_and_far_bodies_are_named():
-    robot = Robot.load("two-link")
-    carried = dict(robot.nominal) | {"link2.payload_m": 100.0}
-    assert np.isclose(total_mass(robot, carried), 106.5)
-    assert "link2 102 for 2.5 kg" in state_masses(robot, carried)
-    near = state_masses(robot, dict(robot.nominal) | {"link2.m": 2.5 * 2.99})
-    assert near.endswith("every body is within a factor 3 of the file's.")
-    assert "link1 1.3 for 4 kg" in state_masses(robot, dict(robot.nominal) | {"link1.m": 1.3})
-    assert not state_masses(robot, {"elbow.Fv": 1.0})

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from identifiability.foundation.errors import RobotError
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import random_motion
 from identifiability.robot import Robot, complete_motion
@@ -101,49 +100,3 @@ def test_there_and_back_it_is_the_same_robot(name, tmp_path):
         if name not in ("locked", "tendon"):  # MuJoCo reads the written files by itself
             seen = simulate(copy, PrescribedMotion(motion.t, *actuated)).tau
             np.testing.assert_allclose(seen, tau, rtol=0, atol=1e-9 * size)
-
-
-def test_bounds_move_with_the_frame_that_they_are_about(tmp_path):
-    path = tmp_path / "robot.xml"
-    path.write_text(ARM.format(after=""))
-    bounds = """locked = ["w", "p"]
-[bounds.bodies.link1]
-mass = [1, 6]
-box = [[0.1, 0.5], [-0.1, 0.1], [-0.1, 0.2]]
-ellipsoid = {centre = [0.3, 0, 0], radii = [0.3, 0.3, 0.3]}
-"""
-    path.with_suffix(".toml").write_text(bounds)
-    robot = Robot.load(path)
-    write_parameters(robot, dict(robot.nominal), tmp_path / "copy.urdf")
-    (bound,) = Robot.load(tmp_path / "copy.urdf").bounds
-    (before,) = robot.bounds
-    assert before.origin.tolist() == pytest.approx([-0.05, -0.02, -0.1])
-    assert bound.mass == before.mass
-    assert bound.origin.tolist() == [0, 0, 0]
-    moved = np.array(before.box) + before.origin[:, None]
-    np.testing.assert_allclose(np.array(bound.box), moved, atol=1e-12)
-    centre = np.array(before.ellipsoid.centre) + before.origin
-    np.testing.assert_allclose(bound.ellipsoid.centre, centre, atol=1e-12)
-
-
-def test_links_without_mass_are_no_bodies_and_others_are_refused(tmp_path):
-    rps = Robot.load("3-rps")
-    write_parameters(rps, dict(rps.nominal), tmp_path / "copy.urdf")
-    side = tmp_path / "copy.toml"
-    text = side.read_text()
-    side.write_text(text.replace("platform_behind_ball1_x", "leg2_upper"))
-    with pytest.raises(RobotError, match=r"'leg2_upper', which has a mass of 2 kg and carries 0"):
-        Robot.load(tmp_path / "copy.urdf")
-    side.write_text(text.replace("platform_behind_ball1_x", "platform_behind_ball1_z"))
-    with pytest.raises(
-        RobotError, match=r"'platform_behind_ball1_z', which the robot does not have"
-    ):
-        Robot.load(tmp_path / "copy.urdf")
-
-
-def test_tendons_between_bodies_have_no_other_format(tmp_path):
-    robot = Robot.load("six-actuators")
-    with pytest.raises(
-        RobotError, match=r"tendons between bodies, .*\(leg1.*cannot be written in another format"
-    ):
-        write_parameters(robot, dict(robot.nominal), tmp_path / "copy.urdf")

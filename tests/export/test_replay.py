@@ -88,12 +88,3 @@ def test_an_effect_with_a_shape_comes_back_with_it(replayed, tmp_path):
     assert "cannot hold Stribeck friction (shoulder.Fs, elbow.Fs): it stands in the sidecar" in (
         found.exported.statement
     )
-
-
-def test_springs_and_payloads_are_in_the_file(replayed, tmp_path):
-    result, log = fit("two-link", "payload")
-    found = replayed(result.robot, result, log, tmp_path)
-    assert not found.exported.beside
-    p = result.to_dict()["physical"]["parameters"]
-    assert found.robot.nominal["link2.m"] == pytest.approx(p["link2.m"] + p["link2.payload_m"])
-    assert not any("payload" in name for name in found.robot.nominal)

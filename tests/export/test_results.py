@@ -3,16 +3,13 @@
 import json
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 import pytest
 
 from identifiability import Robot, analyze, diagnose, simulate
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.regression.regression import Model
-from identifiability.regression.structure import random_motion
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
-from identifiability.workflows.export import export, write_parameters
+from identifiability.workflows.export import export
 
 QUIET = Noise(torque=0.02)
 
@@ -39,19 +36,6 @@ def test_a_diagnosis_is_exported_with_what_it_named(fixed, replayed, tmp_path):
     assert again.robot.shapes["elbow.stribeck_friction"] > 0
 
 
-def test_a_model_without_bodies_is_refused_and_the_advice_works(tmp_path):
-    result = analyze("two-link", make_log("two-link", "a", []), replicates=0)
-    path = result.to_json(tmp_path / "result.json")
-    export(result.robot, path, tmp_path / "with.xml")
-    content = json.loads(path.read_text())
-    named = content["physical"]["parameters"]
-    joints = {n: v for n, v in named.items() if n.partition(".")[0] in result.robot.joints}
-    content["physical"]["parameters"] = joints
-    path.write_text(json.dumps(content))
-    with pytest.raises(IdentifiabilityError, match=r"no mass of link1, link2.*rigid_body"):
-        export(result.robot, path, tmp_path / "x.xml")
-
-
 def test_a_body_that_cannot_exist_is_refused(tmp_path):
     result = analyze("two-link", make_log("two-link", "a", []), replicates=0)
     path = result.to_json(tmp_path / "result.json")
@@ -69,14 +53,6 @@ def test_a_body_that_cannot_exist_is_refused(tmp_path):
         del content["physical"]["parameters"][name]
 
 
-def test_a_result_without_a_real_robot_says_why(tmp_path):
-    path = tmp_path / "result.json"
-    physical = {"parameters": {}, "error_ra": None, "error_ra_file": None, "reason": "So it is."}
-    path.write_text(json.dumps({"robot": {"name": "two-link"}, "physical": physical}))
-    with pytest.raises(IdentifiabilityError, match=r"no real robot to export\. So it is\."):
-        export(Robot.load("two-link"), path, tmp_path / "x.xml")
-
-
 @pytest.mark.parametrize("mended", [False, True])
 def test_errors_of_mended_samples_are_said_to_be_that(mended, tmp_path):
     log = make_log("two-link", "a", [])
@@ -90,52 +66,3 @@ def test_errors_of_mended_samples_are_said_to_be_that(mended, tmp_path):
         "Where samples were mended, these errors are of the mended",
     )
     assert (said in export(robot, path, tmp_path / "a.xml").statement) == mended
-
-
-def test_friction_of_a_motor_that_mixes_joints_is_named_once(tmp_path):
-    shipped = Robot.load("two-link")
-    mixed = tmp_path / "mixed.xml"
-    mixed.write_text(shipped.path.read_text())
-    motors = '[transmission]\nmotors = ["m1", "m2"]\ncoupling = [[1, 0], [1, 1]]\n'
-    mixed.with_suffix(".toml").write_text(motors)
-    robot = Robot.load(mixed)
-    values = {**robot.nominal, "m2.Fc": 0.4}
-    physical = {"parameters": values, "error_ra": 0.1, "error_ra_file": 0.2}
-    path = tmp_path / "result.json"
-    path.write_text(json.dumps({"robot": {"name": "mixed"}, "physical": physical}))
-    exported = export(robot, path, tmp_path / "fitted.urdf")
-    assert exported.beside["Coulomb friction"] == ("m2.Fc",)
-    assert Robot.load(exported.robot).nominal["m2.Fc+"] == 0.4
-
-
-def test_what_motors_that_mix_joints_have_is_a_tendon_of_an_mjcf(tmp_path):
-    """So simulators have it: friction and rotor of a motor, and a spring on a stated axis."""
-    path = tmp_path / "mixed.xml"
-    path.write_text(Robot.load("two-link").path.read_text())
-    path.with_suffix(".toml").write_text(
-        '[transmission]\nmotors = ["m1", "m2"]\ncoupling = [[1, 0], [0.5, 2]]\n'
-        '[[axes]]\nname = "rope"\njoints = {shoulder = 1, elbow = -1}\nrest = 0.3\n'
-    )
-    robot = Robot.load(path)
-    own = {"m2.Fv": 0.3, "m2.Fc": 0.4, "m2.Ia": 0.05, "rope.K": 7.0, "rope.Fc": 0.2}
-    written = write_parameters(robot, {**robot.nominal, **own}, tmp_path / "fitted.xml")
-    assert not written.beside
-    copy = Robot.load(written.robot)
-    assert {name: copy.nominal[name] for name in own} == own
-    m = random_motion(copy, np.random.default_rng(0), 20)
-    model = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia",
-                     "joint_stiffness")  # fmt: skip
-    phi = [copy.nominal.get(p.name, 0.0) for p in model.parameters(copy)]
-    seen = mujoco.MjModel.from_xml_path(str(written.robot))
-    seen.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-    data, tau = mujoco.MjData(seen), []
-    rope, rotor = np.array([1.0, -1.0]), np.array([0.5, 2.0])
-    for k in range(len(m)):
-        data.qpos[:], data.qvel[:], data.qacc[:] = m.q[k], m.v[k], m.a[k]
-        mujoco.mj_inverse(seen, data)
-        dry = seen.dof_frictionloss * np.sign(m.v[k])
-        dry += 0.4 * np.sign(rotor @ m.v[k]) * rotor + 0.2 * np.sign(rope @ m.v[k]) * rope
-        tau.append(data.qfrc_inverse + dry)
-    np.testing.assert_allclose(model.regressor(copy, m) @ np.array(phi), tau, rtol=0, atol=1e-9)
-    write_parameters(copy, {**copy.nominal, "m2.Fv": 0.0}, tmp_path / "again.xml")
-    assert Robot.load(tmp_path / "again.xml").nominal["m2.Fv"] == 0.0

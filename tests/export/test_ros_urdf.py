@@ -53,15 +53,3 @@ def test_what_is_stated_twice_is_written_once_and_mujoco_reads_it(tmp_path):
     move = PrescribedMotion(np.arange(30.0), *rng.normal(size=(3, 30, 6)))
     found, expected = (simulate(r, move).tau for r in (robot, Robot.load("six-dof-arm")))
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
-
-
-def test_a_named_equality_takes_nothing_off_its_joint(tmp_path):
-    path = tmp_path / "robot.xml"
-    path.write_text("""<mujoco><worldbody><body name="a"><joint name="j1"/>
-      <inertial mass="1" pos="0.1 0 0" diaginertia="0.1 0.1 0.1"/><body name="b">
-      <joint name="j2"/><inertial mass="1" pos="0.1 0 0" diaginertia="0.1 0.1 0.1"/></body></body>
-      </worldbody><equality><joint name="j1" joint1="j2" joint2="j1"/></equality>
-      <actuator><motor joint="j1"/></actuator></mujoco>""")
-    robot = Robot.load(path)
-    write_parameters(robot, dict(robot.nominal) | {"j1.Fv": 3.0}, tmp_path / "fitted.xml")
-    assert Robot.load(tmp_path / "fitted.xml").nominal["j1.Fv"] == 3.0

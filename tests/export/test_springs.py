@@ -1,30 +1,20 @@
 """Springs, curves over position and known torque in exported files: the torque that was fitted."""
 
-import json
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from identifiability.robot.along import known_torque
 
 from identifiability import Robot, analyze, simulate
-from identifiability.cli import app
 from identifiability.effects import FAMILIES
 from identifiability.effects.vocabulary import values_in_file
-from identifiability.foundation.errors import RobotError
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.regression.regression import Model
 from identifiability.robot import complete_motion
-from identifiability.robot.along import known_torque
-from identifiability.simulation import (
-    PAPER_NOISE,
-    PrescribedMotion,
-    random_trajectory,
-    shipped_trajectory,
-)
+from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory
 from identifiability.simulation.forces import left_out
-from identifiability.workflows.export import export, write_parameters
+from identifiability.workflows.export import write_parameters
 
 #: A spring that pulls back, one that pushes on, a counterweight, a cable; and at a passive joint.
 PLANTED = {
@@ -98,17 +88,7 @@ def test_file_and_sidecar_are_what_was_fitted(name, given, tmp_path):
     # Among what is beside the file are the spring that pushes on, and what goes with a sine.
     held = values_in_file(robot, values)
     assert {n for n in PLANTED[name] if held[n] == 0} == set(written.beside)
-    assert copy.known_torque[0].torques.tolist() == [1.0, 0.2, -2.0]
-
-
-def test_what_is_stated_and_not_simulated_is_said(given, tmp_path):
-    robot = given("two-link")
-    values = {**robot.nominal, **PLANTED["two-link"]}
-    fitted = write_parameters(robot, values, tmp_path / "fitted.xml").robot
-    told = CliRunner().invoke(app, ["simulate", str(fitted), "random", "--out", f"{fitted}.csv"])
-    assert told.exit_code == 0
-    said = " ".join(told.output.split())
-    assert "states shoulder.B3, shoulder.B4, which are not simulated" in said
+    assert [torque for _, torque in copy.known_torque[0].table] == [1.0, 0.2, -2.0]
 
 
 def test_mujoco_has_the_springs_of_the_file_and_its_error_is_the_stated_one(replayed, tmp_path):
@@ -127,33 +107,3 @@ def test_mujoco_has_the_springs_of_the_file_and_its_error_is_the_stated_one(repl
     assert found.mujoco == pytest.approx(found.stated["error_ra_file"], rel=1e-4)
     assert found.whole == pytest.approx(found.stated["error_ra"], rel=1e-4)
     assert list(found.exported.beside) == ["spring with an unknown rest"]
-
-
-def test_the_other_format_keeps_where_springs_are_relaxed(given, tmp_path):
-    robot = given("two-link")
-    values = {**robot.nominal, **PLANTED["two-link"]}
-    urdf = Robot.load(write_parameters(robot, values, tmp_path / "fitted.urdf").robot)
-    assert urdf.rest == pytest.approx({"shoulder": 0.8})
-    back = Robot.load(write_parameters(urdf, urdf.nominal, tmp_path / "back.xml").robot)
-    model = mujoco.MjModel.from_xml_path(str(tmp_path / "back.xml"))
-    assert (model.jnt_stiffness[0], model.qpos_spring[0]) == pytest.approx((3.0, 0.8))
-    assert "[rest]" not in back.sidecar.read_text()
-    expected = torque_of(robot, values)
-    for copy in (urdf, back):
-        np.testing.assert_allclose(torque_of(copy, copy.nominal), expected, rtol=1e-9, atol=1e-11)
-
-
-def test_torque_that_is_known_beforehand_is_said_to_be_beside_the_file(given, tmp_path):
-    robot = given("two-link")
-    log = simulate(robot, random_trajectory(robot, np.random.default_rng(1), samples=200))
-    path = analyze(robot, log, replicates=0).to_json(tmp_path / "result.json")
-    statement = export(robot, path, tmp_path / "fitted.xml").statement
-    assert "Torque that is known beforehand (along elbow by a table of 3 points" in statement
-    assert json.loads(path.read_text())["robot"]["known_torque"]
-
-
-def test_a_rest_of_what_is_no_joint_is_refused(given):
-    robot = given("two-link")
-    robot.sidecar.write_text("[rest]\nknee = 0.3\n")
-    with pytest.raises(RobotError, match=r"\[rest\] names 'knee', which the robot does not have"):
-        Robot.load(robot.path)

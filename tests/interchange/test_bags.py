@@ -13,7 +13,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Renames
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.formats.bags import hash_files, read_bag
+from identifiability.logs.formats.bags import read_bag
 from identifiability.robot import Robot
 
 pytest.importorskip("rosbags", reason="needs the extra 'ros'")
@@ -108,19 +108,6 @@ def test_a_topic_shared_with_a_gripper_is_read_by_naming_the_joints(frame, state
     )
 
 
-def test_a_finger_whose_effort_nobody_publishes_is_locked_where_it_stands(frame, states, write_bag):
-    """A motor that neither moves nor shows torque would hide what the others determine."""
-    elbow = {"elbow.q": 0.02, "elbow.dq": 0.0, "elbow.tau": np.nan}
-    bag = write_bag({"/joint_states": states(frame.assign(**elbow), JOINTS)})
-    robot = Robot.load("two-link")
-    with pytest.raises(
-        LogError, match=r"torque of elbow, which does not move .*--lock elbow=0\.02"
-    ):
-        analyze(robot, bag)
-    held = Log.read(bag, Conventions.of(robot.with_lock({"elbow": 0.5})))
-    assert "stands at 0.02 and is locked at 0.5: lock it there, --lock elbow=0.02" in held.notes[-1]
-
-
 def test_bags_without_torque_or_without_joint_states_are_refused(
     frame, states, joint_state, write_bag
 ):
@@ -136,36 +123,12 @@ def test_bags_without_torque_or_without_joint_states_are_refused(
     )
 
 
-def test_a_spoilt_bag_gives_one_sentence(frame, states, write_bag, tmp_path):
-    bag = write_bag({"/joint_states": states(frame, JOINTS)})
-    (single,) = bag.glob("*.mcap")
-    whole = single.read_bytes()
-    for at in (0, 20, len(whole) // 2, len(whole) - 9):
-        single.write_bytes(whole[:at])
-        sentence = refused(single)
-        assert sentence.startswith(f"{single} cannot be read as a bag: ")
-        assert sentence.endswith(".")
-        assert "\n" not in sentence
-    missing = tmp_path / "no.mcap"
-    assert refused(missing) == (
-        f"There is no bag '{missing}'; give a .mcap, .db3 or .bag file or a folder."
-    )
-
-
 def test_without_the_extra_the_sentence_says_what_to_install(frame, states, write_bag, monkeypatch):
     bag = write_bag({"/joint_states": states(frame, JOINTS)})
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
     assert refused(bag) == (
         f"{bag} is a bag, which needs the extra 'ros': pip install 'robot-identifiability[ros]'."
     )
-
-
-def test_the_hash_of_a_bag_is_that_of_its_bytes(frame, states, write_bag):
-    bag = write_bag({"/joint_states": states(frame, JOINTS)})
-    before = hash_files(bag)
-    assert before == hash_files(bag)
-    (bag / "metadata.yaml").write_text((bag / "metadata.yaml").read_text() + "\n")
-    assert hash_files(bag) != before
 
 
 def test_a_bag_is_analysed_as_its_table_is(frame, states, write_bag, tmp_path):
@@ -178,15 +141,6 @@ def test_a_bag_is_analysed_as_its_table_is(frame, states, write_bag, tmp_path):
     for a, b in zip(analyze("two-link", bag, replicates=0).models,
                     analyze("two-link", kept, replicates=0).models, strict=True):  # fmt: skip
         np.testing.assert_allclose(a.estimate.value, b.estimate.value, rtol=1e-5)
-
-
-@pytest.mark.parametrize("storage", ["MCAP", "SQLITE3"])
-def test_a_message_that_no_robot_sends_is_refused_unread(joint_state, write_bag, storage, frame):
-    many = np.zeros(200_000)
-    messages = [joint_state(["a"], many, many, many, 0)]
-    folder = write_bag({"/joint_states": messages}, storage)
-    with pytest.raises(LogError, match=r"has a message of joint states of 5 MB; up to 1 MB are"):
-        read_bag(folder)
 
 
 def test_inertial_sensor_and_wrenches_are_read_at_the_times_of_the_joint_states(

@@ -12,9 +12,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from identifiability import Log, Robot, rollout
-from identifiability.foundation.errors import LogError, RobotError
-from identifiability.logs.aliases import COMMANDED
+from identifiability import Robot, rollout
+from identifiability.foundation.errors import LogError
 from identifiability.logs.conventions import Conventions
 from identifiability.workflows.opening import read_logs
 
@@ -107,22 +106,6 @@ yaw = {name = "base_yaw", scale = 0.017453292519943295}
 
 
 @pytest.mark.parametrize(
-    ("rule", "said"),
-    [
-        ("elbo = {scale = 2.0}", "names 'elbo', which the robot does not have"),
-        ("elbow = {scale = 0.0}", "zero would leave nothing"),
-        ("elbow = {gain = 2.0}", "gain"),
-    ],
-)
-def test_a_scale_of_nothing_is_refused(rule, said, tmp_path):
-    folder = tmp_path / "robot"
-    shutil.copytree(SHIPPED, folder)
-    (folder / "robot.toml").write_text(f"[columns]\n{rule}\n")
-    with pytest.raises(RobotError, match=said.replace("?", r"\?")):
-        Robot.load(folder / "robot.xml")
-
-
-@pytest.mark.parametrize(
     ("scale", "said"),
     [
         (57.29578, "it looks like degrees: say --angles deg"),
@@ -143,22 +126,6 @@ def spoilt(tmp_path, **changed):
     info = json.loads((folder / "meta/info.json").read_text()) | changed
     (folder / "meta/info.json").write_text(json.dumps(info))
     return folder
-
-
-def test_datasets_that_cannot_be_read_are_refused_in_one_sentence(arm, tmp_path):
-    assert "has the episodes 0 to 1, not 7" in refused(arm, f"{DATASETS / 'v3.0'}:7")
-    assert "version 'v1.6'" in refused(arm, spoilt(tmp_path / "a", codebase_version="v1.6"))
-    assert "holds no episode" in refused(arm, spoilt(tmp_path / "b", total_episodes=0))
-    third = spoilt(tmp_path / "c", total_episodes=3)
-    assert "no row of episode 2" in refused(arm, f"{third}:2")
-    (third / "meta/info.json").write_text("{")
-    assert "cannot be read as JSON" in refused(arm, third)
-    with pytest.raises(LogError, match="has 2 episodes, and each is a log"):
-        Log.read(DATASETS / "v3.0")
-    bare = spoilt(tmp_path / "d", total_episodes=1)
-    for path in bare.glob("data/*/*.parquet"):
-        pq.write_table(pq.read_table(path).drop_columns(["observation.state"]), path)
-    assert "lacks observation.state" in refused(arm, bare)
 
 
 def test_names_tell_channels_and_a_dataset_without_names_has_the_robots_order(arm, tmp_path):
@@ -275,18 +242,6 @@ def test_effort_goes_before_commands_and_a_bag_without_either_is_refused(ros, ar
     assert "or commands beside position" in said
 
 
-def test_of_several_topics_of_commands_one_is_named(ros, arm, frame, tmp_path):
-    types, write = ros
-    messages = list(recorded(types, frame, arm.joints, KINDS[2]))
-    other = [(t, "/other", m) for t, topic, m in messages if topic != "/joint_states"]
-    bag = write(tmp_path / "bag", [*messages, *other])
-    file = next(bag.glob("*.mcap"))
-    assert "commands" in refused(arm, bag)
-    log = read(arm, f"{file}:/joint_states,/other")
-    np.testing.assert_array_equal(log.q_ref, read(arm, frame).q_ref)
-    assert "no commands on the topic '/othr'" in refused(arm, f"{file}:/joint_states,/othr")
-
-
 # MuJoCo.
 
 
@@ -305,48 +260,4 @@ def test_a_recording_of_mujoco_is_a_log_of_commands(arm, frame, tmp_path):
         assert log.commanded
 
 
-def test_a_recording_of_a_floating_quadruped_on_a_stand_is_read_by_its_addresses(tmp_path):
-    robot = Robot.load("quadruped")
-    plain = read(robot, SHIPPED.parent / "quadruped/logs/run1.csv")
-    base = np.tile([0, 0, 0.6, 1, 0, 0, 0], (len(plain), 1))
-    arrays = {"time": plain.t, "qpos": np.hstack([base, plain.q]), "ctrl": plain.q_ref}
-    np.savez(tmp_path / "run.npz", **arrays)
-    log = read(robot, tmp_path / "run.npz")
-    np.testing.assert_array_equal(log.q, plain.q)
-    np.testing.assert_array_equal(log.q_ref, plain.q_ref)
-
-
 # Words.
-
-
-WORDS = [
-    "target",
-    "des",
-    "desired",
-    "reference",
-    "action",
-    "command",
-    "ctrl",
-    "q_des",
-    "cmd",
-    "setpoint",
-    "goal",
-    "commanded",
-]
-
-
-@pytest.mark.parametrize("word", WORDS)
-def test_every_word_of_commands_is_understood(word, arm, frame):
-    assert word == "q_des" or word in COMMANDED
-    plain = read(arm, frame)
-    for call in (
-        "{joint}.{word}",
-        "{word}_{joint}",
-        "{joint}_{word}",
-        "/{word}/{joint}",
-        "{word}_{k}",
-    ):
-        names = {f"{j}.cmd": call.format(joint=j, word=word, k=k) for k, j in enumerate(arm.joints)}
-        np.testing.assert_array_equal(read(arm, frame.rename(columns=names)).q_ref, plain.q_ref)
-    names = {f"{j}.cmd": f"des_dof_pos_{k}" for k, j in enumerate(arm.joints)}
-    np.testing.assert_array_equal(read(arm, frame.rename(columns=names)).q_ref, plain.q_ref)

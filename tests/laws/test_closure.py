@@ -102,39 +102,3 @@ def test_a_ball_joint_gives_the_same_regressor_as_three_hinges(rps, tmp_path):
     model = Model.of("rigid_body")
     W = [model.regressor(r, complete_motion(r, t, *trajectory.motion(t))) for r in (rps, ball)]
     np.testing.assert_allclose(W[1], W[0], atol=1e-9)
-
-
-def test_a_floating_platform_on_four_closures_gives_the_same_regressor(rps, tmp_path):
-    """The platform as a free body, closed at all three balls, is the same robot."""
-    import mujoco
-
-    text = rps.path.read_text()
-    block = re.search(r'<body name="platform".*?</body>', text, re.DOTALL).group(0)
-    free = re.sub(
-        r'<joint name="ball1_x".*?<joint name="ball1_z"[^>]*/>',
-        '<joint name="float" type="free"/><site name="platform_B1"/>',
-        block,
-        flags=re.DOTALL,
-    )
-    data = mujoco.MjData(model := mujoco.MjModel.from_xml_path(str(rps.path)))
-    mujoco.mj_resetDataKeyframe(model, data, 0)
-    mujoco.mj_forward(model, data)
-    place = data.body("platform").xpos, data.body("platform").xquat
-    text = re.sub(r"<keyframe>.*?</keyframe>", "", text.replace(block, ""), flags=re.DOTALL)
-    text = text.replace("<worldbody>", "<worldbody>" + free, 1)  # the only place of a free joint
-    text = text.replace(
-        "<equality>", '<equality><connect name="c1" site1="platform_B1" site2="leg1_B1"/>'
-    )
-    qpos = [*place[0], *place[1], *rps.home[[0, 1, 5, 6, 7, 8]]]
-    key = f'<keyframe><key name="home" qpos="{" ".join(map(str, qpos))}"/></keyframe></mujoco>'
-    path = tmp_path / "float.xml"
-    path.write_text(text.replace("</mujoco>", key))
-    floating = Robot.load(path)
-    assert floating.nv == 12
-    trajectory = shipped_trajectory(rps, "571")
-    t = trajectory.times(60)
-    both = [complete_motion(r, t, *trajectory.motion(t)) for r in (rps, floating)]
-    W = [Model.of("rigid_body").regressor(r, m) for r, m in zip((rps, floating), both, strict=True)]
-    order = [floating.bodies.index(b) for b in rps.bodies]
-    columns = np.concatenate([10 * k + np.arange(10) for k in order])
-    np.testing.assert_allclose(W[1][:, :, columns], W[0], atol=1e-8)

@@ -1,22 +1,13 @@
 """A `Structure` owns what follows from a robot under a model, and nobody else derives it."""
 
-import ast
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-import identifiability
 from identifiability.foundation.names import GROUPED_KINDS
 from identifiability.physical.fitted_model import physical_set
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, find_base_parameters
 from identifiability.robot import Robot
-
-#: What makes a structure, and the columns that it makes.
-MAKERS = {
-    "Structure", "Structure.of", "find_base_parameters", "Regression", "LogPart", "add_beside",
-}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -57,83 +48,3 @@ def test_what_follows_is_derived_once_and_cannot_be_written_to(structure):
         assert found is getattr(structure, name)
         with pytest.raises(ValueError, match="read-only"):
             found[...] = 0
-
-
-def arguments(node):
-    """Return the types of a function's arguments, or of a class's fields."""
-    if isinstance(node, ast.ClassDef):
-        return {ast.unparse(s.annotation) for s in node.body if isinstance(s, ast.AnnAssign)}
-    every = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
-    return {ast.unparse(a.annotation) for a in every if a.annotation is not None}
-
-
-def beside(tree):
-    """Yield what takes a robot beside its base parameters or its model."""
-    owners = {id(n): c.name for c in ast.walk(tree) if isinstance(c, ast.ClassDef) for n in c.body}
-    for node in ast.walk(tree):
-        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
-            given = {t.strip("'\"").removesuffix(" | None") for t in arguments(node)}
-            known = any(t in ("BaseParameters", "Model") or "[Model," in t for t in given)
-            if known and given & {"Robot", "KnownRobot", "RobotLike"}:
-                yield f"{owners[id(node)]}.{node.name}" if id(node) in owners else node.name
-
-
-@pytest.fixture(scope="module")
-def sources():
-    """Every file of the package, by its place in it."""
-    root = Path(identifiability.__file__).parent
-    return {
-        f.relative_to(root).as_posix(): ast.parse(f.read_text(encoding="utf-8"))
-        for f in root.rglob("*.py")
-    }
-
-
-def test_nobody_takes_a_robot_beside_its_base_parameters_or_its_model(sources):
-    assert {n for tree in sources.values() for n in beside(tree)} == MAKERS
-
-
-def by_name(tree):
-    """Yield the lines that import a module of the package by its name, but in a lazy `__getattr__`.
-
-    Modules of a file's own folder are no arrow: relative names, and those after ``__name__``.
-    """
-    lazy = {
-        id(n)
-        for f in ast.walk(tree)
-        if isinstance(f, ast.FunctionDef) and f.name == "__getattr__"
-        for n in ast.walk(f)
-    }
-    for node in ast.walk(tree):
-        called = isinstance(node, ast.Call) and ast.unparse(node.func).rpartition(".")[2]
-        if called in ("import_module", "__import__") and id(node) not in lazy:
-            name = ast.unparse(node.args[0]).lstrip("f").strip("'\"")
-            if not name.startswith((".", "{__name__}.")):
-                yield node.lineno
-
-
-def test_no_module_of_the_package_is_imported_by_a_string(sources):
-    assert {f: lines for f, tree in sources.items() if (lines := list(by_name(tree)))} == {}
-
-
-#: What mends or prepares logs, and the file of the workflows that asks it: the table of checks,
-#: `read_recordings`, and `Session`; `inspect` prepares each log by itself, as one that cannot be is
-#: what it tells.
-ONCE = {
-    "mend_logs": {"oddities/mends.py"},
-    "unwrap_logs": {"oddities/mends.py"},
-    "drop_contradictions": {"oddities/mends.py"},
-    "drop_repeats": {"oddities/mends.py"},
-    "read_logs": {"opening.py"},
-    "open_logs": {"session.py"},
-    "prepare_log": {"session.py", "inspect.py"},
-}
-
-
-def test_logs_are_read_mended_and_opened_in_one_place_for_every_verb(sources):
-    found = {name: set() for name in ONCE}
-    for file, tree in sources.items():
-        if file.startswith("workflows/"):
-            for node in ast.walk(tree):
-                if isinstance(node, ast.Name) and node.id in found:
-                    found[node.id].add(file.removeprefix("workflows/"))
-    assert found == ONCE

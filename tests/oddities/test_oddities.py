@@ -8,15 +8,11 @@ import scipy
 
 from identifiability import analyze, diagnose, prune
 from identifiability.estimation.verdict import Class
-from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
-from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
-from identifiability.simulation import Noise, random_trajectory, simulate
 from identifiability.workflows.oddities import MeasuredLogs, find_oddities
 from identifiability.workflows.oddities.check import CHECKS, Does, check
-from identifiability.workflows.oddities.timing import Shift, measure_position, measure_shift
+from identifiability.workflows.oddities.timing import measure_shift
 
 from .conftest import MODEL, record
 
@@ -34,14 +30,6 @@ def test_torque_in_another_unit(say, good, factor, unit):
     assert unit in hint
     guess = replace(structure.robot, guessed=structure.robot.bodies)  # of which nothing follows
     assert say(Structure.of(guess, MODEL), replace(log, tau=factor * log.tau)) == ()
-
-
-def test_torque_before_the_gears(say, six_axis):
-    structure, log = six_axis
-    gears = np.array([200.0, 160.0, 120.0, 50.0, 50.0, 30.0])
-    (hint,) = say(structure, replace(log, tau=log.tau / gears))
-    assert "by another factor at each joint" in hint
-    assert "currents" in hint
 
 
 def test_a_check_of_ones_own_is_one_function(six_axis):
@@ -68,13 +56,6 @@ def test_a_check_of_ones_own_is_one_function(six_axis):
         assert found.misread == (does is Does.MISREADS)
         assert found.explains
     assert len({c.title for c in CHECKS}) == len({c.rank for c in CHECKS}) == len(CHECKS)
-
-
-def test_time_in_milliseconds_read_as_seconds(say, six_axis):
-    structure, log = six_axis
-    (hint,) = say(structure, replace(log, t=1000 * log.t))
-    assert "The time may be in another unit than s" in hint
-    assert "one sample in 12.5 s" in hint
 
 
 def test_torque_that_stops_at_a_limit(say, good):
@@ -120,55 +101,6 @@ def test_positions_that_are_half_a_sample_late_or_early(say, name, late):
     assert ("early" if late > 0 else "late") + " beside the motion" in hint
 
 
-def test_half_a_sample_is_measured_with_its_error_and_chance_makes_none():
-    """The law of the null side: without a delay the shift over its error is Student's t."""
-    structure, seen = record("two-link")[0], []
-    robot = structure.robot
-    for seed in range(24):
-        rng = np.random.default_rng(seed)
-        motion = random_trajectory(robot, rng, samples=600)
-        noise = Noise(additive=0.03, correlation=0.9 * (seed % 2))
-        log = replace(simulate(robot, motion, noise=noise, rng=rng), dq=None, ddq=None)
-        seen.append(measure_shift(structure, prepare_samples(robot, log)))
-    assert not any(s.certain for s in seen)
-    z = np.array([s.samples / s.sigma for s in seen])
-    assert np.mean(np.abs(z) > 1.96) <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / len(z))
-    sizes = [Shift(x, 0.05, 0.01).certain for x in (0.1, 0.24, 0.26, 3.9, 4.1)]
-    assert sizes == [False, False, True, True, False]
-    assert [Shift(0.5, x, 0.01).certain for x in (0.13, 0.14)] == [True, False]
-
-
-@pytest.mark.parametrize("late", [0.0, 0.5, -0.5])
-def test_positions_beside_their_velocities(late):
-    robot = Robot.load("two-link")
-    wave = random_trajectory(robot, np.random.default_rng(2), samples=600)
-    t = wave.times()
-    q, dq = wave.motion(t - late * t[1])[0], wave.motion(t)[1]
-    rng = np.random.default_rng(3)
-    q, dq = (x + 0.003 * x.std(0) * rng.standard_normal(x.shape) for x in (q, dq))
-    log = Log("log", robot.joints, t, q, np.zeros_like(q), dq, None, "")
-    found = measure_position(log)
-    assert found.certain == (late != 0)
-    assert abs(found.samples - late) <= 3 * found.sigma <= 0.5
-
-
-def test_a_short_log_is_no_reason_to_speak(say, six_axis):
-    structure, log = six_axis
-    assert say(structure, log.rows(0, 2 * LOG_RULES.fewest)) == ()
-
-
-def exchanged(x):
-    return x[:, [0, 2, 1, 3, 4, 5]]
-
-
-def test_exchanged_joints_and_positions(say, six_axis):
-    structure, log = six_axis
-    hint = say(structure, replace(log, q=exchanged(log.q)))[0]
-    assert "The positions of joint_2 and joint_3 seem to be exchanged" in hint
-    hint = say(structure, replace(log, q=exchanged(log.q), tau=exchanged(log.tau)))[0]
-    assert "The joints joint_2 and joint_3 seem to be exchanged" in hint
-
-
 @pytest.mark.parametrize(
     ("factor", "text"), [(-1.0, "wrong sign"), (180 / np.pi, "joint_2 seem to be degrees")]
 )
@@ -202,11 +134,3 @@ def test_no_verdict_stands_where_positions_are_misread():
     rows = [v for m in analysis.models for v in m.verdicts]
     assert {v.verdict for v in rows} == {Class.NOT_IDENTIFIABLE}
     assert diagnose(*misread, quick=True, forward=False).nothing
-
-
-def test_one_other_unit_of_all_torque_is_said_and_withholds_nothing():
-    """No linear model tells one unit of all columns from other masses than the file's."""
-    structure, log = record("two-link", samples=900)
-    found = analyze(structure.robot, replace(log, tau=1000.0 * log.tau), replicates=10)
-    assert "what the masses of the robot file ask for" in found.hints[0]
-    assert not found.nothing

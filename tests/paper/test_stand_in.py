@@ -15,25 +15,6 @@ def records():
     return record_all("3-rps", TRAJECTORIES, 2)
 
 
-@pytest.mark.everything
-def test_loops_stay_closed_and_periods_repeat(records):
-    for record in records.values():
-        assert record.gap < 5e-6
-        assert record.tracking < 0.01
-        assert np.abs(record.q[0] - record.q[1]).max() < 1e-3
-        assert not np.array_equal(record.q[0], record.q[1])
-
-
-def test_its_mean_force_carries_its_weight(records):
-    """Friction and inertia average out over a period, up to uneven shares of both directions."""
-    weight = 9.81 * (10.248 + 3 * 2.0) / 3
-    for record in records.values():
-        motion = process(load_subject(), record).motion
-        dry = 228 * np.sign(motion.actuated_v).mean(0)
-        lifted = record.force.mean((0, 1)) - dry
-        assert lifted.mean() == pytest.approx(weight, rel=0.2)
-
-
 def test_the_procedure_gives_750_points_without_phase_shift(records):
     samples = process(load_subject(), records["601"])
     assert len(samples.tau) == 750

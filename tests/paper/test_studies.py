@@ -11,8 +11,6 @@ from paper_study.page import write_study
 from paper_study.printed import read_printed
 from registry import STUDIES
 
-from identifiability.foundation.errors import IdentifiabilityError
-
 PAPER = [study.name for study in STUDIES if study.paper]
 
 #: Four draws of the noise; the trials are shared by the studies of a process.
@@ -33,16 +31,6 @@ def test_a_quick_study_passes_and_writes_its_page(name, tmp_path):
     content = json.loads(data.read_text(encoding="utf-8"))
     assert content["passed"] is True
     assert len(content["checks"]) == len(result.checks)
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["table_7_stand_in", "table_8_stand_in", "figure_3_forces", "figure_6_held_out"],
-)
-def test_the_stand_in_is_called_one(name):
-    module = import_module(name)
-    assert "STAND-IN" in module.__doc__
-    assert "not published" in module.__doc__
 
 
 def test_every_printed_table_is_a_file_with_its_number():
@@ -76,8 +64,3 @@ def test_the_index_links_every_report_with_its_result(tmp_path):
 )
 def test_studies_go_by_short_names(word, wanted):
     assert [study.name for study in find_studies([word])] == [wanted]
-
-
-def test_an_unknown_study_is_refused_with_the_known_ones():
-    with pytest.raises(IdentifiabilityError, match=r"no study '9'.*table_3_noise"):
-        find_studies(["9"])

@@ -163,17 +163,6 @@ def test_a_certificate_says_by_what_bounds_refuse(problem):
     assert "within the bounds" in answer.sentence(region.columns)
 
 
-def test_a_sampler_begins_within_the_bounds_and_not_beyond(problem):
-    region, data, truth = problem
-    target = Target(data, Prior(truth, np.full(len(truth), 0.3)), region, variance=0.5)
-    inside = project(data, region, margin=1e-3).phi
-    heavy = inside.copy()
-    heavy[region.bodies[0, 9]] += 0.5  # of an arm of 1.9 kg at most
-    coordinates = np.array([target.to_eta(phi) for phi in (inside, heavy)])
-    known = build_sampler(target).region
-    assert known.contains(known.offset + coordinates @ known.map.T).tolist() == [True, False]
-
-
 @pytest.mark.everything
 def test_a_posterior_draws_within_the_bounds_alone(problem, rng):
     region, data, truth = problem

@@ -1,4 +1,3 @@
-import clarabel
 import numpy as np
 import pytest
 
@@ -55,35 +54,6 @@ def test_a_body_without_volume_is_feasible_with_no_margin():
     assert found.margin == pytest.approx(0.0, abs=1e-7)
 
 
-@pytest.mark.parametrize("failures", [1, 2])
-def test_where_the_solver_fails_it_is_asked_once_more(failures, monkeypatch):
-    own, asked = clarabel.DefaultSolver, []
-
-    def solver(*args):
-        asked.append(args)
-        if len(asked) <= failures:
-            args[-1].max_iter = 1
-        return own(*args)
-
-    monkeypatch.setattr(clarabel, "DefaultSolver", solver)
-    region = PhysicalSet(np.arange(10)[None], np.zeros(10, bool), mass=[10.0], length=[0.2])
-    disc = np.array([0.2, 0, 0, 0.2, 0, 0.4, 0, 0, 0, 10.0])
-    if failures == 1:
-        assert certify(np.eye(10), disc, region).feasible
-    else:
-        with pytest.raises(ValueError, match="found no answer"):
-            certify(np.eye(10), disc, region)
-
-
-def test_a_negative_mass_is_named_by_its_own_coefficient():
-    region = PhysicalSet(np.arange(10)[None], np.zeros(10, bool))
-    wrong = np.array([1e-2, 0, 0, 1e-2, 0, 1e-2, 0, 0, 0, -1.0])
-    found = certify(np.eye(10), wrong, region)
-    assert not found.feasible
-    assert np.abs(found.combination).argmax() == 9
-    assert "No real robot has these base parameters: +" in found.sentence(list("abcdefghij"))
-
-
 def test_feasible_means_that_the_projection_changes_nothing(pair):
     G = pair.base_map
     seen = set()
@@ -94,8 +64,3 @@ def test_feasible_means_that_the_projection_changes_nothing(pair):
         assert feasible == (project(data, pair.region, margin=0.0).excess < 1e-4)
         seen.add(feasible)
     assert seen == {True, False}
-
-
-def test_a_map_of_another_model_is_refused(robot):
-    with pytest.raises(ValueError, match=r"a map \(2, 3\) and 2 base parameters were given"):
-        certify(np.zeros((2, 3)), np.zeros(2), robot.region)

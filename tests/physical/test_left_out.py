@@ -1,7 +1,5 @@
 """What a model leaves out, holds or ties is so in the nearest real robot, and never free."""
 
-import gc
-import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -75,14 +73,6 @@ def test_bodies_that_need_what_is_left_out_are_told_of(simulated):
     assert base_values(hard)["link2.Iyy"] > 0
 
 
-def test_a_level_that_is_held_below_zero_has_no_real_robot(simulated):
-    result = fit(simulated, hold={"elbow.Fc": -0.5})
-    assert result.models[-1].physical.nearest is None
-    assert "holds elbow.Fc at -0.5, and no real robot has it below zero" in (
-        result.models[-1].physical.sentence
-    )
-
-
 def test_a_held_column_is_a_column_less(robot):
     rng = np.random.default_rng(1)
     data = robot.data(rng)
@@ -142,19 +132,3 @@ def test_what_a_model_leaves_out_holds_or_ties_is_so_in_every_draw_of_the_poster
     assert np.abs(mz.mean()) < sigma
     assert mz.std() < 1.2 * sigma
     assert np.isfinite(belief.physical.convergence.rhat).all()
-
-
-def test_a_fitted_model_is_let_go_as_soon_as_nobody_asks_for_it(simulated):
-    found = fit(simulated)
-    reduced = found.models[-1]
-    gc.disable()  # in a cycle it would wait for the collector, with all that it was fitted to
-    try:
-        own = FittedModel.of(
-            found.structure, reduced.submodel, found.information, reduced.estimate.estimator
-        )
-        assert own.data.R.size
-        seen = weakref.ref(own)
-        del own
-        assert seen() is None
-    finally:
-        gc.enable()

@@ -2,10 +2,9 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from identifiability.physical import project as pulled
 from identifiability.physical.cad_prior import CadPrior
-from identifiability.physical.feasible_set import PhysicalSet, Program
-from identifiability.physical.fitted_model import Fixed, LeastSquares
+from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.fitted_model import LeastSquares
 from identifiability.physical.project import MARGIN, RIDGE, Projection, project
 from identifiability.physical.pseudo_inertia import BASIS, to_matrix
 
@@ -88,29 +87,6 @@ def test_the_answer_keeps_the_margin_and_names_what_holds_it_back(robot, rng):
     assert all(by_name[name] < 1e-4 for name in tight.active_bodies)
 
 
-def test_a_negative_friction_is_stopped_at_zero_and_named():
-    region = PhysicalSet(np.empty((0, 10), int), np.array([True, False]), columns=("j.Fv", "j.k"))
-    data = LeastSquares(np.eye(2), np.array([-3.0, -2.0]), 1.0, 1.0)
-    found = project(data, region)
-    np.testing.assert_allclose(found.phi, [0.0, -2.0], atol=1e-6)
-    assert found.active_rows == ("j.Fv ≥ 0",)
-    assert found.excess == pytest.approx(9.0, rel=1e-6)
-
-
-def test_what_may_not_be_negative_is_not_by_a_digit_either():
-    # Parameters of different scales: without care the solver ends 1e-8 beyond some signs.
-    nonnegative, rng = np.arange(12) < 10, np.random.default_rng(0)
-    columns = tuple(f"j{k}.Fc" for k in range(12))
-    region, fixed = PhysicalSet(np.empty((0, 10), int), nonnegative, columns=columns), 0
-    for _ in range(30):
-        R = np.linalg.qr(rng.standard_normal((12, 12)))[1] * 10 ** rng.uniform(-1, 1, 12)
-        z = R @ (10 * rng.standard_normal(12))
-        found = project(LeastSquares(R, z, 0.1, 1.0), region)
-        assert (found.phi[nonnegative] >= 0).all()
-        fixed += len(found.active_rows)
-    assert fixed > 50
-
-
 def test_for_a_real_robot_the_estimate_is_never_farther_from_the_truth_than_least_squares(pair):
     # A projection onto a convex set that holds the truth cannot move away from it.
     program = Projection(pair.region, reference=pair.phi)
@@ -142,52 +118,6 @@ def test_a_badly_conditioned_problem_is_solved_where_its_square_could_not(rng):
     np.testing.assert_allclose(found.phi, truth, rtol=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("theta", "said"),
-    [
-        ([1, 0, 0, 1, 0, 1, 0, 0, 0, -1], "CAD prior: link2: mass -1 kg must be positive"),
-        ([1, 0, 0, 1, 0, 3, 0, 0, 0, 1], "CAD prior: link2: .* break the triangle inequality"),
-        ([0, 0, 0, 0, 0, 0, 0, 0, 0, 1], "CAD prior: link2: the nominal body is a point"),
-    ],
-)
-def test_a_cad_prior_that_is_no_body_is_refused_with_the_body_named(pair, theta, said):
-    phi = pair.phi.copy()
-    phi[pair.region.bodies[1]] = theta
-    with pytest.raises(ValueError, match=said):
-        Projection(pair.region, prior=CadPrior(phi))
-
-
-def test_data_of_another_model_are_refused(pair, robot, rng):
-    with pytest.raises(ValueError, match="data on 88 parameters were given; expected the 26"):
-        project(robot.data(rng), pair.region)
-
-
-@pytest.mark.parametrize("prior", [None, 3.0])
-def test_a_program_that_is_compiled_once_is_that_of_each_data_set(pair, rng, prior, monkeypatch):
-    monkeypatch.setattr(Projection, "_pull", lambda *_: None)
-    row = np.zeros((1, pair.phi.size))
-    row[0, -2:] = 1.0
-    options = {
-        "prior": prior and CadPrior(pair.phi * 1.2, prior),
-        "fixed": Fixed(row, row @ pair.phi * 1.1),
-    }
-    once = Projection(pair.region, **options)
-    for _ in range(3):
-        data = pair.data(rng, 0.3)
-        found, alone = once.solve(data), project(data, pair.region, **options)
-        assert found.gap < 1e-4
-        np.testing.assert_array_equal(found.phi, alone.phi)
-
-
-def test_multipliers_of_bodies_lead_to_the_same_optimum(monkeypatch, pair, rng):
-    data, prior = pair.data(rng, 0.3), CadPrior(pair.phi * 1.2, 0.01)
-    hasty = project(data, pair.region, prior=prior)
-    monkeypatch.setattr(pulled, "STEPS", (0, pulled.STEPS[1]))
-    monkeypatch.setattr("identifiability.physical.project._Program", None)
-    patient = project(data, pair.region, prior=prior)
-    np.testing.assert_allclose(patient.phi, hasty.phi, rtol=1e-4, atol=1e-6)
-
-
 @pytest.mark.parametrize("margin", [MARGIN, 1e-2])
 def test_without_a_prior_newton_s_method_ends_where_the_program_does(monkeypatch, pair, margin):
     draws = [pair.data(np.random.default_rng(k), 0.05 + 0.05 * k) for k in range(8)]
@@ -201,10 +131,3 @@ def test_without_a_prior_newton_s_method_ends_where_the_program_does(monkeypatch
         assert ours.excess == pytest.approx(theirs.excess, abs=1e-5 + theirs.gap)
         assert ours.gap < 1e-6
         assert ours.margins.min() > 0.999 * margin
-
-
-def test_what_no_value_satisfies_is_refused_with_the_solver_s_word():
-    x, image = cp.Variable(1), cp.Variable(1)
-    program = Program(cp.sum_squares(image), [np.ones((1, 1)) @ x == image, x >= 1, x <= 0], x)
-    with pytest.raises(ValueError, match="infeasible"):
-        program.solve(np.eye(1), np.zeros(1))

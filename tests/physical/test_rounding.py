@@ -11,7 +11,6 @@ from identifiability.physical.cad_prior import WEAK
 from identifiability.physical.feasibility import certify_model, find_nearest
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
-from identifiability.workflows.prune.elimination import Stability
 
 
 @pytest.fixture(scope="module")
@@ -52,8 +51,3 @@ def test_signs_at_rounding_are_not_forbidden(arm, exact):
         settled = settle_signs(reduced, replace(fit, value=value), model.submodel.nonnegative)
         assert settled[at] == left
         np.testing.assert_array_equal(np.delete(settled, at), np.delete(value, at))
-
-
-def test_sizes_of_resampled_models_are_told_as_one_number_where_they_round_to_one():
-    said = Stability(("a",), np.ones(1), np.array([10] + 19 * [11]), 0.95).statement
-    assert "11 to 11" not in said

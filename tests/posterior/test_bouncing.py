@@ -3,15 +3,7 @@ import pytest
 from scipy import stats
 from scipy.special import ndtr, ndtri
 
-from identifiability.posterior.exact import (
-    Cone,
-    Flight,
-    build_sampler,
-    exit_through_rows,
-    find_centre,
-    travel,
-)
-from identifiability.posterior.target import Diagonal
+from identifiability.posterior.exact import Cone, Flight, exit_through_rows, travel
 
 from .exactly import sample_exact
 
@@ -86,37 +78,6 @@ def test_a_transition_can_be_taken_back(rng):
     np.testing.assert_allclose(back.energy() - back.start, there.start - there.energy(), atol=1e-9)
 
 
-@pytest.mark.parametrize("wide", [0.3, 1.0, 2.0])
-def test_velocities_of_any_scale_leave_the_law_as_it_is(wide, rng):
-    """Half of a normal of two correlated velocities, whose law is known."""
-    wall = Cone(np.array([[1.0, 0.0]]), np.zeros(1), rows=1)
-    root = wide * np.array([[1.0, 0.0], [0.9, 0.4]])
-    x = rng.standard_normal((6000, 2))
-    x[:, 0] = np.abs(x[:, 0])  # already from the law
-    for _ in range(10):
-        x, _ = travel(wall, root, x, np.zeros_like(x), np.ones_like(x), rng)
-    assert stats.kstest(x[:, 0], stats.halfnorm.cdf).pvalue > 1e-3
-    assert stats.kstest(x[:, 1], "norm").pvalue > 1e-3
-
-
-@pytest.mark.parametrize("rate", [1.0, 30.0, 1000.0])
-def test_a_wall_far_from_the_mean_costs_no_more_reflections(rate, rng):
-    """However hard the data push against a wall, by the scale of `find_centre`."""
-    wall = Cone(np.eye(1), np.zeros(1), rows=1)
-    model = Diagonal(np.ones(1), np.array([-rate]), 1.0, 1.0, variance=1e-6)
-    centre, root = find_centre(model, wall, np.ones(1))
-    mean, sd = model.conditional(np.full(500, 1e-6))
-    pull = -mean[0, 0] / sd[0, 0] ** 2
-    np.testing.assert_allclose([centre[0], abs(root[0, 0])], 1 / pull, rtol=1e-2)
-    x, pieces = np.repeat(centre[None], 500, axis=0), 0
-    for _ in range(30):
-        x, longest = travel(wall, root, x, mean, sd, rng)
-        pieces = max(pieces, longest)
-    assert pieces <= 30
-    assert stats.kstest(x[:, 0], stats.truncnorm(-mean[0, 0] / sd[0, 0], np.inf, mean[0, 0],
-                                                 sd[0, 0]).cdf).pvalue > 1e-3  # fmt: skip
-
-
 def test_the_first_exit_is_the_first_one_on_a_fine_grid(rng):
     y, dy = np.abs(rng.normal(size=(200, 4))), rng.normal(size=(200, 4))
     time, row = exit_through_rows(y, dy)
@@ -124,15 +85,6 @@ def test_the_first_exit_is_the_first_one_on_a_fine_grid(rng):
         falls = [-y[k, j] / dy[k, j] for j in range(4) if dy[k, j] < 0]
         assert time[k] == min(falls, default=np.inf)
         assert not falls or y[k, row[k]] + time[k] * dy[k, row[k]] == pytest.approx(0, abs=1e-12)
-
-
-@pytest.mark.everything
-def test_the_spread_does_not_depend_on_where_chains_start(posteriors, rng):
-    target, start = posteriors.sign_target(rng, variance=1.0)
-    far = start + np.array([30.0, 40.0, 50.0, 0, 0, 0])
-    near = sample_exact(target, start, 200, rng, chains=64, warmup=30)
-    away = sample_exact(target, far, 200, rng, chains=64, warmup=30)
-    posteriors.assert_same_distribution(near, away)
 
 
 def test_a_start_outside_is_refused_with_the_reason(posteriors, rng):
@@ -150,11 +102,3 @@ def test_the_same_seed_gives_the_same_draws_and_the_global_state_is_not_touched(
     a, b = (sample_exact(target, start, 5, np.random.default_rng(1)) for _ in range(2))
     np.testing.assert_array_equal(a, b)
     np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
-
-
-def test_starts_are_spread_but_inside(posteriors, rng):
-    target, start = posteriors.sign_target(rng)
-    sampler = build_sampler(target)
-    points = sampler.disperse(target.to_eta(start), 50, rng)
-    assert sampler.contains(points).all()
-    assert (points.std(axis=0) > 0).all()

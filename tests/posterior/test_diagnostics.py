@@ -4,7 +4,6 @@ import pytest
 from identifiability.posterior import exact
 from identifiability.posterior.diagnostics import autocorrelation_time, diagnose_convergence
 from identifiability.posterior.ensemble import Posterior, sample_posterior
-from identifiability.posterior.rules import Thresholds
 
 
 def test_independent_draws_may_be_shown(rng):
@@ -46,32 +45,3 @@ def test_the_autocorrelation_time_of_a_known_process(rng):
     for k in range(1, 2000):
         x[:, k] = rho * x[:, k - 1] + rng.normal(size=(200, 1))
     assert autocorrelation_time(x[:, 100:])[0] == pytest.approx((1 + rho) / (1 - rho), rel=0.03)
-
-
-def test_thresholds_can_be_stated(rng):
-    posterior = Posterior(rng.normal(size=(4, 4, 100, 1)), 1.0)
-    assert diagnose_convergence(posterior).trustworthy
-    assert not diagnose_convergence(posterior, thresholds=Thresholds(ess=1e5)).trustworthy
-
-
-def test_a_chain_that_never_moved_is_not_shown():
-    stuck = np.ones((4, 4, 20, 1)) * np.arange(4)[:, None, None, None]
-    found = diagnose_convergence(Posterior(stuck, 1.0))
-    assert not found.trustworthy
-
-
-def test_chains_of_one_parameter_that_stand_still_leave_the_others_judged(rng):
-    draws = rng.normal(size=(4, 16, 100, 3))
-    draws[..., 1] = 7.0
-    found = diagnose_convergence(Posterior(draws, 1.0), ["a.Fv", "b.Fv", "c.Fv"])
-    assert found.reasons[0] == "The chains of b.Fv never moved."
-    assert not any("nan" in r for r in found.reasons)
-    assert np.isposinf(found.rhat[1])
-    assert found.ess_bulk[1] == found.ess_tail[1] == 0
-    assert (found.rhat[[0, 2]] < 1.01).all()
-    assert (found.ess_bulk[[0, 2]] > 4000).all()
-
-
-def test_too_few_ensembles_are_refused(rng):
-    with pytest.raises(ValueError, match="2 ensembles of 10 draws were given; expected at least 4"):
-        diagnose_convergence(Posterior(rng.normal(size=(2, 4, 10, 1)), 1.0))

@@ -1,17 +1,8 @@
-import re
-import time
-from pathlib import Path
-
-import emcee
 import numpy as np
 import pytest
-from arviz_stats.base import array_stats
 
-import identifiability.posterior
-from identifiability.posterior import ensemble
 from identifiability.posterior.diagnostics import diagnose_convergence
-from identifiability.posterior.ensemble import ROUND, Posterior, sample_posterior
-from identifiability.posterior.exact import build_sampler
+from identifiability.posterior.ensemble import ROUND, sample_posterior
 from identifiability.posterior.rules import Thresholds
 
 from .exactly import sample_exact
@@ -33,46 +24,6 @@ def test_emcee_and_the_exact_sampler_agree_and_no_proposal_is_refused(kind, post
     posteriors.assert_same_distribution(chains(found), other)
 
 
-@pytest.mark.everything
-def test_emcee_corrects_when_the_model_is_not_the_whole_truth(posteriors, rng, monkeypatch):
-    # A prior given as a further factor must act like the same prior inside the model.
-    narrow, start = posteriors.sign_target(rng, prior_sd=1.0)
-    wide, _ = posteriors.sign_target(np.random.default_rng(20240502), prior_sd=np.sqrt(2.0))
-    inside = ensemble._log_density
-
-    def both(sampler):
-        # N(0, 2)² = N(0, 1)
-        return lambda eta: inside(sampler)(eta) - np.sum(wide.to_phi(eta) ** 2, axis=1) / 4
-
-    monkeypatch.setattr(ensemble, "_log_density", both)
-    found = sample_posterior(wide, start, rng, draws=400, walkers=32)
-    assert 0.3 < found.acceptance < 1.0
-    other = sample_exact(narrow, start, 400, rng, chains=128)
-    posteriors.assert_same_distribution(chains(found), other)
-
-
-def test_no_source_of_the_library_makes_a_snooker_move():
-    folder = Path(identifiability.posterior.__file__).parents[1]
-    for path in folder.rglob("*.py"):
-        assert not re.search(r"DESnookerMove\s*\(", path.read_text()), path
-
-
-@pytest.mark.everything
-def test_the_snooker_move_is_biased_which_is_why():
-    d, walkers, rng = 37, 80, np.random.default_rng(5)
-    start = rng.standard_normal((walkers, d))  # already from the target, a standard normal
-    spread = {}
-    for move in (emcee.moves.DEMove(), emcee.moves.DESnookerMove()):
-        engine = emcee.EnsembleSampler(
-            walkers, d, lambda x: -0.5 * np.sum(x**2, axis=1), moves=move, vectorize=True
-        )
-        state = emcee.State(start, random_state=np.random.RandomState(7).get_state())
-        engine.run_mcmc(state, 900)
-        spread[type(move).__name__] = engine.get_chain(discard=200).std()
-    assert spread["DEMove"] == pytest.approx(1.0, abs=0.03)
-    assert spread["DESnookerMove"] < 0.85
-
-
 def test_the_same_seed_gives_the_same_draws_and_the_global_state_is_not_touched(posteriors, rng):
     target, start = posteriors.sign_target(rng)
     runs = []
@@ -84,12 +35,6 @@ def test_the_same_seed_gives_the_same_draws_and_the_global_state_is_not_touched(
         runs.append(found.draws)
     np.testing.assert_array_equal(runs[0], runs[1])
     assert (runs[0] != runs[2]).any()
-
-
-def test_ensembles_are_independent_of_each_other(posteriors, rng):
-    target, start = posteriors.sign_target(rng)
-    draws = sample_posterior(target, start, rng, draws=5, walkers=8).draws
-    assert len(np.unique(draws[:, 0, 0, 0])) == 4
 
 
 def test_progress_is_told(posteriors, rng):
@@ -120,39 +65,3 @@ def test_sampling_ends_when_it_is_enough_or_when_the_budget_is_used_up(posterior
     assert reasons[0] == poor.stopped
     assert len(reasons) > 1
     assert diagnose_convergence(poor, thresholds=Thresholds(2.0, 1.0, 0.1)).reasons == ()
-
-
-@pytest.mark.everything
-def test_it_is_much_faster_than_the_default_move_of_emcee(posteriors):
-    rng = np.random.default_rng(3)
-    target, start = posteriors.sign_target(rng, size=37, signs=12, dof=500.0)
-
-    def ours():
-        return chains(sample_posterior(target, start, rng, draws=60, walkers=128))
-
-    def stretch():
-        sampler = build_sampler(target)
-        first = np.repeat(sampler.disperse(target.to_eta(start), 4, rng), 80, axis=0)
-        first = sampler.step(sampler.step(first, rng), rng)
-        walks = []
-        for own in np.split(first, 4):
-            engine = emcee.EnsembleSampler(
-                *own.shape, ensemble._log_density(sampler), vectorize=True
-            )
-            engine.run_mcmc(own, 520)
-            walks.append(engine.get_chain(discard=20).swapaxes(0, 1))
-        return np.concatenate(walks)
-
-    rates = {}
-    for way in (ours, stretch):
-        begin = time.process_time()
-        found = way()
-        spent = time.process_time() - begin
-        ess = array_stats.ess(found[..., ::5], chain_axis=0, draw_axis=1)
-        rates[way.__name__] = ess.min() / spent
-    assert rates["ours"] > 5 * rates["stretch"]  # fifty times in long runs
-
-
-def test_draws_can_be_had_as_rows():
-    posterior = Posterior(np.arange(24.0).reshape(1, 2, 3, 4), 1.0)
-    assert posterior.flat().shape == (6, 4)

@@ -140,10 +140,7 @@ def test_the_command_writes_tables_and_a_page(analysis, make_log, tmp_path):
     ("change", "says"),
     [
         (lambda c: c.update(fit=None), "keeps no fitted model"),
-        (lambda c: c.update(nothing="the torque never varies"), "the torque never varies"),
-        (lambda c: c["fit"].update(names=["x"]), "its parameters are not those"),
         (lambda c: c["fit"]["values"].pop(), "tables of another size"),
-        (lambda c: c["fit"].update(covariance=[[1.0]]), "tables of another size"),
     ],
 )
 def test_what_cannot_be_read_back_is_refused_by_name(analysis, tmp_path, change, says):

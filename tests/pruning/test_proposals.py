@@ -6,18 +6,7 @@ import pytest
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.workflows.prune.moves import (
-    Attachment,
-    Kind,
-    Mirror,
-    Partition,
-    attachments,
-    common_name,
-    find_equal_bodies,
-    find_mirrors,
-    propose_moves,
-    tie_moves,
-)
+from identifiability.workflows.prune.moves import Attachment, Kind, Mirror, propose_moves, tie_moves
 
 
 @pytest.fixture(scope="module")
@@ -49,16 +38,6 @@ def test_friction_and_actuators_are_never_tied(moves):
     assert not any(c.startswith("slider") for c in tied)
 
 
-def test_serial_robots_have_no_equal_bodies():
-    assert find_equal_bodies(Robot.load("six-dof-arm")) == []
-    assert find_equal_bodies(Robot.load("two-link")) == []
-
-
-def test_the_platform_is_attached_at_three_points(moves):
-    platform = attachments(moves[0])[moves[0].bodies.index("platform")]
-    assert [a.kind for a in platform] == ["point"] * 3
-
-
 def test_a_mirror_leaves_what_its_body_may_have():
     rows = Mirror(np.array([0.0, 0, 1]), 0.0).constraints()
     body = np.array([3.0, 0.1, 0, 2, 0, 4, 0.5, 0.7, 0, 1])  # no Ixz, Iyz, mz
@@ -73,16 +52,3 @@ def test_a_slide_goes_one_way_and_a_hinge_both():
     for kind, same in (("hinge", True), ("slide", False)):
         part = Attachment(kind, np.zeros(3), along)
         assert part.reflected(plane).equals(part) is same
-
-
-def test_a_hinge_does_not_say_where_along_it_the_mirror_is():
-    hinge = Attachment("hinge", np.zeros(3), np.array([0.0, 0, 1]))
-    normals = [m.normal for m in find_mirrors([hinge])]
-    assert not any(abs(n[2]) > 0.5 for n in normals)
-
-
-def test_names_of_equal_columns():
-    assert common_name(["a.Fc+", "a.Fc-"]) == "a.Fc"
-    assert common_name(["leg1_lower.my", "leg2_lower.my"]) == "leg*_lower.my"
-    ties = Partition(("a1.m", "a2.m", "a*.m"), np.array([0, 0, 2])).ties()
-    assert ties == {"a1.m = a2.m": ["a1.m", "a2.m"]}

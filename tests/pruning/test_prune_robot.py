@@ -4,14 +4,13 @@ import json
 from itertools import pairwise
 
 import numpy as np
-import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from identifiability import Log, Robot, analyze
+from identifiability import analyze
 from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.verdict import Class
-from identifiability.foundation.errors import LogError, ModelError
+from identifiability.foundation.errors import ModelError
 from identifiability.simulation import Noise
 from identifiability.workflows.prune import prune
 
@@ -69,15 +68,6 @@ def test_every_model_below_the_first_has_a_move_a_reason_and_fewer_parameters(pr
     assert fitted[-1] > 0.9  # nothing predicts nothing
 
 
-def test_the_pruning_is_stable_and_says_so(pruned):
-    assert pruned.stability.replicates == 25
-    assert pruned.stability.same > 0.6
-    survives = dict(zip(pruned.stability.columns, pruned.stability.survives, strict=True))
-    assert survives["slider1.Fv"] == 1.0
-    assert survives["leg1_lower.mx"] < 0.05
-    assert "% lead to exactly this model" in pruned.stability.statement
-
-
 def test_the_chosen_model_is_a_ladder_that_analyze_reads(pruned, simulated, tmp_path):
     path = pruned.write_model(tmp_path / "pruned.toml")
     again = analyze("3-rps", simulated("3-rps", "601", 0), ladder=path, replicates=20)
@@ -130,14 +120,6 @@ def test_pruning_starts_from_the_users_own_ladder(simulated, tmp_path):
     assert set(again.models[1].submodel.columns) == set(out.chosen.columns)
 
 
-@pytest.mark.everything
-def test_several_logs_are_left_out_one_at_a_time(simulated):
-    logs = [simulated("3-rps", t, k) for k, t in enumerate(("571", "595", "601"))]
-    out = prune("3-rps", logs, replicates=0)
-    assert set(out.chosen.columns) == MODEL_4
-    assert out.chosen.error_ra_unseen < 0.05
-
-
 @pytest.mark.parametrize(
     "name", ["five-bar", pytest.param("six-dof-arm", marks=pytest.mark.everything)]
 )
@@ -146,39 +128,6 @@ def test_other_robots_prune_without_special_cases(simulated, name):
     assert len(out.chosen) < len(out.full)
     assert out.chosen.error_ra_unseen < 1.05 * out.full.error_ra_unseen
     assert out.chosen.feasible
-
-
-def test_when_everything_is_identifiable_nothing_is_pruned(simulated, tmp_path):
-    """Two-link arm, the eight parameters that act, next to no noise."""
-    robot = Robot.load("two-link")
-    log = simulated("two-link", "a", 0, Noise(torque=0.002))
-    first = prune(robot, log, replicates=0)
-    path = first.write_model(tmp_path / "first.toml")
-    again = prune(robot, log, ladder=path, replicates=20)
-    assert len(again.chosen) == len(again.full) == len(first.chosen)
-    assert "Nothing was pruned" in again.statement
-
-
-def test_a_robot_that_never_moves_is_not_pruned(rps):
-    n, rng = 80, np.random.default_rng(0)
-    frame = {"t": np.arange(n) * 0.01}
-    for j in rps.joints:
-        frame |= {f"{j}.q": np.full(n, 0.7), f"{j}.dq": np.zeros(n), f"{j}.ddq": np.zeros(n)}
-        frame[f"{j}.tau"] = 54 + rng.normal(size=n)
-    with pytest.raises(LogError, match="Nothing can be pruned, because the robot does not move"):
-        prune(rps, Log.from_frame(pd.DataFrame(frame)), replicates=10)
-
-
-def test_a_joint_that_never_moves_loses_its_friction_and_inertia(simulated):
-    log = simulated("six-dof-arm", "a", 0, Noise(torque=0.02))
-    frame = log.to_frame()
-    for column in ("joint_6.q", "joint_6.dq", "joint_6.ddq"):
-        frame[column] = 0.0
-    frame["joint_6.tau"] = np.random.default_rng(0).normal(scale=0.1, size=len(frame))
-    out = prune("six-dof-arm", frame, replicates=0)
-    gone = set(out.models[1].step.move.zero)
-    assert {"joint_6.Fv", "joint_6.Fc"} <= gone
-    assert "joint_1.Fv" in out.chosen.columns
 
 
 def test_the_same_inputs_give_the_same_result(simulated):
@@ -219,11 +168,3 @@ def test_labels_are_those_of_all_models_by_their_weight(pruned):
             x.value for r in submodels for x in r.verdicts if x.name == v.name and r.weight > 0.3
         ]
         assert all(low <= x <= high for x in own)
-
-
-def test_a_validation_log_of_another_robot_is_noticed(simulated):
-    log, other = simulated("two-link", "a", 0, samples=300), simulated("scara", "a", 0)
-    found = prune("two-link", log, other, replicates=0)
-    assert any("are they of the same robot" in hint for hint in found.hints)
-    alone = prune("two-link", log, replicates=0).hints
-    assert not any("are they of the same robot" in hint for hint in alone)

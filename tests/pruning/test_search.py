@@ -1,7 +1,5 @@
 """Planted truth, collinear columns, cost: pruning on random linear problems."""
 
-import time
-
 import numpy as np
 
 from identifiability.estimation.estimate import estimate
@@ -100,15 +98,6 @@ def test_a_tie_that_holds_is_made_and_one_that_does_not_is_refused():
     assert [r.move for r in search.refused] == [ties[1]]
 
 
-def test_forbidden_columns_stay_and_forced_ones_go():
-    information, true = plant(np.random.default_rng(4))
-    null = min(set(information.columns) - true)
-    some = min(true)
-    search = find_path(information, forbid=[null], force=[some])
-    assert all(null in {p.columns[g] for g in p.leaders} for p in _partitions(search))
-    assert some not in chosen_set(search)
-
-
 def test_columns_in_another_unit_or_order_are_pruned_alike():
     rng = np.random.default_rng(6)
     W = rng.normal(size=(800, 2, 8))
@@ -118,23 +107,3 @@ def test_columns_in_another_unit_or_order_are_pruned_alike():
     plain = chosen_set(find_path(gather(W, tau)))
     other = chosen_set(find_path(gather((W * units)[:, :, order], tau)))
     assert {f"p{order[int(c[1:])]}" for c in other} == plain
-
-
-def test_the_search_does_not_know_the_number_of_samples():
-    few, many = (plant(np.random.default_rng(0), samples=n)[0] for n in (1000, 100_000))
-    times = {1000: [], 100_000: []}
-    for _ in range(3):  # in turns, and the least of each: what runs beside disturbs both
-        for samples, information in ((1000, few), (100_000, many)):
-            start = time.process_time()
-            find_path(information)
-            times[samples].append(time.process_time() - start)
-    assert min(times[100_000]) < 3 * min(times[1000])
-
-
-def test_the_true_parameters_are_kept():
-    information, true = plant(np.random.default_rng(8), precision=40.0)
-    assert chosen_set(find_path(information)) >= true
-
-
-def _partitions(search):
-    return [s.partition for s in search.steps]

@@ -1,13 +1,9 @@
 """Stäubli TX40, one run of the real arm: the published base parameters come out."""
 
-import json
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
-
-from identifiability.workflows.diagnose import diagnose
 
 
 @pytest.fixture(scope="module")
@@ -73,22 +69,6 @@ def test_the_transmission_is_the_formulas_that_come_with_the_data(robot, log):
     assert np.abs(found_tau - log.tau @ T.T).max() < 1e-12
 
 
-def test_motors_and_joints_have_the_same_power(robot, log):
-    q, tau = robot.transmission.joint_side(log.q, log.tau)
-    joints = np.sum(np.diff(q, axis=0) * tau[1:], axis=1)
-    motors = np.sum(np.diff(log.q, axis=0) * log.tau[1:], axis=1)
-    assert np.abs(joints - motors).max() < 1e-10 * np.abs(motors).max()
-
-
-def test_the_analysis_finds_what_its_stages_find(analysis, ours):
-    value = analysis.full.estimate.value
-    assert np.allclose(value, ours("ours", "wls").value, rtol=1e-9, atol=1e-12)
-
-
-def test_motor_6_has_friction_and_rotor_of_its_own(base):
-    assert {"motor_6.Fv", "motor_6.Fc", "motor_6.Ia"} <= set(base.names)
-
-
 def test_every_published_grouping_means_the_same_in_our_spelling(tx40, base, published):
     T, outside = tx40.published_in_ours(base, published["expression"].tolist())
     assert len(published) == 60
@@ -127,22 +107,6 @@ def test_all_published_values_but_friction_agree_within_their_own_uncertainty(co
     assert (well["ratio"] - 1).abs().max() < 0.05
 
 
-@pytest.mark.everything
-@pytest.mark.parametrize("method", ["ols", "wls"])
-def test_the_published_treatment_of_the_rows_that_we_take_gives_all_our_values(
-    tx40, folder, base, compared, published, method
-):
-    """The friction of this arm is no straight line: which slow rows count moves the line."""
-    ours = compared("ours", method)
-    fit = tx40.fit_published(folder, base, method, wrist=True, our_rows=True)
-    theirs = tx40.compare(base, fit, published, method)
-    apart = (ours["ours"] - theirs["ours"]).abs()
-    assert (apart / (ours["ours"].abs() * ours["our_sigma_percent"] / 100)).max() < 1
-    well = published[f"{method}_sigma_percent"] < 5
-    assert well.sum() >= 16
-    assert (apart / theirs["ours"].abs())[well].max() < 0.03
-
-
 @pytest.mark.parametrize("method", [pytest.param("ols", marks=pytest.mark.everything), "wls"])
 def test_the_log_treated_as_published_gives_all_published_values(
     tx40, folder, base, published, method
@@ -160,56 +124,3 @@ def test_with_the_last_joints_acceleration_its_rotor_is_found(tx40, folder, base
     fit = tx40.fit_published(folder, base, "wls", wrist=True)
     assert fit.rank == 61
     assert tx40.compare(base, fit, published, "wls")["within_2_sigma"].sum() >= 57
-
-
-def test_standstill_would_spoil_friction_and_is_left_out(analysis, compared):
-    notes = " ".join(analysis.samples[0].notes)
-    assert "a joint that stands" in notes
-    kept = compared("ours, standstill kept", "wls").set_index("name")
-    left = compared("ours", "wls").set_index("name")
-    friction = [f"f{kind}{joint}" for kind in "vs" for joint in range(1, 6)]
-    worst = (kept.loc[friction, "ratio"] - 1).abs()
-    assert worst.max() > 1.5 * (left.loc[friction, "ratio"] - 1).abs().max()
-    assert (kept.loc[friction, "ratio"][5:] < 1).all()
-    assert kept["within_2_sigma"].sum() < 40 < left["within_2_sigma"].sum()
-
-
-def test_groupings_are_parsed_as_data(tx40):
-    assert tx40.parse_grouping("my3 - 1.0*mz4 - 0.225*m4") == {
-        "link_3.my": 1.0, "link_4.mz": -1.0, "link_4.m": -0.225,
-    }  # fmt: skip
-    assert tx40.parse_grouping("fv5") == {"joint_5.Fv": 1.0, "motor_6.Fv": 1.0}
-    assert tx40.parse_grouping("fsm6") == {"motor_6.Fc": 1.0}
-    assert tx40.parse_grouping("fs6") == {"joint_6.Fc": 1.0}
-
-
-@pytest.mark.everything
-def test_the_study_writes_its_table_and_a_report(tx40, folder, tmp_path, capsys):
-    out = tmp_path / "staubli_tx40.json"
-    summaries = tx40.main(["--data", str(folder.parent), "--out", str(out), "--quick"])
-    assert [s["rank"] for s in summaries] == [61, 61]
-    assert len(json.loads(out.read_text())["parameters"]["ours, wls"]) == 60
-    assert out.with_suffix(".html").stat().st_size > 10_000
-    assert "fvm6" in capsys.readouterr().out
-
-
-@pytest.mark.everything
-@pytest.mark.parametrize("back", [False, True], ids=["1 to 2", "2 to 1"])
-def test_thirds_of_the_run_agree_on_what_is_missing(robot, log, back):
-    """Three seconds are short: few names are due, and what the other third denies is none."""
-    third = len(log.t) // 3
-    parts = [
-        replace(log.cut(k * third, (k + 1) * third, name), sha256=name)
-        for k, name in enumerate(("first", "second"))
-    ]
-    fitted, unseen = parts[::-1] if back else parts
-    d = diagnose(robot, [fitted], [unseen], forward=False)
-    assert all("stood out from the fitted motion" in d.statement for _ in d.refuted)
-    if back:  # a friction that rises stands out there, too, but predicts no better
-        assert d.held_after <= d.held_before
-        return
-    # A name gives way to a function only as long as that is not refuted.
-    (friction,) = (e for e in d.effects if "joint_1" in e.joints)
-    assert "friction" in friction.names
-    assert friction.confirmed
-    assert d.held_after < 0.95 * d.held_before

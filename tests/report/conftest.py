@@ -123,12 +123,6 @@ def believed_analysis(paper_analysis) -> Analysis:
 
 
 @pytest.fixture(scope="session")
-def believe_small() -> Callable[[Analysis], Analysis]:
-    """A function that adds posteriors of a few draws."""
-    return lambda analysis: believe(analysis, Effort(walkers=2, draws=8, warmup=4))
-
-
-@pytest.fixture(scope="session")
 def chain_analysis(tmp_path_factory) -> Callable[..., Analysis]:
     """A function that analyses a chain: (names, **options of the log and of `analyze`)."""
 

@@ -4,15 +4,11 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
-import numpy as np
 import pytest
-from markupsafe import escape
 
-from identifiability import analyze
 from identifiability.estimation.evidence import LEVELS
 from identifiability.foundation.rounding import error_text
-from identifiability.regression.reduction import LadderEntry, ModelEntry
-from identifiability.report import build_analysis_page, write_analysis_report
+from identifiability.report import write_analysis_report
 from identifiability.report.results import build_page
 
 pytestmark = pytest.mark.pictures
@@ -72,25 +68,6 @@ def test_all_sections_are_there_and_linked(html):
     assert {a["href"] for a in outline.all("a")} == {f"#{s}" for s in SECTIONS}
 
 
-def test_the_tables_have_one_row_for_each_parameter_model_and_grouping(html, paper_analysis):
-    rows = Outline(html).rows
-    assert sorted(rows["parameters"]) == sorted(v.name for v in paper_analysis.chosen.verdicts)
-    assert sorted(rows["full-model"]) == sorted(v.name for v in paper_analysis.full.verdicts)
-    assert rows["models"] == [m.name for m in paper_analysis.models]
-    assert rows["structure"] == list(paper_analysis.base.names)
-    bodies = [*paper_analysis.robot.bodies, "all"]
-    assert rows["physics"][: len(bodies)] == bodies  # their masses
-    assert rows["physics"][len(bodies) : -85] == bodies[:-1]  # and the room that each has
-
-
-def test_every_parameter_shows_its_evidence(html, paper_analysis):
-    page = html.replace("\u00a0", " ")
-    for v in paper_analysis.chosen.verdicts:
-        assert str(escape(v.reason)) in re.sub(r"</?sub>", "", page)
-        assert v.label in page
-        assert v.verdict.value in page
-
-
 def test_nothing_is_loaded_from_anywhere(html):
     outline = Outline(html)
     for tag, attributes in outline.tags:
@@ -128,46 +105,3 @@ def test_thresholds_and_hashes_are_printed(html, paper_analysis):
 
 def test_no_path_of_this_machine_is_told(html, paper_analysis):
     assert str(paper_analysis.robot.path.parent) not in html
-
-
-def test_dropped_and_singular_samples_are_warned_of(paper_analysis):
-    (s,) = paper_analysis.samples
-    motion = replace(s.motion, dropped=np.array([3, 4]), near_singular=np.arange(7), condition=2e5)
-    bad = replace(paper_analysis, samples=(replace(s, motion=motion),))
-    (notes,) = (b for b in build_analysis_page(bad).summary if b.kind == "notes")
-    first = notes.notes[:2]
-    assert {n.level for n in first} == {"warning"}
-    assert "2 samples" in first[0].text
-    assert "7 samples" in first[1].text
-
-
-def test_impossible_values_are_a_warning_and_not_a_footnote(paper_analysis):
-    worst = replace(paper_analysis, selected=0)
-    page = build_analysis_page(worst)
-    answers, notes = page.summary
-    assert answers.answers[0].tone == "amber"
-    assert answers.answers[2].short == "With care."
-    assert "Impossible values in the model to use" in answers.answers[2].text
-    assert notes.notes[0].title == "Impossible values in the model to use."
-    assert "full-model" not in [s.name for s in page.sections]  # it is not shown twice
-
-
-def test_long_combinations_are_cut_between_terms():
-    from identifiability.workflows.analyze.result import shorten_label
-
-    label = " + ".join(f"0.1234·m({k})" for k in range(40))
-    short = shorten_label(label)
-    assert len(short) < 150
-    assert short.startswith("0.1234·m(0) + ")
-    assert re.search(r"m\(\d+\) …$", short)
-    assert shorten_label("m(1)") == "m(1)"
-
-
-def test_a_ladder_that_begins_with_less_is_no_poor_motion(simulated):
-    """What the first model leaves out is not what the motion leaves out."""
-    log = simulated("two-link", "a", samples=200)
-    effects = ["rigid_body", "viscous_friction"]
-    first = ModelEntry(name="first", effects=effects, zero=["*.Fv"])
-    analysis = analyze("two-link", log, ladder=LadderEntry(models=[first]), replicates=0)
-    assert [len(m.submodel) for m in analysis.models] == [8, 6]
-    assert not [n for n in analysis.cautions() if "not rich enough" in n.title]

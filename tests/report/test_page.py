@@ -5,11 +5,8 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from jinja2 import UndefinedError
 from matplotlib.figure import Figure
 
-from identifiability.foundation.answers import badge_cell
-from identifiability.foundation.errors import OutputError
 from identifiability.report import (
     Cell,
     Check,
@@ -28,10 +25,7 @@ from identifiability.report import (
     Tile,
     frame_table,
     render_page,
-    write_page,
 )
-from identifiability.report.blocks import fold_rows
-from identifiability.report.results import set_symbols
 
 pytestmark = pytest.mark.pictures
 
@@ -84,13 +78,6 @@ def test_a_page_forbids_itself_to_load_anything():
     assert not re.search(r"https?://|@import|url\((?!#)", html)
 
 
-def test_identifiers_are_unique():
-    html = render_page(Page("a", "b", everything("x").sections))
-    html = html.replace(str(everything("x").sections[0].blocks[5].pictures[0].markup), "", 1)
-    ids = re.findall(r'\bid="([^"]*)"', html)
-    assert len(ids) == len(set(ids))
-
-
 def test_a_study_shows_its_table_with_what_passes_and_what_differs():
     frame = pd.DataFrame(
         {
@@ -109,48 +96,3 @@ def test_a_study_shows_its_table_with_what_passes_and_what_differs():
     html = render_page(Page("Table 3", "One row differs.", (Section("t", "T", "", (table,)),)))
     assert "differs, because …" in html
     assert 'data-word="differs"' in html
-
-
-def test_the_named_index_of_a_frame_names_the_rows():
-    frame = pd.DataFrame({"a": [True, None]}, index=pd.Index(["x", "y"], name="row"))
-    table = frame_table(frame)
-    assert [c.title for c in table.columns] == ["row", "a"]
-    assert [r[1].text for r in table.rows] == ["yes", "—"]
-
-
-def test_numbers_sort_as_numbers_and_infinity_sorts_last():
-    assert Cell("1.2·10⁶", 1234567.0).sort_key == "1.23457e+06"
-    assert Cell("∞", float("inf")).sort_key == "Infinity"
-    assert Cell("—", float("nan")).sort_key == ""
-    assert Cell("text").sort_key is None
-
-
-def test_symbols_get_their_indices():
-    assert set_symbols("ε_RA < σ_robust & 5 %") == (
-        "ε<sub>RA</sub> &lt; σ<sub>robust</sub> &amp; 5\u00a0%"
-    )
-
-
-def test_a_page_is_written_whole_or_not_at_all(tmp_path):
-    path = tmp_path / "page.html"
-    assert write_page("Title", "Answer", (), path, tiles=(Tile("1", "one"),)) == path
-    before = path.read_text(encoding="utf-8")
-    assert before.lstrip().startswith("<!doctype html>")
-    with pytest.raises(UndefinedError):
-        write_page("Title", "Answer", (Section("a", "b", "", ("not a block",)),), path)
-    assert path.read_text(encoding="utf-8") == before
-    with pytest.raises(OutputError, match="does not exist"):
-        write_page("Title", "Answer", (), tmp_path / "none" / "page.html")
-
-
-def test_rows_that_are_not_asked_for_first_are_one_click_away():
-    own = (Column("name"), Column("verdict", "badge", lambda r: badge_cell(r[1])))
-    rows = [("a", "identifiable"), ("b", "weak"), ("c", "identifiable"), ("d", "weak")]
-    table = Table.of("", own, rows, filter_by=-1)
-    first, fold = fold_rows(table, [v == "identifiable" for _, v in rows], "that are known", "")
-    assert first.caption == "The 2 that are known"
-    assert [row[0].text for row in first.rows] == ["a", "c"]
-    assert fold.summary == "The other 2: 2 weak"
-    assert [row[0].text for row in fold.blocks[0].rows] == ["b", "d"]
-    for alike in (True, False):
-        assert fold_rows(table, [alike] * 4, "", "") == (table,)

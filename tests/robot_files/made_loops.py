@@ -2,7 +2,6 @@
 
 import numpy as np
 
-HINGE = '<joint name="{}" axis="{}"/>'
 BAR = '<inertial mass="{}" pos="{} 0 0.01" fullinertia="0.02 0.05 0.06 0.002 0.001 -0.003"/>'
 
 

@@ -51,7 +51,8 @@ WRIST = """<body name="wrist" pos="0.2 0 0"><joint name="w" axis="0 1 0" {w}/>
   <body name="tip" pos="0.1 0 0"><joint name="p" type="slide" axis="1 0 0.2"/>
   <inertial mass="0.3" pos="0.05 0 0.02" diaginertia="0.001 0.002 0.002"/></body></body>"""
 TENDONS = """<tendon><fixed name="one"><joint joint="w" coef="2"/><joint joint="elbow" coef="-0.6"/>
-  </fixed><fixed name="two"><joint joint="shoulder" coef="0.7"/><joint joint="elbow" coef="0.4"/>
+  </fixed><fixed name="two"><joint joint="elbow" coef="0.4"/></fixed>
+  <fixed name="both"><joint joint="shoulder" coef="0.7"/><joint joint="elbow" coef="0.4"/>
   </fixed></tendon><equality>{}</equality>"""
 EQUALITY = '<tendon tendon1="one" tendon2="two" polycoef="0.1 0.5 0.2 -0.1 0.05"/>'
 SLIDE = '<joint joint1="p" joint2="w" polycoef="0 0.2 0.1 0 0"/>'

@@ -4,15 +4,13 @@ import numpy as np
 import pytest
 from made_robots import CLOSURES, arm, parallelogram
 
-from identifiability import Model, Robot, analyze, inspect, simulate
+from identifiability import Model, Robot
 from identifiability.effects import default_effects
 from identifiability.effects.effect import measure_spans
-from identifiability.foundation.errors import RobotError
 from identifiability.logs.log import Log
 from identifiability.logs.prepare.plan import joint_log
 from identifiability.regression.reduction import build_ladder, default_ladder, ladder_model
 from identifiability.regression.structure import Structure, random_motion
-from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows.export import write_parameters
 
 NUMBERS = 'stiffness="9" springlength="0.2" damping="1.1" armature="0.3" frictionloss="0.7"'
@@ -118,32 +116,13 @@ def test_passive_joints_can_have_what_is_placed_there(load_text):
     assert np.isfinite(W).all()
 
 
-def test_values_of_an_axis_come_back_from_a_log_without_noise(tmp_path):
-    side = tmp_path / "side.toml"
-    side.write_text(
-        '[[axes]]\nname = "cable"\njoints = {shoulder = 1, elbow = -0.5}\n'
-        '[nominal]\n"cable.Fv" = 0.4\n"cable.Fc" = 0.9\n"cable.K" = 3\n"cable.Ia" = 0.02\n'
-    )
-    robot = Robot.load("two-link", side)
-    log = simulate(robot, PrescribedMotion.of(shipped_trajectory(robot, "a"), 400))
-    found = analyze(robot, log, replicates=0).models[1]
-    values = dict(zip(found.submodel.columns, found.estimate.value, strict=True))
-    for name, value in (("cable.Fv", 0.4), ("cable.Fc", 0.9), ("cable.K", 3.0)):
-        assert values[name] == pytest.approx(value, rel=1e-6)
-
-
 @pytest.mark.parametrize(
     ("placed", "texts"),
-    [
-        ('"viscous_friction@elb*"', ["viscous_friction@elb*", "coulomb_asymmetry"]),
-        ('"coulomb_friction@cable+elbow"', ["viscous_friction", "coulomb_asymmetry@cable+elbow"]),
-        ('"coulomb_asymmetry@elbow"', ["viscous_friction", "coulomb_asymmetry@elbow"]),
-        (
+    [('"coulomb_friction@cable+elbow"', ["viscous_friction", "coulomb_asymmetry@cable+elbow"]),(
             '"position_ripple@cable:0.2", "position_ripple@elbow"',
             ["viscous_friction", "coulomb_asymmetry", "position_ripple@cable:0.2",
              "position_ripple@elbow"],
-        ),
-    ],
+        ),],
 )  # fmt: skip
 def test_a_sidecar_places_effects_of_default_models(placed, texts, load_text):
     robot = load_text(arm(), sidecar=f"effects = [{placed}]\n" + SIDECAR)
@@ -157,19 +136,6 @@ def test_a_sidecar_places_effects_of_default_models(placed, texts, load_text):
     )
     offsets = sum(c.endswith("off") for c in full.columns)
     assert len(full) - len(none) == offsets == len(robot.joints)
-
-
-def test_inspection_says_what_is_named_after_an_axis(load_text):
-    said = inspect(load_text(arm(), sidecar=SIDECAR)).naming
-    assert "the axes cable = 1.3·shoulder − 0.5·elbow are combinations of joints" in said
-    assert "(cable.Fv, cable.K)" in said
-
-
-def test_a_tendon_along_several_joints_has_a_name_of_its_own(load_text):
-    robot = load_text(arm(after=CABLE.replace('name="cable" ', "")))
-    assert robot.tendon_axes == ("tendon1",)
-    with pytest.raises(RobotError, match="the axis 'elbow' has the name of a body, joint"):
-        load_text(arm(after=CABLE.replace('name="cable"', 'name="elbow"')))
 
 
 def test_more_motors_than_joints_agree_in_the_least_squares_and_add_their_torques(load_text):

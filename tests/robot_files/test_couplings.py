@@ -16,13 +16,14 @@ def test_an_equality_of_tendons_is_what_mujoco_makes_of_it_with_mimic_joints_beh
     motion = complete_motion(robot, np.arange(20.0), q, 0 * q, 0 * q)
     at = {name: robot.dof_position(motion.q, name) for name in robot.dofs}
     one = 2 * (at["w"] - 0.3) - 0.6 * (at["elbow"] + 0.2)
-    two = 0.7 * at["shoulder"] + 0.4 * (at["elbow"] + 0.2)
+    two = 0.4 * (at["elbow"] + 0.2)
     np.testing.assert_allclose(one, 0.1 + 0.5 * two + 0.2 * two**2 - 0.1 * two**3 + 0.05 * two**4)
     np.testing.assert_allclose(at["p"], 0.2 * (at["w"] - 0.3) + 0.1 * (at["w"] - 0.3) ** 2)
 
 
-def test_a_tendon_alone_keeps_its_length(agrees):
-    agrees(coupled('<tendon tendon1="one" polycoef="0.2 0 0 0 0"/>' + SLIDE))
+@pytest.mark.parametrize("other", ["", 'tendon2="both"'])
+def test_a_tendon_keeps_its_length_or_is_proportional_to_another(other, agrees):
+    agrees(coupled(f'<tendon tendon1="one" {other} polycoef="0.2 0.7 0 0 0"/>' + SLIDE))
 
 
 HOME = "[home]\ndrive = 0.7\nknee = -0.7\nheel = 0.7\n"
@@ -78,9 +79,10 @@ def test_couplings_loops_and_mimic_joints_go_together(agrees):
 
 
 def test_couplings_that_cannot_be_are_refused(load_text):
-    bent = SIDECAR.replace("[0.1, 0.5, 0.2]", "[0.1, 0, 0.2]")
-    with pytest.raises(RobotError, match=r"'w' cannot be locked, as it follows elbow, shoulder"):
-        load_text(arm(inside=WRIST.format(w="")), sidecar=bent, lock={"w": 0.2})
+    with pytest.raises(RobotError, match="'w' cannot be locked, as it follows elbow, shoulder"):
+        load_text(arm(inside=WRIST.format(w="")), sidecar=SIDECAR, lock={"w": 0.2})
+    with pytest.raises(RobotError, match="to a tendon along shoulder, elbow by a curve"):
+        load_text(coupled('<tendon tendon1="one" tendon2="both" polycoef="0 1 2 0 0"/>' + SLIDE))
     own = SIDECAR.replace("{shoulder = [0, -0.3, 0, 0.1]}", "{w = [0, 1]}")
     with pytest.raises(RobotError, match="cannot be coupled to itself"):
         load_text(arm(inside=WRIST.format(w="")), sidecar=own)

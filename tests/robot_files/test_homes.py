@@ -4,10 +4,9 @@ import re
 
 import numpy as np
 import pytest
-from made_robots import CLOSURES, parallelogram
 
 from identifiability.foundation.errors import RobotError
-from identifiability.robot import Robot, complete_motion
+from identifiability.robot import complete_motion
 from identifiability.robot.locate import locate_robot
 from identifiability.workflows.inspect import inspect
 
@@ -26,8 +25,8 @@ def shipped_without_home(name):
     return homeless(path.read_text()), path.with_suffix(".toml").read_text()
 
 
-@pytest.mark.parametrize("name", ["3-rps", "six-ups"])
-def test_without_its_home_a_robot_whose_limits_leave_one_assembly_is_the_same(name, load_text, rng):
+@pytest.mark.parametrize("name", ["five-bar", "3-rrr", "delta"])
+def test_without_its_home_a_robot_that_is_drawn_open_is_asked_for_one(name, load_text):
     text, side = shipped_without_home(name)
     robot, other = Robot.load(name), load_text(text, sidecar=side)
     q = rng.uniform(*robot.limits.T, (200, len(robot.joints)))
@@ -50,7 +49,13 @@ def test_a_home_that_was_computed_is_said_until_it_is_stated(load_text):
     assert not stated.describe_assembly()
 
 
-@pytest.mark.parametrize("name", ["five-bar", "3-rrr", "delta", "palletizer"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "five-bar",
+        "delta",
+    ],
+)
 def test_without_its_home_a_robot_of_several_assemblies_is_told_them(name, load_text):
     text, side = shipped_without_home(name)
     sentence = r"open by .* not determined \(\d+ that close them were found\); give .* \[home\]"
@@ -59,26 +64,3 @@ def test_without_its_home_a_robot_of_several_assemblies_is_told_them(name, load_
     for way in str(told.value).partition("such as ")[2].split(" or "):
         home = "\n".join(way.removesuffix(".").split(", "))
         assert not load_text(text, sidecar=f"{side}\n[home]\n{home}\n").assembled
-
-
-def test_the_position_that_closes_a_drawing_is_used_and_said(load_text, rng):
-    text = parallelogram(CLOSURES["site on the root"])
-    drawn, offset = homeless(text), np.array([0.6, -0.4, 0.5])
-    for body, at in zip(("crank", "coupler", "rocker"), offset, strict=True):
-        drawn = drawn.replace(f'<body name="{body}"', f'<body name="{body}" euler="0 {-at} 0"')
-    robot, other = load_text(text), load_text(drawn)
-    np.testing.assert_allclose(other.home, [0.0, -0.2, 0.1], atol=1e-9)
-    q = rng.uniform(0.2, 1.4, (100, 1))
-    moved = [complete_motion(r, np.arange(100.0), x, q, q)
-             for r, x in ((robot, q), (other, q - offset[0]))]  # fmt: skip
-    np.testing.assert_allclose(moved[1].q + offset, moved[0].q, atol=1e-9)
-
-
-def test_positions_of_actuated_joints_that_a_sidecar_states_stay(load_text):
-    text = homeless(parallelogram(CLOSURES["site on the root"]))
-    for body, at in (("crank", 0.6), ("coupler", -0.5), ("rocker", 0.5)):
-        text = text.replace(f'<body name="{body}"', f'<body name="{body}" euler="0 {-at} 0"')
-    robot = load_text(text, sidecar="[home]\ndrive = 0.1")
-    np.testing.assert_allclose(robot.home, [0.1, -0.2, 0.2], atol=1e-9)
-    with pytest.raises(RobotError, match=r"open by 0\.\d+ m .* such as knee = -0\.1000, heel"):
-        load_text(text, sidecar="[home]\nknee = 1.0")

@@ -3,15 +3,13 @@
 Sources: J. D. Bennett, A new mechanism, Engineering 76 (1903).
 """
 
-import re
-
 import numpy as np
 import pytest
 from made_loops import bennett, turntable, two_rockers
 
 from identifiability.foundation.errors import ClosureError, RobotError
 from identifiability.robot import complete_motion
-from identifiability.robot.closure import invert, loop_error, passes_singular, solve
+from identifiability.robot.closure import loop_error
 
 EVERY_WAY = np.array([np.pi, 0.5])
 
@@ -74,7 +72,7 @@ def test_redundant_cranks_must_agree_at_every_sample(load_text):
     motion = still(robot, q)
     assert loop_error(robot, motion.q).max() < 1e-12
     np.testing.assert_allclose(motion.q[:, 2:], q.repeat(2, 1), atol=1e-9)
-    with pytest.raises(RobotError, match="do not close at its home"):
+    with pytest.raises(RobotError, match="the loops are open by"):
         load_text(two_rockers(0.405))
     # It closes upright, with cranks of another length; nowhere else.
     short = two_rockers(0.3).replace('name="pin1" pos="0.3 0 0"', 'name="pin1" pos="0.3 0 0.1"')
@@ -93,35 +91,3 @@ def test_a_bennett_linkage_moves(closure, agrees):
     assert loop_error(robot, motion.q).max() < 1e-12
     half = np.tan(motion.q[:, :2] / 2).prod(1)  # constant in Bennett's linkage
     np.testing.assert_allclose(half, half[0], rtol=1e-9)
-
-
-def test_four_hinges_that_are_no_bennett_linkage_are_refused(load_text):
-    text = re.sub(r'name="link3" pos="\S+', 'name="link3" pos="0.7', bennett())
-    with pytest.raises(RobotError, match="3 independent equations for 2 passive"):
-        load_text(text)
-
-
-def test_what_mixes_the_equations_changes_neither_solution_nor_condition():
-    rng = np.random.default_rng(0)
-    A, x = rng.normal(size=(30, 7, 4)), rng.normal(size=(30, 4))
-    mix = np.linalg.qr(rng.normal(size=(30, 7, 7)))[0]
-    b = np.einsum("nij,nj->ni", A, x)
-    np.testing.assert_allclose(solve(A, b), x, atol=1e-12)
-    np.testing.assert_allclose(solve(mix @ A, np.einsum("nij,nj->ni", mix, b)), x, atol=1e-12)
-    inverse, condition = invert(A)
-    np.testing.assert_allclose(inverse, np.linalg.pinv(A), atol=1e-12)
-    np.testing.assert_allclose(invert(mix @ A)[1], condition, rtol=1e-10)
-    s = np.linalg.svd(A, compute_uv=False)
-    assert (condition >= 0.999 * s[:, 0] / s[:, -1]).all()
-    assert (condition <= 4 * s[:, 0] / s[:, -1]).all()
-    A[3, :, 2] = A[3, :, 1]
-    assert not invert(A)[1][3] < 1e12
-
-
-def test_a_path_through_singular_matrices_is_seen_in_any_axes():
-    rng = np.random.default_rng(1)
-    U = np.linalg.qr(rng.normal(size=(6, 3)))[0]
-    path = np.array([np.diag([1.0, 1.0, s]) for s in (0.3, 0.2, -0.2, -0.3, 0.3)])
-    expected = [False, True, False, True]
-    assert passes_singular(path).tolist() == expected
-    assert passes_singular(U @ path).tolist() == expected

@@ -67,8 +67,6 @@ def test_patterns_are_the_names_that_fit_them(load_text):
             '[nominal]\n"wrist_*.Fv" = 1',
             r"\[nominal\] names 'wrist_\*', which the robot does not have",
         ),
-        ('[prior]\n"link*.F?" = {mean = 1, sd = 1}', r"\[prior\] names 'link\*.F\?'"),
-        ("[limits]\n'link*' = {v = 1}", r"\[limits\] names 'link\*', which"),
     ],
 )
 def test_a_pattern_that_nothing_fits_is_refused(line, sentence, load_text):

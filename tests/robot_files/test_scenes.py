@@ -1,7 +1,5 @@
 """Scenes: what no actuated joint reaches is left out, and MuJoCo's own arrays are read by it."""
 
-import re
-
 import mujoco
 import numpy as np
 import pandas as pd
@@ -41,7 +39,6 @@ def torque(robot, q):
     "after",
     [
         "",
-        '<equality><weld body1="cup" body2="link2" active="false"/></equality>',
         '<equality><joint joint1="hinge" polycoef=".1 0 0 0 0"/></equality>'
         '<contact><exclude body1="cup" body2="link1"/></contact>'
         '<sensor><jointpos joint="hinge"/></sensor>'
@@ -110,13 +107,8 @@ def without(frame, *words):
     "made",
     [
         lambda f: f,
-        lambda f: without(f, "qfrc_actuator"),
         lambda f: without(f, "qfrc_actuator", "actuator_force"),
-        lambda f: f.rename(columns=lambda c: c.replace("[", "_").replace("]", "")),
         lambda f: f.rename(columns=lambda c: f"data.{c}" if "[" in c else c),
-        lambda f: f.rename(  # counted from 1
-            columns=lambda c: re.sub(r"\[(\d+)\]", lambda k: f"/{int(k[1]) + 1}", c)
-        ),
         lambda f: without(f, "qfrc_actuator").rename(
             columns={"qpos[9]": "shoulder.qpos", "actuator_force[0]": "actuator_force/m1"}
         ),

@@ -6,7 +6,6 @@ import pytest
 from made_robots import arm
 
 from identifiability.effects.registry import stated_effects
-from identifiability.foundation.errors import RobotError
 from identifiability.regression.regression import Model
 from identifiability.robot import complete_motion
 from identifiability.robot.mjcf import quiet
@@ -135,46 +134,6 @@ def test_a_cable_of_the_file_is_named_and_stays_in_what_is_written(load_text, tm
     assert again.rest["cable"] == 0.3
 
 
-@pytest.mark.parametrize(
-    ("tendon", "sentence"),
-    [
-        ('<spatial name="w" stiffness="5"><site site="start"/><geom geom="drum"/>'
-         '<site site="end"/></spatial>', "'w' has stiffness and bends"),
-        ('<spatial name="s" stiffness="5" springlength="0.1 0.2"><site site="start"/>'
-         '<site site="end"/></spatial>', "'s' is slack between"),
-        ('<spatial name="elbow" stiffness="5"><site site="start"/><site site="end"/></spatial>',
-         "the tendon 'elbow' has the name of a joint"),
-    ],
-)  # fmt: skip
-def test_what_is_no_straight_spring_is_refused_by_name(tendon, sentence, load_text):
-    inside = SITES["inside"] + '<geom name="drum" type="sphere" size="0.02" mass="0"/>'
-    text = arm(after=f"<tendon>{tendon}</tendon>", **{**SITES, "inside": inside})
-    with pytest.raises(RobotError, match=sentence):
-        load_text(text)
-
-
-def test_what_is_simulated_forward_has_the_files_cable(load_text):
-    from identifiability.simulation.forward import ForwardRobot
-
-    text = stretched()
-    robot = load_text(text)
-    forward = ForwardRobot(robot, robot.nominal).model
-    with quiet():
-        plain = mujoco.MjModel.from_xml_string(text)
-    rng, torque = np.random.default_rng(0), []
-    state = rng.normal(size=(3, 2))
-    for m in (forward, plain):
-        m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-        d = mujoco.MjData(m)
-        d.qpos[:], d.qvel[:], d.qacc[:] = state
-        mujoco.mj_inverse(m, d)
-        torque.append(np.array(d.qfrc_inverse))
-    np.testing.assert_allclose(torque[0], torque[1], rtol=1e-9)
-    assert forward.tendon_frictionloss.tolist() == [2.0]
-    moved = ForwardRobot(robot, robot.nominal).run(state[:1], state[1:2], np.zeros((1, 5, 2)), 0.01)
-    assert np.isfinite(moved).all()
-
-
 def test_a_cable_over_a_pulley_is_what_mujoco_makes_of_it(load_text):
     """Accelerations and forces by differences of MuJoCo's own lengths."""
     text = stretched()
@@ -202,25 +161,3 @@ def test_a_cable_over_a_pulley_is_what_mujoco_makes_of_it(load_text):
     np.testing.assert_allclose(torque, expected, rtol=0, atol=1e-9 * size)
     log = simulate(robot, PrescribedMotion(0.01 * np.arange(20), q, v, a))
     np.testing.assert_allclose(log.tau, expected, rtol=0, atol=1e-9 * size)
-
-
-def test_a_cables_values_come_back_from_torque_without_noise(load_text):
-    from identifiability import (
-        Regression,
-        estimate,
-        find_base_parameters,
-        gather_information,
-        prepare_samples,
-    )
-    from identifiability.simulation import random_trajectory
-
-    robot, model = load_text(stretched()), Model.of(*EFFECTS)
-    log = simulate(robot, random_trajectory(robot, np.random.default_rng(1)))
-    kept = find_base_parameters(robot, model).kept
-    fit = estimate(
-        gather_information(Regression(robot, model, (prepare_samples(robot, log),), kept))
-    )
-    names = [model.parameters(robot)[k].name for k in kept]
-    found = dict(zip(names, fit.value, strict=True))
-    for kind, value in (("K", 50.0), ("Fv", 4.0), ("Fc", 2.0), ("Ia", 0.5)):
-        assert found[f"cable.{kind}"] == pytest.approx(value, rel=1e-9)

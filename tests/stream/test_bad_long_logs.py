@@ -1,8 +1,5 @@
 """A long file that cannot be used is refused with the sentence that a short one gets."""
 
-import os
-
-import numpy as np
 import pytest
 
 from identifiability import analyze
@@ -10,7 +7,7 @@ from identifiability.foundation.engines.local import Processes, Serial
 from identifiability.foundation.errors import ClosureError, LogError
 from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.robot import Robot
 
@@ -63,58 +60,12 @@ def test_a_bad_value_is_named_with_its_row(row, column, value, sentence, frame, 
         assert sentence in same_refusal(saved(cell(frame, row, column, value).astype(float)))
 
 
-def test_all_bad_values_of_a_column_are_counted(frame, saved):
-    spoilt = frame.astype(object)
-    spoilt.loc[[100, 1500, 2900, 3999], "elbow.q"] = "x"
-    assert "in 4 of 4000 rows, first in data row 101 ('x')" in same_refusal(saved(spoilt, "csv"))
-    frame["elbow.q"] = "0,5"
-    assert "in 4000 of 4000 rows" in same_refusal(saved(frame, "csv"))
-    assert "give numbers with a decimal point" in same_refusal(saved(frame))
-
-
 @pytest.mark.parametrize("at", [700, 1300, 2100])
 def test_time_that_runs_back_is_seen_wherever_pieces_meet(at, frame, saved):
     frame.loc[at, "t"] = frame.loc[at - 1, "t"]
     for form in ("csv", "parquet"):
         text = same_refusal(saved(frame, form))
         assert f"time does not increase after data row {at} " in text
-
-
-@pytest.mark.parametrize("at", [700, 1300, 2345])
-def test_a_gap_is_named_wherever_pieces_meet(at, frame_of, saved):
-    frame = frame_of("two-link", periods=4, derivatives=False)
-    path = saved(frame.drop(index=range(at, at + 9)))
-    robot = Robot.load("two-link")
-    whole = prepare_samples(robot, Log.read(path))
-    assert prepare_log(robot, LogFile.read(path), engine=Serial()).hints == whole.hints
-    assert f"(data row {at})" in whole.hints[0]
-
-
-def test_no_torque_other_units_and_other_joints_are_refused(frame, frame_of, saved):
-    robot = Robot.load("two-link")
-    torques = [c for c in frame if c.endswith(".tau")]
-    turned = frame.copy()
-    turned["elbow.dq"] *= 57.3
-    spoilt = {
-        "all torques are zero": frame.assign(**dict.fromkeys(torques, 0.0)),
-        "times the time derivative of 'elbow.q'": turned,
-        "has no columns for the actuated joint elbow": frame.rename(
-            columns=lambda c: c.replace("elbow", "wrist")
-        ),
-    }
-    for sentence, table in spoilt.items():
-        path = saved(table)
-        whole = refusal(lambda p=path: prepare_samples(robot, Log.read(p)))
-        streamed = refusal(lambda p=path: prepare_log(robot, LogFile.read(p), engine=Serial()))
-        assert streamed == whole
-        assert sentence in whole
-
-
-@pytest.mark.parametrize(
-    "change", [{"t": "time"}, {"elbow.tau": "elbow.tua"}, {"shoulder.dq": "elbow.q"}]
-)
-def test_wrong_columns_are_named(change, frame, saved):
-    same_refusal(saved(frame.rename(columns=change), "csv"))
 
 
 def test_damaged_ends_and_middles(frame, saved, tmp_path):
@@ -148,20 +99,6 @@ def test_damaged_ends_and_middles(frame, saved, tmp_path):
     assert "0 samples, too few" in same_refusal(saved(frame.iloc[:0]))
 
 
-@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
-def test_lines_may_end_in_any_way_and_quotes_hold_line_breaks(ending, frame, saved):
-    frame["remark"] = 'said "so", twice'
-    frame.loc[[333, 2000], "remark"] = "two\nlines"
-    path = saved(frame, "csv")
-    if ending != "\n":
-        plain = frame.drop(columns="remark").to_csv(index=False)
-        path.write_bytes(b"\xef\xbb\xbf\n" + plain.replace("\n", ending).encode())
-    whole, parts = Log.read(path), LogFile.read(path)
-    assert len(parts) == len(whole) == ROWS
-    np.testing.assert_array_equal(parts.rows(0, ROWS).tau, whole.tau)
-    np.testing.assert_array_equal(parts.rows(1234, 2001).q, whole.q[1234:2001])
-
-
 @pytest.mark.parametrize("form", ["csv", "parquet"])
 def test_a_file_that_changes_meanwhile_is_noticed(form, frame, saved):
     path = saved(frame, form)
@@ -175,14 +112,6 @@ def test_a_file_that_changes_meanwhile_is_noticed(form, frame, saved):
         analyze(robot, file, engine=processes)
     path.unlink()
     with pytest.raises(LogError, match="changed while"):
-        file.rows(0, 10)
-
-
-def test_a_touched_file_is_another(frame, saved):
-    path = saved(frame)
-    file = LogFile.read(path)
-    os.utime(path, ns=(1, 1))
-    with pytest.raises(LogError, match="wait until it is complete"):
         file.rows(0, 10)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability import analyze, prune
+from identifiability import analyze
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines.local import Processes, Resumed, Serial
 from identifiability.logs import Log
@@ -114,17 +114,6 @@ def test_a_given_period(sizes, frame_of, saved):
     assert_same(*both("two-link", saved(frame), Preparation("fourier", period=period)))
 
 
-@pytest.mark.everything
-def test_loops_that_close_in_some_parts_only(sizes, frame_of, saved):
-    frame = frame_of("3-rps", periods=4)
-    joints = [c for c in frame if c.endswith(".q")]
-    frame.loc[690:1450, joints[0]] += 1.5  # out of reach, over a whole piece
-    frame.loc[2222, joints[1]] -= 0.5
-    whole, parts = both("3-rps", saved(frame))
-    assert whole.samples[0].survey.dropped > 700
-    assert_same(whole, parts)
-
-
 @pytest.mark.parametrize("name", [pytest.param("3-rps", marks=pytest.mark.everything), "two-link"])
 def test_an_analysis_gives_the_same_answer(name, sizes, frame_of, saved):
     path = saved(frame_of(name, periods=4, samples=800))
@@ -137,19 +126,6 @@ def test_an_analysis_gives_the_same_answer(name, sizes, frame_of, saved):
         assert two.error_ra_validation == pytest.approx(one.error_ra_validation, rel=1e-8)
         wanted = one.fit.robust
         np.testing.assert_allclose(two.fit.robust, wanted, rtol=1e-6)
-
-
-@pytest.mark.everything
-def test_a_pruning_gives_the_same_model(sizes, frame_of, saved):
-    path = saved(frame_of("two-link", periods=4))
-    whole = prune("two-link", Log.read(path), replicates=5)
-    parts = prune("two-link", LogFile.read(path), replicates=5, engine=Serial())
-    assert [r.columns for r in parts.models] == [r.columns for r in whole.models]
-    assert parts.statement == whole.statement
-    np.testing.assert_allclose(
-        [r.error_ra_unseen for r in parts.models], [r.error_ra_unseen for r in whole.models],
-        rtol=1e-8,
-    )  # fmt: skip
 
 
 def test_engines_agree_to_the_last_bit_and_finished_parts_are_not_done_again(

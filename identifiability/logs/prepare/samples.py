@@ -23,7 +23,7 @@ from identifiability.logs.prepare.plan import Plan, joint_log
 from identifiability.logs.rules import RULES
 from identifiability.logs.signals import is_constant, never_moves
 from identifiability.robot import Motion, Robot, complete_motion
-from identifiability.robot.along import known_torque, project
+from identifiability.robot.closure import known_torque, project
 from identifiability.robot.floating import SIX, closed_contacts, wrench_torque
 
 # `Survey`: what there is to know of a prepared log as a whole; parts of a log add up.

@@ -20,7 +20,7 @@ from identifiability.foundation.numbers import Share, exact_share
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
-from identifiability.robot.along import known_torque
+from identifiability.robot.closure import known_torque
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.opening import in_memory

@@ -17,7 +17,7 @@ import pinocchio as pin
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from identifiability.effects import default_effects
-from identifiability.foundation.documents import first_problem, read_document
+from identifiability.foundation.documents import Span, first_problem, read_document
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import join
@@ -28,11 +28,10 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
 from identifiability.robot.closure import invert, loop_jacobian, passes_singular
-from identifiability.robot.description import stated_speeds
 from identifiability.robot.files import body_of, read_geometry
 from identifiability.robot.kinematics import Point
 from identifiability.robot.rules import RULES as ROBOT_RULES
-from identifiability.robot.sidecar import LimitEntry, Span
+from identifiability.robot.sidecar import LimitEntry
 from identifiability.simulation.motion import usual_limits
 from identifiability.workflows.excite.rules import RULES
 
@@ -188,7 +187,7 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
     usual = usual_limits(robot)
     own = {
         "q": robot.limits,
-        "v": stated_speeds(robot),
+        "v": robot.speed_limits,
         "a": robot.acceleration_limits,
         "tau": np.full(len(robot.joints), np.inf),
         "power": np.full(len(robot.joints), np.inf),

@@ -11,7 +11,7 @@ from identifiability.effects.springs import ConstantForce, FreeSpring, GravitySp
 from identifiability.foundation.errors import ModelError
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
-from identifiability.robot.along import known_torque
+from identifiability.robot.closure import known_torque
 from identifiability.robot.measured_torque import KnownTorque
 
 T = np.linspace(0, 2.5, 80)
@@ -63,8 +63,8 @@ def test_columns_are_what_a_known_torque_of_the_same_law_is(gear, move, joint):
     """Two roads: the curve of a table through the mechanism, and columns times values."""
     m = move(gear, T)
     for effect, value, known in (
-        (FreeSpring(), [2.5, -0.7], KnownTorque.of_polynomial(joint, [0.7, 2.5])),
-        (ConstantForce(), [1.3], KnownTorque.of_polynomial(joint, [1.3])),
+        (FreeSpring(), [2.5, -0.7], KnownTorque(along=joint, polynomial=[0.7, 2.5])),
+        (ConstantForce(), [1.3], KnownTorque(along=joint, polynomial=[1.3])),
     ):
         names = [p.owner == joint for p in effect.parameters(gear)]
         W = Model((effect,)).regressor(gear, m)[:, :, np.flatnonzero(names)]

@@ -85,11 +85,7 @@ def test_kept_parameters_alone_are_left_and_models_start_where_they_say(base):
     ("entry", "said"),
     [
         ({"name": "r", "zero": ["arm.my"]}, "names the parameter 'arm.my', which is not there"),
-        ({"name": "r", "keep": ["arm.my"]}, "names the parameter 'arm.my', which is not there"),
-        ({"name": "full"}, "two models named 'full'"),
         ({"name": "r", "from": "ful"}, "starts from 'ful', which does not stand before it"),
-        ({"name": "r", "tie": {"x": ["arm.m", "arm.m"]}}, "two or more different parameters"),
-        ({"name": "r", "tie": {"arm.mx": ["arm.Fc+", "arm.Fc-"]}}, "a name that no other"),
         ({"name": "r", "tie": {"x": ["arm.m", "arm.mx"]}}, "of the units kg"),
     ],
 )

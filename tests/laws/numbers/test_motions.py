@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.stats import binom
+from scipy.stats import binom, ttest_ind_from_stats
 
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.fit import ScoreScatter, compare_motions
+from identifiability.estimation.fit import ScoreScatter, _welch, compare_motions
 from identifiability.estimation.rules import Thresholds
 from identifiability.regression.information import Information
 
@@ -92,6 +92,19 @@ def test_a_kind_of_parameter_has_one_excess_and_others_have_none():
     assert m.ratio[2] >= m.ratio[1] > 1.0
     assert (m.between > 0).tolist() == [False, True, True, False]
     assert m.dof[1] == 4  # of both joints and three logs
+
+
+def test_two_logs_are_compared_by_welchs_t_test():
+    values, sd = np.array([[1.0, 2.0], [1.5, 1.0]]), np.array([[0.2, 0.3], [0.1, 0.9]])
+    counts = [12, 24]
+    _, p, d = _welch(values, sd, np.array(counts) - 1.0)
+    for k in range(2):
+        spread = sd[:, k] * np.sqrt(counts)
+        known = ttest_ind_from_stats(
+            *(x for i in range(2) for x in (values[i, k], spread[i], counts[i])), equal_var=False
+        )
+        assert p[k] == pytest.approx(known.pvalue, rel=1e-9)
+    assert list(d) == [1, 1]
 
 
 def test_what_only_one_motion_determines_is_not_compared():

@@ -37,11 +37,6 @@ def kinds(verdicts):
     return {v.verdict for v in verdicts}
 
 
-def test_the_word_is_public_and_the_threshold_is_stated():
-    assert Class.NOT_JUDGED.value == "not judged"
-    assert Thresholds().outputs_per_parameter == 3.0
-
-
 @pytest.mark.parametrize(("least", "judges"), [(3.0, True), (100.0, False)])
 def test_a_long_log_is_judged_unless_more_is_asked_of_it(least, judges):
     fit, found = assess(150)
@@ -122,20 +117,6 @@ def test_without_bootstrap_and_scores_the_robust_deviation_is_not_the_white_one(
     verdicts = judged(fit, found)
     assert kinds(verdicts) == {Class.NOT_JUDGED}
     assert "the bootstrap needs 8" in verdicts[0].reason
-
-
-def test_without_scores_nothing_is_judged():
-    fit, found = assess(200, size=20)  # ten blocks: enough for one road, too few for the other
-    assert found.bootstrap is not None
-    assert found.scores is None
-    assert kinds(judged(fit, found)) == {Class.NOT_JUDGED}
-
-
-def test_what_the_motion_leaves_open_is_said_as_before():
-    fit = fit_of([1.0, 2.0], [0.01, 0.01], [False, True])
-    first, second = judged(fit, fit_known(fit, note="Too short."))
-    assert (first.verdict, first.reason) == (Class.NOT_IDENTIFIABLE, "Only with another.")
-    assert (second.verdict, second.reason) == (Class.NOT_JUDGED, "Too short.")
 
 
 def test_values_that_no_verdict_stands_on_are_those_of_the_fit():

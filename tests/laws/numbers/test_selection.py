@@ -77,10 +77,6 @@ def test_possible_models_come_first_only_among_those_that_predict_as_well():
     assert choose([Judged(9, 0.1, 0.0, False), Judged(5, 0.1)], [True, False]) == 0
 
 
-def test_of_equal_sizes_the_better_one_is_used():
-    assert choose([Judged(5, 0.102, 0.01), Judged(5, 0.1), Judged(5, 0.101, 0.01)]) == 1
-
-
 def test_without_errors_the_last_model_is_used():
     assert choose([Judged(9, np.nan), Judged(5, np.nan)]) == 1
 
@@ -188,32 +184,6 @@ def test_verdicts_say_what_a_column_cannot_be_told_from(ladder):
     assert "determines only its combination with d" in found["c"].reason
     assert "determines only its combination with c" in found["d"].reason
     assert [found[n].nominal for n in "abcd"] == pytest.approx([1.0, 2.0, 3.0, 4.0])
-
-
-def test_counts_and_rows_are_those_of_the_verdicts(ladder):
-    results = ladder[-1]
-    assert results[0].count(Class.IDENTIFIABLE) == 1
-    row = results[0].row()
-    assert row["identifiable"] == 1
-    assert row["parameters"] == 4
-    assert row["feasible"] is False
-    assert row["physical_margin"] == 0.1
-    assert row["error_ra_validation_se"] == results[0].error_se
-    assert row["condition"] == results[0].estimate.condition
-
-
-def test_a_column_that_never_acts_says_so(ladder):
-    W, tau, *_, made, _ = ladder
-    W = W.copy()
-    W[:, :, 2:] = 0.0
-    names = ("a", "b", "c", "d")
-    every = gather(W, tau, columns=names)
-    full = submodel("full", [0, 1, 2, 3], names)
-    (result,) = assess_ladder(
-        [fitted_model(full, every, np.zeros(4))], [Physics(0.1)], *made, Thresholds(),
-        np.random.default_rng(0), 0,
-    )  # fmt: skip
-    assert result.verdicts[3].reason.startswith("This motion never makes it act on the torque.")
 
 
 def test_a_columns_size_is_its_root_mean_square_over_all_rows(ladder):

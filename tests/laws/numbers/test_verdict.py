@@ -26,33 +26,6 @@ def verdict(value, robust, **options):
     return found
 
 
-def test_the_thresholds_are_those_that_the_method_states():
-    stated = {
-        "sigma_percent": 20.0,
-        "sign_level": 0.05,
-        "negligible_share": 0.1,
-        "constraint_variance": 0.5,
-        "contraction": 0.5,
-    }
-    assert vars(Thresholds()) | stated == vars(Thresholds())
-
-
-def test_the_words_of_the_classes_are_public():
-    words = {c.name: c.value for c in Class}
-    assert (
-        words
-        | {
-            "IDENTIFIABLE": "identifiable",
-            "WEAK": "weak",
-            "NEGLIGIBLE": "negligible",
-            "NOT_IDENTIFIABLE": "not identifiable",
-            "CONSTRAINT": "constraint-determined",
-            "PRIOR": "prior-dominated",
-        }
-        == words
-    )
-
-
 @pytest.mark.parametrize("value", [1.0, -1.0])
 @pytest.mark.parametrize(("robust", "kind"), [(0.2, Class.IDENTIFIABLE), (0.201, Class.WEAK)])
 def test_identifiable_means_known_to_twenty_percent(value, robust, kind):
@@ -178,11 +151,3 @@ def test_the_papers_rule_is_ten_times_the_smallest_white_deviation():
     assert "10× rule" not in found[0].reason
     assert "The 10× rule passes it (white-noise σ 0.99 % < 10 × 0.1 %)" in found[1].reason
     assert "The 10× rule rejects it (white-noise σ 1 % > 10 × 0.1 %)" in found[2].reason
-
-
-def test_labels_units_and_the_files_values_stay_with_their_parameters():
-    found = verdicts([1.0, 2.0], [0.1, 0.1], nominal=np.array([7.0, 8.0]))
-    assert [(v.name, v.label, v.unit, v.nominal) for v in found] == [
-        ("p0", "label 0", "kg", 7.0), ("p1", "label 1", "kg", 8.0),
-    ]  # fmt: skip
-    assert verdict(1.0, 0.1).nominal is None

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from identifiability.effects import find_family
-from identifiability.foundation.errors import LogError, RobotError
+from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Renames
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
@@ -103,20 +103,6 @@ def test_no_rotor_is_seen_by_a_sensor_behind_the_gear(load):
     assert family.refuse(load(), "a") == ""
     _, notes = torques(table(), robot)
     assert "the model has none" in notes[0]
-
-
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        ("gain = {elbow = 2}", r"\[torque.gain\].*elbow"),
-        ("gain = 0", "zero would leave nothing"),
-        ("sign = 2", "sign"),
-        ('side = "gear"', "side"),
-    ],
-)
-def test_nonsense_is_refused(text, sentence, load):
-    with pytest.raises(RobotError, match=sentence):
-        load(f"[torque]\n{text}\n")
 
 
 def test_a_long_file_has_the_torques_of_a_short_one(load, tmp_path):

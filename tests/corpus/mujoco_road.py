@@ -104,7 +104,9 @@ class MujocoRoad:
             start = self._close(start)
         error, J = self._equalities(start)
         assert not len(error) or np.abs(error).max() < CLOSED, np.abs(error).max()
-        Z = _null_space(J, self.dofs, m.nv)
+        # What floats freely beside the robot stands still, and moves nothing of it.
+        moving = m.jnt_type[m.dof_jntid] != int(mujoco.mjtJoint.mjJNT_FREE)
+        Z = _null_space(J, self.dofs, m.nv) if len(J) else np.eye(m.nv)[:, moving]
         v = Z @ dq
         a = Z @ ddq
         if len(error):
@@ -188,11 +190,8 @@ def _solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def _null_space(J: np.ndarray, free: np.ndarray, nv: int) -> np.ndarray:
     """Return the motions (nv, n) that the equalities allow, one for each free coordinate."""
-    if not len(J):
-        Z = np.eye(nv)
-    else:
-        _, s, Vt = np.linalg.svd(J)
-        Z = Vt[int((s > 1e-9 * s[0]).sum()) :].T
+    _, s, Vt = np.linalg.svd(J)
+    Z = Vt[int((s > 1e-9 * s[0]).sum()) :].T
     assert Z.shape[1] == len(free), f"{Z.shape[1]} free motions for {len(free)} motors"
     out: np.ndarray = Z @ np.linalg.inv(Z[free])
     return out

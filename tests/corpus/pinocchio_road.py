@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-
-from robot_corpus.mujoco_road import States
+from mujoco_road import States
 
 
 def _with_limits(path: Path) -> str:

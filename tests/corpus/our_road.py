@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from mujoco_road import States
 
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import PrescribedMotion, simulate
-from robot_corpus.mujoco_road import States
 
 #: Everything that a file can state.
 EFFECTS = (
@@ -33,9 +33,12 @@ def nominal_torque(robot: Robot, states: States) -> np.ndarray:
 def simulated_torque(robot: Robot, states: States) -> np.ndarray:
     """Return the torque (N, n) in the log of the simulated robot at states, by their joints."""
     order = _order(robot.joints, states.joints)
-    given = (x[:, order] for x in (states.q, states.dq, states.ddq))
+    # A log has twenty samples at least: the same states four times.
+    given = (np.tile(x[:, order], (4, 1)) for x in (states.q, states.dq, states.ddq))
     tau = np.empty_like(states.tau)
-    tau[:, order] = simulate(robot, PrescribedMotion(np.arange(len(tau)) * 1.0, *given)).tau
+    tau[:, order] = simulate(robot, PrescribedMotion(np.arange(4.0 * len(tau)), *given)).tau[
+        : len(tau)
+    ]
     return tau
 
 
