@@ -18,7 +18,7 @@ BOMB = "".join(
 
 #: What is no robot file at all, and the sentence.
 NO_ROBOT = {
-    "truncated MJCF": (TWO[:800], r"it is not XML \(no element found: line \d+"),
+    "truncated MJCF": (TWO[:800], r"no element found: line \d+"),
     "other root": ("<html><body/></html>", "root element is <html>, expected <mujoco> or <robot>"),
     "MJCF without joints": (
         '<mujoco><worldbody><body name="a"/></worldbody></mujoco>',

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from identifiability.robot.along import known_torque
 
 from identifiability import Robot, analyze, simulate
 from identifiability.effects import FAMILIES
@@ -12,6 +11,7 @@ from identifiability.effects.vocabulary import values_in_file
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.regression.regression import Model
 from identifiability.robot import complete_motion
+from identifiability.robot.closure import known_torque
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory
 from identifiability.simulation.forces import left_out
 from identifiability.workflows.export import write_parameters

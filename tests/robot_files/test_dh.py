@@ -5,8 +5,9 @@ import pinocchio as pin
 import pytest
 from typer.testing import CliRunner
 
-from identifiability import Model, Robot
+from identifiability import Model, Robot, find_base_parameters
 from identifiability.cli import app
+from identifiability.effects.nominal import has_masses
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import RobotError
 from identifiability.robot import complete_motion
@@ -107,13 +108,19 @@ UR5E = rows(
     [(0, "pi/2", 0.1625), (-0.425, 0, 0), (-0.3922, 0, 0), (0, "pi/2", 0.1333),
      (0, "-pi/2", 0.0997), (0, 0, 0.0996)], standard=True,
 )  # fmt: skip
+PUMA_MODIFIED = rows(
+    [(0, 0, 0), (0, "-pi/2", 0), (0.4318, 0, 0.1254), (-0.0203, "-pi/2", 0.4318),
+     (0, "pi/2", 0), (0, "-pi/2", 0)], standard=False,
+)  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("table", "q", "reached"),
     [
+        (PUMA, [0] * 6, [0.4521, -0.1500, 0.4318]),  # [Corke 2011, Sec. 7.2: qz, qr, qn]
         (PUMA, [0, PI / 2, -PI / 2, 0, 0, 0], [0.0203, -0.15005, 0.8636]),
-        (UR5E, [0] * 6, [-0.8172, -0.2329, 0.0628]),
+        (PUMA, [0, PI / 4, PI, 0, PI / 4, 0], [0.5963, -0.1501, -0.0143]),
+        (UR5E, [0] * 6, [-0.8172, -0.2329, 0.0628]),  # the maker's table of parameters
     ],
 )
 def test_published_arms_reach_where_their_books_say(table, q, reached, tmp_path):
@@ -122,17 +129,42 @@ def test_published_arms_reach_where_their_books_say(table, q, reached, tmp_path)
     np.testing.assert_allclose(at, reached, atol=6e-5)
 
 
+def test_the_puma_of_craig_follows_his_equations_and_has_its_36_parameters(tmp_path):
+    robot = Robot.from_dh(PUMA_MODIFIED, tmp_path / "robot.urdf")
+    q = np.random.default_rng(0).uniform(-3, 3, 6)
+    a2, d3, a3, d4 = 0.4318, 0.1254, -0.0203, 0.4318
+    c1, s1, c2, s2 = np.cos(q[0]), np.sin(q[0]), np.cos(q[1]), np.sin(q[1])
+    c23, s23 = np.cos(q[1] + q[2]), np.sin(q[1] + q[2])
+    reach = a2 * c2 + a3 * c23 - d4 * s23
+    tip = [c1 * reach - d3 * s1, s1 * reach + d3 * c1, -a3 * s23 - a2 * s2 - d4 * c23]
+    at = in_pinocchio(robot, dict(zip(robot.joints, q, strict=True)), "link6")[:3, 3]
+    np.testing.assert_allclose(at, tip, atol=1e-12)  # [Craig 2005, Eq. 3.14]
+    standard = Robot.from_dh(PUMA, tmp_path / "standard.urdf")
+    for arm in (robot, standard):  # [Gautier & Khalil 1990]
+        assert len(find_base_parameters(arm, Model.of("rigid_body"))) == 36
+
+
 BODY = {"mass": 2.0, "centre": [0.1, 0.05, -0.02],
         "inertia": {"xx": 0.01, "yy": 0.03, "zz": 0.035, "xy": 0.002,
                     "xz": -0.001, "yz": 0.003}}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "gravity",
-    [
-        (0.0, 9.81, 0.0),
-    ],
-)
+def test_masses_are_those_of_the_table_in_the_frame_of_the_link(tmp_path):
+    table = {**PUMA, "links": [{**row, **BODY} for row in PUMA["links"]]}
+    table["sidecar"] = {"nominal": {"q2.Fv": 3.0}}
+    assert write_table(table, tmp_path / "out.urdf") == ()
+    robot = Robot.load(tmp_path / "out.urdf")
+    assert robot.nominal["q2.Fv"] == 3.0
+    # The regressor's frames are at the joints: a standard frame is a away along x.
+    assert robot.nominal["link2.mx"] == pytest.approx(2.0 * (0.1 + 0.4318))
+    assert robot.nominal["link2.my"] == pytest.approx(2.0 * 0.05)
+    x, y, z = 0.1 + 0.4318, 0.05, -0.02
+    assert robot.nominal["link2.Ixy"] == pytest.approx(0.002 - 2.0 * x * y)
+    assert robot.nominal["link2.Ixz"] == pytest.approx(-0.001 - 2.0 * x * z)
+    assert robot.nominal["link2.Iyz"] == pytest.approx(0.003 - 2.0 * y * z)
+
+
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, -9.81), (0.0, 9.81, 0.0), (0.0, 0.0, 9.81)])
 def test_torques_are_those_of_the_book(gravity, tmp_path):
     """Two links in a plane, by the closed form of the books [Siciliano 2009, Sec. 7.3.2]."""
     a, c, m, inertia = 0.5, 0.3, (2.0, 1.5), (0.02, 0.03)
@@ -160,6 +192,16 @@ def test_torques_are_those_of_the_book(gravity, tmp_path):
     np.testing.assert_allclose(found, np.stack([tau_1, tau_2], axis=1), atol=1e-9)
 
 
+def test_what_the_table_leaves_open_is_said(tmp_path):
+    links = [{"name": "arm", "joint": "a"}, {"name": "hand", "joint": "b", "mass": 1.5}]
+    notes = write_table({"convention": "modified", "links": links}, tmp_path / "robot.urdf")
+    assert [note.split(" ")[0] for note in notes] == ["arm"]
+    robot = Robot.load(tmp_path / "robot.urdf")
+    assert robot.guessed == ("arm",)
+    assert not has_masses(robot)  # no torque is compared with what a guess asks for
+    assert notes[0] in (tmp_path / "robot.urdf").read_text()
+
+
 def arm(**row):
     return {"convention": "modified",
             "links": [{"name": "a", "joint": "j"}, {"name": "b", "joint": "k", **row}]}  # fmt: skip
@@ -170,6 +212,16 @@ def arm(**row):
     [
         ({"links": [{"name": "a"}]}, "The table: 'convention': field required"),
         (arm(alpha="pi/x"), r"'links.1.alpha': 'pi/x' is no part of pi; write it as -pi/2"),
+        (arm(alpha=True), "'links.1.alpha': give a number, or a text"),
+        (arm(parent="aa"), "the link 'b' hangs on 'aa', which is no link above it, did you mean"),
+        (arm(name="a"), "two of its links or joints are called 'a'"),
+        (arm(joint="j"), "two of its links or joints are called 'j'"),
+        (arm(joint=None, range=[0, 1]), "the link 'b' has 'range' but no joint"),
+        (arm(equals="j"), "'links.1.equals' is not a key that is known here"),
+        ({**arm(), "closures": []}, "The table: 'closures' is not a key that is known here"),
+        (arm(a=1e300), "'links.1.a': input should be less than or equal to 1000000"),
+        (arm(centre=[0, 0, 1]), "the link 'b' has a centre or an inertia but no mass"),
+        ({**arm(), "sidecar": {"limit": {}}}, "'sidecar.limit' is not a key that is known here"),
     ],
 )
 def test_tables_that_cannot_be_are_refused_in_a_sentence(table, sentence, tmp_path):
@@ -187,3 +239,9 @@ def test_a_new_study_holds_the_robot_of_a_table(tmp_path):
     robot = Robot.load(tmp_path / "mine/robot.urdf")
     assert (robot.joints, robot.guessed) == (("j", "k"), ("a",))
     assert (tmp_path / "mine/template.csv").is_file()
+
+
+def test_the_verb_that_went_names_what_to_type():
+    done = CliRunner().invoke(app, ["convert", "dh.toml", "--out", "robot.xml"])
+    assert done.exit_code == 2
+    assert "identifiability new FOLDER --robot table.toml" in done.output

@@ -4,13 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_robots import CLOSURES, arm, parallelogram
+from made_robots import CLOSURES, arm, coupled, parallelogram
 
+from identifiability.foundation.errors import RobotError
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.parts import Transmission
 from identifiability.simulation.forces import both_directions
 from identifiability.simulation.forward import ForwardRobot
+from identifiability.simulation.mujoco_robot import MujocoRobot
 
 NUMBERS = 'stiffness="9" springlength="0.2" damping="1.1" armature="0.3" frictionloss="0.7"'
 CABLE = (
@@ -32,6 +34,14 @@ joints = {shoulder = 1.3, elbow = -0.5}
 "cable.Ia" = 0.3
 "cable.K" = 9
 "shoulder.off" = 0.4
+"""
+BODY = """<body name="hand" pos="0.3 0 0"><joint name="w" axis="0 0 1" ref="0.3"/>
+  <inertial mass="0.5" pos="0.1 0.02 0" diaginertia="0.002 0.003 0.004"/></body>"""
+FOLLOWS = """[[couplings]]
+joint = "w"
+of = "elbow"
+polynomial = [0.1, 0.5, 0.2]
+terms = {shoulder = [0, -0.3]}
 """
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia",
            "joint_stiffness", "passive_joint_friction", "torque_offset")  # fmt: skip
@@ -84,8 +94,32 @@ def test_motors_that_mix_joints_move_as_their_torque_says(load_text):
     assert follows_its_torque(replace(robot, transmission=gear, nominal=nominal)) > 0.02
 
 
+def test_jaws_of_which_only_the_rotors_of_mixing_motors_weigh_stick_as_they_should():
+    follows_its_torque(Robot.load("dvrk-psm"))
+
+
 def test_legs_that_are_tendons_drive_a_platform(load_text):
     """Whatever the file's motors are: torque is that of the legs."""
     text = Robot.load("six-actuators").path.read_text()
     motors = '<default class="leg">', '<motor gear="7" ctrlrange="-1 1"/><default class="leg">'
     assert follows_its_torque(load_text(text.replace(*motors)), spread=0.02) > 0.02
+
+
+def test_an_equality_of_tendons_is_kept(load_text):
+    follows_its_torque(load_text(coupled(w='ref="0.3"', elbow='ref="-0.2"')), spread=0.1)
+
+
+def test_a_coupling_that_mujoco_does_not_have_is_refused(load_text):
+    robot = load_text(arm(inside=BODY), sidecar=FOLLOWS)
+    with pytest.raises(RobotError, match="'w' follows several others"):
+        ForwardRobot(robot, {})
+
+
+def test_a_joint_that_sticks_creeps_by_less_than_an_encoder_sees():
+    """MuJoCo's own friction is soft: as hard as it can be, a joint at .9 of its level stands."""
+    robot, q = Robot.load("two-link"), np.array([[0.3, 0.4]])
+    levels = np.array([60.0, 20.0])
+    names = dict(zip((f"{j}.Fc" for j in robot.joints), levels.tolist(), strict=True))
+    hold = MujocoRobot(robot).inverse_dynamics(q, 0 * q, 0 * q).tau + 0.9 * levels
+    way = ForwardRobot(robot, names).run(q, 0 * q, np.repeat(hold[:, None], 100, axis=1), 5e-3)[0]
+    assert np.abs(way[-1] - way[0]).max() < 2 * np.pi / 2**17

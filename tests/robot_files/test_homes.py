@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from made_robots import CLOSURES, parallelogram
 
 from identifiability.foundation.errors import RobotError
 from identifiability.robot import complete_motion
@@ -28,39 +29,35 @@ def shipped_without_home(name):
 @pytest.mark.parametrize("name", ["five-bar", "3-rrr", "delta"])
 def test_without_its_home_a_robot_that_is_drawn_open_is_asked_for_one(name, load_text):
     text, side = shipped_without_home(name)
-    robot, other = Robot.load(name), load_text(text, sidecar=side)
-    q = rng.uniform(*robot.limits.T, (200, len(robot.joints)))
-    one, two = (complete_motion(r, np.arange(200.0), q, q, q) for r in (robot, other))
-    np.testing.assert_array_equal(one.kept, two.kept)
-    np.testing.assert_allclose(two.q, one.q, atol=1e-9)
-    np.testing.assert_allclose(two.a, one.a, rtol=1e-6, atol=1e-6)
+    with pytest.raises(RobotError, match=r"open by .* not determined; give .* \[home\]"):
+        load_text(text, sidecar=side)
+
+
+def test_the_position_that_closes_a_drawing_is_used_and_said(load_text, rng):
+    text = parallelogram(CLOSURES["site on the root"])
+    drawn, offset = homeless(text), np.array([0.6, -0.4, 0.5])
+    for body, at in zip(("crank", "coupler", "rocker"), offset, strict=True):
+        drawn = drawn.replace(f'<body name="{body}"', f'<body name="{body}" euler="0 {-at} 0"')
+    robot, other = load_text(text), load_text(drawn)
+    np.testing.assert_allclose(other.home, [0.0, -0.2, 0.1], atol=1e-9)
     assert other.identity["home"] == other.home_table
     assert "home" not in robot.identity
-
-
-def test_a_home_that_was_computed_is_said_until_it_is_stated(load_text):
-    text, side = shipped_without_home("3-rps")
-    robot = load_text(text, sidecar=side)
-    need = inspect(robot).needs[0]
-    assert "robot.xml states no home position: the nearest one that closes its loops" in need.text
-    assert need.text in inspect(robot, locate_robot("3-rps").parent / "logs" / "run1.csv").hints
-    stated = load_text(text, sidecar=f"{side}\n{need.line}\n")
-    np.testing.assert_allclose(stated.home, robot.home, atol=1e-5)
+    need = inspect(other).needs[0]
+    assert "states no home position: the nearest one that closes its loops" in need.text
+    stated = load_text(drawn, sidecar=f"{need.line}\n")
+    np.testing.assert_allclose(stated.home, other.home, atol=1e-5)
     assert not stated.describe_assembly()
+    q = rng.uniform(0.2, 1.4, (100, 1))
+    moved = [complete_motion(r, np.arange(100.0), x, q, q)
+             for r, x in ((robot, q), (other, q - offset[0]))]  # fmt: skip
+    np.testing.assert_allclose(moved[1].q + offset, moved[0].q, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "five-bar",
-        "delta",
-    ],
-)
-def test_without_its_home_a_robot_of_several_assemblies_is_told_them(name, load_text):
-    text, side = shipped_without_home(name)
-    sentence = r"open by .* not determined \(\d+ that close them were found\); give .* \[home\]"
-    with pytest.raises(RobotError, match=sentence) as told:
-        load_text(text, sidecar=side)
-    for way in str(told.value).partition("such as ")[2].split(" or "):
-        home = "\n".join(way.removesuffix(".").split(", "))
-        assert not load_text(text, sidecar=f"{side}\n[home]\n{home}\n").assembled
+def test_positions_of_actuated_joints_that_a_sidecar_states_stay(load_text):
+    text = homeless(parallelogram(CLOSURES["site on the root"]))
+    for body, at in (("crank", 0.6), ("coupler", -0.5), ("rocker", 0.5)):
+        text = text.replace(f'<body name="{body}"', f'<body name="{body}" euler="0 {-at} 0"')
+    robot = load_text(text, sidecar="[home]\ndrive = 0.1")
+    np.testing.assert_allclose(robot.home, [0.1, -0.2, 0.2], atol=1e-9)
+    with pytest.raises(RobotError, match=r"open by 0\.\d+ m .* such as knee = -0\.1000, heel"):
+        load_text(text, sidecar="[home]\nknee = 1.0")

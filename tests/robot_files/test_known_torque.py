@@ -1,5 +1,6 @@
 """Torque that the sidecar knows as a function of position: simulated, taken off, refused beyond."""
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,12 @@ def test_a_table_is_read_between_its_points_as_it_says():
     line = KnownTorque(along="j", table=[(1, 3), (0, 1), (3, -1)])
     np.testing.assert_allclose(line.force(np.array([0.25, 2.0, 3.0])), [1.5, 1.0, -1.0])
     np.testing.assert_allclose(KnownTorque(along="j", polynomial=[1, 0, 2]).force(x), 1 + 2 * x**2)
+
+
+def test_a_curve_that_was_used_can_be_sent_to_a_worker():
+    known = KnownTorque(along="j", polynomial=[1, 2])
+    known.force(np.zeros(2))
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(known)).force(np.ones(2)), [3, 3])
 
 
 def test_a_known_torque_is_simulated_and_taken_off_again(tmp_path):
@@ -112,8 +119,10 @@ def test_nothing_is_extrapolated(tmp_path):
     ("text", "words"),
     [
         ('along = "elbw"\npolynomial = [1]', "elbow"),
+        ('along = "elbow"', "either a table or a polynomial"),
+        ('along = "elbow"\ntable = [[0, 1]]', "two points"),
         ('along = "elbow"\ntable = [[0, 1], [0, 2]]', "another position"),
-        ('along = "elbow"\npolynomial = [1]\ninterpolation = "cubic"', "no interpolation"),
+        ('along = "elbow"\ntable = [[0, 1], [1, 2]]\nrange = [0, 1]', "leave out the range"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(tmp_path, text, words):

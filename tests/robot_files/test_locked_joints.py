@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from made_robots import arm
+from made_robots import CLOSURES, arm, parallelogram
 from typer.testing import CliRunner
 
 from identifiability import analyze, export
@@ -16,6 +16,7 @@ from identifiability.logs import Log
 from identifiability.logs.prepare.longsamples import prepare_samples
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import PrescribedMotion, random_trajectory, simulate
+from identifiability.simulation.forward import ForwardRobot
 from identifiability.workflows.export import write_parameters
 
 #: Two fingers on a turned hand; the second follows the first, and a tendon drives both.
@@ -61,6 +62,20 @@ def test_a_locked_gripper_is_part_of_the_arm_on_both_roads(held, agrees):
     assert not [name for name in robot.nominal if name.startswith(("f1.", "f2.", "left.", "hand."))]
 
 
+def test_the_inertia_of_a_locked_mjcf_is_that_of_pinocchios_reduced_model(load_text):
+    text = gripper(elbow='frictionloss="0.4" armature="0.2"')
+    whole = load_text(text, sidecar='actuated = ["shoulder", "elbow", "f1"]')
+    robot = load_text(text, lock={"f1": 0.03})
+    q = pin.neutral(whole.model)
+    q[2:] = 0.03, 0.04
+    reduced = pin.buildReducedModel(whole.model, [3, 4], q)
+    for mine, theirs in zip(robot.model.inertias, reduced.inertias, strict=True):
+        np.testing.assert_allclose(mine.toDynamicParameters(), theirs.toDynamicParameters(),
+                                   rtol=0, atol=1e-13)  # fmt: skip
+    np.testing.assert_allclose(robot.model.armature, [0.0, 0.2])
+    np.testing.assert_allclose(robot.model.upperDryFrictionLimit, [0.0, 0.4])
+
+
 @pytest.mark.parametrize("held", ["middle", "first", "last"])
 def test_one_of_several_joints_in_a_body_can_be_locked(held, agrees):
     inside = """<body name="wrist" pos="0.3 0 0.1"><joint name="first" axis="1 0 0" ref="0.2"/>
@@ -93,6 +108,19 @@ def test_a_motor_of_a_closed_chain_can_be_locked_at_its_home():
     one = simulate(robot, PrescribedMotion(motion.t, q, dq, ddq)).tau[:, 0]
     two = simulate(whole, PrescribedMotion(motion.t, *pair)).tau[:, 0]
     np.testing.assert_allclose(one, two, atol=1e-9)
+
+
+def test_a_locked_gripper_on_a_closed_chain_is_part_of_its_body(agrees):
+    closure = CLOSURES["site on the root"]
+    text = parallelogram(closure, sites="").replace(
+        '<site name="toe"', '<body name="claw" pos="-0.3 0 0.1" euler="0 0.3 0.1"><joint name="jaw"'
+        ' axis="0 1 0"/><inertial mass="0.4" pos="0.1 0 0" diaginertia="0.01 0.02 0.02"/></body>'
+        '<site name="toe"').replace('0.7"/></keyframe>', '0.7 0.1"/></keyframe>')  # fmt: skip
+    with pytest.raises(RobotError, match="jaw"):
+        agrees(text, spread=0.3)
+    robot = agrees(text, spread=0.3, lock=["jaw"])
+    assert robot.locked == {"jaw": pytest.approx(0.1)}  # where home has it
+    assert "claw" not in robot.bodies
 
 
 def test_a_gripper_with_loops_of_its_own_is_locked_by_patterns_and_its_loops_with_it(load_text):
@@ -148,6 +176,13 @@ def test_a_locked_urdf_is_the_urdf_with_a_fixed_joint_there(load_text):
     same_inertias(robot, fixed)
 
 
+def test_what_mimics_a_fixed_joint_stands_still(load_text):
+    robot = load_text(fingers("fixed"), "urdf")
+    assert robot.locked == {"f2": 0.01}
+    assert not robot.closed
+    assert load_text(fingers("fixed"), "urdf", lock=["f1"]).locked == robot.locked
+
+
 def test_the_lock_of_a_sidecar_may_be_a_list_or_a_table_and_the_option_goes_first(load_text):
     rest = '\n[limits]\nf1 = {v = 1}\n[nominal]\n"f1.Fv" = 2.0'
     listed = load_text(fingers(), "urdf", 'locked = ["f1"]' + rest)
@@ -159,12 +194,28 @@ def test_the_lock_of_a_sidecar_may_be_a_list_or_a_table_and_the_option_goes_firs
     assert load_text(fingers(), "urdf", "[home]\nf1 = 0.03", lock=["f1"]).locked["f1"] == 0.03
 
 
+def test_couplings_of_a_sidecar_add_to_those_of_the_file(load_text):
+    far = """<joint name="j2" type="revolute"><parent link="ground"/><child link="far"/>
+      <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="9" velocity="9"/></joint></robot>"""
+    text = fingers(links=LINKS + LINK.format("far")).replace("</robot>", far)
+    coupling = 'actuated = ["j1", "f1"]\n[[couplings]]\njoint = "{0}"\nof = "{1}"\n'
+    robot = load_text(text, "urdf", coupling.format("j2", "j1"))
+    assert {c.joint: [*c.terms] for c in robot.couplings} == {"f2": ["f1"], "j2": ["j1"]}
+    both = coupling.format("j2", "j1") + '[[couplings]]\njoint = "f2"\nof = "j1"\n'
+    robot = load_text(text, "urdf", both)  # of one joint the sidecar's goes first
+    assert {c.joint: [*c.terms] for c in robot.couplings} == {"f2": ["j1"], "j2": ["j1"]}
+
+
 @pytest.mark.parametrize(
     ("sidecar", "lock", "sentence"),
     [
-        ("", ["f9"], "no joint 'f9' .*Its joints are j1, f1, f2"),
+        ("", ["f9"], "names 'f9', which .* Known: j1, f1, f2"),
+        ("", ["f1=high"], "'f1' cannot be locked at 'high'"),
         ("", ["f1=0.1", "f2=0.2"], "'f2' is locked at 0.2, .* puts it at -0.19; lock one of them"),
+        ("", ["f2"], "'f2' cannot be locked, as it follows f1; lock that"),
+        ("", ["j1", "f1"], "no joint that moves"),
         ('[nominal]\n"left.m" = 1.0', ["f1"], "names 'left', .* behind a locked joint"),
+        ('locked = ["f1", "f1"]', None, "each one once"),
     ],
 )
 def test_what_cannot_be_locked_is_refused_with_the_remedy(sidecar, lock, sentence, load_text):
@@ -190,6 +241,21 @@ def test_a_locked_robot_is_written_and_read_back_with_its_locks(form, mass, load
     share = {b: back.welded[b][0] / robot.welded[b][0] for b in robot.welded}
     assert all(part == pytest.approx(1.0) for part in share.values()) == (mass == 1.0)
     assert Path(out).read_text().count('"f1"') >= 2  # the joint, and what follows it
+
+
+def test_a_robot_with_a_locked_gripper_moves_as_the_welded_one(load_text):
+    joints = HAND.replace("<joint", "<!--").replace('springref="0.03"/>', "-->").replace(
+        'ref="0.01"/>', "-->")  # fmt: skip
+    rng = np.random.default_rng(2)
+    q, dq = 0.3 * rng.normal(size=(2, 3, 2))
+    tau = rng.normal(size=(3, 30, 2))
+    other = load_text(arm(inside=joints))
+    two = ForwardRobot(other, {}).run(q, dq, tau, 0.01)
+    locked = load_text(gripper(), lock=["f1"])
+    same_inertias(locked, other)
+    one = ForwardRobot(locked, {}).run(q, dq, tau, 0.01)
+    assert np.abs(one - q[:, None]).max() > 0.05
+    np.testing.assert_allclose(one, two, rtol=0, atol=1e-7)
 
 
 def test_joints_that_a_log_lacks_are_proposed_for_locking_with_what_to_write(load_text, tmp_path):
@@ -220,3 +286,10 @@ def test_a_result_is_exported_under_the_locks_it_was_made_with(load_text, tmp_pa
         export(Robot.load(robot.path), result, out)
     export(robot, result, out)
     assert Robot.load(out).locked == pytest.approx(robot.locked)
+
+
+def test_a_joint_that_follows_none_is_told_with_what_to_write(load_text):
+    with pytest.raises(RobotError, match=r"'f2' mimics 'g1', which is none of .*\[\[couplings"):
+        load_text(fingers().replace('mimic joint="f1"', 'mimic joint="g1"'), "urdf")
+    stated = '[[couplings]]\njoint = "f2"\nof = "f1"'
+    assert load_text(fingers().replace('mimic joint="f1"', 'mimic joint="g1"'), "urdf", stated)

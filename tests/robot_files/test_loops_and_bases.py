@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from made_robots import CLOSURES, LINKS, arm, parallelogram
+from made_robots import CLOSURES, LINKS, MOTORS, arm, parallelogram
 
 from identifiability.foundation.errors import RobotError
 from identifiability.robot.floating import BASE_JOINTS
@@ -23,6 +23,13 @@ def test_a_closure_by_body_and_anchor_closes_where_the_file_is_drawn(bodies, agr
     """MuJoCo takes the second point where the first is in the reference pose: all in line."""
     text = parallelogram(f'<connect {bodies} anchor="-0.4 0 0"/>', base='euler="0 0 0.4"')
     agrees(text, spread=0.3)
+
+
+def test_a_loop_of_the_sidecar_may_end_in_the_world(load_text):
+    text = parallelogram("", home="0.7 -0.7")
+    loop = '[[loops]]\nbody1 = "world"\npoint1 = [0.6, 0, 0]\nbody2 = "rocker"\n'
+    robot = load_text(text, sidecar=loop + "point2 = [-0.4, 0, 0]")
+    assert robot.passive == ("knee", "heel")
 
 
 def test_couplings_follow_each_other_and_inactive_equalities_are_none(agrees):
@@ -55,6 +62,8 @@ def test_a_loop_that_is_open_at_home_is_told_with_positions_that_close_it(load_t
 FLOATING = arm(
     worldbody=LINKS.replace("{base}>", '{base}><freejoint name="root"/><geom size="1"/>')
 )
+BALL = arm(worldbody=LINKS.replace('<joint name="elbow" axis="0 -1 0" {elbow}/>',
+                                   '<joint name="elbow" type="ball"/>'))  # fmt: skip
 
 
 def test_a_base_on_a_free_joint_floats_on_six_that_stand_for_it(load_text):
@@ -85,3 +94,23 @@ def test_a_floating_robot_with_loops_of_its_own_floats_and_a_free_platform_lacks
         load_text(text)
     # Tied to nothing that a motor moves it is an object beside the robot.
     assert load_text(text.replace(tie, "")).outside == ("plate",)
+
+
+@pytest.mark.parametrize("actuator", [MOTORS, "", '<actuator><motor joint="shoulder"/></actuator>'])
+def test_a_ball_joint_is_told_and_the_advice_helps(actuator, load_text):
+    text = BALL.replace(MOTORS, actuator)
+    with pytest.raises(RobotError, match=r"elbow.* three hinges in one body"):
+        load_text(text)
+    hinges = [f'<joint name="elbow_{a}" axis="{x}"/>'
+              for a, x in zip("xyz", ("1 0 0", "0 1 0", "0 0 1"), strict=True)]  # fmt: skip
+    motors = "".join(f'<motor joint="elbow_{a}"/>' for a in "xyz")
+    text = text.replace('<joint name="elbow" type="ball"/>', "".join(hinges))
+    every = f'<actuator><motor joint="shoulder"/>{motors}</actuator>'
+    text = text.replace(actuator, every) if actuator else text
+    assert load_text(text).joints == ("shoulder", "elbow_x", "elbow_y", "elbow_z")
+
+
+def test_friction_of_a_ball_is_refused(load_text):
+    text = BALL.replace('type="ball"', 'type="ball" damping="1"')
+    with pytest.raises(RobotError, match="the ball or free joint 'elbow' has damping"):
+        load_text(text)

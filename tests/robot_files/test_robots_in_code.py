@@ -11,6 +11,7 @@ import pytest
 
 from identifiability import Robot
 from identifiability.foundation.errors import RobotError
+from identifiability.foundation.options import OptionError
 from identifiability.regression.regression import Model as Effects
 from identifiability.robot import complete_motion
 
@@ -86,6 +87,21 @@ def test_what_is_changed_keeps_all_the_rest_also_of_a_closed_chain():
     assert pickle.loads(pickle.dumps(changed)).sha256 == changed.sha256
 
 
+def test_changes_add_up_and_survive_each_other(tmp_path):
+    robot = Robot.load("six-dof-arm")
+    joint, body = robot.joints[5], robot.bodies[2]
+    made = robot.with_lock({joint: 0.4}).with_body(body, mass=9.0).with_values({"joint_1.Ia": 0.7})
+    assert made.locked == {joint: 0.4}
+    assert joint not in made.joints
+    again = Robot.load(made.save(tmp_path / "mine.urdf"))
+    assert (again.locked, again.joints) == (made.locked, made.joints)
+    assert again.nominal == pytest.approx(made.nominal, rel=1e-12, abs=1e-12)
+    assert again.nominal[f"{body}.m"] == pytest.approx(9.0)
+    assert again.nominal["joint_1.Ia"] == 0.7
+    plain = Robot.load("six-dof-arm", lock={joint: 0.4})
+    assert robot.with_lock([f"{joint}=0.4"]).nominal == plain.nominal
+
+
 def links(mass=2.0):
     return [
         {"name": "upper", "joint": "shoulder", "axis": (0, 1, 0), "position": (0, 0, 0.5),
@@ -153,6 +169,11 @@ def test_a_robot_of_links_moves_as_pinocchio_and_mujoco_say(ending, rng, tmp_pat
             np.testing.assert_allclose(world.qfrc_inverse, want[k], rtol=1e-9, atol=1e-9)
 
 
+def test_a_table_of_denavit_and_hartenberg_needs_no_file():
+    table = {"convention": "standard", "links": [{"name": "a", "joint": "j1", "a": 0.3}]}
+    assert Robot.from_dh(table).joints == ("j1",)
+
+
 LINK = {"name": "a", "joint": "j"}
 
 
@@ -160,9 +181,15 @@ LINK = {"name": "a", "joint": "j"}
     ("change", "error", "sentence"),
     [
         (lambda r: r.with_body("link9", mass=1), RobotError, "no moving body 'link9'"),
+        (lambda r: r.with_body("link2", mass=-1), OptionError, "mass must be a number above 0"),
         (lambda r: r.with_body("link2", inertia=(1, 1, 9)), RobotError, "No real body"),
+        (lambda r: r.with_body("link2", centre=(1, 2)), RobotError, "a centre of three numbers"),
         (lambda r: r.with_values({"link2.q": 1.0}), RobotError, "no parameter 'link2.q'"),
+        (lambda r: r.with_lock(["knee"]), RobotError, "names 'knee', which"),
+        (lambda r: r.save("arm.pdf"), Exception, "does not end in .xml or .urdf"),
+        (lambda _: Robot.build([{**LINK, "d": 1}]), RobotError, "has 'd', which"),
         (lambda _: Robot.build([{**LINK, "axis": (0, 0, 0)}]), RobotError, "zero"),
+        (lambda _: Robot.build([{"name": "a", "jiont": "j"}]), RobotError, "jiont"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_sentence(change, error, sentence):
