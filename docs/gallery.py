@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from identifiability import Robot, analyze, diagnose, new_study, payload, rollout
+from identifiability import Robot, analyze, diagnose, new_study, payload, predict
 from identifiability.foundation.result import Result
 
 
@@ -36,7 +36,7 @@ def closed_chain(folder: Path) -> Result:
 def quadruped(folder: Path) -> Result:
     """Return how a robot without torque sensors moves by commands, before and after a fit."""
     robot, logs = _logs(folder, "quadruped")
-    return rollout(robot, logs[2], against=analyze(robot, logs[:2]))
+    return predict(robot, analyze(robot, logs[:2]), logs[2], forward=True)
 
 
 def missing(folder: Path) -> Result:

@@ -6,10 +6,10 @@ What to use when:
 - `inspect` needs no logs: what a robot file holds, which columns a log must have; with logs it says
   what is in them and what is odd about them;
 - `prune` finds the reduced model that is worth using, `diagnose` what a model misses;
-- `predict` of a result gives torque along other logs, and `from_json` reads a result back for it;
+- `predict` gives torque along other logs by a result, or with ``forward=True`` the positions to
+  which commands or torques move its robot; `from_json` reads a result back;
 - `payload` weighs what hangs on a body of a robot that was fitted without it, `compare` says what
   changed between two logs or results;
-- `rollout` moves robots by logged commands and says by how much their positions err;
 - `analyze_many` asks the same of many robots: one table, and a page each;
 - `calibrate` measures how far the answers can be trusted, `export` writes them as a robot file;
 - `Robot.load` and `Log.read` read files; `simulate` makes logs of a robot that is known;
@@ -52,9 +52,8 @@ if TYPE_CHECKING:
     from identifiability.workflows.inspect import Inspection, inspect
     from identifiability.workflows.many import Fleet, analyze_many
     from identifiability.workflows.payload import Load, payload
-    from identifiability.workflows.predict import Fit, TorquePrediction
+    from identifiability.workflows.predict import Fit, PositionPrediction, TorquePrediction, predict
     from identifiability.workflows.prune import Ladder, prune
-    from identifiability.workflows.rollout import RolledOut, rollout
     from identifiability.workflows.study import Study, new_study
 
 
@@ -86,9 +85,8 @@ _HOMES = {
         "workflows.inspect": ("Inspection", "inspect"),
         "workflows.many": ("Fleet", "analyze_many"),
         "workflows.payload": ("Load", "payload"),
-        "workflows.predict": ("Fit", "TorquePrediction"),
+        "workflows.predict": ("Fit", "PositionPrediction", "TorquePrediction", "predict"),
         "workflows.prune": ("Ladder", "prune"),
-        "workflows.rollout": ("RolledOut", "rollout"),
         "workflows.study": ("Study", "new_study"),
     }.items()
     for name in names
@@ -115,10 +113,10 @@ __all__ = [
     "Model",
     "Motion",
     "Noise",
+    "PositionPrediction",
     "Preparation",
     "Regression",
     "Robot",
-    "RolledOut",
     "Samples",
     "Study",
     "Thresholds",
@@ -140,9 +138,9 @@ __all__ = [
     "new_study",
     "payload",
     "plot",
+    "predict",
     "prepare_samples",
     "prune",
-    "rollout",
     "simulate",
 ]
 

@@ -218,7 +218,7 @@ def question_5(data: Path) -> dict[str, Any]:
             out.chosen.error_ra_unseen, out.full.error_ra_unseen,
         ],
         "a real robot can have the values": out.feasible,
-        "stability": out.stability.statement,
+        "weight among the models of the path": out.chosen.weight,
     }  # fmt: skip
 
 

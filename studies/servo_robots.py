@@ -25,7 +25,7 @@ import numpy as np
 import pandas as pd
 from shared import study_parser, write_answer
 
-from identifiability import Log, analyze, diagnose, rollout
+from identifiability import Log, analyze, diagnose, predict
 from identifiability.estimation.rollouts import roll_late
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import INERTIAL_KINDS, Array
@@ -157,9 +157,6 @@ def record(
     assert servo is not None
     joints, n = robot.joints, len(robot.joints)
     servo = replace(servo, kp=servo.kp * (1 + fault.at("gain", n)))
-    if fault.kind == "limit":
-        limit = np.where(fault.at("limit", n) > 0, fault.size, servo.high)
-        servo = replace(servo, low=-limit, high=limit)
     zero, late = fault.at("zero", n), how.delay + fault.at("late", n)
     machine = Machine(robot, truth, fault)
     every, step = round(1 / (how.servo_rate * STEP)), 2 * np.pi / 2**how.bits
@@ -428,7 +425,9 @@ def judge(
     apart = roll_late(oracle, log)[1] - log.q
     least = float(np.sqrt(np.mean(apart[forgotten(log) :] ** 2)))
     with tempfile.TemporaryDirectory() as folder:
-        rolled = rollout(robot, frames[1], found.to_json(Path(folder) / "result.json"))
+        rolled = predict(
+            robot, found.to_json(Path(folder) / "result.json"), frames[1], forward=True
+        )
     ratios = zip(("file", "fitted"), rolled.totals / least, strict=True)
     out |= {"oracle [mrad]": 1e3 * least} | {name: float(x) for name, x in ratios}
     return Judged(table, out)
@@ -475,12 +474,11 @@ def summarise(judged: list[Judged]) -> str:
     return f"  inside: {', '.join(lines)}\n  {means}, {worst}{rows}"
 
 
-#: What is hidden, by kind: the names that say it, and sizes from clear to half as clear. Limits are
-#: shares of the torque that is reached; kp is off by a share; plays and zeros are angles [rad];
-#: commands act later [s]; friction grows with what the gear carries.
+#: What is hidden, by kind: the names that say it, and sizes from clear to half as clear; kp is off
+#: by a share; plays and zeros are angles [rad]; commands act later [s]; friction grows with what
+#: the gear carries.
 FAULTS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
     "": ((), (0.0, 0.0)),
-    "limit": (("limit",), (0.6, 0.8)),
     "play": (("backlash",), (0.03, 0.015)),
     "gain": (("torque_scale",), (0.2, 0.1)),
     "load": (("load_dependent_friction",), (0.2, 0.1)),
@@ -488,36 +486,18 @@ FAULTS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
     "zero": (("encoder_bias",), (0.1, 0.05)),
 }
 
-#: Of the torque of a servo, what is reached and hardly more.
-REACHED = 0.99
-
 
 def hide(
     robot: Robot, draw: Draw, how: Recorder, size: float, kind: str, big: float, seed: int
 ) -> dict[str, object]:
-    """Hide something in one joint of a drawn robot, and return what `diagnose` names.
-
-    Logs of limits are told nothing of any.
-    """
+    """Hide something in one joint of a drawn robot, and return what `diagnose` names."""
     rng = np.random.default_rng([seed, *kind.encode()])
     truth, n = draw(robot, 0.1, rng), len(robot.joints)
     commands = [draw_commands(robot, 10.0, how.command_rate, size, rng) for _ in range(3)]
-    fault, known = Fault(int(rng.integers(n)), kind, big), robot
-    if kind == "limit":
-        assert robot.servo is not None
-        log = record(robot, truth, commands[0], 10.0, how, rng)
-        servo, (q, told) = (
-            robot.servo,
-            (log[[f"{j}.{kind}" for j in robot.joints]].to_numpy() for kind in ("q", "cmd")),
-        )
-        tau = servo.kp * (told - q) - servo.kv * np.gradient(q, log["t"], axis=0)
-        reached = np.quantile(np.abs(tau), REACHED, axis=0)[fault.joint]
-        fault, ends = replace(fault, size=big * reached), np.full(n, np.inf)
-        free = replace(servo, low=-ends, high=ends, limit_open=np.ones(n, bool))
-        known = replace(robot, servo=free)
+    fault = Fault(int(rng.integers(n)), kind, big)
     logs = [record(robot, truth, c, 10.0, how, rng, fault=fault) for c in commands]
     began = time.process_time()
-    found = diagnose(known, logs[:2], logs[2], forward=False)
+    found = diagnose(robot, logs[:2], logs[2], forward=False)
     seconds = time.process_time() - began
     named = [
         {(e.name, p.place), *((r.family, r.place) for r in p.rivals)}
@@ -525,8 +505,6 @@ def hide(
         for p in e.placements
     ]
     named += [{(c.family, c.place), *c.others} for c in found.changes]
-    limits = found.robot.servo.by_joint(robot.joints).get("limit", {})
-    named += [{("limit", j)} for j in limits] if kind == "limit" else []
     true = {(name, robot.joints[fault.joint]) for name in FAULTS[kind][0]}
     right = [bool(x & true) for x in named]
     place = robot.joints[fault.joint]

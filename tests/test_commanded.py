@@ -11,10 +11,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from identifiability import Log, Robot, analyze, diagnose, prune
+from identifiability import Log, Robot, analyze, diagnose, predict, prune
 from identifiability.estimation.rollouts import fit_gains, fit_rollouts, roll_late
 from identifiability.foundation.documents import toml_text
-from identifiability.foundation.errors import LogError, RobotError
+from identifiability.foundation.errors import IdentifiabilityError, LogError, RobotError
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.foundation.options import OptionError
 from identifiability.logs.commands import held_mean, servo_log
@@ -27,9 +27,7 @@ from identifiability.regression.reduction import find_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.robot.servo import FOUND, Servo
 from identifiability.simulation.rollout import CommandedRobot
-from identifiability.workflows.rollout import rollout
 from identifiability.workflows.servo_gains import Bodies, state_gains
-from identifiability.workflows.servo_limits import learn_limits
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 sys.path.insert(0, str(MODELS.parent / "studies"))
@@ -180,27 +178,6 @@ def test_torque_is_the_servos_law_and_saturated_torque_no_data():
     np.testing.assert_array_equal(made.unmeasured, ~inside)
 
 
-def open_limits(robot):
-    endless = np.full(len(robot.joints), np.inf)
-    servo = replace(robot.servo, low=-endless, high=endless, limit_open=np.isinf(endless))
-    return replace(robot, servo=servo)
-
-
-def test_a_limit_that_nobody_states_is_found_where_the_drive_reaches_it(arm, frames):
-    anyone = open_limits(arm)
-    assert learn_limits(anyone, [read(arm, frames[0])]) is anyone
-    limit = np.array([220.0, np.inf])
-    rng = np.random.default_rng(8)
-    how = servos.Recorder(rate=200.0, delay=0.007, bits=14)
-    commands = servos.draw_commands(arm, 6.0, how.command_rate, 0.5, rng)
-    limited = replace(anyone.servo, low=-limit, high=limit)
-    log = read(arm, servos.record(arm, TRUTH, commands, 6.0, how, rng, limited))
-    found = learn_limits(anyone, [log]).servo
-    np.testing.assert_allclose(found.high, limit, rtol=0.03)
-    assert "at one: shoulder 2" in found.found
-    assert learn_limits(arm, [log]) is arm  # which is stated
-
-
 def test_reversals_are_data_where_a_rollout_turns_by_the_same_friction(arm, frames):
     given = servo_log(read(arm, frames[1]), arm.servo, 0.007)
     how = replace(settle_cutoff(arm, [given], None), stands=True)
@@ -232,6 +209,12 @@ def test_intervals_hold_where_servos_measure_half_as_often_as_is_assumed(arm):
 
 
 # Rollouts.
+
+
+def move(robot, logs):
+    """Positions of the robot of the file alone."""
+    robot = Robot.of(robot)
+    return predict(robot, robot, logs, forward=True)
 
 
 def test_a_rollout_does_not_depend_on_the_integrators_step(arm, frames, monkeypatch):
@@ -296,8 +279,8 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
         low, high = row["interval95"]
         assert abs(row["value"] - true[name]) < 0.6 * (high - low), name
     path = result.to_json(tmp_path / "result.json")
-    found = rollout(arm, frames[1], against=result)
-    np.testing.assert_allclose(found.errors, rollout(arm, frames[1], against=path).errors)
+    found = predict(arm, result, frames[1], forward=True)
+    np.testing.assert_allclose(found.errors, predict(arm, path, frames[1], forward=True).errors)
     assert found.totals[1] < 0.2 * found.totals[0]
     assert found.window_totals[1] < 0.2 * found.window_totals[0]
     assert list(found.to_frame()["joint"]) == list(arm.joints)
@@ -461,7 +444,7 @@ def test_gains_that_nobody_states_are_found_and_one_known_body_fixes_their_scale
 ):
     assert unstated.servo.unknown.all()
     with pytest.raises(RobotError, match="logs of commands shall tell"):
-        rollout(unstated, frames[1])
+        move(unstated, frames[1])
     log = read(arm, frames[0])
     found = fit_gains(unstated, [log], Bodies(unstated))
     true = {k: np.array([TRUTH[f"{j}.{k}"] for j in arm.joints]) for k in ("Fv", "Fc")}
@@ -478,14 +461,11 @@ def test_gains_that_nobody_states_are_found_and_one_known_body_fixes_their_scale
     assert not again.servo.unknown.any()
 
 
-def test_joints_are_fitted_to_rollouts_and_written_in_one_go(arm, frames, tmp_path):
-    found = rollout(arm, frames[1], fit=frames[0])
-    assert found.totals[1] < 0.15 * found.totals[0]
-    path = found.fitted.save(tmp_path / "fitted.xml")
-    again = rollout(path, frames[1])
-    np.testing.assert_allclose(again.totals[0], found.totals[1], rtol=1e-3)
-    with pytest.raises(LogError, match="is fitted and rolled out"):
-        rollout(arm, frames[1], fit=frames[1])
+def test_positions_need_joints_alike_and_servos_for_commands(arm, frames):
+    with pytest.raises(IdentifiabilityError, match="states the gains"):
+        move("two-link", frames[1])
+    with pytest.raises(RobotError, match="the same joints"):
+        predict(arm, Robot.load("quadruped"), frames[1], forward=True)
 
 
 def test_the_time_step_is_part_of_the_model_and_taken_off():

@@ -104,7 +104,6 @@ WRITTEN = {
     "predict": (["two-link", "r.json", "run.csv"], ["--report", "--json", "--out"]),
     "payload": (["two-link", "r.json", "run.csv"], ["--report", "--json"]),
     "compare": (["two-link", "run.csv", "r.json"], ["--report", "--json"]),
-    "rollout": (["quadruped", "run.csv"], ["--report", "--json", "--out"]),
     "export": (["two-link", "r.json"], ["--out"]),
     "simulate": (["two-link", "random"], ["--out"]),
     "excite": (["two-link", "--out", "m.json"], ["--report", "--out"]),

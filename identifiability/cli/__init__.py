@@ -19,7 +19,7 @@ from identifiability.cli.options import Verb, helps
 #: Verbs in the order of the help; any other file here with a function of its name is one, too.
 FIRST = (
     *("new", "demo", "inspect", "analyze", "prune", "diagnose", "simulate", "excite", "predict"),
-    *("export", "calibrate", "payload", "compare", "rollout", "paper"),
+    *("export", "calibrate", "payload", "compare", "paper"),
 )
 
 
@@ -56,6 +56,7 @@ class Verbs(Mapping[str, Any]):
 GONE = {
     "batch": "identifiability analyze --each FOLDER --each FOLDER --out RESULTS",
     "convert": "identifiability new FOLDER --robot table.toml",
+    "rollout": "identifiability predict ROBOT RESULT.json LOG --forward",
     "gain": "identifiability payload ROBOT EMPTY.csv LOADED.csv --mass KG --centre X,Y,Z",
 }
 

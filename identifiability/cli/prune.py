@@ -63,7 +63,6 @@ def prune(
 def print_pruning(result: Ladder, written: Sequence[Path]) -> None:
     """Print the ladder about the model to use, the statement, the paths of what was written."""
     title = f"{result.robot.title}: reduction path (▸ use this model)"
-    stability = [] if result.nothing else [result.stability.statement]
     masses = filter(None, [result.mass_statement])
-    texts = [result.statement, *masses, *stability]
+    texts = [result.statement, *masses]
     common.print_result(result, texts, written, title, result.selected + 4)

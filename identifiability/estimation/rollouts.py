@@ -26,7 +26,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare.plan import noise_level, resolution
 from identifiability.robot import Robot
-from identifiability.robot.servo import UNLIMITED, Servo
+from identifiability.robot.servo import Servo
 from identifiability.simulation.rollout import STEP, CommandedRobot, forgotten
 
 #: Length of blocks of time whose errors are taken to be independent, and of the windows in which a
@@ -161,47 +161,6 @@ def fit_rollouts(
     numbers, delays, _ = problem.unpack(x)
     sure = np.zeros(len(logs)) if delay is not None else problem.delay_errors(J, r, x)
     return Rollouts(numbers, delays, errors, before, taken, sure)
-
-
-def fit_limits(robot: Robot, logs: Sequence[Log], limit: Array, free: np.ndarray) -> Array:
-    """Return limits of servos (n,) with which rollouts follow logs most closely.
-
-    One without which they follow as well, within half of the square of the error, is none: ∞.
-
-    Parameters
-    ----------
-    robot : Robot
-        With servos.
-    logs : sequence of Log
-        With commands, in the robot's order of joints.
-    limit : (n,) [N·m or N]
-        To begin with.
-    free : (n,) bool
-        Which are varied.
-
-    Raises
-    ------
-    RobotError
-        If the robot cannot be rolled out.
-    """
-    assert robot.servo is not None
-    machine = CommandedRobot(robot, {}, robot.servo.at_most(limit))
-    kinds = (*KINDS, "limit")
-    delay = robot.servo.delay
-    start = {**machine.numbers(), "limit": np.minimum(limit, UNLIMITED)}
-    x = np.concatenate([*(start[k] for k in kinds), np.full(len(logs), delay or 0.0)])
-    # Of a part, which may hardly reach the limit, the search may leave where it can be felt.
-    whole = Problem(machine, tuple(logs), delay, kinds, {"limit": free})
-    x, *_ = _descend(whole, x, STEPS)
-    at = kinds.index("limit") * len(limit) + np.flatnonzero(free)
-    without = np.tile(x, (len(at), 1))
-    without[range(len(at)), at] = UNLIMITED
-    errors = [whole.errors(q) for q in whole.roll([x, *without], COARSE)]
-    out = np.full(len(limit), np.inf)
-    for k, column, lacking in zip(np.flatnonzero(free), at, errors[1:], strict=True):
-        if errors[0][k] ** 2 < FAR * lacking[k] ** 2:
-            out[k] = x[column]
-    return np.asarray(np.where(free, out, limit))
 
 
 class Believed(Protocol):
@@ -515,7 +474,7 @@ class Problem:
         )
         damping = servo.kv + inertia / 0.1  # of a servo that takes a tenth of a second
         each = {"Ia": inertia, "Fv": damping, "Fc": torque, "off": torque}
-        each |= {"kp": servo.kp, "kv": damping, "limit": np.minimum(servo.high, UNLIMITED)}
+        each |= {"kp": servo.kp, "kv": damping}
         bodies = believed.bodies if believed else ()
         #: Where the coordinates of bodies begin, and where delays do.
         self.at = len(kinds) * self.n, len(kinds) * self.n + len(bodies)
@@ -563,7 +522,7 @@ class Problem:
         for k, kind in enumerate(self.kinds):
             if kind != "off":
                 own = slice(k * self.n, (k + 1) * self.n)
-                low[own] = -0.8 * x[own] if kind in ("kp", "limit") else -x[own]
+                low[own] = -0.8 * x[own] if kind == "kp" else -x[own]
         fixed = np.flatnonzero(self.fixed)
         low[fixed], high[fixed] = -1e-12, 1e-12
         # A command was given at any time since the row before.

@@ -55,7 +55,7 @@ def acting(log: Log, servo: Servo, at: Array, width: float, delay: float) -> Arr
     """Return the targets that act at some times, (m, n): positions with all else in them.
 
     τ = kp (target − q) − kv dq is the servo's law, with dq_cmd and τ_ff in the target; of servos
-    without kp it is a velocity, and τ = kv (target − dq).
+    without kp it is a velocity, and τ = kv (target − dq), and without either it is τ_ff.
 
     Parameters
     ----------
@@ -71,8 +71,7 @@ def acting(log: Log, servo: Servo, at: Array, width: float, delay: float) -> Arr
     def held(x: Array) -> Array:
         return held_mean(log.commands_since, x, at - delay, width)
 
-    position = servo.kp > 0
-    gain = np.where(position, servo.kp, servo.kv)
+    position, gain = servo.kp > 0, servo.gain
     out = np.zeros((len(at), len(log.joints)))
     if log.q_ref is not None:
         out += np.where(position, held(log.q_ref), 0.0)
@@ -81,6 +80,11 @@ def acting(log: Log, servo: Servo, at: Array, width: float, delay: float) -> Arr
     if log.tau_ff is not None:
         out += held(log.tau_ff) / gain
     return out
+
+
+def has_commands(log: Log) -> bool:
+    """Whether a log holds positions or velocities that servos were told."""
+    return log.q_ref is not None or log.dq_ref is not None
 
 
 def of_commands(log: object) -> TypeGuard[Log]:
@@ -103,8 +107,7 @@ def servo_log(log: Log, servo: Servo, delay: float) -> Log:
     dt = signals.sampling_step(log.t)
     dq = signals.differentiate(log.q, dt) if log.dq is None else log.dq
     target = acting(log, servo, log.t, dt, delay)
-    gain = np.where(servo.kp > 0, servo.kp, servo.kv)
-    raw = gain * target - servo.kp * log.q - servo.damping * dq
+    raw = servo.gain * target - servo.kp * log.q - servo.damping * dq
     tau = np.clip(raw, servo.low, servo.high)
     saturated = tau != raw
     lost = saturated if log.unmeasured is None else saturated | log.unmeasured

@@ -414,7 +414,7 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
         G = base_map * scale
         start, null = _solutions(G, beta)
         rows = region.scaled_rows
-        cones = np.concatenate([region.cones, region.ellipsoids])
+        cones = region.cones
         try:
             u, margin, multiplier, Z = _most_room(
                 rows @ null, rows @ start - region.least, cones @ null, cones @ start

@@ -1,7 +1,7 @@
 """The set of parameter vectors that a real robot can have.
 
 Bodies are pseudo-inertias that are positive definite; what is known of masses and centres of mass
-are rows and cones beside them.
+are rows beside them.
 """
 
 from __future__ import annotations
@@ -27,14 +27,11 @@ from identifiability.physical.pseudo_inertia import (
     scale_matrix,
 )
 from identifiability.regression.structure import Structure
-from identifiability.robot.description import Ellipsoid
 
-# What is known of masses and centres of mass: rows and cones beside those of real bodies.
+# What is known of masses and centres of mass: rows beside the cones of real bodies.
 #
-# The mass ``m`` and the first moment ``h = m c`` are parameters, so that all of it is convex: a
-# bound of the mass and a box around the centre are linear, and an ellipsoid is a cone of second
-# order, ``‖(h − m c₀) / r‖ ≤ m``, which is a matrix of four by four as that of a body is: ``[[m 1,
-# u], [uᵀ, m]] ⪰ 0`` with ``u = (h − m c₀) / r`` [Boyd 2004, §4.6].
+# The mass ``m`` and the first moment ``h = m c`` are parameters, so that a bound of the mass and a
+# box around the centre are linear.
 
 
 _MASS, _FIRST = GROUPED_KINDS.index("m"), [GROUPED_KINDS.index(kind) for kind in ("mx", "my", "mz")]
@@ -42,40 +39,29 @@ _MASS, _FIRST = GROUPED_KINDS.index("m"), [GROUPED_KINDS.index(kind) for kind in
 
 @frozen
 class Bounds:
-    """Rows ``rows @ phi ≥ least`` and matrices ``ellipsoids @ phi ⪰ 0`` of p parameters.
-
-    Rows are in units of the width between the lower bound and the upper one, matrices in units of
-    the body's mass.
+    """Rows ``rows @ phi ≥ least`` of p parameters, in units of the width between two bounds.
 
     Attributes
     ----------
     rows : (k, p)
     least : (k,)
     labels : (k,) str
-    ellipsoids : (e, 16, p)
-    ellipsoid_labels : (e,) str
     """
 
     rows: Array
     least: Array
     labels: tuple[str, ...]
-    ellipsoids: Array
-    ellipsoid_labels: tuple[str, ...]
 
     @staticmethod
     def none(size: int) -> Bounds:
         """Return the absence of bounds of so many parameters."""
-        return Bounds(np.zeros((0, size)), np.zeros(0), (), np.zeros((0, 16, size)), ())
+        return Bounds(np.zeros((0, size)), np.zeros(0), ())
 
     def widen(self, size: int) -> Bounds:
         """Return the bounds of these parameters where others follow them, `size` in all."""
-        p = self.rows.shape[1]
-        rows, ellipsoids = (
-            np.zeros((len(self.rows), size)),
-            np.zeros((len(self.ellipsoids), 16, size)),
-        )
-        rows[:, :p], ellipsoids[:, :, :p] = self.rows, self.ellipsoids
-        return Bounds(rows, self.least, self.labels, ellipsoids, self.ellipsoid_labels)
+        rows = np.zeros((len(self.rows), size))
+        rows[:, : self.rows.shape[1]] = self.rows
+        return Bounds(rows, self.least, self.labels)
 
 
 def stated_bounds(structure: Structure, mass: Array) -> Bounds:
@@ -93,7 +79,6 @@ def stated_bounds(structure: Structure, mass: Array) -> Bounds:
     stems = [*structure.bodies]
     at = {body: stems.index(f"{body}.") for body in structure.robot.bodies if f"{body}." in stems}
     rows: list[tuple[Array, float, str]] = []
-    ellipsoids: list[tuple[Array, str]] = []
     for bound in structure.robot.bounds:
         members = [at[body] for body in bound.bodies if body in at]
         if not members:
@@ -109,15 +94,10 @@ def stated_bounds(structure: Structure, mass: Array) -> Bounds:
         for k, span in enumerate(bound.box or ()):
             title = f"{'xyz'[k]} of the centre of {bound.bodies[0]}"
             rows += _between(moment[k], m, span, float(mass[members[0]]), title, "m")
-        if bound.ellipsoid is not None:
-            matrix = _arrow(bound.ellipsoid, moment, m) / mass[members[0]]
-            ellipsoids.append((matrix, f"centre of {bound.bodies[0]} inside its ellipsoid"))
     return Bounds(
         np.array([row for row, _, _ in rows]).reshape(-1, p),
         np.array([least for _, least, _ in rows]),
         tuple(label for _, _, label in rows),
-        np.array([matrix for matrix, _ in ellipsoids]).reshape(-1, 16, p),
-        tuple(label for _, label in ellipsoids),
     )
 
 
@@ -131,15 +111,6 @@ def _between(
     for sign, end, relation in ((1.0, low, "≥"), (-1.0, high, "≤")):
         row = sign * (value - end * weight) / width
         yield row, sign * end / width if constant else 0.0, f"{title} {relation} {end:g} {unit}"
-
-
-def _arrow(ellipsoid: Ellipsoid, moment: Array, m: Array) -> Array:
-    """Return the map (16, p) to the matrix that is positive where the centre is inside."""
-    u = (moment - np.outer(ellipsoid.centre, m)) / np.array(ellipsoid.radii)[:, None]
-    matrix = np.zeros((4, 4, len(m)))
-    matrix[np.arange(4), np.arange(4)] = m
-    matrix[:3, 3] = matrix[3, :3] = u
-    return matrix.reshape(16, -1)
 
 
 # The set of parameter vectors that a real robot can have.
@@ -239,18 +210,6 @@ class PhysicalSet:
         return maps
 
     @cached_property
-    def ellipsoid_map(self) -> Array:
-        """(e, 16, p): matrices ``ellipsoid_map @ phi`` that are positive as those of bodies are."""
-        assert self.bounds is not None
-        return self.bounds.ellipsoids
-
-    @cached_property
-    def ellipsoids(self) -> Array:
-        """(e, 16, p), the same of scaled parameters."""
-        maps: Array = self.ellipsoid_map * self.scale
-        return maps
-
-    @cached_property
     def signed(self) -> np.ndarray:
         """Columns (m,) int that may not be negative, whatever the bodies; J ⪰ 0 says the rest."""
         others = self.nonnegative.copy()
@@ -288,21 +247,11 @@ class PhysicalSet:
         assert self.bounds is not None
         return (*(f"{self.columns[j]} ≥ 0" for j in self.signed), *self.bounds.labels)
 
-    @property
-    def ellipsoid_labels(self) -> tuple[str, ...]:
-        """The e ellipsoids in words."""
-        assert self.bounds is not None
-        return self.bounds.ellipsoid_labels
-
     def within(self, phi: ArrayLike, tolerance: float = 1e-9) -> np.ndarray:
-        """Whether bounds hold for parameter vectors (..., p): (..., k + e) bool."""
-        values = np.asarray(phi, float)
+        """Whether bounds hold for parameter vectors (..., p): (..., k) bool."""
         bounded = slice(len(self.signed), None)
-        slack = values @ self.rows[bounded].T - self.least[bounded]
-        matrices = np.einsum("eij,...j->...ei", self.ellipsoid_map, values)
-        square = matrices.reshape(*matrices.shape[:-1], 4, 4)
-        room = np.concatenate([slack, np.linalg.eigvalsh(square)[..., 0]], axis=-1)
-        return np.asarray(room >= -tolerance)
+        slack = np.asarray(phi, float) @ self.rows[bounded].T - self.least[bounded]
+        return np.asarray(slack >= -tolerance)
 
     def margins(self, phi: ArrayLike) -> Array:
         """Smallest dimensionless eigenvalue of every body.
@@ -349,7 +298,7 @@ class PhysicalSet:
             for label, slack in zip(self.labels, phi[self.signed], strict=False)
             if slack < 0
         )
-        known = (*self.labels[len(self.signed) :], *self.ellipsoid_labels)
+        known = self.labels[len(self.signed) :]
         bounds = (
             f"{label} does not hold."
             for label, satisfied in zip(known, self.within(phi), strict=True)

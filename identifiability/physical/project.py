@@ -37,17 +37,14 @@ from identifiability.physical.fitted_model import Fixed, LeastSquares, Plane
 # The divergence keeps bodies inside their cones by itself, so that only rows (signs and bounds)
 # need multipliers, as in an interior-point method. That takes milliseconds, a tenth of what a
 # general solver does. The way to a light weight leads along the optima of heavier ones, as that of
-# an interior point does: a path of weights costs little more than its last one.
-#
-# Under a weight that is next to nothing bodies lie at the edges of their cones, along which Newton
-# steps get ever smaller. There bodies have multipliers Z_k, too: those that are asked for are
-# w J_k⁻¹, and a step is taken in coordinates in which J_k and Z_k are one diagonal matrix
-# [Nesterov 1998]. That is twice the work.
+# an interior point does: a path of weights costs little more than its last one. Under a weight that
+# is next to nothing, and without one, bodies lie at the edges of their cones: the general solver is
+# asked.
 
 
-#: Steps within which an optimum is reached, without multipliers of bodies and with them; about
-#: twenty, and thirty, are needed. The general solver is asked after that.
-STEPS = (40, 100)
+#: Steps within which an optimum is reached; about twenty are needed. The general solver is asked
+#: after that.
+STEPS = 40
 
 #: Newton decrement and complementarity [σ²] at which the optimum is reached, of a weight up to one;
 #: of heavier ones [weights].
@@ -56,10 +53,8 @@ ENOUGH: Tolerance = 1e-8
 #: Share of the way to the edge that one step goes, of cones and of signs.
 IN_SIGNS: Tolerance = 0.995
 
-#: Each step asks for this share of what the products of slack and multiplier are; for more of it
-#: where the step before led to an edge, up to `HARDLY_LESS`.
+#: Each step asks for this share of what the products of slack and multiplier are.
 LESS: Tolerance = 0.03
-HARDLY_LESS: Tolerance = 0.9
 
 #: The same of the weight, which begins at the size of the cost and ends at the prior's.
 LIGHTER: Tolerance = 0.2
@@ -101,15 +96,9 @@ def pull(region: PhysicalSet, maps: Array, weight: float, *way: Any) -> Pulled |
 
     Parameters as in `follow`.
     """
-    found = (_first(follow(region, maps, [weight], *way, pressed=k)) for k in (False, True))
-    return next((at for at in found if at is not None), None)
-
-
-def _first(found: Iterator[Pulled]) -> Pulled | None:
-    """Return the first of some optima; None if it is not reached, be it by rounding at an edge."""
     try:
-        return next(found, None)
-    except np.linalg.LinAlgError:
+        return next(follow(region, maps, [weight], *way), None)
+    except np.linalg.LinAlgError:  # be it by rounding at an edge
         return None
 
 
@@ -122,9 +111,7 @@ def follow(
     free: Array,
     plane: Plane,
     *,
-    margin: float = 0.0,
     enough: float = ENOUGH,
-    pressed: bool = False,
 ) -> Iterator[Pulled]:
     """Yield the optimum under each weight of the prior, as far as they are reached.
 
@@ -143,16 +130,11 @@ def follow(
         Where that cost is least, in the plane.
     plane : Plane
         What is held.
-    margin : float
-        What the divergence is of exceeds pseudo-inertias by so much less: an eigenvalue of these
-        is larger.
     enough : float
         Newton decrement and complementarity at which an optimum is reached, as `ENOUGH`.
-    pressed : bool
-        Whether bodies have multipliers, which lead along the edges of their cones.
     """
     rows, least = lines
-    x = _with_nominal(region, maps, free, 1.0 + margin)
+    x = _with_nominal(region, maps, free)
     _, s, Vt = np.linalg.svd(factor @ plane.along)
     T = plane.along @ Vt.T  # along these directions the quadratic cost is a sum of squares
     cone, sign = maps @ T, rows @ T
@@ -160,24 +142,18 @@ def follow(
     weight = max(weights[0], float(s * z @ (s * z)) / (4 * max(len(maps), 1)))
     slack = np.abs(rows @ x - least) + 0.01
     y = weight / slack
-    Z = weight * np.tile(np.eye(4), (len(maps), 1, 1))
-    at, left, less = 0, STEPS[pressed], LESS
+    at, left = 0, STEPS
     while left and at < len(weights):
         left, light = left - 1, weights[at]
         reached = max(enough, ENOUGH * light)
         lack, product = rows @ x - least - slack, slack * y
-        J = (maps @ x).reshape(-1, 4, 4) - margin * np.eye(4)
-        if pressed:
-            root, size = _scale_alike(J, Z)
-            mean = float((np.sum(size**2) + product.sum()) / (size.size + y.size))
-            weight = max(light, less * mean)
-        else:
-            mean, root, size = 0.0, *_scale(J, weight)
-        each = mean if mean > light else float(product.sum() / max(y.size, 1))
-        aim = max(less * each, reached / max(100, 2 * y.size))  # all of them together are enough
+        root = weight**0.25 * np.linalg.inv(np.linalg.cholesky((maps @ x).reshape(-1, 4, 4)))
+        size = np.full(root.shape[:2], np.sqrt(weight))
+        each = float(product.sum() / max(y.size, 1))
+        aim = max(LESS * each, reached / max(100, 2 * y.size))  # all of them together are enough
         rates = _congruent(root, cone)
         away = weight * root.transpose(0, 2, 1) @ (root / size[:, :, None])
-        away -= (light if pressed else weight) * np.eye(4)
+        away -= weight * np.eye(4)
         force = sign.T @ ((aim - y * lack) / slack) + away.ravel() @ cone.reshape(-1, z.size)
         force -= 2 * s**2 * z
         stiff = np.sqrt(y / slack)[:, None] * sign
@@ -189,10 +165,8 @@ def follow(
         change = sign @ step + lack
         rise = (aim - y * change) / slack - y
         turn = _whole((rates @ step).reshape(-1, 10))
-        press = (weight / size - size)[:, :, None] * np.eye(4) - turn
         reach = min(
             _room_in_cones(size, turn),
-            _room_in_cones(size, press) if pressed else 1.0,
             _room(slack, change, IN_SIGNS),
             _room(y, rise, IN_SIGNS),
         )
@@ -200,37 +174,16 @@ def follow(
         x = free + T @ z
         if weight == light and reach == 1.0 and max(force @ step, product.sum()) < reached:
             yield Pulled(x, y, T, curve)
-            at, left = at + 1, STEPS[pressed]
-        if pressed:
-            Z = Z + reach * root.transpose(0, 2, 1) @ press @ root
-            less = min(HARDLY_LESS, max(LESS, (1 - reach) ** 2))
-        else:
-            weight = max(weights[min(at, len(weights) - 1)], LIGHTER * weight)
+            at, left = at + 1, STEPS
+        weight = max(weights[min(at, len(weights) - 1)], LIGHTER * weight)
 
 
-def _with_nominal(region: PhysicalSet, maps: Array, x: Array, size: float) -> Array:
-    """Return parameters (p,) with the bodies that maps (nb, 16, p) make the identity of a size."""
+def _with_nominal(region: PhysicalSet, maps: Array, x: Array) -> Array:
+    """Return parameters (p,) with the bodies that maps (nb, 16, p) make the identity."""
     out = x.copy()
     own = np.take_along_axis(maps, region.bodies[:, None, :], axis=2)
-    out[region.bodies] = np.linalg.pinv(own) @ (size * np.eye(4).ravel())
+    out[region.bodies] = np.linalg.pinv(own) @ np.eye(4).ravel()
     return out
-
-
-def _scale(J: Array, weight: float) -> tuple[Array, Array]:
-    """Return what `_scale_alike` does if the multipliers are ``weight J⁻¹``."""
-    root = weight**0.25 * np.linalg.inv(np.linalg.cholesky(J))
-    return root, np.full(root.shape[:2], np.sqrt(weight))
-
-
-def _scale_alike(J: Array, Z: Array) -> tuple[Array, Array]:
-    """Return what makes matrices and their multipliers alike, (nb, 4, 4), and what both are then.
-
-    With `root` and `size` (nb, 4) it is ``root @ J @ root.T = diag(size) = root⁻ᵀ @ Z @ root⁻¹``.
-    """
-    factor = np.linalg.cholesky(Z)
-    U, size, _ = np.linalg.svd(factor.transpose(0, 2, 1) @ np.linalg.cholesky(J))
-    root: Array = (factor @ (U / np.sqrt(size)[:, None, :])).transpose(0, 2, 1)
-    return root, size
 
 
 def _congruent(root: Array, cone: Array) -> Array:
@@ -394,25 +347,12 @@ class Projection:
             scaled = self._scale(data)
             free = scaled.plane.solve(scaled.factor, scaled.target)
             if self.prior is None and self._holds(free):
-                none = np.zeros(len(self._least)), np.zeros((len(self.region.ellipsoids), 16))
-                return self._read(data, scaled, free, *none, "optimal")
-            if not len(self.region.ellipsoids):
-                found = self._pull(scaled, free)
+                return self._read(data, scaled, free, np.zeros(len(self._least)), "optimal")
+            if self.prior is not None:
+                found = pull(self.region, self.nominal, self.prior.weight, *self._way(scaled, free))
                 if found is not None and self._holds(found.x):
-                    at = found.x, found.multipliers, np.zeros((0, 16))
-                    return self._read(data, scaled, *at, "optimal")
+                    return self._read(data, scaled, found.x, found.multipliers, "optimal")
             return self._read(data, scaled, *self._program.solve(scaled, free))
-
-    def _pull(self, scaled: _Scaled, free: Array) -> Pulled | None:
-        """Return the optimum by Newton's method; without a prior one of a weight that is nothing.
-
-        With that weight w costs exceed the least one by no more than 4 w a body.
-        """
-        way = self._way(scaled, free)
-        if self.prior is not None:
-            return pull(self.region, self.nominal, self.prior.weight, *way)
-        held: Any = {"margin": self.margin, "pressed": True}
-        return _first(follow(self.region, self.region.cones, [ENOUGH], *way, **held))
 
     def _way(self, scaled: _Scaled, free: Array) -> tuple[Any, ...]:
         return (self._rows, self._least), scaled.factor, free, scaled.plane
@@ -464,15 +404,15 @@ class Projection:
         return _Scaled(scale, factor, Q.T @ wanted, self.fixed.scaled(scale))
 
     def _holds(self, x: Array) -> bool:
-        J = np.vstack([self.region.cones @ x, self.region.ellipsoids @ x]).reshape(-1, 4, 4)
+        J = (self.region.cones @ x).reshape(-1, 4, 4)
         inside = (np.linalg.eigvalsh(J)[:, 0] >= self.margin).all()
         return bool(inside and (self._rows @ x >= self._least).all())
 
     def _read(
-        self, data: LeastSquares, scaled: _Scaled, x: Array, y: Array, E: Array, status: str
+        self, data: LeastSquares, scaled: _Scaled, x: Array, y: Array, status: str
     ) -> FeasibleEstimate:
         region, phi = self.region, self.fixed.settle(x * scaled.scale)
-        Z, gap = self._judge(scaled, x, y, E)
+        Z, gap = self._judge(scaled, x, y)
         excess = (float(data.rss(phi)) - data.rss_min) / data.unit**2
         # Largest accepted distance to the optimum [σ²], relative to ``1 + excess``.
         allowed = 1e-3 * (1 + excess) + ROUNDING * float(scaled.target @ scaled.target)
@@ -480,34 +420,30 @@ class Projection:
         # Complementarity: of slack and multiplier one is zero, and the larger one says which.
         pressed = np.linalg.norm(Z, axis=1) > margins - self.margin
         active = np.array(region.labels, object)[y > self._rows @ x - self._least]
-        room = np.linalg.eigvalsh((region.ellipsoids @ x).reshape(-1, 4, 4))[:, 0] - self.margin
-        touched = np.array(region.ellipsoid_labels, object)[np.linalg.norm(E, axis=1) > room]
         return FeasibleEstimate(
             phi=phi,
             rss=float(data.rss(phi)),
             excess=excess,
             margins=margins,
             active_bodies=tuple(np.array(region.names, object)[pressed]),
-            active_rows=(*active, *touched),
+            active_rows=tuple(active),
             status=status,
             gap=gap,
             accurate=bool(gap <= allowed),
         )
 
-    def _judge(self, scaled: _Scaled, x: Array, y: Array, E: Array) -> tuple[Array, float]:
+    def _judge(self, scaled: _Scaled, x: Array, y: Array) -> tuple[Array, float]:
         """Multipliers (nb, 16) of the bodies, and the distance to the optimum by convexity.
 
         f(x) − f(x*) ≤ ⟨Z, J(x) − m⟩ + yᵀ(Ax − c) + eᵀd − ‖F d‖² for any Z ⪰ 0 and y ≥ 0, where
         A x ≥ c are the rows, e is what Z and y leave of the gradient and d = x − x*, taken to be no
         longer than 2‖x‖. The solver's claim is not used: Z is the semidefinite part of the gradient
-        itself. The multipliers E (e, 16) of ellipsoids count as those of rows do.
+        itself.
         """
-        A, cones, ellipsoids = self._rows, self.region.cones, self.region.ellipsoids
+        A, cones = self._rows, self.region.cones
         slope = 2 * scaled.factor.T @ (scaled.factor @ x - scaled.target) - y @ A
-        slope = slope - adjoint(ellipsoids, E)
         slope = scaled.plane.turn(slope)  # what is held has a multiplier of its own
         reach, bound = 2 * float(np.linalg.norm(x)), float(y @ (A @ x - self._least))
-        bound += float(np.sum(E * (ellipsoids @ x - self.margin * np.eye(4).ravel())))
         if self.prior is not None:
             rest = np.where(self.region.inertial, 0.0, slope)
             gap = prior_gap(self.nominal, self.prior.weight, x, slope)
@@ -535,9 +471,8 @@ class _Program:
         step, image = cp.Variable(p), cp.Variable(p)
         data = np.ones((p + fixed, p)) @ step == np.eye(p + fixed, p) @ image
         self._signs = region.scaled_rows @ step >= region.least_with(margin)
-        self._inside = [above(map_, step, margin) for map_ in region.ellipsoids]
         bodies = [above(map_, step, margin) for map_ in region.cones]
-        cost, constraints = cp.sum_squares(image), [data, self._signs, *bodies, *self._inside]
+        cost, constraints = cp.sum_squares(image), [data, self._signs, *bodies]
         if prior is not None:
             away = cp.Variable(len(projection.nominal))
             cost += prior.weight * cp.sum(away)
@@ -547,8 +482,8 @@ class _Program:
         self._region, self._step = region, step
         self._compiled = Program(cost, constraints, step)
 
-    def solve(self, scaled: _Scaled, free: Array) -> tuple[Array, Array, Array, str]:
-        """Return the optimum (p,), multipliers of rows (m,) and ellipsoids (e, 16), the status."""
+    def solve(self, scaled: _Scaled, free: Array) -> tuple[Array, Array, str]:
+        """Return the optimum (p,), multipliers of rows (m,), and the status."""
         try:
             status = self._compiled.solve(np.vstack([scaled.factor, scaled.plane.normal.T]), free)
         except ValueError as error:
@@ -557,11 +492,10 @@ class _Program:
                 f"body has room; {ADVICE}."
             ) from error
         y = np.maximum(self._signs.dual_value, 0.0)
-        duals = np.array([c.dual_value.ravel() for c in self._inside]).reshape(-1, 16)
         x = scaled.plane.project(free + self._step.value)
         # The solver's last digits may lie beyond a sign, which a reader of robot files refuses.
         x[self._region.signed] = np.maximum(x[self._region.signed], 0.0)
-        return x, y, semidefinite(duals), status
+        return x, y, status
 
 
 def project(data: LeastSquares, region: PhysicalSet, **options: Any) -> FeasibleEstimate:

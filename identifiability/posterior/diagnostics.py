@@ -48,7 +48,7 @@ def log_distances(region: PhysicalSet, phi: Array) -> Array:
         Of signs and bounds, and of the determinant of each body's matrix.
     """
     rows = phi @ region.rows.T - region.least
-    matrices = np.concatenate([region.cone_map, region.ellipsoid_map])
+    matrices = region.cone_map
     square = phi @ matrices.reshape(-1, region.size).T
     inside = np.linalg.det(square.reshape(*square.shape[:-1], len(matrices), 4, 4))
     distance = np.concatenate([rows, inside], axis=-1)

@@ -483,7 +483,7 @@ class ExactSampler:
 def build_sampler(target: Target) -> ExactSampler:
     """Prepare the exact sampler of a posterior."""
     origin = target.origin
-    matrices = np.concatenate([target.region.cone_map, target.region.ellipsoid_map])
+    matrices = target.region.cone_map
     entries = matrices[:, UPPER].reshape(-1, target.size)
     m = len(target.region.rows)
     both = np.vstack([target.region.rows, entries])

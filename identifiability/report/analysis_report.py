@@ -40,7 +40,6 @@ from identifiability.report.blocks import (
     gallery,
     picture,
     section,
-    share_cell,
     torque_blocks,
 )
 from identifiability.report.figures import MOST, draw_confusion, draw_residual, order_correlated
@@ -54,7 +53,7 @@ from identifiability.workflows.analyze.result import (
     parameter_table,
 )
 from identifiability.workflows.answers import count_joints, level_table, sentence
-from identifiability.workflows.predict import PARTS, Fit, correlation_of, torque_budget
+from identifiability.workflows.predict import Fit, correlation_of
 
 
 def heading(analysis: Analysis) -> tuple[str, str]:
@@ -77,8 +76,7 @@ def sections(analysis: Analysis) -> list[Section | None]:
     if explained:
         found.append(section_prediction(analysis))
         if not analysis.nothing:
-            unseen = analysis.validation or analysis.samples
-            found += [section_budget(analysis.fit, unseen), section_correlated(analysis.fit)]
+            found.append(section_correlated(analysis.fit))
         found += [section_motions(analysis), section_residuals(analysis)]
         found.append(section_physics(analysis))
         if analysis.belief is not None:
@@ -215,22 +213,6 @@ def section_residuals(analysis: Analysis) -> Section:
         figure = draw_residual(out.velocity[known, k], own, joint, labels)
         pictures.append(picture("velocity", figure, joint=joint))
     return section("analysis.residuals", gallery("velocity", pictures), detail=True)
-
-
-def section_budget(fit: Fit, samples: Sequence[Prepared]) -> Section:
-    """Return what each joint's torque consists of along some logs."""
-    columns = (
-        Column("joint"),
-        Column("measured, rms", digits(3)),
-        Column("unit"),
-        *(Column(part, "bar") for part in PARTS),
-    )
-    frame = torque_budget(fit, samples)
-    rows = [
-        (r["joint"], r["measured"], r["unit"], *(share_cell(r[p] / r["measured"]) for p in PARTS))
-        for r in frame[frame["measured"] > 0].to_dict("records")
-    ]
-    return section("analysis.budget", Table.of("", columns, rows))
 
 
 def section_correlated(fit: Fit) -> Section:

@@ -90,14 +90,15 @@ def sections(result: Inspection) -> list[Section]:
 def _pictures(result: Inspection, record: Record) -> list[Picture]:
     """Return position, velocity and torque of every joint of a log over time."""
     trace, robot = record.trace, result.robot
-    t, motion_t = trace.t - record.start, trace.motion_t - record.start
-    moved = [j for j in enumerate(record.joints) if j[1].joint in robot.motor_joints]
+    start = record.clock["start"]
+    t, motion_t = trace.t - start, trace.motion_t - start
+    moved = [j for j in enumerate(record.joints.itertuples()) if j[1].joint in robot.motor_joints]
     pictures = []
     for k, joint in moved[:DRAWN]:  # nobody measures position and force of a base that floats
         figure = draw_joint(
             ((t, trace.q[:, k]), (motion_t, trace.dq[:, k]), (t, trace.tau[:, k])),
             (f"q [{joint.unit}]", f"q̇ [{joint.unit}/s]", f"τ [{joint.torque_unit}]"),
-            joint.joint,
+            str(joint.joint),
             (tuple(robot.limits[k]),),
         )
         pictures.append(picture("trace", figure, joint=joint.joint, log=record.name))
@@ -107,8 +108,8 @@ def _pictures(result: Inspection, record: Record) -> list[Picture]:
 def _preparation(record: Record) -> Fold | None:
     """Return how a log is read and prepared, if there is anything to say."""
     told = [f"{text[0].upper()}{text[1:]}." for text in record.notes]
-    if record.parts > 1:
-        told.append(sentence("inspection.windows", parts=record.parts))
+    if record.clock["parts"] > 1:
+        told.append(sentence("inspection.windows", parts=record.clock["parts"]))
     summary = f"How {record.name} is read and prepared"
     return Fold(summary, (Prose(tuple(told)),)) if told else None
 

@@ -5,13 +5,8 @@ from __future__ import annotations
 from identifiability.foundation.answers import Cell, Column, Table
 from identifiability.foundation.rounding import format_count, percent_text
 from identifiability.report import plot
-from identifiability.report.analysis_report import (
-    fold_verdicts,
-    mass_table,
-    section_budget,
-    section_correlated,
-)
-from identifiability.report.blocks import Fold, Prose, Section, Sketch, picture, section, share_cell
+from identifiability.report.analysis_report import fold_verdicts, mass_table, section_correlated
+from identifiability.report.blocks import Fold, Prose, Section, Sketch, picture, section
 from identifiability.report.skeleton import sketch_verdicts
 from identifiability.workflows.analyze.result import label_note
 from identifiability.workflows.answers import (
@@ -50,9 +45,7 @@ def sections(ladder: Ladder) -> list[Section | None]:
     return [
         section_survivors(ladder),
         section_ladder(ladder),
-        section_budget(ladder.fit, ladder.samples) if some else None,
         section_correlated(ladder.fit) if some else None,
-        _stability(ladder),
         section("pruning.bodies", masses, said=" ".join(said)),
         _refused(ladder),
         section("pruning.method", Prose(tuple(text.values())), level_table(), detail=True),
@@ -83,20 +76,6 @@ def section_survivors(ladder: Ladder) -> Section:
     size = format_count(len(ladder.chosen), "parameter")
     tables = fold_verdicts(table, ladder.verdicts)
     return section("pruning.survivors", *tables, *ladder.tables()[1:], size=size)
-
-
-def _stability(ladder: Ladder) -> Section:
-    """Return how often each parameter survives on resampled logs."""
-    stability = ladder.stability
-    if not stability.replicates:
-        return section("pruning.stability", statement=stability.statement)
-    kept = zip(stability.columns, stability.survives, ladder.partition.group >= 0, strict=True)
-    rows = [(name, share_cell(float(share)), own) for name, share, own in kept]
-    rows.sort(key=lambda row: -row[1].share)
-    columns = (Column("parameter"), Column("survives", "bar"), Column("in the model to use"))
-    each = Table.of("", columns, rows)
-    fold = Fold(f"How often each of {len(rows)} parameters survives", (each,))
-    return section("pruning.stability", fold, statement=stability.statement)
 
 
 def _refused(ladder: Ladder) -> Section | None:

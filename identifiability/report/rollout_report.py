@@ -1,4 +1,4 @@
-"""The report on a `RolledOut`: measured and simulated positions along logs."""
+"""The report on a `PositionPrediction`: measured and simulated positions along logs."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ import numpy as np
 from identifiability.foundation.rounding import format_count
 from identifiability.report.blocks import LINE_POINTS, Section, Trace, Traces, section
 from identifiability.report.skeleton import move_skeletons
-from identifiability.workflows.rollout import RolledOut
+from identifiability.workflows.predict import PositionPrediction
 
 #: Colours of the robots, in their order: those of their lines below (`traces.js`).
 TONES = ("blue", "vermilion", "purple")
 
 
-def heading(result: RolledOut) -> tuple[str, str]:
+def heading(result: PositionPrediction) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
     logs = format_count(len(result.logs), "log")
-    return "Rollout", f"{' · '.join(run.name for run in result.runs)} · {logs}"
+    return "Predicted positions", f"{' · '.join(run.name for run in result.runs)} · {logs}"
 
 
-def sections(result: RolledOut) -> list[Section | None]:
+def sections(result: PositionPrediction) -> list[Section | None]:
     """Return the sections of the page."""
     return [_motion(result), _positions(result), section("rollout.joints", result.tables()[0])]
 
 
-def _motion(result: RolledOut) -> Section | None:
+def _motion(result: PositionPrediction) -> Section | None:
     """Return the robots as they move along the first log, if they can be drawn."""
     log = result.logs[0]
     motions = {"recording": ("grey", log.q)}
@@ -38,7 +38,7 @@ def _motion(result: RolledOut) -> Section | None:
     return None if moving is None else section("rollout.motion", moving, log=log.name)
 
 
-def _positions(result: RolledOut) -> Section:
+def _positions(result: PositionPrediction) -> Section:
     """Return the positions of every joint along the first log, to zoom and read off."""
     log, robot = result.logs[0], result.robot
     most = max(300, LINE_POINTS // (3 * len(log.joints)))

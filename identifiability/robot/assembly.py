@@ -20,7 +20,7 @@ from identifiability.foundation.names import INERTIAL_KINDS, Array, Renames
 from identifiability.robot import closure
 from identifiability.robot.cables import stretch_home
 from identifiability.robot.closure import ACCEPTED, HOPELESS, invert, newton
-from identifiability.robot.description import ENDLESS, Bound, Description, Ellipsoid
+from identifiability.robot.description import ENDLESS, Bound, Description
 from identifiability.robot.floating import BASE_JOINTS, Base, Contact, Imu, Wrench
 from identifiability.robot.kinematics import Point, body_names
 from identifiability.robot.markup import check_nominal
@@ -135,12 +135,10 @@ def read_bounds(
 def _of_body(body: str, entry: BodyBoundsEntry, stated: Stated) -> Bound:
     frames = [f for f in stated.model.frames if f.type == pin.FrameType.BODY and f.name == body]
     place = frames[0].placement if frames else pin.SE3.Identity()
-    ellipsoid = entry.ellipsoid
     return Bound(
         (body,),
         entry.mass,
         entry.box,
-        None if ellipsoid is None else Ellipsoid(ellipsoid.centre, ellipsoid.radii),
         np.array(place.rotation),
         np.array(place.translation),
     )

@@ -269,7 +269,7 @@ def _bounds(robot: Description) -> dict[str, Any]:
     for bound in (b for b in robot.bounds if len(b.bodies) == 1):
         entry: dict[str, Any] = {} if bound.mass is None else {"mass": list(bound.mass)}
         turned = not np.allclose(bound.rotation, np.eye(3), atol=1e-9)
-        if turned and (bound.box is not None or bound.ellipsoid is not None):
+        if turned and bound.box is not None:
             raise RobotError(
                 f"The frame of '{bound.bodies[0]}' in {robot.path} is turned against its joint, so "
                 "what [bounds] says of its centre cannot be said in the other format: take it out."
@@ -277,9 +277,6 @@ def _bounds(robot: Description) -> dict[str, Any]:
         if bound.box is not None:
             spans = zip(bound.box, bound.origin.tolist(), strict=True)
             entry["box"] = [[low + at, high + at] for (low, high), at in spans]
-        if bound.ellipsoid is not None:
-            centre = (np.array(bound.ellipsoid.centre) + bound.origin).tolist()
-            entry["ellipsoid"] = {"centre": centre, "radii": list(bound.ellipsoid.radii)}
         out[bound.bodies[0]] = entry
     return out
 

@@ -78,10 +78,6 @@ class Servo:
         How gains were found, and what fixes their scale, where logs told them.
     doubt : (g, n)
         By what share kp is others if each of g independent doubts is one standard deviation.
-    limit_open : (n,) bool
-        Where neither sidecar nor actuator states a limit, so that logs may show another one.
-    limit_found : bool
-        Whether they did.
     """
 
     kp: Array
@@ -94,8 +90,17 @@ class Servo:
     assumed: bool = True
     found: str = ""
     doubt: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    limit_open: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
-    limit_found: bool = False
+
+    @staticmethod
+    def of_torque(joints: int) -> Servo:
+        """Return motors that make the torque they are told, whatever a joint does."""
+        none, endless = np.zeros(joints), np.full(joints, np.inf)
+        return Servo(none, none, -endless, endless, 0.0, "torque")
+
+    @property
+    def gain(self) -> Array:
+        """Torque that one unit of the target makes, (n,): of a position, a speed, or a torque."""
+        return np.where(self.kp > 0, self.kp, np.where(self.kv > 0, self.kv, 1.0))
 
     @property
     def unknown(self) -> np.ndarray:
@@ -103,22 +108,12 @@ class Servo:
         return np.isnan(self.kp) | np.isnan(self.kv)
 
     def having(self, gains: Mapping[str, Array]) -> Servo:
-        """Return the servos with other ``kp``, ``kv`` and ``limit``, each (n,), as far as given."""
-        other = replace(self, kp=gains.get("kp", self.kp), kv=gains.get("kv", self.kv))
-        return other.at_most(gains["limit"]) if "limit" in gains else other
-
-    def at_most(self, limit: Array, found: str = "") -> Servo:
-        """Return the servos with limits (n,) that logs told, in some words; stated ones stay."""
-        low = np.where(self.limit_open, -limit, self.low)
-        high = np.where(self.limit_open, limit, self.high)
-        told = replace(self, low=low, high=high, limit_found=True)
-        return replace(told, found=found or self.found)
+        """Return the servos with other ``kp`` and ``kv``, each (n,), as far as given."""
+        return replace(self, kp=gains.get("kp", self.kp), kv=gains.get("kv", self.kv))
 
     def by_joint(self, joints: Sequence[str]) -> dict[str, dict[str, float]]:
-        """Return what logs told, ``kp``, ``kv`` and ``limit`` by joint; nothing where none did."""
+        """Return what logs told, ``kp`` and ``kv`` by joint; nothing where they told none."""
         each = {"kp": self.kp, "kv": self.kv} if self.source == FOUND else {}
-        if self.limit_found:
-            each["limit"] = np.where(self.limit_open, self.high, np.inf)
         return {
             k: {j: v for j, v in zip(joints, x.tolist(), strict=True) if np.isfinite(v)}
             for k, x in each.items()
@@ -246,11 +241,8 @@ def read_servo(
         for j, f in zip(joints, files, strict=True)
     ]
     low, high = np.array(ends).T
-    limit_open = np.array([np.isinf(h) for _, h in ends])
     delay = None if entry is None or entry.delay == "auto" else float(entry.delay)
     own = entry is not None and (entry.kp is not None or bool(np.isnan(kp).any()))
     rate = None if entry is None else entry.rate
     source = SIDECAR if own else "the robot file"
-    return Servo(
-        kp, kv, low, high, delay, source, rate or RATE, rate is None, limit_open=limit_open
-    )
+    return Servo(kp, kv, low, high, delay, source, rate or RATE, rate is None)

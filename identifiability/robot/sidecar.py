@@ -249,19 +249,11 @@ class _SymmetryEntry(_Strict):
     tie: dict[str, list[str]] = key("What is equal.", ..., {"leg.my": ["leg1.my", "leg2.my"]})
 
 
-class _EllipsoidEntry(_Strict):
-    """Where a centre of mass is."""
-
-    centre: Triple = key("In the body's frame [m].", (0.0, 0.0, 0.0))
-    radii: tuple[Length, Length, Length] = key("Along its axes [m].")
-
-
 class BodyBoundsEntry(_Strict):
     """What is known of a body, or of all whose names fit."""
 
     mass: Masses | None = key("Least and largest mass [kg].", None)
     box: tuple[Span, Span, Span] | None = key("Of its centre, along its frame's axes [m].", None)
-    ellipsoid: _EllipsoidEntry | None = None
 
 
 class BoundsEntry(_Strict):

@@ -146,7 +146,7 @@ def write_robot(
         write_axes(top, robot, joints)
         write_gravity(top, robot.gravity)
         servo = robot.servo
-        told = servo is not None and (servo.source in (SIDECAR, FOUND) or servo.limit_found)
+        told = servo is not None and (servo.source in (SIDECAR, FOUND))
         if servo is not None and told and not servo.unknown.any():
             write_servos(top, robot.joints, servo)
     else:

@@ -140,10 +140,10 @@ def _set_couplings(model: Any, robot: Robot) -> None:
 
 
 def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
-    """Add the servo of a joint; its control is a position, or without kp a velocity."""
+    """Add the servo of a joint; its control is a position, a velocity or a torque."""
     kp, kv = float(servo.kp[k]), float(servo.kv[k])
     options = _MOTOR | {
-        "gainprm": [kp if kp > 0 else kv, *[0] * 9],
+        "gainprm": [float(servo.gain[k]), *[0] * 9],
         "biastype": mujoco.mjtBias.mjBIAS_AFFINE,
         "biasprm": [0, -kp, -kv, *[0] * 7],
         "forcelimited": True,

@@ -74,13 +74,13 @@ class CommandedRobot:
         if servo.unknown.any():
             raise RobotError(
                 f"The gains of {listing([*compress(robot.joints, servo.unknown)], 4)} in "
-                f"{robot.path} are what logs of commands shall tell, so nothing rolls out as yet: "
-                "analyze such logs and give the result, or fit some first (rollout --fit LOG)."
+                f"{robot.path} are what logs of commands shall tell, so nothing moves as yet: "
+                "analyze such logs and give the result."
             )
         if robot.closed or robot.cables or robot.transmission is not None:
             raise RobotError(
-                f"{robot.path}: rollouts from commands are of robots whose joints have a servo "
-                "each; it has loops, cables or motors that mix joints."
+                f"{robot.path}: positions are predicted of robots whose joints are moved one by "
+                "one; it has loops, cables or motors that mix joints."
             )
         self.robot, self.servo = robot, servo
         self._forward = ForwardRobot(robot, parameters, servo)

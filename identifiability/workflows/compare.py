@@ -306,7 +306,7 @@ def _what(found: Differences, term: Term, names: Sequence[str]) -> str:
     """Return what a group is, in words."""
     own, pattern = found.said[term.key][1]
     if not own:
-        return f"a {describe_term(term)} that the model lacks"
+        return f"{describe_term(term)} that the model lacks"
     where = f" in {_log(found, pattern, names)}" if pattern else ""
     return f"{found.rows.causes[own[0]].family} of {place_of(term)}{where}"
 
@@ -398,11 +398,6 @@ class Comparison(OfStructure, Result):
     drift: float
     hints: tuple[str, ...] = ()
     preparation: Preparation = Preparation()
-
-    @property
-    def rung(self) -> Submodel:
-        """`submodel`, by the name of earlier releases."""
-        return self.submodel
 
     @property
     def answer(self) -> str:

@@ -148,7 +148,7 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
             role: Role = "actuated" if name in robot.motor_joints else "floats"
             facts.append(JointFact(name, kinds[name], role, unit, "", *limits))
         elif name in followed:
-            remark = f"= {_equation(followed[name])}"
+            remark = f"follows {listing(_leaders(followed[name]), 4)}"
             facts.append(JointFact(name, kinds[name], "coupled", unit, remark))
         else:
             facts.append(JointFact(name, kinds[name], "passive", unit))
@@ -165,12 +165,8 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
     return (*facts, *locked, *outside)
 
 
-def _equation(coupling: Coupling) -> str:
-    terms = [f"{coupling.constant:.4g}"] if coupling.constant else []
-    for of, poly in coupling.terms.items():
-        powers = (f"·{of}", *(f"·{of}^{k}" for k in range(2, 6)))
-        terms += [f"{c:.4g}{power}" for c, power in zip(poly[1:], powers, strict=False) if c]
-    return " + ".join(terms) or "0"
+def _leaders(coupling: Coupling) -> list[str]:
+    return list(coupling.terms)
 
 
 def required_columns(names: Sequence[str]) -> tuple[str, ...]:
@@ -247,32 +243,6 @@ def _missing_numbers(robot: Robot) -> list[Need]:
                 '[[contacts]]\nframe = "foot"\nflag = "foot_contact"',
             )
         )
-    limited = dict(zip(robot.joints, robot.limits, strict=True))
-    driven = np.isin(robot.joints, robot.motor_joints)
-    joint = (*robot.motor_joints, *robot.joints)[0]
-    open_ends = [j for j in robot.motor_joints if np.isinf(limited[j]).any()]
-    fast = np.isinf(robot.speed_limits[driven]).any()
-    jerky = np.isinf(robot.acceleration_limits[driven]).any()
-    if open_ends or fast or jerky:
-        open_ = {"position": open_ends, "speed": fast, "acceleration": jerky}
-        what = [name for name, missing in open_.items() if missing]
-        needs.append(
-            Need(
-                f"Limits of {' and of '.join(what)} are not stated for every joint. Without them "
-                "excite assumes some, and no wrong unit of time or angle is found by them.",
-                f"[limits]\n{_key(joint)} = {{q = [-1, 1], v = 2, a = 10}}",
-            )
-        )
-    parts = robot.inertia_parts
-    rotors = any(robot.nominal.get(f"{a.name}.{p}", 0.0) for a in robot.axes for p in parts)
-    if not rotors:
-        where = "<joint armature=…>" if robot.mjcf else "the sidecar, as URDF has no place for them"
-        needs.append(
-            Need(
-                f"No rotor inertias are stated; logs can tell them. Known ones stand in {where}.",
-                "" if robot.mjcf else f'[nominal]\n"{joint}.{parts[0]}" = 0.1',
-            )
-        )
     return needs
 
 
@@ -286,83 +256,20 @@ def _quoted(names: Sequence[str]) -> list[str]:
 
 def naming_sentence(robot: Robot) -> str:
     """Return which parameters are named after motors, and which after joints and bodies."""
-    mixed = [a.name for a in robot.axes if a.mixed and a.weights is None]
-    stated = [a for a in robot.axes if a.weights is not None]
+    own = [a.name for a in robot.axes if a.mixed or a.weights is not None]
     text = (
         "Masses and inertias are named after bodies (link.m, link.Ixx), friction, rotor inertia "
         "and offsets after joints (joint.Fv, joint.Ia)"
     )
-    if mixed:
+    if own:
         text += (
-            f"; the motors {listing(mixed, 8)} drive several joints each, and what they have of "
-            f"their own bears their name ({mixed[0]}.Fv, {mixed[0]}.Ia), referred to the output of "
-            "the gear"
-        )
-    if stated:
-        each = [f"{a.name} = {_sum_of(a.weights or {})}" for a in stated]
-        text += (
-            f"; the axes {listing(each, 8)} are combinations of joints, and what is along them "
-            f"bears their name ({stated[0].name}.Fv, {stated[0].name}.K)"
+            f"; {listing(own, 8)} {'moves' if len(own) == 1 else 'move'} several joints, and what "
+            f"is theirs bears their name ({own[0]}.Fv)"
         )
     return f"{text}."
 
 
-def _sum_of(weights: Mapping[str, float]) -> str:
-    """Return a combination of joints as a formula."""
-    terms = [f"{'−' if c < 0 else '+'} {abs(c):.4g}·{joint}" for joint, c in weights.items()]
-    return " ".join(terms).removeprefix("+ ").replace("− ", "−", 1 if terms[0][0] == "−" else 0)
-
-
 # What is in a log: its clock, its columns joint by joint, and how it would be prepared.
-
-
-@frozen
-class JointRecord:
-    """What a log holds of a joint.
-
-    Attributes
-    ----------
-    joint : str
-    unit, torque_unit : str
-    low, high : float [unit]
-        Range of its position.
-    room : float
-        Share of the range that its limits allow; NaN without limits.
-    speed, acceleration : float
-        Largest, as the log is prepared; NaN where it cannot be prepared.
-    torque_low, torque_high : float [torque_unit]
-    step, torque_step : float
-        Of which all values are multiples: the encoder's resolution; 0 where none is seen.
-    noise, torque_noise : float
-        Standard deviation of what changes from sample to sample and is no motion.
-    bandwidth : float [Hz]
-        Below it lie 99 % of the energy of its velocity.
-    saturated : float
-        Share of the samples at which the torque stays at an extreme value.
-    frozen : int
-        Stretches in which position or torque hang.
-    scale : float
-        Measured torque over that which the file's masses ask for; NaN where it does not show.
-    """
-
-    joint: str
-    unit: str
-    torque_unit: str
-    low: float
-    high: float
-    room: float
-    speed: float
-    acceleration: float
-    torque_low: float
-    torque_high: float
-    step: float
-    torque_step: float
-    noise: float
-    torque_noise: float
-    bandwidth: float
-    saturated: float
-    frozen: int
-    scale: float
 
 
 @frozen
@@ -390,32 +297,29 @@ class Record:
 
     Attributes
     ----------
-    name, sha256 : str
+    name, path, sha256 : str
     channels : tuple of str
         What it has of every joint.
-    samples : int
-    start, duration : float [s]
-    rate : float [Hz]
-        Median of one over the sampling step.
-    jitter : float
-        What 95 % of the steps differ from the usual one at most, as a share of it.
-    gaps, lost : int
-        Steps over which samples are missing, and how many seem to be.
-    longest : float [s]
-        The longest step of all.
-    repeated : float
-        Share of the samples at which every joint repeats the one before although it moves.
-    cutoff : float or None [Hz]
-        Low-pass of derivatives that are computed.
-    kept, outputs : int
-        Samples that are left with their motion, and after decimation.
-    parts : int
-        Windows of the log that this was found in; 1 for all of it.
+    clock : mapping
+        ``samples``, ``start`` and ``duration`` [s], ``rate`` [Hz], ``jitter`` (what 95 % of the
+        steps differ from the usual one at most, as a share of it), ``gaps`` (steps over which
+        samples are missing) and how many seem ``lost``, the ``longest`` step [s], ``repeated``
+        (share of the samples at which every joint repeats the one before although it moves),
+        ``cutoff`` of computed derivatives [Hz], samples that are ``kept`` with their motion, and
+        ``outputs`` after decimation, and in how many ``parts`` of the log this was found.
+    joints : DataFrame
+        One row a joint: range of its position (``low``, ``high``, and which share of its limits
+        it is, ``room``) and torque (``torque_low``, ``torque_high``), largest ``speed`` and
+        ``acceleration`` as prepared, of what all values are multiples (``step``,
+        ``torque_step``; 0 where none is seen), ``noise`` and ``torque_noise`` (standard
+        deviation of what changes from sample to sample and is no motion), ``bandwidth`` [Hz]
+        (below it lie 99 % of the energy of its velocity), ``saturated`` (share of the samples at
+        which torque stays at an extreme value), ``frozen`` (stretches in which position or torque
+        hang), ``scale`` (measured torque over that which the file's masses ask for).
     refused : str
         Why it cannot be prepared; empty if it can.
     notes : tuple of str
         How it is prepared.
-    joints : tuple of JointRecord
     trace : Trace
     """
 
@@ -423,23 +327,23 @@ class Record:
     path: str
     sha256: str
     channels: tuple[str, ...]
-    samples: int
-    start: float
-    duration: float
-    rate: float
-    jitter: float
-    gaps: int
-    lost: int
-    longest: float
-    repeated: float
-    cutoff: float | None
-    kept: int
-    outputs: int
-    parts: int
+    clock: Mapping[str, Any]
+    joints: pd.DataFrame
     refused: str
     notes: tuple[str, ...]
-    joints: tuple[JointRecord, ...]
     trace: Trace
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as JSON has it; None for what is not known."""
+        return {
+            "name": self.path or self.name,
+            **self.clock,
+            "refused": self.refused,
+            "sha256": self.sha256,
+            "channels": list(self.channels),
+            "notes": list(self.notes),
+            "joints": [_plain(joint) for joint in self.joints.to_dict("records")],
+        }
 
 
 def describe_log(
@@ -465,73 +369,70 @@ def describe_log(
     windows = [joint_log(robot, window) for window in raw]
     prepared = logs.samples[0] if logs is not None else None
     clock = log.clock
-    times = [w.t for w in windows]
-    gaps = Gaps.of(log.name, clock, times)
-    stale = StaleRule.of(raw).share
+    gaps = Gaps.of(log.name, clock, [w.t for w in windows])
+    told = {
+        "samples": len(log),
+        "start": float(clock.first),
+        "duration": float(clock.last - clock.first),
+        "rate": 1.0 / gaps.step,
+        "jitter": gaps.usual,
+        "gaps": len(gaps),
+        "lost": int(gaps.lost.sum()),
+        "longest": float(clock.longest.length),
+        "repeated": max(StaleRule.of(raw).share.values(), default=0.0),
+        "cutoff": None if prepared is None else prepared.cutoff,
+        "kept": 0 if prepared is None else prepared.survey.kept,
+        "outputs": 0 if prepared is None else prepared.survey.outputs,
+        "parts": len(windows),
+    }
     return Record(
         name=log.name,
         path=log.path,
         sha256=log.sha256,
         channels=log.channels,
-        samples=len(log),
-        start=float(clock.first),
-        duration=float(clock.last - clock.first),
-        rate=1.0 / gaps.step,
-        jitter=gaps.usual,
-        gaps=len(gaps),
-        lost=int(gaps.lost.sum()),
-        longest=float(clock.longest.length),
-        repeated=max(stale.values(), default=0.0),
-        cutoff=prepared.cutoff if prepared is not None else None,
-        kept=prepared.survey.kept if prepared is not None else 0,
-        outputs=prepared.survey.outputs if prepared is not None else 0,
-        parts=len(windows),
-        refused=refused,
-        notes=prepared.notes if prepared is not None else (),
+        clock=told,
         joints=_describe_columns(robot, windows, gaps.step, logs),
+        refused=refused,
+        notes=() if prepared is None else prepared.notes,
         trace=_trace(windows, prepared),
     )
 
 
 def _describe_columns(
     robot: Robot, windows: Sequence[Log], step: float, logs: MeasuredLogs | None
-) -> tuple[JointRecord, ...]:
-    """Return what the columns of every actuated joint hold."""
+) -> pd.DataFrame:
+    """Return what the columns of every actuated joint hold, one row a joint."""
     q, tau = (np.concatenate([getattr(w, c) for w in windows]) for c in ("q", "tau"))
-    n = q.shape[1]
-    numbers: dict[str, Any] = {
-        "low": q.min(0),
-        "high": q.max(0),
-        "room": np.ptp(q, axis=0) / np.diff(robot.limits, axis=1)[:, 0],
-        "torque_low": tau.min(0),
-        "torque_high": tau.max(0),
-        "step": resolution(q),
-        "torque_step": resolution(tau),
-        "noise": np.median([noise_level(w.q) for w in windows], axis=0),
-        "torque_noise": np.median([noise_level(w.tau) for w in windows], axis=0),
-        "bandwidth": Spectrum.of([w.q for w in windows], step).bandwidths(),
-        "speed": np.full(n, np.nan),
-        "acceleration": np.full(n, np.nan),
-        "scale": np.full(n, np.nan),
-        "saturated": [max(flat_share(x), flat_share(-x)) for x in tau.T],
-    }
-    numbers["room"] = np.where(np.isfinite(robot.limits).all(1), numbers["room"], np.nan)
+    limited = np.isfinite(robot.limits).all(1)
+    room = np.ptp(q, axis=0) / np.diff(robot.limits, axis=1)[:, 0]
+    reach, scale = np.full((3, q.shape[1]), np.nan), np.full(q.shape[1], np.nan)
     if logs is not None:
         survey = logs.samples[0].survey
         reach = np.maximum(np.abs(survey.low), np.abs(survey.high))
-        numbers["speed"], numbers["acceleration"] = reach[1], reach[2]
-        if logs.weighs:
-            numbers["scale"] = measure_factors(logs)
+        scale = measure_factors(logs) if logs.weighs else scale
     hung = [joint for w in windows for _, joint, *_ in find_stretches(w)]
-    return tuple(
-        JointRecord(
-            joint=joint,
-            unit="m" if robot.is_prismatic(int(robot.actuated[k])) else "rad",
-            torque_unit=robot.torque_units[k],
-            frozen=hung.count(joint),
-            **{name: float(values[k]) for name, values in numbers.items()},
-        )
-        for k, joint in enumerate(robot.joints)
+    slides = [robot.is_prismatic(int(dof)) for dof in robot.actuated]
+    return pd.DataFrame(
+        {
+            "joint": robot.joints,
+            "unit": np.where(slides, "m", "rad"),
+            "torque_unit": robot.torque_units,
+            "frozen": [hung.count(joint) for joint in robot.joints],
+            "low": q.min(0),
+            "high": q.max(0),
+            "room": np.where(limited, room, np.nan),
+            "torque_low": tau.min(0),
+            "torque_high": tau.max(0),
+            "step": resolution(q),
+            "torque_step": resolution(tau),
+            "noise": np.median([noise_level(w.q) for w in windows], axis=0),
+            "torque_noise": np.median([noise_level(w.tau) for w in windows], axis=0),
+            "bandwidth": Spectrum.of([w.q for w in windows], step).bandwidths(),
+            "speed": reach[1],
+            "acceleration": reach[2],
+            "scale": scale,
+            "saturated": [max(flat_share(x), flat_share(-x)) for x in tau.T],
+        }
     )
 
 
@@ -548,14 +449,6 @@ def _trace(windows: Sequence[Log], prepared: Prepared | None) -> Trace:
 
 
 # `Inspection`: what a robot file says, what its logs must have, and what is in some logs.
-
-
-#: Fields of a record that a row a joint does not repeat.
-_OWN = ("sha256", "channels", "notes", "joints", "trace", "path")
-
-
-#: What roles are called in a sentence.
-ROLES = {"floats": "of its floating base"}
 
 
 @frozen
@@ -651,12 +544,9 @@ class Inspection(OfStructure, Result):
         """Return one row a joint; with logs, one row a joint of each log."""
         if not self.records:
             return pd.DataFrame([asdict(j) for j in self.joints])
-        rows = [
-            {"log": r.name, **{f: getattr(j, f) for f in j.__dataclass_fields__}}
-            for r in self.records
-            for j in r.joints
-        ]
-        return pd.DataFrame(rows)
+        each = [r.joints.assign(log=r.name) for r in self.records]
+        frame = pd.concat(each, ignore_index=True)
+        return frame[["log", *frame.columns[:-1]]]
 
     def parameters_frame(self) -> pd.DataFrame:
         """Return one row a base parameter: name, unit and what is grouped in it."""
@@ -685,7 +575,7 @@ class Inspection(OfStructure, Result):
             "parameters": self.base.to_frame().to_dict("records"),
             "naming": self.naming,
             "needs": [asdict(need) for need in self.needs],
-            "logs": [_record(r) for r in self.records],
+            "logs": [_plain(r.to_dict()) for r in self.records],
             "excited": self.excited.rank if self.excited is not None else None,
             "condition": self.excited.condition if self.excited is not None else None,
             "hints": list(self.hints),
@@ -711,20 +601,7 @@ class Inspection(OfStructure, Result):
         return self.note_written("template", write_text(path, text))
 
 
-def _record(record: Record) -> dict[str, Any]:
-    given = {f: getattr(record, f) for f in record.__dataclass_fields__ if f not in _OWN}
-    return {
-        **_plain({**given, "name": record.path or record.name}),
-        "sha256": record.sha256,
-        "channels": list(record.channels),
-        "notes": list(record.notes),
-        "joints": [
-            _plain({f: getattr(j, f) for f in j.__dataclass_fields__}) for j in record.joints
-        ],
-    }
-
-
-def _plain(given: Mapping[str, Any]) -> dict[str, Any]:
+def _plain(given: Mapping[Any, Any]) -> dict[str, Any]:
     """Return numbers that JSON has: None for what is not known."""
     return {
         name: None if isinstance(x, float) and not np.isfinite(x) else x
@@ -906,23 +783,21 @@ def _excited(result: Inspection) -> Answer:
 
 
 def _content(result: Inspection) -> Answer:
-    seconds = sum(r.duration for r in result.records)
-    samples = format_count(sum(r.samples for r in result.records), "sample")
-    known = sorted(r.rate for r in result.records)
+    clocks, found = [r.clock for r in result.records], result.to_frame()
+    seconds = sum(c["duration"] for c in clocks)
+    samples = format_count(sum(c["samples"] for c in clocks), "sample")
+    known = sorted(c["rate"] for c in clocks)
     rates = [format_number(rate, 3) for rate in known]
     short = (
         f"{format_number(seconds, 3)} s of motion: {samples} at "
         f"{' … '.join(dict.fromkeys((rates[0], rates[-1])))} Hz."
     )
-    rooms = [(j.room, j.joint) for r in result.records for j in r.joints if np.isfinite(j.room)]
-    text = ""
-    if rooms:
-        (least, narrow), (most, wide) = min(rooms), max(rooms)
-        used = f"{percent(least, 2)} ({narrow})"
-        if wide != narrow:
-            used = f"from {used} to {percent(most, 2)} ({wide})"
-        text = f"Of the range that limits allow, joints use {used}."
-    cuts = sorted({r.cutoff for r in result.records if r.cutoff is not None})
+    known = found[np.isfinite(found["room"])]
+    rooms = sorted(zip(known["room"], known["joint"], strict=True))
+    used = [f"{percent(x, 2)} ({joint})" for x, joint in (*rooms[:1], *rooms[-1:])]
+    text = f"Of the range that limits allow, joints use {' to '.join(dict.fromkeys(used))}."
+    text *= bool(used)
+    cuts = sorted({c["cutoff"] for c in clocks if c["cutoff"] is not None})
     if cuts:
         text += f" Derivatives would be cut off at {format_number(cuts[0], 3)} Hz."
     return Answer("What is in them?", short, text.strip(), "blue")
@@ -971,71 +846,24 @@ def _next_commands(result: Inspection) -> list[tuple[str, str]]:
     return out
 
 
-def _rows(result: Inspection) -> list[tuple[Record, Any]]:
-    return [(r, j) for r in result.records for j in r.joints]
-
-
-def _joint_column(result: Inspection) -> Column:
-    """Return the column that names the joint, and the log where there are several."""
-    several = len(result.records) > 1
-    return Column("joint", get=lambda row: Cell(row[1].joint, note=row[0].name if several else ""))
-
-
-def _span(low: str, high: str) -> Any:
-    def cell(row: tuple[Record, Any]) -> Cell:
-        least, most = getattr(row[1], low), getattr(row[1], high)
-        return Cell(f"{format_number(least, 3)} … {format_number(most, 3)}", most - least)
-
-    return cell
-
-
-def _of(name: str, show: Any = None) -> Any:
-    """Return what takes one number of a joint's record, dashed where it is not known."""
-    show = show or digits(3)
-
-    def cell(row: tuple[Record, Any]) -> Cell:
-        value = float(getattr(row[1], name))
-        return Cell(show(value) if np.isfinite(value) else NONE, value)
-
-    return cell
+def _share(value: float) -> str:
+    # Shares below this are none: rounding of times leaves as much.
+    return percent(value, 2) if not value <= 1e-5 else "no"
 
 
 def _step(value: float) -> str:
     return format_number(value, 2) if value else "fine"
 
 
-def _times(value: float) -> str:
-    return f"{format_number(value, 2)} ×"
-
-
-def _share(value: float) -> str:
-    # Shares below this are none: rounding of times leaves as much.
-    return percent(value, 2) if value > 1e-5 else "no"
-
-
-def _lost(record: Record) -> str:
-    return format_count(record.lost, "sample") + " lost" if record.gaps else ""
-
-
-def _cutoff(record: Record) -> Cell:
-    given = record.cutoff
-    return Cell(NONE if given is None else f"{given:.3g}", np.nan if given is None else given)
-
-
-def _limits(joint: Any) -> Cell:
-    if not np.isfinite(joint.high - joint.low):
-        return Cell(NONE, np.nan)
-    shown = f"{format_number(joint.low, 3)} … {format_number(joint.high, 3)}"
-    return Cell(shown, joint.high - joint.low)
-
-
 def _tables(result: Inspection) -> tuple[Table, ...]:
     """Return what logs hold, or what the robot file says of joints."""
     if not result.records:
         return (Table.of("Joints of the robot file", JOINTS, result.joints),)
-    rows, first = _rows(result), _joint_column(result)
+    clocks = pd.DataFrame([{"log": r.name, **r.clock} for r in result.records])
+    several, rows = len(result.records) > 1, list(result.to_frame().itertuples())
+    first = Column("joint", get=lambda row: Cell(row.joint, note=row.log if several else ""))
     return (
-        Table.of("Clock and preparation", CLOCK, result.records),
+        Table.of("Clock and preparation", CLOCK, clocks.itertuples()),
         Table.of("Motion of each joint [SI units]", (first, *MOTION), rows),
         Table.of("Torque of each joint [N·m or N]", (first, *TORQUE), rows),
     )
@@ -1043,38 +871,41 @@ def _tables(result: Inspection) -> tuple[Table, ...]:
 
 MOTION = with_hints(
     "inspection.motion",
-    Column("position", "number", _span("low", "high")),
-    Column("of its range", "number", _of("room", whole_percent)),
-    Column("speed", "number", _of("speed")),
-    Column("acceleration", "number", _of("acceleration")),
-    Column("bandwidth", "number", _of("bandwidth")),
-    Column("resolution", "number", _of("step", _step)),
-    Column("noise", "number", _of("noise", digits(2))),
+    Column("least", digits(3), "low"),
+    Column("largest", digits(3), "high"),
+    Column("of its range", whole_percent, "room"),
+    Column("speed", digits(3), "speed"),
+    Column("acceleration", digits(3), "acceleration"),
+    Column("bandwidth", digits(3), "bandwidth"),
+    Column("resolution", _step, "step"),
+    Column("noise", digits(2), "noise"),
 )
 
 
 TORQUE = with_hints(
     "inspection.torque",
-    Column("torque", "number", _span("torque_low", "torque_high")),
-    Column("resolution", "number", _of("torque_step", _step)),
-    Column("noise", "number", _of("torque_noise", digits(2))),
-    Column("at an extreme", "number", _of("saturated", _share)),
-    Column("hangs", "number", _of("frozen", "{:.0f}".format)),
-    Column("to the file's", "number", _of("scale", _times)),
+    Column("least", digits(3), "torque_low"),
+    Column("largest", digits(3), "torque_high"),
+    Column("resolution", _step, "torque_step"),
+    Column("noise", digits(2), "torque_noise"),
+    Column("at an extreme", _share, "saturated"),
+    Column("hangs", "number", "frozen"),
+    Column("to the file's", digits(2), "scale"),
 )
 
 
 CLOCK = with_hints(
     "inspection.clock",
-    Column("log", get="name"),
+    Column("log", get="log"),
     Column("samples", "number", "samples"),
     Column("seconds", digits(4), "duration"),
     Column("rate [Hz]", digits(4), "rate"),
-    Column("jitter", "number", lambda r: Cell(_share(r.jitter), r.jitter)),
-    Column("gaps", "number", lambda r: Cell(str(r.gaps), r.gaps, _lost(r))),
-    Column("repeated", "number", lambda r: Cell(_share(r.repeated), r.repeated)),
-    Column("cut-off [Hz]", "number", _cutoff),
-    Column("used", "number", lambda r: Cell(whole_percent(r.kept / r.samples), r.kept)),
+    Column("jitter", _share, "jitter"),
+    Column("gaps", "number", "gaps"),
+    Column("lost", "number", "lost"),
+    Column("repeated", _share, "repeated"),
+    Column("cut-off [Hz]", digits(3), "cutoff"),
+    Column("used", whole_percent, lambda r: r.kept / r.samples),
     Column("left", "number", "outputs"),
 )
 
@@ -1084,7 +915,8 @@ JOINTS = with_hints(
     Column("joint", get="name"),
     Column("is", get=lambda j: Cell(j.role, note=j.remark)),
     Column("kind", get=lambda j: f"{j.kind} [{j.unit}]" if j.kind else NONE),
-    Column("limits", "number", _limits),
+    Column("least", digits(3), "low"),
+    Column("largest", digits(3), "high"),
     Column("speed", digits(3), "speed"),
     Column("acceleration", digits(3), "acceleration"),
 )

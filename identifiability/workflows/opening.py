@@ -46,7 +46,6 @@ from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 from identifiability.workflows.alternatives import Alternative, find_alternative
-from identifiability.workflows.gravity import about_gravity
 from identifiability.workflows.oddities import (
     MeasuredLogs,
     Reading,
@@ -327,7 +326,8 @@ def read_recordings(
     if alone and not commands:
         raise LogError(
             f"{listing(alone, 4)} {'holds' if len(alone) == 1 else 'hold'} commands and no torque, "
-            "which analyze, prune, diagnose, calibrate, inspect and rollout take; here give logs "
+            "which analyze, prune, diagnose, calibrate, inspect and predict --forward take; here "
+            "give logs "
             "of measured torque."
         )
     if learns:
@@ -465,7 +465,6 @@ def open_logs(
     )
     if opening.silence:
         return replace(opening, validation=())
-    structure = about_gravity(structure, train)
     looked = MeasuredLogs(structure, recordings.fitted, train)
     other = find_alternative(looked) if seek else None
     odd = find_oddities(looked, explained=other is not None)
@@ -473,7 +472,7 @@ def open_logs(
     explained = odd.explains or other is not None
     why = MISREAD if odd.misread else ""
     said = () if other is None else (other.statement,)
-    known = replace(opening, structure=structure, explained=explained, misread=why)
+    known = replace(opening, explained=explained, misread=why)
     return replace(known, alternative=other, hints=(*said, *odd.hints, *hints))
 
 

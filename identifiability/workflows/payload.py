@@ -334,9 +334,6 @@ class Load(Result):
         How many times more is left of each joint's torque than in the result's own logs.
     quantities : tuple of Quantity
         Mass, centre, and moments of inertia about it.
-    arm : (float, float, float)
-        What the arm weighs by its file [kg], by which factor its torque says more, and the standard
-        deviation of that; NaN where nothing says it.
     gains : tuple of Quantity
         Of each joint's torque column, for the sidecar, where the load's mass is known.
     known : float or None
@@ -358,7 +355,6 @@ class Load(Result):
     parameters: Array
     worse: Array
     quantities: tuple[Quantity, ...]
-    arm: tuple[float, float, float]
     gains: tuple[Quantity, ...] = ()
     known: float | None = None
     hints: tuple[str, ...] = ()
@@ -412,14 +408,8 @@ class Load(Result):
 
     @property
     def proportional(self) -> str:
-        """That the mass is proportional to gains, and what the arm itself says of these."""
-        if not self.mass.told:
-            return ""
-        (mass, factor, sd), text = self.arm, sentence(WORDS_OF, "proportional")
-        if not (np.isfinite(sd) and abs(factor - 1.0) > max(REACH * sd, RULES.gain_off)):
-            return text
-        own = {"weighs": mass * factor, "mass": mass, "load": self.mass.value / factor}
-        return f"{text} {sentence(WORDS_OF, 'arm', **own)}"
+        """That the mass is proportional to gains."""
+        return sentence(WORDS_OF, "proportional") if self.mass.told else ""
 
     @property
     def sidecar(self) -> str:
@@ -451,14 +441,13 @@ class Load(Result):
             "schema": self.schema,
             "robot": self.robot.identity,
             **{name: getattr(self, name) for name in own},
-            **dict.fromkeys(("possible", "by_log")),  # of earlier releases
+            **dict.fromkeys(("possible", "by_log", "arm")),  # of earlier releases
             "quantities": [{**asdict(q), "told": q.told} for q in self.quantities],
             "parameters": dict(zip(GROUPED_KINDS, self.parameters.tolist(), strict=True)),
             "estimate": dict(zip(GROUPED_KINDS, self.estimate.theta.tolist(), strict=True)),
             "covariance": self.estimate.covariance.tolist(),
             "order": list(GROUPED_KINDS),
             "friction_changed": [c.place for c in self.estimate.changes if c.kind == "friction"],
-            "arm": dict(zip(("mass", "factor", "sd"), self.arm, strict=True)),
             "gains": [{**asdict(g), "told": g.told} for g in self.gains],
         }
 
@@ -514,7 +503,12 @@ def payload(
         robot = Robot.of(robot)
         if (mass is None and centre is not None) or (centre is None and inertia is not None):
             raise OptionError("Moments of a load need its centre, and this its mass (--mass).")
-        empty = [] if mass is None or is_result(result) else list_logs(cast("Logs", result))
+        empty = [] if is_result(result) else list_logs(cast("Logs", result))
+        if empty and mass is None:
+            raise OptionError(
+                "Logs without the load stand for a result only where its mass is known: give the "
+                "mass (--mass), or first a result of analyze and these logs as `without`."
+            )
         fit = _unknown_gains(robot) if empty else find_fit(cast("FitLike", result), robot)
         structure, place = fit.structure, choose_body(fit.structure, body)
         session, second = Session.read_sides(
@@ -559,7 +553,6 @@ def payload(
         parameters=nearest,
         worse=estimate.rms / np.maximum(fit.spread.low, 1e-300),
         quantities=state_quantities(estimate, nearest, length),
-        arm=weigh_arm(fit, seen),
         gains=gains,
         known=mass,
         hints=tuple(dict.fromkeys(filter(None, (state_missing(fit.missing), *hints)))),
@@ -593,25 +586,6 @@ def _unknown_gains(robot: Robot) -> Fit:
         base_unknown=every,
         origin="EMPTY.csv",
     )
-
-
-def weigh_arm(fit: Fit, seen: Excerpt) -> tuple[float, float, float]:
-    """Return what the arm weighs by its file [kg], and by which factor its torque says more.
-
-    With the standard deviation of the factor; NaN where the file says nothing.
-    """
-    structure, M = fit.structure, fit.submodel.M
-    mass = sum(fit.robot.nominal.get(f"{b}.m", 0.0) for b in fit.robot.bodies)
-    rigid = [structure.parameters[k].group == "rigid_body" for k in structure.base.kept]
-    W = (seen.X * np.array(rigid)).reshape(-1, len(rigid))
-    stated = W @ structure.nominal_base
-    square = float(stated @ stated)
-    if not (mass > 0 and square > 0):
-        return mass, float("nan"), float("nan")
-    slope = stated @ W / square
-    variance = float(slope @ M @ fit.covariance @ M.T @ slope)
-    blind = np.abs(slope @ M @ fit.spread.unknown).max(initial=0.0) > TOUCHED
-    return mass, float(slope @ fit.base), float("nan") if blind else float(np.sqrt(variance))
 
 
 def _tell_noise(robot: Robot, logs: Sequence[Recording], how: Preparation) -> list[str]:

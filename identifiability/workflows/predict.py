@@ -8,20 +8,21 @@ from dataclasses import asdict, fields, replace
 from functools import cached_property
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, cast
 
 import numpy as np
 import pandas as pd
 from pydantic import BaseModel, ConfigDict, Field
 
+from identifiability.effects.gravity import settle_gravity
+from identifiability.effects.vocabulary import complete_values
 from identifiability.estimation.prediction import Prediction, TorqueUncertainty
 from identifiability.estimation.torque_errors import joint_errors
-from identifiability.foundation.answers import Answer, Column, Table
+from identifiability.foundation.answers import Answer, Column, Table, frame_table
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.engines.mapping import Engine, one_thread
-from identifiability.foundation.errors import IdentifiabilityError, listing
-from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array, shorten_paths
+from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing
+from identifiability.foundation.names import BASE, Array, shorten_paths
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import Result, shown
@@ -36,8 +37,10 @@ from identifiability.foundation.rounding import (
     round_known,
     stated,
 )
-from identifiability.foundation.rules import RuleTable
+from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
+from identifiability.logs import Log, signals
+from identifiability.logs.commands import has_commands
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.tables import write_table
@@ -51,17 +54,21 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
-from identifiability.robot import Motion, Robot, RobotLike
+from identifiability.robot import Robot, RobotLike
+from identifiability.robot.robot import new_place
+from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.robot.sidecar import Value
-from identifiability.workflows.answers import answer_next, answer_quality, with_hints
+from identifiability.workflows.answers import (
+    answer_next,
+    answer_quality,
+    hides_joints,
+    list_worst,
+    with_hints,
+)
 from identifiability.workflows.commands import given_paths, name_export, name_logs, source_name
 from identifiability.workflows.opening import Logs
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 # `TorquePrediction`: the torque of a fitted model along logs, beside the measured one.
 
@@ -78,8 +85,6 @@ def correlation_of(covariance: Array) -> Array:
 
 def square_frame(matrix: Array, names: Iterable[Hashable]) -> pd.DataFrame:
     """Return a matrix (k, k) with the names of the parameters at its rows and columns."""
-    import pandas as pd  # noqa: PLC0415 - only who wants a table pays for it
-
     return pd.DataFrame(matrix, index=list(names), columns=list(names))
 
 
@@ -304,8 +309,7 @@ class TorquePrediction(Result):
 
 # `Fit`: what a result keeps of its model: values, their covariance, how torque scatters.
 #
-# It comes from a result (`Predicts`) or from its JSON (`read_fit`), whichever `find_fit` is given,
-# and says what the torque of each joint is made of (`torque_budget`).
+# It comes from a result (`Predicts`) or from its JSON (`read_fit`), whichever `find_fit` is given.
 
 
 # The robot that the JSON of a result is about.
@@ -407,11 +411,6 @@ class Fit(Covaries):
     missing: tuple[str, ...] = ()
 
     @property
-    def rung(self) -> Submodel:
-        """`submodel`, by the name of earlier releases."""
-        return self.submodel
-
-    @property
     def robot(self) -> Robot:
         """The robot."""
         return self.structure.robot
@@ -428,8 +427,6 @@ class Fit(Covaries):
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter: name, value, standard deviation, unit."""
-        import pandas as pd  # noqa: PLC0415 - only who wants a table pays for it
-
         sigma = np.sqrt(np.diag(self.covariance))
         columns = {"name": self.names, "value": self.values, "sigma": sigma}
         return pd.DataFrame({**columns, "unit": self.submodel.units})
@@ -578,11 +575,41 @@ class FitEntry(Entry):
     preparation: PreparationEntry
 
 
-class RealEntry(Entry):
-    """How much the nearest real robot errs."""
+class GravityEntry(Entry):
+    """Where gravity points, if not as the robot file says."""
 
+    direction: tuple[float, float, float]
+    degrees: float
+
+
+class RealEntry(Entry):
+    """The nearest real robot, and how much it errs."""
+
+    parameters: dict[str, float] = Field(default={})
+    gravity: GravityEntry | None = None
     error_ra: float | None = None
     error_ra_files: dict[str, float | None] = Field(default={})
+
+
+class RolloutEntry(Entry):
+    """How far motions by commands are off, and what was found of servos."""
+
+    statement: str
+    logs: tuple[str, ...]
+    delays: tuple[float, ...]
+    gains: dict[str, dict[str, float]] = Field(default_factory=dict)
+
+    def settle(self, servo: Servo, joints: Sequence[str]) -> Servo:
+        """Return servos with the gains that logs told."""
+        if not self.gains:
+            return servo
+        own = {k: np.array([of.get(j, np.inf) for j in joints]) for k, of in self.gains.items()}
+        return replace(servo.having(own), source=FOUND)
+
+    @property
+    def delay(self) -> float:
+        """Time from a command's row in a log until it acts, in the middle of the logs [s]."""
+        return float(np.median(self.delays))
 
 
 class ResultEntry(Entry):
@@ -593,6 +620,7 @@ class ResultEntry(Entry):
     nothing: str | None = None
     physical: RealEntry = RealEntry()
     missing_functions: tuple[MissingEntry, ...] = ()
+    rollout: RolloutEntry | None = None
 
 
 @checked
@@ -761,72 +789,6 @@ def find_fit(result: FitLike, robot: Robot) -> Fit:
     return fit
 
 
-# What each joint's torque consists of: weight and springs, motion, friction, and the rest.
-#
-# The parts are told apart by what they do, not by the names of effects, so that those of a user's
-# own count too: what is left at rest in the same pose; what changes its sign with velocity; and
-# what remains of the model, which is inertia, with Coriolis and centrifugal torque.
-
-
-#: Parts of the torque in the order in which they are shown, and the whole.
-PARTS = ("gravity and springs", "inertia", "friction", "residual")
-
-#: Samples of all logs that it is worked out at.
-ENOUGH = 2000
-
-
-def torque_budget(fit: Fit, samples: Sequence[Prepared]) -> pd.DataFrame:
-    """Return the rms of each part of each joint's torque along some logs, one row a joint.
-
-    Columns are ``joint``, ``unit`` [N or N·m], ``measured`` and `PARTS`, rms each about zero. As
-    parts may cancel each other, their squares do not add up to that of what was measured.
-
-    Parameters
-    ----------
-    fit : Fit
-    samples : sequence of Samples or LongSamples
-        Prepared logs; torque is taken as it was measured, not low-passed.
-    """
-    stride = max(1, -(-sum(s.survey.kept for s in samples) // ENOUGH))
-    n = len(fit.robot.joints)
-    squares, count = np.zeros((1 + len(PARTS), n)), np.zeros(n)
-    for s in samples:
-        thinned = s.thin(stride)
-        parts = _split(fit, thinned.motion)
-        left = thinned.tau - sum(parts)
-        data = np.ones(left.shape) if thinned.dwells is None else ~thinned.dwells
-        squares += [(part**2 * data).sum(0) for part in (thinned.tau, *parts, left)]
-        count += data.sum(0)
-    rms = np.sqrt(squares / np.maximum(count, 1))
-    rms[rms < ROUNDOFF * rms.max(axis=0)] = 0.0
-    named = dict(zip(("measured", *PARTS), rms, strict=True))
-    robot = fit.robot
-    return pd.DataFrame({"joint": robot.joints, "unit": robot.torque_units, **named})
-
-
-def _split(fit: Fit, motion: Motion) -> tuple[Array, Array, Array]:
-    """Return the torque at rest, the rest that is even in velocity, and what is odd, (N, n)."""
-    values = np.zeros(len(fit.structure.base.parameters))
-    values[fit.structure.base.kept] = fit.base
-
-    def torque(direction: float, acceleration: float) -> Array:
-        smooth = motion.smooth_v
-        moved = replace(
-            motion,
-            smooth_v=None if smooth is None else smooth * np.array([[direction], [1.0]]),
-            v=direction * motion.v,
-            actuated_v=direction * motion.actuated_v,
-            a=acceleration * motion.a,
-            actuated_a=acceleration * motion.actuated_a,
-        )
-        out: Array = fit.structure.model.regressor(fit.robot, moved) @ values
-        return out
-
-    forward, backward, rest = torque(1.0, 1.0), torque(-1.0, 1.0), torque(0.0, 0.0)
-    even = (forward + backward) / 2
-    return rest, even - rest, (forward - backward) / 2
-
-
 def _what(result: TorquePrediction) -> Answer:
     joints = format_count(len(result.robot.joints), "joint")
     short = f"The torque of {joints} along {join(shorten_paths(result.logs), 3)}."
@@ -906,3 +868,318 @@ def _joint_table(result: TorquePrediction) -> Table:
     )
     rows = result.error_frame().itertuples()
     return Table.of("Each joint by itself", own, rows)
+
+
+# `PositionPrediction`: how robots move as logged commands, or torques, make them.
+#
+# What is judged is the error of positions, over whole logs, in which drift adds up, and over
+# windows that begin with what was measured.
+
+
+#: After how long a motion begins anew with what was measured, in windows [s].
+WINDOW: Tolerance = 1.0
+
+
+@frozen
+class Simulated:
+    """A robot that was moved along logs.
+
+    Attributes
+    ----------
+    name : str
+        Of its file, or of the result.
+    delays : tuple of float [s]
+        With which the commands of each log acted; zero where torque moved it.
+    found : bool
+        Whether they were found, as nothing states them.
+    q : tuple of (N, n) [rad or m]
+        Positions along each log, by torque begun anew at every window; NaN where they diverged.
+    errors, window_errors : (n,) [rad or m]
+        Of positions (rms) over whole logs, without the beginning, in which the speed of the start
+        is forgotten, and over windows of a second; NaN where they diverged.
+    """
+
+    name: str
+    delays: tuple[float, ...]
+    found: bool
+    q: tuple[Array, ...]
+    errors: Array
+    window_errors: Array
+
+
+@frozen(kw_only=True)
+class PositionPrediction(Result):
+    """How robots move where logged commands or torques drive them; `write` gives positions away.
+
+    Attributes
+    ----------
+    robot : Robot
+    logs : tuple of Log
+    runs : tuple of Simulated
+        The robot of the file, and that of the result.
+    hints : tuple of str
+    """
+
+    schema: ClassVar[str] = "identifiability/rollout/1"
+
+    robot: Robot
+    logs: tuple[Log, ...]
+    runs: tuple[Simulated, ...]
+    hints: tuple[str, ...] = ()
+
+    @property
+    def alike(self) -> np.ndarray:
+        """Which joints turn, or if none does, slide, (n,) bool: what errors are told of."""
+        slides = np.array([self.robot.is_prismatic(int(k)) for k in self.robot.actuated], bool)
+        return slides if slides.all() else ~slides
+
+    @property
+    def unit(self) -> str:
+        """Of a thousandth of `totals`: mrad, or mm where every joint slides."""
+        return "mm" if self.robot.is_prismatic(int(self.robot.actuated[self.alike][0])) else "mrad"
+
+    @property
+    def errors(self) -> Array:
+        """Errors of positions (rms) by run and joint over whole logs, (runs, n)."""
+        return np.array([run.errors for run in self.runs])
+
+    @property
+    def totals(self) -> Array:
+        """Error of each run over all joints that turn, or if none does, slide (rms), (runs,)."""
+        return np.asarray(np.sqrt(np.mean(self.errors[:, self.alike] ** 2, axis=1)))
+
+    @property
+    def window_totals(self) -> Array:
+        """The same over windows of a second."""
+        each = np.array([run.window_errors[self.alike] for run in self.runs])
+        return np.asarray(np.sqrt(np.mean(each**2, axis=1)))
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return by how much positions err, and what moved the robots, and when."""
+        return _position_error(self), _driven(self)
+
+    def decided_by(self) -> tuple[RuleTable, ...]:
+        """Return the numbers by which it was decided, the verb's own first."""
+        from identifiability.simulation.rules import RULES as SIMULATION  # noqa: PLC0415 - MuJoCo
+
+        return (SIMULATION,)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return one row a joint, in mrad or mm."""
+        table = frame_table(
+            self.to_frame().set_index("joint") * 1e3, "Each joint by itself", digits=3
+        )
+        return (replace(table, caption=f"{table.caption} [mrad or mm]"),)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a joint: errors over whole logs and windows, of each robot [rad or m]."""
+        frame = pd.DataFrame({"joint": list(self.robot.joints)})
+        for run in self.runs:
+            frame[f"error of {run.name}"] = run.errors
+            frame[f"{WINDOW:g} s windows of {run.name}"] = run.window_errors
+        return frame
+
+    def write(self, path: str | Path) -> Path:
+        """Write positions sample by sample, measured and simulated, as CSV or Parquet.
+
+        Raises
+        ------
+        OutputError
+        """
+        parts = []
+        for k, log in enumerate(self.logs):
+            columns: dict[str, Any] = {"log": log.name, "t": log.t}
+            for i, joint in enumerate(log.joints):
+                columns[f"{joint}.q"] = log.q[:, i]
+                columns |= {f"{joint}.{run.name}": run.q[k][:, i] for run in self.runs}
+            parts.append(pd.DataFrame(columns))
+        return write_table(path, pd.concat(parts, ignore_index=True))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the answer in its documented JSON schema."""
+        totals = zip(self.runs, self.totals, self.window_totals, strict=True)
+        return {
+            "schema": self.schema,
+            "robot": self.robot.identity,
+            "statement": self.statement,
+            "logs": [
+                {"name": log.path or log.name, "samples": len(log), "sha256": log.sha256}
+                for log in self.logs
+            ],
+            "window": WINDOW,
+            "rollouts": [
+                {
+                    "robot": run.name,
+                    "delays": list(run.delays),
+                    "delays_found": run.found,
+                    **_errors_told(whole, short),
+                    "joints": {
+                        joint: _errors_told(*pair)
+                        for joint, *pair in zip(
+                            self.robot.joints, run.errors, run.window_errors, strict=True
+                        )
+                    },
+                }
+                for run, whole, short in totals
+            ],
+        }
+
+
+def _errors_told(whole: float, short: float) -> dict[str, float | None]:
+    """Return errors for JSON; what diverged has none."""
+    told = {"error": float(whole), "error_windows": float(short)}
+    return {name: x if np.isfinite(x) else None for name, x in told.items()}
+
+
+def _position_error(result: PositionPrediction) -> Answer:
+    whole, short, unit = 1e3 * result.totals, 1e3 * result.window_totals, result.unit
+    # Where torque moves a robot all that is wrong with it adds up.
+    driven = not any(map(has_commands, result.logs))
+    totals, last = short if driven else whole, result.runs[-1]
+    texts = [f"{x:.3g} {unit}" if np.isfinite(x) else "it diverges" for x in totals]
+    said = [
+        f"{run.name}: {x:.3g} {unit} over whole logs, {w:.3g} over windows of {WINDOW:g} s."
+        for run, x, w in zip(result.runs, whole, short, strict=True)
+    ]
+    each = 1e3 * (last.window_errors if driven else last.errors)[result.alike]
+    if hides_joints(each, np.inf):
+        joints = [j for j, a in zip(result.robot.joints, result.alike, strict=True) if a]
+        said.append(f"By joint of {last.name}: {list_worst(joints, each, unit)}.")
+    told = " → ".join(texts)
+    better = len(totals) > 1 and totals[1] < totals[0]
+    tone = "blue" if len(totals) == 1 else "green" if better else "amber"
+    question = "By how much do positions err?"
+    return Answer(question, f"{told[0].upper()}{told[1:]}.", " ".join(said), tone)
+
+
+def _driven(result: PositionPrediction) -> Answer:
+    commanded = [k for k, log in enumerate(result.logs) if has_commands(log)]
+    if not commanded:
+        text = "What a model errs by in torque moves it ever farther: windows tell more than logs."
+        return Answer("What moves the robots?", "The measured torque.", text, "blue")
+    names = [result.logs[k].name for k in commanded]
+    short = "; ".join(
+        f"{r.name}: {state_delay(np.array(r.delays)[commanded], names)}" for r in result.runs
+    )
+    text = "As it is stated."
+    if any(run.found for run in result.runs):
+        text = "Found from these logs, as nothing states it: with it positions err least."
+    return Answer("When do commands act?", short, text, "blue")
+
+
+@checked
+def predict(
+    robot: RobotLike,
+    result: Annotated[
+        Fit | Predicts | Robot | str | Path,
+        Expected("a result of analyze, prune or diagnose, or the path of its JSON"),
+    ],
+    logs: Logs,
+    *,
+    forward: bool = False,
+    engine: Engine | None = None,
+) -> TorquePrediction | PositionPrediction:
+    """Predict the torque along logs by a result, or where its robot moves.
+
+    Parameters
+    ----------
+    robot : Robot, path or shipped name
+        The robot that the result is about.
+    result : result of `analyze`, `prune` or `diagnose`, or the path of its JSON
+        With `forward` also another robot, or the path of its file.
+    logs : log, path, DataFrame, or several
+        They need no torque; with `forward` commands, ``<joint>.cmd``, or else torque.
+    forward : bool
+        Whether positions are predicted: commands move the servos of the robot in a simulator, or
+        measured torque moves its joints, beside the robot of the file.
+    engine : Engine, optional
+        Where logs that are too long for memory are surveyed.
+
+    Raises
+    ------
+    IdentifiabilityError
+        With one sentence on what to do.
+    """
+    robot = Robot.of(robot)
+    if not forward:
+        return find_fit(cast("FitLike", result), robot).predict(logs, engine=engine)
+    with one_thread("blas"):
+        robot.check_stands("predict --forward")
+        from identifiability.workflows.servo_gains import read_moving  # noqa: PLC0415 - MuJoCo
+
+        read, hints = read_moving(robot, logs)
+        runs = [(robot, _file_name(robot), dict[str, float]())]
+        other = result if isinstance(result, Robot) else None
+        if other is None and not (isinstance(result, Predicts) or str(result).endswith(".json")):
+            other = Robot.load(cast("str", result))
+        if other is None:
+            runs.append(_moved_by(robot, result))
+        elif other.joints != robot.joints:
+            raise RobotError(
+                f"{other.path} has the actuated joints {listing(other.joints)}, and "
+                f"{robot.path} {listing(robot.joints)}; give robots with the same joints."
+            )
+        elif other.sha256 != robot.sha256:
+            runs.append((other, _file_name(other), {}))
+        if robot.servo is not None and robot.servo.unknown.any():
+            runs[0] = (replace(robot, servo=runs[-1][0].servo), *runs[0][1:])
+        moved = [_move(*run, read) for run in runs]
+    return PositionPrediction(robot=robot, logs=tuple(read), runs=tuple(moved), hints=hints)
+
+
+def _file_name(robot: Robot) -> str:
+    path = robot.path
+    return path.name if path.stem != "robot" else f"{robot.name}/{path.name}"
+
+
+def _moved_by(robot: Robot, result: Any) -> tuple[Robot, str, dict[str, float]]:
+    """Return the robot of a result as a simulator has it: its servos, its name, its values.
+
+    Raises
+    ------
+    IdentifiabilityError
+    """
+    path = result if isinstance(result, (str, Path)) else None
+    path = path or result.to_json(new_place("fitted", ".json"))
+    content = read_document(path, ResultEntry, "JSON", "result", IdentifiabilityError)
+    content.robot.check_locked(robot, path)
+    given = content.physical.parameters
+    if not given:
+        raise IdentifiabilityError(f"{path} holds no real robot to move; give another result.")
+    if robot.servo is not None and content.rollout is not None:
+        robot = replace(robot, servo=content.rollout.settle(robot.servo, robot.joints))
+    if content.physical.gravity is not None:
+        given = {n: v for n, v in given.items() if n.rpartition(".")[0] != BASE}
+        robot = robot.turned(np.array(content.physical.gravity.direction))
+    robot, given = settle_gravity(robot, given)
+    return robot, Path(path).name, complete_values(robot, given, keep=False)
+
+
+def _move(robot: Robot, name: str, values: Mapping[str, float], logs: Sequence[Log]) -> Simulated:
+    """Return a robot with some values as logs move it."""
+    from identifiability.estimation.rollouts import roll_late  # noqa: PLC0415 - MuJoCo
+    from identifiability.simulation.rollout import CommandedRobot, forgotten  # noqa: PLC0415
+
+    motors = Servo.of_torque(len(robot.joints))
+    late, whole, apart, short = list[float](), list[Array](), list[Array](), list[Array]()
+    for log in logs:
+        step = signals.sampling_step(log.t)
+        if has_commands(log):
+            machine, driven = CommandedRobot(robot, values), log
+            delay, q = roll_late(machine, log, machine.servo.delay)
+            late.append(delay)
+        else:  # what was measured acts from half a step before until half a step after it
+            machine, delay = CommandedRobot(robot, values, motors), -0.5 * step
+            driven = replace(log, q_ref=None, dq_ref=None, tau_ff=log.tau)
+            q = machine.roll(driven, delay=delay)[0]
+            late.append(0.0)
+        rows = max(2, round(WINDOW / step))
+        windows = [(a, a + rows) for a in range(0, len(log) - rows + 1, rows)] or [(0, len(log))]
+        anew = machine.roll(driven, delay=delay, windows=windows)[0]
+        first, last = forgotten(log), windows[-1][1]
+        whole.append(q if has_commands(log) else anew)
+        apart.append((q - log.q)[first:])
+        short.append((anew - log.q)[first:last])
+    errors, each = (np.sqrt(np.mean(np.concatenate(x) ** 2, axis=0)) for x in (apart, short))
+    found = robot.servo is not None and robot.servo.delay is None and any(map(has_commands, logs))
+    return Simulated(name, tuple(late), found, tuple(whole), errors, each)

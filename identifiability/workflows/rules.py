@@ -28,7 +28,6 @@ class Rules(RuleTable):
     alternative_error: Annotated[
         float, "its error falls to this share of the given model's, by hand"
     ] = 0.9
-    gain_off: Annotated[float, "share by which gains are said to be off, by hand"] = 0.02
     grows: Annotated[float, "an error is said that is so many times the usual, by hand"] = 1.5
 
 

@@ -9,7 +9,7 @@ with E upper triangular and J₀ = P Pᵀ the file's pseudo-inertia.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -31,7 +31,6 @@ from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.robot import Robot
 from identifiability.robot.servo import FOUND
 from identifiability.workflows.opening import Logs, in_memory, list_logs, read_recordings
-from identifiability.workflows.servo_limits import learn_limits
 
 #: Length of logs that gains are found from, all together [s]: more says little more of them.
 LONG: Tolerance = 60.0
@@ -111,49 +110,33 @@ class Bodies:
         return {name: at for name, at in self.robot.prior.items() if name in known}
 
 
-def read_commanded(
-    robot: Robot, logs: Logs, *, torque: bool = False
-) -> tuple[list[Log], tuple[str, ...]]:
-    """Return logs with commands, in the robot's order, and what was mended in them.
+def read_moving(robot: Robot, logs: Logs) -> tuple[list[Log], tuple[str, ...]]:
+    """Return logs that commands moved, or else torque, and what was mended in them.
 
-    Parameters
-    ----------
-    robot : Robot
-    logs : Logs
-    torque : bool
-        Whether logs that hold torque, for which nobody needs commands, are left out.
+    They are in the robot's order of joints, and have every motion, those that come again, too.
 
     Raises
     ------
     LogError
-        If one has none, or the motion contradicts them.
+        If the motion contradicts the commands.
     """
-    if not list_logs(logs):
-        return [], ()
-    # Torque is not looked at, and a motion that is made again is rolled out again.
-    known = replace(Conventions.of(robot), commands=not torque)
+    # Torque beside commands is not looked at.
+    known = replace(Conventions.of(robot), commands=robot.servo is not None)
     given = read_recordings(logs, known=known, commands=True, learns=False)
-    read = given.fitted
-    if torque:
-        read = tuple(x for x in read if isinstance(x, Log) and x.commanded and x.motion_alone)
-    out = []
-    for log in in_memory(read, Log):
-        own = log.select(robot.joints)
-        if own.q_ref is None and own.dq_ref is None:
-            raise LogError(
-                f"{log.name} has no commands; a rollout needs the positions that every servo was "
-                f"told, '{robot.joints[0]}.cmd'."
-            )
-        check_commands(own)
-        check_units(robot, [own])
-        out.append(own)
-    return out, given.hints
+    return _select(robot, in_memory(given.fitted, Log)), given.hints
+
+
+def _select(robot: Robot, logs: Iterable[Log]) -> list[Log]:
+    """Return logs in the robot's order of joints, if the motion does not contradict them."""
+    own = [log.select(robot.joints) for log in logs]
+    for log in own:
+        check_commands(log)
+        check_units(robot, [log])
+    return own
 
 
 def find_gains(robot: Robot, logs: Logs) -> Robot:
-    """Return a robot whose servos have gains and limits; logs tell those that nobody states.
-
-    It is the same robot where all are stated, or no log is of commands alone.
+    """Return a robot whose servos have gains; logs of commands alone tell those nobody states.
 
     Raises
     ------
@@ -162,8 +145,11 @@ def find_gains(robot: Robot, logs: Logs) -> Robot:
     RobotError
         If it cannot be rolled out.
     """
-    read = read_commanded(robot, logs, torque=True)[0]
-    return learn_limits(learn_gains(robot, read), read)
+    if not list_logs(logs):
+        return robot
+    given = read_recordings(logs, known=Conventions.of(robot), commands=True, learns=False)
+    alone = [x for x in given.fitted if isinstance(x, Log) and x.commanded and x.motion_alone]
+    return learn_gains(robot, _select(robot, alone))
 
 
 def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:

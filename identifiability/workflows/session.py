@@ -413,7 +413,7 @@ def _times(samples: Prepared, first: int, last: int) -> Array:
 
 
 def settle_gains(robot: Robot, logs: Logs) -> Robot:
-    """Return a robot whose servos have gains and limits; logs tell those that nobody states.
+    """Return a robot whose servos have gains; logs tell those that nobody states.
 
     Where logs hold torque nobody asks for them.
 
@@ -421,7 +421,7 @@ def settle_gains(robot: Robot, logs: Logs) -> Robot:
     ------
     LogError
     """
-    if robot.servo is None or not (robot.servo.unknown | robot.servo.limit_open).any():
+    if robot.servo is None or not robot.servo.unknown.any():
         return robot
     from identifiability.workflows.servo_gains import find_gains  # noqa: PLC0415 - MuJoCo
 

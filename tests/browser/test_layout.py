@@ -2,8 +2,8 @@
 
 import pytest
 
+from identifiability import Robot, predict
 from identifiability.robot.locate import locate_robot
-from identifiability.workflows.rollout import rollout
 
 WIDE = """() => {
   for (const fold of document.querySelectorAll("details")) fold.open = true;
@@ -64,7 +64,9 @@ def test_chips_show_only_the_rows_with_their_verdict(reports, visit):
 @pytest.mark.everything
 def test_a_robot_of_a_rollout_is_hidden_by_its_button_and_moves_when_played(tmp_path, visit):
     log = locate_robot("hobby-arm").parent / "logs" / "run1.csv"
-    path = rollout("hobby-arm", log).write_report(tmp_path / "rollout.html")
+    path = predict("hobby-arm", Robot.load("hobby-arm"), log, forward=True).write_report(
+        tmp_path / "rollout.html"
+    )
     with visit(path) as seen:
         button, time = seen.page.locator("[data-robot]").last, seen.page.locator("output").first
         pressed = [button.get_attribute("aria-pressed")]

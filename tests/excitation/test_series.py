@@ -54,12 +54,11 @@ def test_the_trajectory_of_a_candidate_is_its_motion():
 def test_limits_come_from_the_robot_and_are_replaced_by_a_file(tmp_path):
     robot = Robot.load("3-rps")
     file = tmp_path / "limits.toml"
-    file.write_text("slider2 = {q = [0.65, 0.75], v = 0.1}\n[workspace.platform]\nz = [0.5, 0.9]\n")
+    file.write_text("slider2 = {q = [0.65, 0.75], v = 0.1}\n")
     limits = find_limits(robot, file)
     np.testing.assert_allclose(limits.low, [0.6, 0.65, 0.6])
     np.testing.assert_allclose(limits.speed, [0.16, 0.1, 0.16])
     np.testing.assert_allclose(limits.acceleration, 0.5)
-    assert limits.boxes[0].body == "platform"
     assert not limits.assumed
 
 

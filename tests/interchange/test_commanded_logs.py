@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from identifiability import Robot, rollout
+from identifiability import Robot, predict
 from identifiability.foundation.errors import LogError
 from identifiability.logs.conventions import Conventions
 from identifiability.workflows.opening import read_logs
@@ -60,7 +60,7 @@ def test_every_episode_of_a_dataset_is_the_log_that_was_recorded(version, arm):
     (second,) = read_logs(f"{DATASETS / version}:1", Conventions.of(arm))
     assert second.sha256 == logs[1].sha256 != logs[0].sha256
     assert len(read_logs(f"{DATASETS / version}:0-1", Conventions.of(arm))) == 2
-    assert rollout(arm, f"{DATASETS / version}:1").totals[0] < 0.5
+    assert predict(arm, arm, f"{DATASETS / version}:1", forward=True).totals[0] < 0.5
 
 
 def test_an_episode_with_a_file_of_its_own_is_read_from_that_alone(arm, tmp_path):
@@ -116,7 +116,7 @@ def test_units_that_nobody_stated_are_refused_with_what_to_write(scale, said, ar
     motion = frame.drop(columns="t")
     table = (motion * scale + (0 if scale < 60 else 2048)).assign(t=frame["t"])
     with pytest.raises(LogError, match=said) as error:
-        rollout(arm, table)
+        predict(arm, arm, table, forward=True)
     assert "= {scale = …, offset = …} in the sidecar" in str(error.value)
 
 

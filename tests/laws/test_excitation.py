@@ -17,7 +17,7 @@ from identifiability.workflows.excite.criteria import (
     pose_question,
     scaled,
 )
-from identifiability.workflows.excite.limits import Limits, find_limits
+from identifiability.workflows.excite.limits import INNER, Limits, find_limits
 from identifiability.workflows.excite.search import (
     DRAWS,
     FINENESS,
@@ -182,19 +182,18 @@ def test_a_candidate_counts_as_many_samples_as_a_log_on_top_of_what_is_known(two
     np.testing.assert_allclose(slope, central, atol=2e-3)
 
 
-def test_a_candidate_outside_its_workspace_pays_for_it(five_bar):
+def test_a_candidate_that_asks_too_much_of_a_drive_pays_for_it(five_bar):
     question = pose_question(five_bar, ["rigid_body"], None, None)
     known = gather_known(question, [], 50)
     inside = find_limits(five_bar)
     x = np.zeros((1, Series(inside, 2.0, 1).size))
     x[0, :4] = [0.3, 0.5, -0.2, 0.4]
-    body = five_bar.bodies[1]
     plain = Objective(question, known, Series(inside, 2.0, 1), 30)
-    walled = find_limits(five_bar, {"workspace": {body: {"x": (50.0, 51.0)}}})
-    G, space = Objective(question, known, Series(walled, 2.0, 1), 30).look(x, 30)
-    assert space.outside[0] > 49
-    paid = Objective(question, known, Series(walled, 2.0, 1), 30)(x)[0]
-    assert paid - plain(x)[0] == pytest.approx(200 * (space.outside[0] + 1e-3))
+    weak = find_limits(five_bar, {five_bar.joints[0]: {"tau": 1e-3}})
+    G, space = Objective(question, known, Series(weak, 2.0, 1), 30).look(x, 30)
+    assert space.load[0] > 1
+    paid = Objective(question, known, Series(weak, 2.0, 1), 30)(x)[0]
+    assert paid - plain(x)[0] == pytest.approx(20 * np.log(space.load[0] / INNER))
     assert plain(x)[0] == pytest.approx(question.criterion.cost(G)[0])
 
 

@@ -1,11 +1,9 @@
 """Rounding by the rule that is cited, and when ranks of planted values are uniform."""
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from identifiability.foundation.rounding import (
     format_count,
@@ -16,10 +14,7 @@ from identifiability.foundation.rounding import (
 )
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares
-from identifiability.posterior.exact import ExactSampler
 from identifiability.posterior.target import Prior, Target
-
-from ..posterior.ranking import Calibration, calibrate_posterior
 
 
 @pytest.mark.parametrize(
@@ -70,27 +65,6 @@ def test_counts_agree_with_their_noun_and_lists_say_how_many_are_left_out():
 # --- ranks ------------------------------------------------------------------------------------
 
 
-def test_ranks_are_compared_with_bins_of_the_size_that_they_have():
-    """32 ranks in 5 bins: 7, 6, 7, 6, 6 ranks each, so equal counts are not what is expected."""
-    draws, bins = 31, 5
-    edges = np.linspace(0, 32, bins + 1)
-    size = np.array([np.sum((np.arange(32) >= a) & (np.arange(32) < b))
-                     for a, b in itertools.pairwise(edges)])  # fmt: skip
-    assert size.tolist() == [7, 6, 7, 6, 6]
-    rng = np.random.default_rng(0)
-    ranks = np.stack([rng.integers(0, 32, 640), np.r_[np.arange(320) % 32, np.zeros(320, int)]], 1)
-    found = Calibration(ranks, draws).p_values(bins)
-    for column, p in zip(ranks.T, found, strict=True):
-        counts = [np.sum((column >= a) & (column < b))
-                  for a, b in itertools.pairwise(edges)]  # fmt: skip
-        expected = 640 * size / 32
-        chi = np.sum((counts - expected) ** 2 / expected)
-        assert p == pytest.approx(stats.chi2.sf(chi, bins - 1))
-    assert found[0] > 0.01 > found[1]
-    even = Calibration(np.tile(np.arange(32), 20)[:, None], draws)
-    assert even.p_values(bins)[0] == pytest.approx(1.0)
-
-
 def test_a_half_goes_to_the_even_digit():
     assert format_measured(1.2345, 0.035) == ("1.234", "0.035")
     assert format_measured(1.2355, 0.035) == ("1.236", "0.035")
@@ -122,20 +96,3 @@ def test_directions_that_the_data_do_not_see_have_no_gain_and_take_no_residual()
         phi = rng.standard_normal(3)
         direct = np.sum((R @ phi - one) ** 2) + k
         assert found.rss(target.to_eta(phi)[None])[0] == pytest.approx(direct)
-
-
-def test_ranks_are_uniform_however_slowly_the_chain_forgets(monkeypatch):
-    """A walk without any end: the first of its values would be its smallest or largest one.
-
-    The true value has a random place of its chain instead, forwards and backwards.
-    """
-    monkeypatch.setattr(
-        ExactSampler, "step", lambda self, eta, rng: eta + rng.standard_normal(eta.shape)
-    )
-    region = PhysicalSet(np.empty((0, 10), int), np.zeros(2, bool), columns=("a", "b"))
-    data = LeastSquares(np.eye(2), np.zeros(2), 50.0, 50.0)
-    target = Target(data, Prior(np.zeros(2), np.ones(2)), region)
-    found = calibrate_posterior(target, np.zeros(2), np.random.default_rng(0), replicates=2000)
-    assert found.ranks.min() == 0
-    assert found.ranks.max() == 31
-    assert (found.p_values(8) > 1e-3).all()

@@ -171,5 +171,7 @@ def test_bodies_and_results_that_do_not_fit_are_refused(fit, make_logs):
         payload(ARM, fit(ARM), log, body="link_7")
     with pytest.raises(IdentifiabilityError, match="stands on both sides"):
         payload(ARM, fit(ARM), log, log)
+    with pytest.raises(IdentifiabilityError, match="only where its mass is known"):
+        payload(ARM, log, log)
     with pytest.raises(IdentifiabilityError, match="about six-dof-arm, and the robot given"):
         payload("two-link", fit(ARM), make_logs("two-link")[1])

@@ -2,6 +2,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
+from identifiability.physical import project as pulled
 from identifiability.physical.cad_prior import CadPrior
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares
@@ -118,16 +119,11 @@ def test_a_badly_conditioned_problem_is_solved_where_its_square_could_not(rng):
     np.testing.assert_allclose(found.phi, truth, rtol=1e-4)
 
 
-@pytest.mark.parametrize("margin", [MARGIN, 1e-2])
-def test_without_a_prior_newton_s_method_ends_where_the_program_does(monkeypatch, pair, margin):
-    draws = [pair.data(np.random.default_rng(k), 0.05 + 0.05 * k) for k in range(8)]
-    program = Projection(pair.region, margin=margin)
+def test_newton_s_method_ends_where_the_general_solver_does(monkeypatch, pair, rng):
+    data, prior = pair.data(rng, 0.3), CadPrior(pair.phi * 1.2, 0.01)
     with monkeypatch.context() as only:
-        only.setattr("identifiability.physical.project._Program", None)
-        found = [program.solve(data) for data in draws]
-    monkeypatch.setattr(Projection, "_pull", lambda *_: None)
-    for data, ours in zip(draws, found, strict=True):
-        theirs = program.solve(data)
-        assert ours.excess == pytest.approx(theirs.excess, abs=1e-5 + theirs.gap)
-        assert ours.gap < 1e-6
-        assert ours.margins.min() > 0.999 * margin
+        only.setattr(pulled, "_Program", None)
+        hasty = project(data, pair.region, prior=prior)
+    monkeypatch.setattr(pulled, "pull", lambda *_: None)
+    patient = project(data, pair.region, prior=prior)
+    np.testing.assert_allclose(patient.phi, hasty.phi, rtol=1e-4, atol=1e-6)

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from identifiability import Analysis, Robot, analyze, diagnose, prune
+from identifiability import Analysis, Robot, analyze, diagnose, predict, prune
 from identifiability.cli import app
 from identifiability.foundation.errors import IdentifiabilityError, LogError
 from identifiability.foundation.numbers import REACH
@@ -200,3 +200,15 @@ def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path):
     np.testing.assert_allclose(half.predicted, whole.predicted, rtol=1e-12)
     assert not half.data[:, 0].any()
     assert np.isfinite(half.error_ra)
+
+
+def test_torque_moves_the_robot_as_it_moved(without_noise):
+    right, log = Robot.load("two-link"), without_noise("two-link", "a")
+    name = f"{right.bodies[-1]}.m"
+    heavy = right.with_values({name: 1.2 * right.nominal[name]})
+    found = predict(right, heavy, log, forward=True)
+    true, wrong = found.window_totals
+    assert true < 0.02  # of a torque that was sampled
+    assert wrong > 5 * true
+    assert found.answers()[1].short == "The measured torque."
+    assert found.answers()[0].short.startswith(f"{1e3 * true:.3g} mrad")

@@ -68,6 +68,12 @@ def test_every_model_below_the_first_has_a_move_a_reason_and_fewer_parameters(pr
     assert fitted[-1] > 0.9  # nothing predicts nothing
 
 
+def test_what_the_chosen_model_weighs_among_all_is_said(pruned):
+    assert 0 < pruned.chosen.weight <= 1
+    said = [n.text for n in pruned.cautions()]
+    assert any("of the weight of all models of the path" in text for text in said)
+
+
 def test_the_chosen_model_is_a_ladder_that_analyze_reads(pruned, simulated, tmp_path):
     path = pruned.write_model(tmp_path / "pruned.toml")
     again = analyze("3-rps", simulated("3-rps", "601", 0), ladder=path, replicates=20)

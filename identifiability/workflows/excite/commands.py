@@ -219,11 +219,12 @@ def _follow(machine: CommandedRobot, t: Array, targets: Array) -> tuple[Array, A
     q = machine.roll(log)[0]
     dt = float(t[1] - t[0])
     servo = machine.servo
-    gain = np.where(servo.kp > 0, servo.kp, servo.kv)
     dq = np.gradient(q, dt, axis=0)
     # A step acts at once, before the joint has moved.
     before = np.vstack([q[:1], q[:-1]])
-    torque = gain * acting(log, servo, t + 0.5 * dt, 1e-6, 0.0) - servo.kp * before - servo.kv * dq
+    torque = (
+        servo.gain * acting(log, servo, t + 0.5 * dt, 1e-6, 0.0) - servo.kp * before - servo.kv * dq
+    )
     return q, torque
 
 

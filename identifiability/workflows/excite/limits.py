@@ -1,8 +1,8 @@
-"""What a motion must keep: `Limits`, loops, leaps, boxes, drives and collisions.
+"""What a motion must keep: `Limits`, loops, leaps, drives and collisions.
 
-`Limits` say how far, how fast and how hard joints may move and where bodies may be. Beyond those
-of single joints, candidates may lose loops, leave boxes or ask too much of drives by the nominal
-model, and bodies may come near each other.
+`Limits` say how far, how fast and how hard joints may move. Beyond those of single joints,
+candidates may lose loops or ask too much of drives by the nominal model, and bodies may come near
+each other.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import pinocchio as pin
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from identifiability.effects import default_effects
-from identifiability.foundation.documents import Span, first_problem, read_document
+from identifiability.foundation.documents import first_problem, read_document
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import join
@@ -29,36 +29,21 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
 from identifiability.robot.closure import invert, loop_jacobian, passes_singular
 from identifiability.robot.files import body_of, read_geometry
-from identifiability.robot.kinematics import Point
 from identifiability.robot.rules import RULES as ROBOT_RULES
 from identifiability.robot.sidecar import LimitEntry
 from identifiability.simulation.motion import usual_limits
 from identifiability.workflows.excite.rules import RULES
 
-# `Limits`: how far, how fast and how hard the joints may move, and where bodies may be.
+# `Limits`: how far, how fast and how hard the joints may move.
 #
 # A limits file is TOML; every key is optional and replaces what the robot says::
 #
 # slider1 = {q = [0.62, 0.78], v = 0.16, a = 0.5} # actuated joint [rad or m, per s, per s²]
 # slider2 = {tau = 400, power = 150} # of its drive [N·m or N; W]
-#
-# [workspace.platform] # body: where one of its points may be [m] point = [0.2, 0.1, 0.0] # in the
-# body's frame (default: its origin) z = [0.5, 0.9] # world coordinates; x, y and z
 
 
 #: What these limits are called.
 KINDS = {"q": "range", "v": "speed", "a": "acceleration"}
-
-
-class BoxEntry(BaseModel):
-    """Where a point of a body may be, in the world."""
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-
-    point: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    x: Span | None = None
-    y: Span | None = None
-    z: Span | None = None
 
 
 class LimitsFile(BaseModel):
@@ -67,26 +52,14 @@ class LimitsFile(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     limits: dict[str, LimitEntry] = {}
-    workspace: dict[str, BoxEntry] = {}
 
     @model_validator(mode="before")
     @classmethod
     def _gather_joints(cls, content: Any) -> Any:
         if not isinstance(content, dict) or not isinstance(content.get("limits", {}), dict):
             return content
-        joints = {k: v for k, v in content.items() if k not in ("limits", "workspace")}
-        out = {"limits": {**content.get("limits", {}), **joints}}
-        return out | ({"workspace": content["workspace"]} if "workspace" in content else {})
-
-
-@frozen
-class Box:
-    """Where a point of a body may be: world coordinates between `low` and `high`, (3,) [m]."""
-
-    body: str
-    point: Point
-    low: Array
-    high: Array
+        joints = {k: v for k, v in content.items() if k != "limits"}
+        return {"limits": {**content.get("limits", {}), **joints}}
 
 
 def _endless() -> Array:
@@ -95,7 +68,7 @@ def _endless() -> Array:
 
 @frozen
 class Limits:
-    """Limits of the actuated joints and of the workspace.
+    """Limits of the actuated joints.
 
     Attributes
     ----------
@@ -104,7 +77,6 @@ class Limits:
     speed, acceleration : (n,) [rad/s or m/s; rad/s² or m/s²]
     torque, power : (n,) [N·m or N; W]
         Of the drives; infinite where nobody stated them.
-    boxes : tuple of Box
     closure_bound : float
         Largest condition number of the closure of a closed chain.
     assumed : tuple of str
@@ -118,7 +90,6 @@ class Limits:
     acceleration: Array
     torque: Array = field(default_factory=_endless)
     power: Array = field(default_factory=_endless)
-    boxes: tuple[Box, ...] = ()
     # Condition number that a motion stays below; above 1000 a configuration is near-singular.
     closure_bound: float = 300.0
     assumed: tuple[str, ...] = ()
@@ -163,7 +134,7 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
     Raises
     ------
     RobotError
-        If the file cannot be read, or names a joint or body that the robot does not have.
+        If the file cannot be read, or names a joint that the robot does not have.
     """
     if isinstance(given, Limits):
         if given.joints != robot.motor_joints or np.any(given.low >= given.high):
@@ -173,16 +144,13 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
             )
         return given
     source, entry = _read(given)
-    for what, names, known in (
-        ("actuated joint", entry.limits, robot.motor_joints),
-        ("body", entry.workspace, robot.bodies),
-    ):
-        for name in names:
-            if name not in known:
-                raise RobotError(
-                    f"{source}: '{name}' is no {what} of the robot{near_match(name, known)} Known "
-                    f"are {listing(known)}."
-                )
+    known = robot.motor_joints
+    for name in entry.limits:
+        if name not in known:
+            raise RobotError(
+                f"{source}: '{name}' is no actuated joint of the robot{near_match(name, known)} "
+                f"Known are {listing(known)}."
+            )
     motors = slice(len(robot.joints) - len(robot.motor_joints), None)
     usual = usual_limits(robot)
     own = {
@@ -217,7 +185,6 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
         acceleration=found["a"],
         torque=found["tau"],
         power=found["power"],
-        boxes=tuple(_box(robot, body, box) for body, box in entry.workspace.items()),
         assumed=tuple(assumed),
     )
 
@@ -232,15 +199,6 @@ def _read(given: Mapping[str, Any] | str | Path | None) -> tuple[str, LimitsFile
         return "The limits", LimitsFile.model_validate(dict(given))
     except ValidationError as problem:
         raise RobotError(f"The limits: {first_problem(problem, LimitsFile)}") from None
-
-
-def _box(robot: Robot, body: str, entry: BoxEntry) -> Box:
-    whole = robot.model.joints[robot.bodies.index(body) + 1]
-    end = whole.idx_v + whole.nv
-    joint = next(k for k, j in enumerate(robot.tree.joints) if j.iv + j.nv == end)
-    free = (-np.inf, np.inf)
-    span = np.array([free if s is None else s for s in (entry.x, entry.y, entry.z)])
-    return Box(body, Point(joint, np.array(entry.point)), span[:, 0], span[:, 1])
 
 
 # How near bodies of a robot that are not joined come to each other along a motion.
@@ -354,7 +312,7 @@ class Drive:
         return share
 
 
-# What candidate motions do beyond the limits of single joints: loops, leaps, boxes, drives.
+# What candidate motions do beyond the limits of single joints: loops, leaps, drives.
 
 
 #: Share of a bound from which on the search keeps away from it.
@@ -373,8 +331,6 @@ class Workspace:
         Largest condition number of the closure; 1 for an open chain.
     leaps : (m,) int
         Samples before which the dependent joints jump or pass a singular configuration.
-    outside : (m,)
-        Largest distance outside a box [m]; negative: the smallest distance inside.
     load : (m,)
         Largest share of a drive's torque or power that is asked for; zero where none is stated.
     """
@@ -382,22 +338,20 @@ class Workspace:
     open: np.ndarray
     condition: Array
     leaps: np.ndarray
-    outside: Array
     load: Array
 
     def kept(self, bound: float) -> np.ndarray:
         """Return whether candidates stay within the workspace, (m,) bool."""
         closed = (self.open == 0) & (self.leaps == 0) & (self.condition <= bound)
-        kept: np.ndarray = closed & (self.outside <= 0) & (self.load <= 1)
+        kept: np.ndarray = closed & (self.load <= 1)
         return kept
 
     def cost(self, bound: float) -> Array:
         """Return what is added to the cost of candidates, (m,): nothing well inside."""
         with np.errstate(divide="ignore"):
             near = np.maximum(np.log(np.minimum(self.condition, 1e12) / (INNER * bound)), 0.0)
-        room = np.maximum(self.outside + 1e-3, 0.0)  # a millimetre inside
         heavy = np.maximum(np.log(np.maximum(self.load, INNER) / INNER), 0.0)
-        cost: Array = 20 * near**2 + 200 * room + 5.0 * (self.leaps > 0) + 20 * heavy
+        cost: Array = 20 * near**2 + 5.0 * (self.leaps > 0) + 20 * heavy
         return cost
 
 
@@ -433,13 +387,10 @@ def survey(
         jump = _jumps(robot, motion, step) | passed
         same = which[1:] == which[:-1]
         leaps = np.bincount(which[1:], jump & same, count).astype(int)
-    outside = np.full(count, -np.inf)
-    for box in limits.boxes:
-        np.maximum.at(outside, which, _outside(robot, motion, box))
     load = np.zeros(count)
     if drive is not None:
         np.maximum.at(load, which, drive.load(motion))
-    return Workspace(missing, condition, leaps, outside, load)
+    return Workspace(missing, condition, leaps, load)
 
 
 def _closure(robot: Robot, motion: Motion, enough: float) -> tuple[Array, np.ndarray]:
@@ -466,10 +417,3 @@ def _jumps(robot: Robot, motion: Motion, step: float) -> np.ndarray:
             b = b * np.where(np.sum(a * b, 1, keepdims=True) < 0, -1.0, 1.0)
         far |= np.abs(a - b).max(1) > ROBOT_RULES.leap
     return far
-
-
-def _outside(robot: Robot, motion: Motion, box: Box) -> Array:
-    """Return how far the point of a box is outside at each sample, (N,) [m]."""
-    at = robot.tree.positions(motion.q, box.point)
-    distance: Array = np.maximum(at - box.high, box.low - at).max(1)
-    return distance

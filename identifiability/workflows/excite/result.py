@@ -142,8 +142,6 @@ class Excitation(Result):
     limits : Limits
     closure : float
         Largest condition number of the closure along the motion; 1 for an open chain.
-    room : float [m]
-        Least distance of the workspace's points from the walls of their boxes; infinite without.
     evaluations : int
         Motions looked at.
     seed : int
@@ -171,7 +169,6 @@ class Excitation(Result):
     after: Merit
     limits: Limits
     closure: float
-    room: float
     evaluations: int
     seed: int
     gap: float = np.inf
@@ -248,7 +245,7 @@ class Excitation(Result):
         raise LogError(
             f"No way from rest into {path.name} was found that keeps the limits of "
             f"{self.robot.name} and its bodies apart; search with slightly narrower limits of "
-            "position, speed, acceleration or workspace."
+            "position, speed or acceleration."
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -354,8 +351,6 @@ class Excitation(Result):
             ]
         if np.isfinite(self.gap):
             told.append(f"Bodies that are not joined keep {1000 * self.gap:.3g} mm apart")
-        if np.isfinite(self.room):
-            told.append(f"It stays {1000 * self.room:.3g} mm inside the workspace")
         if self.limits.assumed:
             told.append(f"Nobody stated the {self.limits.state_assumed()}, so these were assumed")
         return " ".join(f"{text}." for text in told)

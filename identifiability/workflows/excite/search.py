@@ -35,7 +35,7 @@ from identifiability.workflows.excite.rules import RULES
 # speed limit, and where in the room that is left the motion is centred. Whatever x is, its series
 # is scaled down into the limits of position, speed and acceleration, so an optimiser needs no
 # constraints [Swevers 1997]. What depends on the whole robot (loops, singular configurations,
-# boxes) is punished while searching and refused at the end.
+# drives) is punished while searching and refused at the end.
 #
 # A closure or a regressor costs about as much for one sample as for a hundred, so gradients by
 # finite differences are one batch: candidate and all its neighbours.
@@ -244,7 +244,7 @@ class Objective:
             missing = np.full(m, samples)
             nowhere = np.full(m, np.inf)
             G = np.repeat(known.G[None], m, 0)
-            return G, Workspace(missing, nowhere, missing, nowhere, nowhere)
+            return G, Workspace(missing, nowhere, missing, nowhere)
         step = self.series.period / samples
         space = survey(robot, self.limits, motion, samples, m, step, self.drive)
         W = self.question.model.regressor(robot, motion)[:, :, self.question.columns]

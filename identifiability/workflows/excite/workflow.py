@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from identifiability.foundation.engines.mapping import Engine, one_thread
-from identifiability.foundation.errors import ClosureError, LogError, listing
+from identifiability.foundation.errors import ClosureError, LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
     MOST_SAMPLES,
@@ -87,7 +87,7 @@ def excite(
     limits : Limits, mapping, path or None
         Replaces limits of the robot file: ``{"joint1": {"q": [-1, 1], "v": 2, "a": 10}}``, or a
         TOML file with JOINT = {q = [low, high], v = speed, a = acceleration, tau = torque,
-        power = power} and [workspace.BODY] x, y, z = [low, high].
+        power = power}.
     parameters : sequence of str, optional
         Base parameters about which the log-determinant of the information is made large; by
         default all.
@@ -224,7 +224,6 @@ def find_motion(
         after=_merit(question, G),
         limits=series.limits,
         closure=float(space.condition[0]),
-        room=float(-space.outside[0]),
         gap=gap,
         evaluations=found.evaluations,
         seed=seed,
@@ -247,13 +246,11 @@ def _best(
         if space.kept(objective.limits.closure_bound)[0] and gap >= RULES.clearance / 2:
             return x, G[0], space, gap
     robot, limits = objective.question.structure.robot, objective.limits
-    bodies = [box.body for box in limits.boxes]
     raise ClosureError(
-        f"No motion of {robot.name} was found that stays within the workspace (loops that close "
-        f"everywhere with a condition number below {limits.closure_bound:g}, bodies that keep "
-        f"{500 * RULES.clearance:g} mm from each other, {listing(bodies) or 'points'} within the "
-        "box); give narrower limits of the joints about its home position "
-        f"{robot.describe_home()}, a wider workspace, or a longer motion."
+        f"No motion of {robot.name} was found whose loops close everywhere with a condition number "
+        f"below {limits.closure_bound:g}, whose drives can do it and whose bodies keep "
+        f"{500 * RULES.clearance:g} mm from each other; give narrower limits of the joints about "
+        f"its home position {robot.describe_home()}, or a longer motion."
     )
 
 

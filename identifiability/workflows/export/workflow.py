@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import field, replace
 from pathlib import Path
 
@@ -39,19 +39,19 @@ from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.markup import LARGEST, SMALLEST
 from identifiability.robot.other_format import write_converted
-from identifiability.robot.servo import FOUND, Servo, state_delay
+from identifiability.robot.servo import state_delay
 from identifiability.robot.write import write_robot
 from identifiability.workflows.answers import hides_joints, list_worst
-from identifiability.workflows.predict import Entry, MissingEntry, RobotEntry, state_missing
+from identifiability.workflows.predict import (
+    Entry,
+    GravityEntry,
+    MissingEntry,
+    RobotEntry,
+    RolloutEntry,
+    state_missing,
+)
 
 # What is exported of a result: its JSON, checked against the robot.
-
-
-class GravityEntry(Entry):
-    """Where gravity points, if not as the robot file says."""
-
-    direction: tuple[float, float, float]
-    degrees: float
 
 
 class JointEntry(Entry):
@@ -83,28 +83,6 @@ class VerdictEntry(Entry):
 
     name: str
     verdict: str
-
-
-class RolloutEntry(Entry):
-    """How far rollouts of the robot are off."""
-
-    statement: str
-    logs: tuple[str, ...]
-    delays: tuple[float, ...]
-    gains: dict[str, dict[str, float]] = Field(default_factory=dict)
-
-    def settle(self, servo: Servo, joints: Sequence[str]) -> Servo:
-        """Return servos with the gains and limits that logs told."""
-        if not self.gains:
-            return servo
-        own = {k: np.array([of.get(j, np.inf) for j in joints]) for k, of in self.gains.items()}
-        source = FOUND if "kp" in own else servo.source
-        return replace(servo.having(own), source=source)
-
-    @property
-    def delay(self) -> float:
-        """Time from a command's row in a log until it acts, in the middle of the logs [s]."""
-        return float(np.median(self.delays))
 
 
 class Result(Entry):

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import field, replace
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -31,8 +30,6 @@ from identifiability.estimation.evidence import (
 )
 from identifiability.estimation.instrumental import combine
 from identifiability.estimation.refits import Equations, Refits
-from identifiability.foundation.engines.local import Serial
-from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -104,8 +101,6 @@ class WhitenedRegression:
     variation : (n,) [torque²]
         Of the torque of each joint about its mean: the scale of its errors.
     folds : Folds
-    samples : int
-        Of the logs.
     refitter : Equations
         What refits.
     """
@@ -120,10 +115,9 @@ class WhitenedRegression:
     seen: Array
     variation: Array
     folds: Folds
-    samples: int
     refitter: Equations
 
-    def _see(self, tests: Sequence[Array], weights: Array) -> Array:
+    def _see(self, tests: Sequence[Array]) -> Array:
         """Return what densities are of, ``[Y, e]ᵀ [Y, e]`` of each fold, (F, k + 1, k + 1).
 
         Noise in the motion is in columns and errors alike: a model that fits it would predict the
@@ -135,26 +129,19 @@ class WhitenedRegression:
             return np.asarray(sum(basis.T @ test @ basis / noise for test, basis, noise in each))
         k, out = len(self.centre), []
         for f in range(self.folds.count):
-            own = np.tensordot((self.folds.test == f) * weights, self.seen, 1)
+            own = np.tensordot((self.folds.test == f).astype(float), self.seen, 1)
             values, vectors = np.linalg.eigh(own[:, :k])
             good = values > UNSEEN * values.max(initial=0.0)
             half = (vectors[:, good] / np.sqrt(values[good])).T @ own[:, k:]
             out.append(half.T @ half)
         return np.stack(out)
 
-    def fit(self, counts: Array | None = None) -> FoldFits:
-        """Return the fits of all columns to everything and to each fold's rest.
-
-        Parameters
-        ----------
-        counts : (B,), optional
-            How often each block counts, for a bootstrap replicate.
-        """
+    def fit(self) -> FoldFits:
+        """Return the fits of all columns to everything and to each fold's rest."""
         folds = self.folds
-        weights = np.ones(len(folds.test)) if counts is None else counts
-        tests = tuple(part.merge_weighted(folds.test, weights) for part in self.parts)
-        refits = self.refitter.start(folds.train, counts)
-        return FoldFits(self, tests, self._see(tests, weights), refits)
+        once = np.ones(len(folds.test))
+        tests = tuple(part.merge_weighted(folds.test, once) for part in self.parts)
+        return FoldFits(self, tests, self._see(tests), self.refitter.start(folds.train))
 
 
 @frozen
@@ -270,7 +257,6 @@ def whiten_regression(
         seen=seen,
         variation=squares if variation is None else variation,
         folds=Folds.of(information, float(np.max(full.times))),
-        samples=information.samples,
         refitter=Equations.of(information, full, R, inverse),
     )
 
@@ -433,7 +419,6 @@ class Search:
     full : Estimate
         Of the starting model.
     whitened : WhitenedRegression
-    plan : Plan
     steps : tuple of Step
         Most parameters first.
     refused : tuple of Refusal
@@ -442,7 +427,6 @@ class Search:
 
     full: Estimate
     whitened: WhitenedRegression
-    plan: Plan
     steps: tuple[Step, ...]
     refused: tuple[Refusal, ...] = ()
 
@@ -490,7 +474,7 @@ def find_path(
         why = "The motion does not excite it, or only together with what is left"
         steps.insert(0, replace(first, move=Move(Kind.UNEXCITED, idle, why=why)))
         first = replace(first, partition=Partition.of(full.columns))
-    return Search(full, whitened, plan, (first, *steps), tuple(refused))
+    return Search(full, whitened, (first, *steps), tuple(refused))
 
 
 def first_allowed(steps: Sequence[Step]) -> int:
@@ -512,106 +496,8 @@ def good_steps(steps: Sequence[Step]) -> list[int]:
     return [k for k in down if may_stand(steps[k].score, best)]
 
 
-# How much of a pruned model is the robot, and how much the luck of one log.
-#
-# The whole path, from the unpruned model to the chosen model, is walked again on resampled blocks
-# of time. The selection is part of what is resampled, so the answer speaks of it, not of one fixed
-# model.
-
-
-#: Replicates that one item of an engine walks, some tenths of a second.
-BATCH = 10
-
-
-@frozen
-class Stability:
-    """What the replicates chose.
-
-    Attributes
-    ----------
-    columns : tuple of str
-        Of the starting model.
-    survives : (k,)
-        Share of replicates in which a column is not zero.
-    sizes : (replicates,) int
-        Number of parameters chosen.
-    same : float
-        Share of replicates that chose exactly the columns that the logs themselves chose.
-    """
-
-    columns: tuple[str, ...]
-    survives: np.ndarray
-    sizes: np.ndarray
-    same: float
-
-    @property
-    def replicates(self) -> int:
-        """Number of replicates."""
-        return len(self.sizes)
-
-    @property
-    def statement(self) -> str:
-        """The answer in one sentence."""
-        if not self.replicates:
-            return "No log was resampled, so nothing is known of the stability of the choice."
-        low, high = np.round(np.quantile(self.sizes, [0.05, 0.95]))
-        sizes = f"90 % to {low:.0f} to {high:.0f}" if high > low else f"at least 90 % to {low:.0f}"
-        return (
-            f"Of {self.replicates} resampled logs {100 * self.same:.0f} % lead to exactly this "
-            f"model, and {sizes} parameters."
-        )
-
-
-def assess_stability(
-    search: Search,
-    chosen: Partition,
-    rng: np.random.Generator,
-    *,
-    replicates: int,
-    length: float,
-    progress: Steps | None = None,
-    engine: Engine | None = None,
-) -> Stability:
-    """Walk the path again on resampled logs.
-
-    Parameters
-    ----------
-    search : Search
-    chosen : Partition
-        What the logs themselves chose.
-    rng : numpy.random.Generator
-    replicates : int
-    length : float
-        Samples a block must have at least to be nearly independent of the next.
-    progress : callable(int, int), optional
-    engine : Engine, optional
-        Where the replicates are walked; by default here.
-    """
-    own = search.whitened
-    unit = _units(own, max(1, round(length * len(own.folds.test) / max(own.samples, 1))))
-    count = int(unit.max()) + 1
-    # Drawn here, so that a replicate is the same whoever walks it.
-    draws = rng.multinomial(count, np.full(count, 1 / count), size=replicates)
-    items = [draws[k : k + BATCH] for k in range(0, replicates, BATCH)]
-    parts = (engine or Serial()).map(partial(_walk_again, search, unit), items, progress=progress)
-    drawn = np.array([group for part in parts for group in part]).reshape(-1, len(chosen.columns))
-    return Stability(
-        columns=chosen.columns,
-        survives=(drawn != ZERO).mean(0) if replicates else np.full(len(chosen.columns), np.nan),
-        sizes=(drawn == np.arange(len(chosen.columns))).sum(1),
-        same=float((drawn == chosen.group).all(1).mean()) if replicates else np.nan,
-    )
-
-
-#: Columns up to which the path is walked as often as was asked, how often it is walked at least,
-#: and models up to which all are measured: these take a time with the third power of the columns.
-WALKED, FEWEST_WALKS, MEASURED = 128, 8, 64
-
-
-def count_walks(search: Search, draws: int) -> int:
-    """Return how many resampled logs the path is walked on, of so many where it costs little."""
-    share = (WALKED / max(len(search.whitened.centre), WALKED)) ** 3
-    return max(min(draws, FEWEST_WALKS), round(draws * share))
+#: Models up to which all are measured: each takes a time with the third power of its columns.
+MEASURED = 64
 
 
 def thin_path(search: Search, chosen: int) -> tuple[Search, int, str]:
@@ -633,33 +519,3 @@ def thin_path(search: Search, chosen: int) -> tuple[Search, int, str]:
     kept = sorted({*range(first + 1), chosen, *best.tolist()})
     said = f"Of the {len(steps)} models of the path the {len(kept)} that predict best are shown."
     return replace(search, steps=tuple(steps[k] for k in kept)), kept.index(chosen), said
-
-
-def _walk_again(search: Search, unit: np.ndarray, draws: np.ndarray) -> list[np.ndarray]:
-    """Return the groups of columns that some replicates choose.
-
-    Parameters
-    ----------
-    search : Search
-    unit : (B,) int
-        Of each block.
-    draws : (r, units) int
-        How often each replicate draws a unit.
-    """
-    chosen = []
-    for row in draws:
-        steps, _ = walk(search.whitened.fit(row[unit].astype(float)), search.plan)
-        chosen.append(steps[good_steps(steps)[0]].partition.group)
-    return chosen
-
-
-def _units(own: WhitenedRegression, blocks: int) -> np.ndarray:
-    """Return the unit of resampling of each block: runs of `blocks` within a fold."""
-    test, at = own.folds.test, 0
-    unit = np.empty(len(test), int)
-    for f in range(own.folds.count):
-        rows = np.flatnonzero(test == f)
-        runs = max(1, len(rows) // blocks)
-        unit[rows] = at + np.arange(len(rows)) * runs // len(rows)
-        at += runs
-    return unit

@@ -16,13 +16,7 @@ from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.output import write_text
-from identifiability.foundation.rounding import (
-    NONE,
-    digits,
-    error_text,
-    format_number,
-    percent_text,
-)
+from identifiability.foundation.rounding import digits, error_text, format_number, percent_text
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import (
@@ -55,8 +49,7 @@ from identifiability.workflows.commands import (
     on_file,
     source_name,
 )
-from identifiability.workflows.prune.elimination import Refusal, Stability, Step
-from identifiability.workflows.prune.moves import Partition
+from identifiability.workflows.prune.elimination import Refusal, Step
 
 # The models of the ladder: models on the way down, with what is said of each.
 
@@ -180,7 +173,6 @@ class Ladder(Laddered, Measured):
         The model to use, and the one with the least held-out error.
     refused : tuple of Refusal
         Suggested moves that the data contradict.
-    stability : Stability
     source : LadderSource
         Where the model that pruning started from came from.
     """
@@ -191,7 +183,6 @@ class Ladder(Laddered, Measured):
     start: Submodel
     least: int
     refused: tuple[Refusal, ...]
-    stability: Stability
     source: LadderSource
 
     @property
@@ -218,11 +209,6 @@ class Ladder(Laddered, Measured):
     def feasible(self) -> bool:
         """Whether a real robot can have the values of the model to use."""
         return self.result.feasible
-
-    @property
-    def partition(self) -> Partition:
-        """What became of each column of the starting model."""
-        return self.chosen.step.partition
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what to use, how good it is, whether to trust it, what to do next."""
@@ -265,17 +251,12 @@ class Ladder(Laddered, Measured):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain values."""
-        told, stability = super().to_dict(), self.stability
-        survives = zip(stability.columns, stability.survives.tolist(), strict=True)
+        told = super().to_dict()
         return told | {
             "refused": [
                 {"move": r.move.text, "why": r.move.why, "reason": r.reason} for r in self.refused
             ],
-            "stability": {
-                "replicates": stability.replicates,
-                "same": stability.same,
-                "survives": dict(survives),
-            },
+            "stability": None,  # gone with the next release
             "absorption": [],  # gone with the next release
             "physical": {"sentence": self.result.physical.sentence, **told["physical"]},
             "ladder": self.model_text,
@@ -362,18 +343,14 @@ def _notes(ladder: Ladder) -> Iterator[Note]:
         yield note("mass", warning=ladder.mass_warning)
     if not ladder.nothing:
         yield from physics_notes(ladder.result)
-    kind = "stable" if ladder.stability.same > 0.5 else "unstable"
-    yield note(kind, statement=ladder.stability.statement)
+    kind = "stable" if ladder.chosen.weight > 0.5 else "unstable"
+    yield note(kind, weight=percent(ladder.chosen.weight, 2))
     yield from (note("hint", hint=hint) for hint in ladder.hints)
 
 
 def _move_cell(r: PrunedModel) -> Cell:
     move = r.step.move
     return Cell(f"{move.kind.value}: {move.text}" if move is not None else r.name, note=r.reason)
-
-
-def _spread_cell(r: PrunedModel) -> Cell:
-    return Cell(f"± {percent(r.error_se, 2)}" if r.error_se > 0 else NONE, r.error_se)
 
 
 def _worst_cell(r: PrunedModel) -> Cell:
@@ -394,7 +371,6 @@ MOVES = with_hints(
     Column("identifiable", "number", found_cell),
     Column("fitted", error_text, "error_ra"),
     Column("unseen", error_text, "error_ra_unseen"),
-    Column("± SE", "error", _spread_cell, detail=True),
     Column("density [nats]", digits(3), "density"),
     Column("weight", digits(2), "weight", detail=True),
     Column("worst σ%", "number", _worst_cell),

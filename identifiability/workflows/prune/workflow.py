@@ -72,9 +72,7 @@ from identifiability.workflows.opening import Logs, Progress, find_missing, quie
 from identifiability.workflows.prune.elimination import (
     Search,
     Step,
-    assess_stability,
     best_step,
-    count_walks,
     find_path,
     first_allowed,
     good_steps,
@@ -132,8 +130,7 @@ def prune(
     estimator : {"auto", "ls", "iv"}
         As for `analyze`.
     replicates : int, optional
-        Resampled logs on which the pruning is repeated; by default 200, or 20 if `quick`, and fewer
-        of more than 128 parameters.
+        Resampled logs of the bootstrap beside σ; by default 200, or 20 if `quick`.
     cad_prior : float, optional
         As for `analyze`: keeps the nearest real robot near the robot file.
     prior : float, optional
@@ -143,8 +140,8 @@ def prune(
     progress : callable(str, float), optional
         Called with what is being done and the share that is done.
     engine : Engine, optional
-        Where stretches of logs that are too long for memory are worked on, and the resampled logs
-        are pruned; by default in several processes and here. The result does not depend on it.
+        Where stretches of logs that are too long for memory are worked on; by default in several
+        processes. The result does not depend on it.
     quick : bool
         Fewer replicates, where nobody says how many.
 
@@ -155,7 +152,7 @@ def prune(
     """
     say, base = progress or quiet, find_estimator(method)
     draws = settle_count(replicates, 200, 20, quick=quick)
-    streams = np.random.default_rng(seed).spawn(4)
+    streams = np.random.default_rng(seed).spawn(3)
     with one_thread("blas"):
         with running(engine) as runner:
             robot = Robot.of(robot)
@@ -192,18 +189,8 @@ def prune(
                 replicates=draws,
                 rng=streams[2],
                 engine=runner,
-                progress=share(say, "measuring errors", 0.5, 0.7),
+                progress=share(say, "measuring errors", 0.5, 1.0),
             )
-        say("resampling", 0.7)
-        stability = assess_stability(
-            search,
-            measured.models[selected].step.partition,
-            streams[3],
-            replicates=count_walks(search, draws) if replicates is None else draws,
-            length=measured.result.fit.block,
-            progress=share(say, "resampling", 0.7, 1.0),
-            engine=engine,
-        )
         hints = _hint(session, rows, measured, contradicted)
         return Ladder(
             structure=session.structure,
@@ -216,7 +203,6 @@ def prune(
             selected=selected,
             least=best_step(search.steps),
             refused=search.refused,
-            stability=stability,
             moved=session.recordings.measure_rollouts(
                 session.structure.robot, measured.result.physical.parameters()
             ),

@@ -1,4 +1,4 @@
-"""How stable the choice is, and models as reductions of one another."""
+"""The rest of a path, and models as reductions of one another."""
 
 import numpy as np
 import pytest
@@ -6,13 +6,7 @@ import pytest
 from identifiability.estimation.estimate import estimate
 from identifiability.regression.reduction import Submodel
 from identifiability.workflows.prune import elimination
-from identifiability.workflows.prune.elimination import (
-    Stability,
-    assess_stability,
-    count_walks,
-    find_path,
-    thin_path,
-)
+from identifiability.workflows.prune.elimination import find_path, thin_path
 
 from .made import gather
 
@@ -33,63 +27,6 @@ def full_model(k=4):
         name="full", description="", columns=NAMES[:k], labels=NAMES[:k], units=("kg",) * k,
         M=np.eye(k), fixed=np.zeros(k), nonnegative=np.array([True, False, False, True])[:k],
     )  # fmt: skip
-
-
-# Stability
-
-
-class Once:
-    """Draws every unit once: the log itself."""
-
-    def multinomial(self, count, _, size):
-        self.count = count
-        return np.ones((size, count), int)
-
-
-def planted(samples=640, unseen=None):
-    rng = np.random.default_rng(2)
-    W = rng.normal(size=(samples, 1, 4))
-    tau = W @ [2.0, 0.0, 1.0, 0.0] + 0.3 * rng.normal(size=(samples, 1))
-    return find_path(gather(W, tau, size=5, columns=NAMES))
-
-
-def stability(search, rng, length=5.0, replicates=20):
-    chosen = search.steps[search.choose()].partition
-    return chosen, assess_stability(search, chosen, rng, replicates=replicates, length=length)
-
-
-def test_a_replicate_that_draws_every_unit_once_chooses_what_the_log_chose():
-    chosen, found = stability(planted(), Once())
-    assert found.same == 1.0
-    np.testing.assert_array_equal(found.survives, chosen.group >= 0)
-    np.testing.assert_array_equal(found.sizes, len(chosen))
-
-
-@pytest.mark.parametrize(
-    ("length", "units"), [(5.0, 128), (10.0, 60), (20.0, 30), (40.0, 10), (1e3, 10)]
-)
-def test_units_of_resampling_are_as_long_as_memory_asks_within_a_stretch(length, units):
-    rng = Once()
-    stability(planted(), rng, length, replicates=1)
-    assert rng.count == units
-
-
-def test_what_the_logs_surely_show_is_chosen_in_every_replicate():
-    _, found = stability(planted(), np.random.default_rng(0), replicates=60)
-    assert found.survives[0] == found.survives[2] == 1.0
-    assert found.survives[1] < 0.6
-    assert found.survives[3] < 0.6
-    assert found.same > 0.4
-    assert found.replicates == 60
-
-
-def test_the_statement_says_how_sizes_vary():
-    sizes = np.array([1] + [2] * 9 + [3] * 9 + [4])
-    assert Stability(NAMES, np.array([1.0, 0.5, 0.11, 0.0]), sizes, 0.25).statement == (
-        "Of 20 resampled logs 25 % lead to exactly this model, and 90 % to 2 to 3 parameters."
-    )
-    none = Stability(NAMES, np.full(4, np.nan), np.array([], int), np.nan)
-    assert "No log was resampled" in none.statement
 
 
 def test_a_path_over_excited_columns_is_one_over_all():
@@ -136,11 +73,3 @@ def test_of_a_long_path_the_best_and_some_others_are_measured(rows, monkeypatch)
     assert [steps.index(s) for s in thinned.steps] == kept
     assert kept[chosen] == 3
     assert said.startswith(f"Of the 5 models of the path the {len(kept)} that predict best")
-
-
-def test_a_path_of_many_columns_is_walked_less_often(rows, monkeypatch):
-    search = find_path(gather(*rows, columns=NAMES))
-    assert count_walks(search, 200) == 200
-    monkeypatch.setattr(elimination, "WALKED", 2)
-    assert count_walks(search, 200) == 25
-    assert count_walks(search, 5) == 5
