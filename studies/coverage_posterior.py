@@ -9,7 +9,7 @@ what it would say if it stated all of them, stand beside the coverage.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +18,8 @@ import pandas as pd
 from shared import study_parser
 
 from identifiability.estimation.estimate import find_estimator
-from identifiability.estimation.least_squares import refit
+from identifiability.estimation.fit import Fit
 from identifiability.estimation.noise import ResidualNoise, autocorrelation_time
-from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.output import write_json
 from identifiability.physical.fitted_model import FittedModel
@@ -125,7 +124,7 @@ class Subject:
             self.analysis.structure, self.full.submodel, whole, find_estimator("wls")
         )
         part, fit = model.information, model.estimate
-        spread = assess_uncertainty(part, fit, rng, 200)
+        spread = Fit.of(part, fit, rng, 200)
         held = {"robust interval": np.abs(fit.value - self.truth) <= REACH * spread.robust}
         before, sd = self._before(part, tau)
         held["one mean time"] = np.abs(before - self.truth) <= REACH * sd
@@ -144,7 +143,8 @@ class Subject:
         W = self.base @ self.full.submodel.M
         left = tau - self.base @ self.full.submodel.fixed - W @ plain.value
         weights = 1.0 / np.mean(left**2, axis=0)
-        value = refit(part, weights, np.ones((1, len(part.counts))))[0]
+        even = np.ones((1, len(part.counts)))
+        value = plain.estimator.refit(part, replace(plain, weights=weights), even)[0]
         left = tau - self.base @ self.full.submodel.fixed - W @ value
         G = np.einsum("tnk,n,tnl->kl", W, weights, W)
         scale = float(weights @ (left**2).sum(0)) / (part.rows - part.size)

@@ -79,11 +79,13 @@ def test_correlated_parameters_are_those_that_hang_together(result, robot):
 
 
 def test_intervals_hold_over_the_nearest_real_robot_where_it_predicts_as_well(result):
-    as_good = [m for m in result.models if m.physical_as_good]
+    as_good = [m for m in result.models if m.physical.as_good]
     assert as_good
     for model in as_good:
         apart = np.abs(model.physical.value - model.estimate.value)
-        robust = model.uncertainty.robust
+        robust = model.fit.robust
         assert (robust >= apart)[model.estimate.determined].all()
-        without = replace(model.uncertainty, real=None).robust
+        without = replace(
+            model.fit, shared={k: x for k, x in model.fit.shared.items() if k != "prior"}
+        ).robust
         np.testing.assert_allclose(np.hypot(without, apart), robust, rtol=1e-9)

@@ -108,7 +108,7 @@ def test_true_robots_are_possible_and_scatter_around_what_file_and_log_say(log):
     np.testing.assert_allclose(
         np.linalg.pinv(analysis.chosen.submodel.M) @ centre,
         analysis.chosen.estimate.value,
-        atol=2 * analysis.chosen.uncertainty.robust.max(),
+        atol=2 * analysis.chosen.fit.robust.max(),
     )
     fc = [structure.base.names.index(f"elbow.Fc{s}") for s in "+-"]
     assert centre[fc[0]] == pytest.approx(centre[fc[1]])

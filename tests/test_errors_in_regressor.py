@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import scipy
 
-from identifiability.estimation.bootstrap import scatter_scores
-from identifiability.estimation.estimate import choose_estimator
+from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.fit import scatter_scores
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
@@ -39,7 +39,7 @@ def test_additive_noise_of_velocities_does_not_bias_friction(simulated_session):
         samples = prepare_log(robot, log)
         samples = add_instrument(robot, log, samples) or samples
         information = gather_information(structure.regression([samples]))
-        fit = choose_estimator("wls", "iv", instruments=True).fit(information)
+        fit = Estimator(instruments=True).fit(information)
         sigma = scatter_scores(information, fit, 1.0).widened
         off.append((fit.value - structure.nominal_base) / sigma)
     assert np.mean(np.abs(off) <= 1.96) >= 0.85  # .70 with signs of the measured velocity

@@ -16,7 +16,6 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation.motion import find_motion
 from identifiability.workflows.analyze import analyze
-from identifiability.workflows.analyze.assessment import state_limbs
 from identifiability.workflows.excite import excite
 
 BODY = """<mujoco model="body"><option timestep="0.001" integrator="RK4"/><worldbody>
@@ -275,14 +274,3 @@ def test_what_does_not_know_bases_that_move_says_so(body, tmp_path):
     saved = Robot.load(stands.save(tmp_path / "saved.xml"))
     assert saved.base is None
     assert Robot.load(robot.save(tmp_path / "moves.xml")).joints == robot.joints
-
-
-def test_base_and_limbs_are_weighed_each_with_all_that_hangs_on_it(tmp_path):
-    robot = walker(tmp_path, "")
-    told = state_limbs(robot, {**robot.nominal, "left.m": 1.25})
-    assert "trunk 5 (5), left 1.25 (1), right 1 (1) kg" in told
-    inner = '<body name="foot"><joint name="f"/><inertial pos="0 0 0" mass=".5" {}/></body></body>'
-    text = robot.path.read_text().replace("</body>", inner.format('diaginertia="1 1 1"'), 1)
-    text = text.replace("</actuator>", '<motor joint="f"/></actuator>')
-    robot.path.write_text(text)
-    assert "left 1.5 (1.5)" in state_limbs(Robot.load(robot.path), Robot.load(robot.path).nominal)

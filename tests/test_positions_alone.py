@@ -51,6 +51,22 @@ def measure(exact, seed, step=0.0):
     return replace(exact, name="run", q=q, tau=tau, dq=None, ddq=None)
 
 
+def test_noise_that_a_cutoff_lets_in_is_in_the_intervals(exact):
+    held, biased = [], []
+    for seed in range(3):
+        told = analyze("two-link", measure(exact, seed), preparation=HOW, replicates=0)
+        found = told.full
+        apart = told.structure.nominal_base - found.submodel.fixed
+        truth = np.linalg.lstsq(found.submodel.M, apart, rcond=None)[0]
+        for v, x in zip(found.verdicts, truth, strict=True):
+            held.append(v.interval95[0] <= x <= v.interval95[1])
+            alone = 1.96 * np.hypot(v.terms["noise"], v.terms["omitted"])
+            biased.append(abs(v.value - x) > alone)
+    assert np.mean(held) >= 0.95
+    assert np.mean(biased) > 0.05  # else nothing would be tested
+    assert not analyze("two-link", measure(exact, 0), replicates=0).full.fit.shared.get("bias")
+
+
 def test_two_logs_of_one_motion_are_each_other_s_instruments_also_when_measured_anew(exact):
     logs = [replace(measure(exact, seed).rows(0, 2500), name=f"run {seed}") for seed in (0, 1)]
     found = analyze("two-link", logs, preparation=HOW, replicates=0)

@@ -1,4 +1,4 @@
-"""From information to an estimate, by any estimator that is known by name."""
+"""From information to an estimate, by an estimator that is known by name."""
 
 from __future__ import annotations
 
@@ -8,15 +8,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
-from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.estimator import Estimate, Estimator, Noise
 from identifiability.estimation.evidence import Folds, Score
-from identifiability.estimation.instrumental import InstrumentalVariables
-from identifiability.estimation.least_squares import BY_NAME, Noise, OrdinaryLeastSquares
 from identifiability.estimation.rules import RULES, Thresholds
-from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.errors import LogError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.options import EstimatorKind, OptionError, check_choice, checked
+from identifiability.foundation.options import EstimatorKind, check_choice, checked
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
@@ -24,12 +22,9 @@ from identifiability.regression.information import Information
 #: An estimator, or its name.
 Method = str | Estimator
 
-ESTIMATORS: dict[str, Estimator] = {e.name: e for e in BY_NAME}
-
-
-def register_estimator(estimator: Estimator) -> None:
-    """Let an estimator be asked for by its name."""
-    ESTIMATORS[estimator.name] = estimator
+#: ``ols`` reproduces the literature (one variance for all actuators); ``wls`` is the better one
+#: whenever joints differ in size or in what their noise remembers.
+ESTIMATORS: dict[str, Estimator] = {e.name: e for e in (Estimator(weighted=False), Estimator())}
 
 
 def find_estimator(method: Method) -> Estimator:
@@ -38,16 +33,9 @@ def find_estimator(method: Method) -> Estimator:
     Raises
     ------
     OptionError
-        If there is none, with those that there are; if an estimator of the user's lacks a method.
+        If there is none, with those that there are.
     """
-    if not isinstance(method, str):
-        asked = [n for n, f in vars(Estimator).items() if callable(f) and not n.startswith("_")]
-        if missing := [n for n in asked if not callable(getattr(method, n, None))]:
-            raise OptionError(
-                f"The estimator '{getattr(method, 'name', method)}' has no method "
-                f"{listing(missing)}; identifiability.estimation.estimator.Estimator says what "
-                "each returns."
-            )
+    if isinstance(method, Estimator):
         return method
     check_choice("method", method, tuple(ESTIMATORS))
     return ESTIMATORS[method]
@@ -58,39 +46,13 @@ def find_estimator(method: Method) -> Estimator:
 Kind = EstimatorKind
 
 
-def choose_estimator(method: Method, kind: Kind, *, instruments: bool) -> Estimator:
-    """Return the estimator of a method that weighs actuators and of a kind.
-
-    Parameters
-    ----------
-    method : str or Estimator
-    kind : {"auto", "ls", "iv"}
-    instruments : bool
-        Whether there are any.
-
-    Raises
-    ------
-    OptionError
-        If instruments cannot be combined with the method.
-    """
-    base = find_estimator(method)
-    if isinstance(base, OrdinaryLeastSquares):
-        return InstrumentalVariables(base) if instruments else base
-    if kind != "auto":
-        raise OptionError(
-            f"The estimator '{kind}' weighs actuators by the method 'wls' or 'ols', and "
-            f"'{base.name}' is neither: choose one of them, or leave out the estimator."
-        )
-    return base
-
-
 def settle_noise(estimator: Estimator, whole: Information) -> Estimator:
     """Return the estimator with the noise of the logs, for all models of them.
 
     A model that leaves something out leaves it in the residual, where it looks like noise, slow
     noise above all: a constant torque remembers for ever. Noise is a property of the logs, so it is
-    measured once, beside all columns. Where too few outputs are independent to fit all columns, and
-    for other estimators, each model measures its own.
+    measured once, beside all columns. Where too few outputs are independent to fit all columns each
+    model measures its own.
 
     Parameters
     ----------
@@ -98,25 +60,9 @@ def settle_noise(estimator: Estimator, whole: Information) -> Estimator:
     whole : Information
         About all columns.
     """
-    fresh = forget_noise(estimator)
-    plain = fresh.base if isinstance(fresh, InstrumentalVariables) else fresh
-    if not isinstance(plain, OrdinaryLeastSquares):
-        return fresh
-    fit = fit_whole(plain, whole)
-    return fresh if fit is None else _with_noise(fresh, Noise(fit.variance, fit.times))
-
-
-def forget_noise(estimator: Estimator) -> Estimator:
-    """Return the estimator that measures the noise of what it fits, a part of the logs say."""
-    return _with_noise(estimator, None)
-
-
-def _with_noise(estimator: Estimator, noise: Noise | None) -> Estimator:
-    if isinstance(estimator, InstrumentalVariables):
-        return replace(estimator, base=replace(estimator.base, noise=noise))
-    if isinstance(estimator, OrdinaryLeastSquares):
-        return replace(estimator, noise=noise)
-    return estimator
+    fresh = replace(estimator, noise=None)
+    fit = fit_whole(replace(fresh, instruments=False), whole)
+    return fresh if fit is None else replace(fresh, noise=Noise(fit.variance, fit.times))
 
 
 def fit_whole(estimator: Estimator, whole: Information) -> Estimate | None:

@@ -43,8 +43,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import stdtrit
 
-from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.least_squares import Noise
+from identifiability.estimation.estimator import Estimate, Noise
 from identifiability.estimation.refits import RIDGE
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
@@ -641,11 +640,6 @@ class Mixture:
     sigma: Array
     low: Array
     high: Array
-
-    def disagree(self, sigma: Array, share: float) -> np.ndarray:
-        """Return the labels that models move by more than a share of a standard deviation (k,)."""
-        far: np.ndarray = np.maximum(self.sigma**2 - sigma**2, 0.0) > (share * sigma) ** 2
-        return far
 
 
 #: Share of the weight that models which are not spoken of carry together.

@@ -155,9 +155,9 @@ class Excerpt:
     @staticmethod
     def of(regression: Regression, most: tuple[int, int, int] | None = None) -> Excerpt:
         """Return the rows of a regression by least squares, an excerpt of more than so many."""
-        plain = replace(regression, instruments=None, echo=None)
-        if regression.instruments is None and regression.echo is None:
-            plain = regression
+        plain = regression
+        if regression.instruments is not None:
+            plain = replace(regression, instruments=None)
         windows = choose_within(plain.windows, most or EXCERPT)
         chunks: list[Chunk] = []
         pieces: list[Piece] = []

@@ -7,18 +7,9 @@ would have been believed [Hausman 1978].
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from identifiability.estimation.estimator import Estimate, correct
-from identifiability.estimation.least_squares import (
-    OrdinaryLeastSquares,
-    WeightedLeastSquares,
-    correct_leverage,
-    noise_scale,
-)
-from identifiability.foundation.linalg import few_at_once, solve_each, triangular_factor
+from identifiability.foundation.linalg import few_at_once
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -113,101 +104,31 @@ def combine(information: Information, weights: Array) -> Combined:
     return found
 
 
-@frozen
-class InstrumentalVariables:
-    """Instrumental variables in the directions in which instruments are strong.
+# What a block of time does to a fit, as if it had not pulled the fit towards itself.
 
-    Information without instruments is fitted by least squares.
 
-    Attributes
+#: What a block leaves of a direction that it determines almost alone is raised to this.
+ALONE: Tolerance = 0.05
+
+
+def correct_leverage(scores: Array, shares: Array) -> Array:
+    """Return scores as if each block had not pulled the fit towards itself, (B, k).
+
+    Parameters
     ----------
-    base : OrdinaryLeastSquares or WeightedLeastSquares
-        Gives the weights of the actuators, and the directions without a strong instrument.
-    name, description : str
+    scores : (B, k)
+    shares : (B, k, k)
+        Of each block in the whole information, which is the unit matrix; made symmetric.
     """
-
-    base: OrdinaryLeastSquares = WeightedLeastSquares()
-    name: str = "iv"
-    description: str = "instrumental variables"
-
-    def fit(self, information: Information) -> Estimate:
-        """Return the estimate; it says what least squares gives."""
-        plain = self.base.fit(information)
-        kept = list(plain.kept)
-        if not information.instrumented or not kept:
-            return plain
-        part = information.select(kept)
-        found = combine(part, plain.weights)
-        rss = part.squares(np.append(-found.value, 1.0))
-        scale = noise_scale(part, plain.weights, plain.times, rss)
-        # Under independent residuals, whatever the weights know.
-        Z = part.joint.factor(plain.weights / plain.times)[:, : 2 * part.size] @ found.left
-        covariance = scale * found.B @ Z.T @ Z @ found.B.T
-        bias = (found.B * np.sqrt(found.bias(scale)))[:, found.weak]
-        return correct(plain, self, found.value, covariance, rss, bias)
-
-    def refit(self, information: Information, fit: Estimate, counts: Array) -> Array:
-        """Return the values of the same instruments for weighted sums of blocks, (R, k)."""
-        kept, k = list(fit.kept), len(fit.kept)
-        part = information.select(kept)
-        found = combine(part, fit.weights)
-        both = np.dstack(found.moments(part, fit.weights))
-        flat, values = both.reshape(len(both), -1), np.zeros((len(counts), information.size))
-        for at in few_at_once(len(counts), both[0].nbytes):
-            sums = (counts[at] @ flat).reshape(-1, k, k + 1)
-            values[at, kept] = found.value + solve_each(sums) @ found.B.T
-        return values
-
-    def influence(self, information: Information, fit: Estimate) -> Array:
-        """Return the leverage-corrected score of each block's instruments, (B, k)."""
-        kept = list(fit.kept)
-        part = information.select(kept)
-        found = combine(part, fit.weights)
-        A, c = found.moments(part, fit.weights)
-        moved = np.zeros((len(c), information.size))
-        moved[:, kept] = correct_leverage(c, A) @ found.B.T
-        return moved
-
-    def loss(self, information: Information, fit: Estimate) -> Array:
-        """Return the triangular factor of what instruments see of the residual, (k + 1, k + 1).
-
-        Its square is the estimate's distance in the unit of its own covariance, on top of the
-        residual sum of squares.
-        """
-        kept, k = list(fit.kept), information.size
-        part = information.select(kept)
-        scale = noise_scale(part, fit.weights, fit.times, fit.rss)
-        F = np.zeros((k + 1, k + 1))
-        F[: len(kept), kept] = combine(part, fit.weights).root(scale)
-        F[:k, k] = F[:k, :k] @ fit.value
-        F[k, k] = np.sqrt(fit.weights @ fit.rss)
-        return triangular_factor(F)
-
-    def project(self, information: Information, fit: Estimate, M: Array) -> Array:
-        """Return what least squares finds of torque without noise, (k, b)."""
-        return self.base.project(information, fit, M)
-
-    def equations(self, information: Information, fit: Estimate, R: Array) -> Array:
-        """Return the normal equations of each block, (B, k + 1, k + 1).
-
-        Parameters
-        ----------
-        information : Information
-            About k independent columns.
-        fit : Estimate
-        R : (k + 1, k + 1)
-            The loss; equations are in ``R x``, less those of the fit, in units of ``R[k, k]``.
-            They are made symmetric, as their sum is.
-        """
-        k = information.size
-        found = replace(combine(information, fit.weights), value=fit.value[list(fit.kept)])
-        A, c = found.moments(information, fit.weights)
-        to_y = R[:k, :k] @ found.B  # of directions into coordinates of the loss
-        turned = to_y @ A @ np.linalg.inv(to_y)
-        out = np.zeros((len(A), k + 1, k + 1))
-        out[:, :k, :k] = 0.5 * (turned + turned.swapaxes(1, 2))
-        out[:, :k, k] = out[:, k, :k] = c @ to_y.T / R[k, k]
-        return out
+    corrected = np.empty(scores.shape)
+    for at in few_at_once(len(scores), shares[:1].nbytes):
+        own = 0.5 * (shares[at] + shares[at].swapaxes(1, 2))
+        values, vectors = np.linalg.eigh(np.eye(scores.shape[1]) - own)
+        lever = 1.0 / np.sqrt(np.maximum(values, ALONE))
+        corrected[at] = np.einsum(
+            "bij,bj,bkj,bk->bi", vectors, lever, vectors, scores[at], optimize=True
+        )
+    return corrected
 
 
 def _inverse(root: Array) -> Array:

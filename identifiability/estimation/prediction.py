@@ -14,8 +14,8 @@ from operator import add
 import numpy as np
 from scipy.special import stdtrit
 
-from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.least_squares import dependence
+from identifiability.estimation.estimator import Estimate, dependence
+from identifiability.estimation.fit import Fit, remembering_covariance
 from identifiability.estimation.torque_errors import (
     ErrorSums,
     Layout,
@@ -24,7 +24,6 @@ from identifiability.estimation.torque_errors import (
     joint_errors,
     relative_error,
 )
-from identifiability.estimation.uncertainty import Uncertainty, remembering_covariance
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.linalg import few_at_once
 from identifiability.foundation.names import Array
@@ -91,7 +90,7 @@ class TorqueUncertainty:
 def measure_spread(
     information: Information,
     fit: Estimate,
-    uncertainty: Uncertainty,
+    known: Fit,
     rms: tuple[Array, Array],
     unseen: tuple[Array, Array],
 ) -> TorqueUncertainty:
@@ -102,7 +101,7 @@ def measure_spread(
     information : Information
         About the fitted columns.
     fit : Estimate
-    uncertainty : Uncertainty
+    known : Fit
         Of its values.
     rms, unseen : ((n,), (n,)) [N·m or N]
         Root mean square of the error of low-passed and of raw torque on the fitted and on unseen
@@ -114,8 +113,8 @@ def measure_spread(
     dof = np.maximum(independent - len(kept) / n, 1.0)
     swallowed = np.sqrt(independent / dof)
     low, raw = (np.fmax(own * swallowed, other) for own, other in zip(rms, unseen, strict=True))
-    covariance, unknown = measure_errors(information, fit, widening(information, fit, uncertainty))
-    covariance = covariance + uncertainty.shared.T @ uncertainty.shared
+    covariance, unknown = measure_errors(information, fit, widening(information, fit, known))
+    covariance = covariance + known.together.T @ known.together
     return TorqueUncertainty(covariance=covariance, unknown=unknown, low=low, raw=raw, dof=dof)
 
 
@@ -139,7 +138,7 @@ def measure_errors(
     return covariance, _never_shown(information, fit)
 
 
-def widening(information: Information, fit: Estimate, uncertainty: Uncertainty) -> float:
+def widening(information: Information, fit: Estimate, known: Fit) -> float:
     """Return by how much variances differ from those by formula, as resampling and scores say.
 
     One factor for all of them keeps how they depend on each other: what few parameters do not know
@@ -147,11 +146,11 @@ def widening(information: Information, fit: Estimate, uncertainty: Uncertainty) 
     sample, as steps of encoders do behind a derivative.
     """
     kept = list(fit.kept)
-    variance, wide = fit.sigma[kept] ** 2, uncertainty.scatter[kept] ** 2
+    variance, wide = fit.sigma[kept] ** 2, known.scatter[kept] ** 2
     if kept:
         variance = np.diag(remembering_covariance(information, fit))
-    known = np.isfinite(wide) & (variance > 0)
-    return float(np.mean(wide[known] / variance[known])) if known.any() else 1.0
+    sure = np.isfinite(wide) & (variance > 0)
+    return float(np.mean(wide[sure] / variance[sure])) if sure.any() else 1.0
 
 
 def _never_shown(information: Information, fit: Estimate) -> Array:

@@ -21,9 +21,6 @@ class Thresholds(RuleTable):
     sign_level: Annotated[
         Share, "family-wise level at which the sign must be certain (Holm), level"
     ] = 0.05
-    recurrence: Annotated[
-        Share, "share of resampled logs that say so, below which it is told, by hand"
-    ] = 0.9
     negligible_share: Annotated[
         Share, "most that a negligible parameter moves of any residual, by hand"
     ] = 0.1

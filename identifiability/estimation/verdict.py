@@ -1,17 +1,24 @@
-"""`Verdict`: what may be said of each parameter, and why. All thresholds stand here."""
+"""`Verdict`: what may be said of each parameter of a fitted model, and why (`judge`)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from enum import StrEnum
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtr
 
-from identifiability.estimation.rules import RULES
+from identifiability.estimation.estimator import settle_signs
+from identifiability.estimation.fit import OF_VALUES, Fit
+from identifiability.estimation.rules import RULES, Thresholds
+from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
+from identifiability.foundation.rounding import percent_digits
 from identifiability.foundation.values import frozen
+from identifiability.regression.information import Information
+from identifiability.regression.reduction import Submodel
 
 
 class Class(StrEnum):
@@ -30,8 +37,8 @@ class Class(StrEnum):
 #: Attributes of a verdict that stand in a row under their own names.
 IN_A_ROW = (
     "name", "label", "unit", "value", "sigma", "sigma_percent", "sigma_robust_percent",
-    "sigma_omit", "sigma_alternatives", "sigma_models", "bias_sigma", "interval95",
-    "data_interval95", "paper_rule", "verdict", "reason", "stands_for", "nominal", "projected",
+    "sigma_bootstrap", "bias_sigma", "interval95", "data_interval95", "paper_rule", "verdict",
+    "reason", "stands_for", "nominal", "projected",
 )  # fmt: skip
 
 
@@ -42,12 +49,12 @@ class Verdict:
     Attributes
     ----------
     name, label, unit : str
-    value, sigma, sigma_robust : float
-        Estimate and its standard deviations under white and under autocorrelated noise.
-    interval95 : tuple of float
-        For the label: ``value ± 1.96 √(σ² + σ_omit² + σ_alternatives²)``, σ that of the mixture
-        over models where there is one, else σ_robust; or the physical posterior's where that
-        decided the verdict.
+    value, sigma : float
+        Estimate of what the label says, and its standard deviation under white noise.
+    terms : mapping of str to float
+        Standard deviations by what they come from (`fit.TERMS`): the interval is of their sum.
+    sigma_bootstrap : float
+        Standard deviation over resampled logs, beside those; NaN without.
     share : float
         Torque that the parameter makes, rms, relative to the measured torque's.
     paper_rule : bool
@@ -58,11 +65,6 @@ class Verdict:
         Value that the robot file states.
     believed : tuple of float or None
         Central 95 % of the physical posterior, where constraints or prior decided the verdict.
-    sigma_omit : float
-        How far the value may lie from its label because the model leaves parameters out.
-    sigma_alternatives : float
-        How far it may lie from its label because of what may be missing (`Alternatives`); the
-        value is that of the model with what is named.
     stands_for : str
         What the value is in truth, such as ``slider1.Jr + 0.02·platform.m``; empty if its label.
     projected : float or None
@@ -70,9 +72,6 @@ class Verdict:
     bias_sigma : float or None
         Value of least squares less this one, in σ_robust: the bias by noise in the motion that
         would have been believed. None without instruments.
-    sigma_models : float or None
-        Standard deviation over all models of a path that may be right, in place of `sigma_robust`;
-        the value is their mean. None where one model is judged by itself.
     """
 
     name: str
@@ -80,19 +79,17 @@ class Verdict:
     unit: str
     value: float
     sigma: float
-    sigma_robust: float
+    terms: Mapping[str, float]
     share: float
     paper_rule: bool
     verdict: Class
     reason: str
+    sigma_bootstrap: float = float("nan")
     nominal: float | None = None
     believed: tuple[float, float] | None = None
-    sigma_omit: float = 0.0
-    sigma_alternatives: float = 0.0
     stands_for: str = ""
     projected: float | None = None
     bias_sigma: float | None = None
-    sigma_models: float | None = None
 
     @property
     def interval95(self) -> tuple[float, float]:
@@ -109,16 +106,19 @@ class Verdict:
         return self.value - half, self.value + half
 
     @property
+    def sigma_robust(self) -> float:
+        """Standard deviation of the value, for whatever it stands for."""
+        return float(np.linalg.norm([self.terms.get(name, 0.0) for name in OF_VALUES]))
+
+    @property
     def sigma_label(self) -> float:
         """Standard deviation from what the label says: of noise and of what is missing."""
-        own = self.sigma_robust if self.sigma_models is None else self.sigma_models
-        return float(np.hypot(np.hypot(own, self.sigma_omit), self.sigma_alternatives))
+        return float(np.linalg.norm(list(self.terms.values())))
 
     @property
     def disputed(self) -> bool:
         """Whether models that predict alike disagree on it by more than half of σ_robust."""
-        wider = self.sigma_robust if self.sigma_models is None else self.sigma_models
-        return wider > self.sigma_robust * float(np.hypot(1.0, RULES.sigma_other))
+        return self.terms.get("models", 0.0) > RULES.sigma_other * self.sigma_robust
 
     @property
     def sigma_percent(self) -> float:
@@ -139,9 +139,14 @@ class Verdict:
         """Return the verdict as one row of a table or of a JSON result."""
         row = {name: getattr(self, name) for name in IN_A_ROW}
         row |= {name: list(row[name]) for name in ("interval95", "data_interval95")}
-        row["verdict"] = self.verdict.value
-        # The older name of the term answers for one release.
-        return row | {"torque_share": self.share, "sigma_doubt": self.sigma_alternatives}
+        row |= {"verdict": self.verdict.value, "torque_share": self.share}
+        row["terms"] = dict(self.terms)
+        # Older names of terms answer for one release.
+        omitted, alternatives = (self.terms.get(k, 0.0) for k in ("omitted", "alternatives"))
+        more = self.terms.get("models", 0.0)
+        row["sigma_models"] = float(np.hypot(self.sigma_robust, more)) if more else None
+        row |= {"sigma_omit": omitted, "sigma_alternatives": alternatives}
+        return row | {"sigma_doubt": alternatives}
 
 
 def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:
@@ -153,3 +158,204 @@ def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:
 def percent_of(sigma: float, value: float) -> float:
     """Return a standard deviation relative to a value [%]."""
     return 100 * sigma / abs(value) if value else float("inf")
+
+
+# `judge`: from a fitted model to the verdict on each of its parameters, in words.
+
+
+#: Verdicts that are sure of a sign; and those that a function that is missing may take away.
+SURE = (Class.IDENTIFIABLE, Class.WEAK)
+LOST = (*SURE, Class.NEGLIGIBLE)
+
+#: Why a sign that is certain is not believed.
+FORBIDDEN = (
+    "Its sign is certain, and physics forbids it: the model misses something (diagnose), or an "
+    "axis or a torque has the wrong sign."
+)
+
+
+def judge_model(
+    submodel: Submodel,
+    information: Information,
+    fit: Fit,
+    torque: float,
+    aliases: Sequence[str],
+    thresholds: Thresholds | None = None,
+    nominal: Array | None = None,
+) -> tuple[Verdict, ...]:
+    """Return the verdicts on the k parameters of a model.
+
+    Parameters
+    ----------
+    submodel : Submodel
+    information : Information
+        About the model's columns.
+    fit : Fit
+    torque : float [N·m or N]
+        Root mean square of the measured torque.
+    aliases : sequence of str
+        What each parameter cannot be told from, where the motion leaves it open.
+    thresholds : Thresholds, optional
+    nominal : (k,), optional
+        Values that the robot file states.
+    """
+    signed, estimate = submodel.nonnegative, fit.estimate
+    forbidden = signed & estimate.determined & (settle_signs(information, estimate, signed) < 0)
+    told = submodel.labels, submodel.units, torque, aliases, forbidden, nominal
+    return judge(fit, *told, thresholds or Thresholds())
+
+
+def judge(
+    fit: Fit,
+    labels: Sequence[str],
+    units: Sequence[str],
+    torque: float,
+    aliases: Sequence[str],
+    forbidden: np.ndarray,
+    nominal: Array | None,
+    rules: Thresholds,
+) -> tuple[Verdict, ...]:
+    """Return the verdict on every parameter; arguments as of `judge_model`.
+
+    Parameters
+    ----------
+    forbidden : (k,) bool
+        Whether physics forbids the sign of the value.
+    """
+    e, unjudged = fit.estimate, fit.why_unjudged(rules)
+    if all(unjudged):  # values that no verdict stands on are those of the fit
+        fit = replace(fit, alternatives=None)
+    value, sigma, left, alternatives = fit.value, fit.sigma, fit.left_out, fit.alternatives
+    without: tuple[Verdict, ...] = ()
+    if alternatives is not None:  # what would be said if nothing were missing
+        plain = replace(fit, alternatives=None)
+        without = judge(plain, labels, units, torque, aliases, forbidden, nominal, rules)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z = np.where(e.determined & (sigma > 0), np.abs(value) / sigma, 0.0)
+        z = np.where(e.determined & (sigma == 0) & (value != 0), np.inf, z)
+    certain = 2 * ndtr(-z) < rules.sign_level
+    paper, least = e.paper_rule, float(e.sigma_percent.min(initial=np.inf))
+    terms, robust, share = fit.terms, fit.robust, fit.column_rms / max(torque, 1e-300)
+    drawn = np.full(len(value), np.nan) if fit.bootstrap is None else fit.bootstrap.sd
+    out, moved = [], _bias(fit, robust)
+    for k, name in enumerate(e.columns):
+        reach = abs(value[k]) + REACH * sigma[k] if np.isfinite(sigma[k]) else 0.0
+        percent = percent_of(float(sigma[k]), float(value[k]))
+        if not e.determined[k]:
+            kind, reason = Class.NOT_IDENTIFIABLE, aliases[k]
+        elif unjudged[k]:
+            kind, reason = Class.NOT_JUDGED, unjudged[k]
+        else:
+            effect = float(reach * fit.column_noise[k])
+            kind, reason = _decide(bool(certain[k]), percent, effect, rules)
+        if kind in SURE and forbidden[k]:
+            kind, reason = Class.IN_DOUBT, FORBIDDEN
+        elif without and without[k].verdict in LOST and kind is not without[k].verdict:
+            kind, reason = Class.IN_DOUBT, _say_missing(fit, k, without[k], percent)
+        if kind not in (Class.NOT_JUDGED, Class.NEGLIGIBLE) and e.determined[k]:
+            reason += _condition(fit, k, float(robust[k]))
+        reason += _compare(kind, bool(paper[k]), float(e.sigma_percent[k]), least)
+        out.append(
+            Verdict(
+                name=name,
+                label=labels[k],
+                unit=units[k],
+                value=float(value[k]),
+                sigma=float(e.sigma[k]),
+                terms={term: float(own[k]) for term, own in terms.items()},
+                share=float(abs(value[k]) * share[k]),
+                paper_rule=bool(paper[k]),
+                verdict=kind,
+                reason=reason,
+                sigma_bootstrap=float(drawn[k]),
+                nominal=None if nominal is None else float(nominal[k]),
+                stands_for="" if left is None else left.stands_for[k],
+                projected=None if left is None or nominal is None else float(left.projected[k]),
+                bias_sigma=moved[k],
+            )
+        )
+    return tuple(out)
+
+
+def _bias(fit: Fit, sigma: Array) -> list[float | None]:
+    """Return what least squares adds to each value, in σ; None where it is what was done."""
+    e = fit.estimate
+    if e.correction is None:
+        return [None] * len(sigma)
+    usable = e.determined & np.isfinite(sigma) & (sigma > 0)
+    moved = (e.correction.least_squares - e.value) / np.where(usable, sigma, 1.0)
+    return [float(x) if good else None for x, good in zip(moved, usable, strict=True)]
+
+
+def _say_missing(fit: Fit, k: int, without: Verdict, percent: float) -> str:
+    """Return why a parameter loses the verdict that it would have if nothing were missing."""
+    assert fit.alternatives is not None
+    known = f"±{percent_digits(without.sigma_label_percent)} % ({without.verdict.value})"
+    seems = "seems to be" if fit.alternatives.named[k] else "may be"
+    return (
+        f"By the logs {fit.alternatives.names[k]} {seems} missing in the model. Without it this "
+        f"would be {without.value:.4g}, known to {known}; with it the value is known only to "
+        f"±{percent_digits(percent)} %: find out what is missing (diagnose)."
+    )
+
+
+def _decide(certain: bool, percent: float, effect: float, rules: Thresholds) -> tuple[Class, str]:
+    about = percent_digits(percent)
+    if certain and percent <= rules.sigma_percent:
+        limit = f"limit {rules.sigma_percent:g} %"
+        return Class.IDENTIFIABLE, f"Known to ±{about} % ({limit}) and its sign is certain."
+    if certain:
+        return Class.WEAK, f"Its sign is certain, but it is known only to ±{about} %."
+    if effect <= rules.negligible_share:
+        return Class.NEGLIGIBLE, (
+            "No value in its interval moves the torque of any joint by more than "
+            f"{100 * effect:.2g} % of its residual: about zero for this motion, safe to leave out."
+        )
+    chance = (
+        "even the sign may be chance" if percent < 100 else "zero and the other sign fit as well"
+    )
+    return Class.NOT_IDENTIFIABLE, f"σ is {about} % of the value: {chance}."
+
+
+def _condition(fit: Fit, k: int, robust: float) -> str:
+    """Return what a verdict owes to the model that it is made in, if anything."""
+    left, models = fit.left_out, fit.models
+    if models is not None and fit.terms["models"][k] > RULES.sigma_other * robust:
+        return (
+            f" Models that predict alike disagree on it: they put it between {models.low[k]:.3g} "
+            f"and {models.high[k]:.3g}, and its interval holds them."
+        )
+    if left is None:
+        return ""
+    if np.isfinite(left.disputed[k]):
+        return (
+            f" The unpruned model puts it at {left.disputed[k]:.3g}: what this model leaves out "
+            "matters more than the robot file says, and σ holds both."
+        )
+    if left.unknown:
+        return (
+            " That holds in this model: the robot file states no inertias, so how far what is left "
+            "out moves it from its label is not known."
+        )
+    if not left.stands_for[k] or left.sigma[k] < RULES.sigma_other * robust:
+        return ""
+    own = percent_of(robust, float(fit.estimate.value[k]))
+    return (
+        f" In this model it stands for {left.stands_for[k]}, known to ±{percent_digits(own)} %; "
+        "the rest of the uncertainty is what the model leaves out."
+    )
+
+
+def _compare(kind: Class, paper: bool, percent: float, least: float) -> str:
+    """Return why the paper's rule says otherwise, if it does."""
+    if kind is Class.NOT_JUDGED or paper == (kind is Class.IDENTIFIABLE):
+        return ""
+    does, than, why = "rejects", ">", " only because another parameter is known much better."
+    if paper:
+        does, than = "passes", "<"
+        why = ": that rule is relative to the best parameter of the model and knows no "
+        why += "autocorrelation."
+    return (
+        f" The {RULES.paper_factor:g}× rule {does} it (white-noise σ {percent_digits(percent)} % "
+        f"{than} {RULES.paper_factor:g} × {percent_digits(least)} %){why}"
+    )

@@ -85,6 +85,7 @@ STATED, OF_CHANCE, UNLIMITED = 6, 3, 9
 OF_UNIT = {
     "value", "values", "mean", "nominal", "projected", "interval95", "data_interval95", "between",
     "sigma", "sd", "sigma_alternatives", "sigma_doubt", "sigma_models", "sigma_omit",
+    "sigma_bootstrap", "terms",
 }  # fmt: skip
 OF_VALUE = {"sigma_percent", "sigma_robust_percent", "torque_share"}
 
@@ -111,6 +112,8 @@ def stated(content: Any, sigma: Any = None) -> Any:
     {'value': 0.827, 'sigma': 0.119, 'error': 0.0261749, 'p': 4.29e-16}
     """
     if isinstance(content, dict):
+        if sigma is not None:  # all of it is in the unit of its row
+            return {key: stated(value, sigma) for key, value in content.items()}
         own = content.get("sigma", content.get("sd"))
         return {key: stated(value, _sigma_of(key, content, own)) for key, value in content.items()}
     if isinstance(content, (list, tuple, np.ndarray)):

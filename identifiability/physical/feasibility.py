@@ -11,8 +11,7 @@ import scipy.sparse
 
 from identifiability.effects.vocabulary import file_kinds, values_in_file
 from identifiability.estimation.estimator import settle_signs
-from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Level, Score, square_root
-from identifiability.estimation.uncertainty import remembering_covariance
+from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Level, Score
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
@@ -27,7 +26,7 @@ from identifiability.physical.project import FeasibleEstimate, Projection
 from identifiability.physical.pseudo_inertia import BOUNDARY, BodyCheck, check_body
 from identifiability.physical.rules import RULES
 from identifiability.regression.reduction import Submodel, leave_to_terms
-from identifiability.regression.structure import Structure, random_motion
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
 
@@ -62,9 +61,6 @@ class PhysicalResult:
     as_good : bool
         Whether the estimate does not surely predict stretches of the fitted logs that it has not
         seen better than the nearest real robot does.
-    elsewhere : bool
-        Whether the nearest real robot is to be expected to err no more over the robot's whole range
-        (`stands_elsewhere`); asked where it is not as good.
     """
 
     region: PhysicalSet
@@ -76,7 +72,6 @@ class PhysicalResult:
     sentence: str
     cad_weight: float
     as_good: bool = False
-    elsewhere: bool = False
 
     def with_certificate(self, certificate: Certificate | None, sentence: str) -> PhysicalResult:
         """Return the result with what is proved of the estimated parameters, in words before."""
@@ -227,32 +222,6 @@ def choose_prior(
     at = int(np.argmax(np.array(total) >= max(total) - LEVELS.nats))
     good = Evidence.of(scores[at], free).level is not Level.WORSE
     return PriorChoice(weights[at], values[at], scores[at], good)
-
-
-def stands_elsewhere(model: FittedModel, base: Array) -> bool:
-    """Return whether a real robot is to be expected to err no more than the fit that it is near to.
-
-    Over the robot's range, not along what was fitted: folds of a log cannot see where its motion
-    has not been. There the fit errs by what its stated errors make of it, ``tr Σ F``, and the real
-    robot by its bias, of which the square of the difference less the same is an unbiased estimate:
-    the focused information criterion [Claeskens & Hjort 2003].
-
-    Parameters
-    ----------
-    model : FittedModel
-    base : (b,)
-        Base parameters of the real robot.
-    """
-    structure, fit = model.structure, model.estimate
-    motion = random_motion(structure.robot, np.random.default_rng(0))
-    W = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
-    apart = W @ (model.submodel.expand(fit.value) - base)
-    L = square_root(remembering_covariance(model.information, fit))
-    errs = W @ model.submodel.M[:, list(fit.kept)] @ L
-    scale = model.whole.variation / model.whole.rows_each
-    share = np.where(scale > 0, 1.0, 0.0) / np.where(scale > 0, scale, 1.0)
-    bias, own = (float(share @ x) for x in ((apart**2).sum(0), (errs**2).sum((0, 2))))
-    return bias <= 2.0 * own
 
 
 def _within_reach(

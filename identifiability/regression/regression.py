@@ -484,8 +484,6 @@ class Regression:
         Which columns of the model are computed (the base parameters'); None for all.
     instruments : tuple of Dataset, or None
         Motion along which instruments are computed, of each log, sample by sample.
-    echo : None
-        Always: what is asked for by `estimation.groups`.
     memory : Memory or None
         Where rows of logs that take little of it are kept for other regressions, too.
     dwelling : bool
@@ -497,7 +495,6 @@ class Regression:
     samples: tuple[Dataset, ...]
     columns: np.ndarray | None = None
     instruments: tuple[Dataset, ...] | None = None
-    echo: None = None
     memory: Memory | None = None
     dwelling: bool = False
 

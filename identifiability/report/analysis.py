@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from identifiability.effects import title_of
+from identifiability.estimation.fit import Motions
 from identifiability.estimation.torque_errors import loaded_joints
-from identifiability.estimation.uncertainty import Motions
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Cell, Column, Note, Table, badge_cell, measured_cells
 from identifiability.foundation.names import Array
@@ -59,12 +59,12 @@ from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.belief import Source, Summary
 from identifiability.workflows.analyze.result import (
+    SeveralLogs,
     error_tables,
     model_title,
     parameter_table,
     stated_values,
 )
-from identifiability.workflows.analyze.words import SeveralLogs
 from identifiability.workflows.answers import (
     count_joints,
     level_table,
@@ -278,22 +278,19 @@ def section_motions(analysis: Analysis) -> Section:
 
 
 def _table(found: SeveralLogs, m: Motions) -> Table:
-    z = np.abs([m.away(one)[1] for one in range(len(m.which))])
-    shown = sorted(np.argsort(-z.max(1))[:LOGS].tolist())
+    shown = range(min(LOGS, len(m.values)))
     columns = (
         Column("parameter", "code"),
         *(Column(found.names[k], "error") for k in shown),
-        Column("farthest apart [σ]", digits(2)),
         Column("p, all of them", digits(2)),
     )
     rows = [
         (
             found.columns[j],
             *(_value(m.values[k, j], m.sd[k, j]) for k in shown),
-            z[:, j].max(),
             m.p[j],
         )
-        for j in np.argsort(-z.max(0))[:SHOWN]
+        for j in np.argsort(m.p)[:SHOWN]
     ]
     return Table.of("Fitted one by one; those that differ most first", columns, rows)
 
@@ -520,7 +517,7 @@ def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
         [(v.value, v.sigma, v.sigma_robust, v.sigma_label) for v in chosen.verdicts], float
     ).T
     open_ = ~(np.isfinite(robust) & (robust > 0) & chosen.estimate.determined)
-    physical, drawn = posteriors[BODIES], chosen.uncertainty.bootstrap
+    physical, drawn = posteriors[BODIES], chosen.fit.bootstrap
 
     def around(sd: Array) -> Array:
         half = REACH * np.array([0.0, -1.0, 1.0])
@@ -535,7 +532,7 @@ def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
         if summary is not None:
             both = np.column_stack([summary.mean, summary.interval])
             roads[name] = np.where(summary.stated[:, None], both, np.nan)
-    if any(v.sigma_omit for v in chosen.verdicts):
+    if any(v.terms["omitted"] for v in chosen.verdicts):
         roads["label"] = around(label)
     centre = np.where(open_, np.nan if physical is None else physical.mean, value)
     scale = np.where(open_, np.nan if physical is None else physical.sd, robust)

@@ -22,8 +22,7 @@ from identifiability.estimation.estimate import (
     Kind,
     Method,
     Outliers,
-    choose_estimator,
-    forget_noise,
+    find_estimator,
     settle_noise,
     weigh_outliers,
 )
@@ -452,13 +451,11 @@ class Session:
 
         Raises
         ------
-        OptionError
-            If method and kind do not go together.
         LogError
             If instruments are asked for and a log has no second record of its motion.
         """
-        plain, chosen = (choose_estimator(method, kind, instruments=x) for x in (False, True))
-        if kind == "ls" or opening.silence or chosen is plain:
+        plain = find_estimator(method)
+        if kind == "ls" or opening.silence:
             return opening, plain
         logs, samples, always = self.recordings.fitted, opening.samples, kind == "iv"
         short = [s for s in samples if not s.long]
@@ -484,7 +481,7 @@ class Session:
             s or replace(x, instrument=x.motion, notes=(*x.notes, note))
             for s, x in zip(found, samples, strict=True)
         )
-        return replace(opening, samples=tuple(every)), chosen
+        return replace(opening, samples=tuple(every)), replace(plain, instruments=True)
 
 
 @frozen
@@ -530,7 +527,7 @@ def weigh_rows(
         About all columns.
     estimator : Estimator
     """
-    weighed, found = weigh_outliers(information, forget_noise(estimator))
+    weighed, found = weigh_outliers(information, replace(estimator, noise=None))
     if found is None or found.moved.max() <= REACH:
         return weighed, "", found
     most, where = int(np.argmax(found.moved)), where_outlying(joints, samples, found)

@@ -60,7 +60,7 @@ def test_it_is_named_and_weighs_nothing(frame, fault, analysed):
     assert named in hint
     assert hint in bad.statement
     moved = np.abs(bad.full.estimate.value - good.full.estimate.value)
-    assert (moved < 0.2 * good.full.uncertainty.robust).all()
+    assert (moved < 0.2 * good.full.fit.robust).all()
     assert [v.verdict for v in bad.full.verdicts] == [v.verdict for v in good.full.verdicts]
 
 

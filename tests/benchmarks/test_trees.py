@@ -14,7 +14,7 @@ from identifiability import (
     gather_information,
     prepare_log,
 )  # fmt: skip
-from identifiability.estimation.bootstrap import bootstrap
+from identifiability.estimation.fit import bootstrap
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 SAMPLES = 2000

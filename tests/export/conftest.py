@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from identifiability.effects import FAMILIES
-from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.logs.prepare import Dataset, prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.regression.regression import Model, Regression
@@ -43,7 +42,7 @@ def fitted_samples(copy: Robot, result, log) -> Dataset:
     """The log along which errors were stated."""
     samples = prepare_log(copy, log)
     found = None
-    if isinstance(result.chosen.estimate.estimator, InstrumentalVariables):
+    if result.chosen.estimate.estimator.instruments:
         found = add_instrument(copy, log, samples, always=True)
     return found or samples
 

@@ -91,15 +91,6 @@ def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, 
     assert verdict.verdict is not Class.IDENTIFIABLE or low < truth < high
 
 
-def test_values_of_a_model_that_is_not_judged_are_those_of_the_fit(logs):
-    found = analyze("two-link", logs(0.5, 1, stribeck=2.0), replicates=0)
-    assert found.missing.functions
-    kinds = {v.verdict for v in found.chosen.verdicts}
-    assert kinds == {Class.NOT_JUDGED}
-    values = [v.value for v in found.chosen.verdicts]
-    np.testing.assert_array_equal(values, found.chosen.estimate.value)
-
-
 def test_a_sign_that_physics_forbids_is_in_doubt_however_certain(logs):
     frame = logs(0.0, 0).to_frame()
     frame["elbow.tau"] -= 4.0 * np.sign(frame["elbow.dq"])

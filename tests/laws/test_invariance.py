@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.least_squares import dependence
+from identifiability.estimation.estimator import dependence
 from identifiability.foundation.names import Parameter
 from identifiability.regression.information import Information
 from identifiability.regression.structure import find_base_parameters, group_columns, random_motion

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identifiability.estimation.bootstrap import scatter_scores
 from identifiability.estimation.estimate import estimate
+from identifiability.estimation.fit import scatter_scores
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.regression.information import Information
 

@@ -15,8 +15,7 @@ from identifiability.quality import torque as torque_scale
 from identifiability.quality.motion import find_beyond_limits, find_stretches
 from identifiability.quality.timing import find_time_scale
 from identifiability.quality.torque import flat_share
-from identifiability.workflows.analyze import fit
-from identifiability.workflows.analyze import words as several_logs
+from identifiability.workflows.analyze import workflow
 from identifiability.workflows.answers import grade_of
 
 N = 4000
@@ -160,12 +159,7 @@ def derived(scale=1.0, unexplained=0.0, stands_out=1e9):
 def band(cutoff=5.0, noise=0.0):
     """A band of one hertz."""
     found = SimpleNamespace(cutoff=cutoff, bandwidth=1.0, noise=noise, limit=9.0, rate=100.0)
-    return fit._say_cut(found, "x") or fit._say_noise(found)
-
-
-def worse_there(times):
-    motions = SimpleNamespace(errors=np.array([[times, 1.0], [1.0, 1.0]]))
-    return several_logs._worse(motions, "ab", 0)
+    return workflow._say_cut(found, "x") or workflow._say_noise(found)
 
 
 #: What is asked, its limit in words, data just inside and data just outside.
@@ -196,7 +190,6 @@ ROWS = {
     "motion that stands out": (lambda x: derived(2.0, stands_out=x), 3.7, 4.3),
     "cut-off in the motion": (lambda x: band(cutoff=1 / x), 1 / 2.05, 1 / 1.95),
     "noise below the cut-off": (lambda x: band(noise=x), 0.195, 0.205),
-    "errors of one log": (worse_there, 0.97, 1.03),
     "very good no more": (lambda x: grade_of(x) != "very-good", 0.0299, 0.0301),
     "fair": (lambda x: grade_of(x) == "fair", 0.0799, 0.0801),
     "useless": (lambda x: grade_of(x) == "useless", 0.499, 0.501),

@@ -160,7 +160,7 @@ def build_target(result: Any, information: Any) -> tuple[Target, Array]:
         np.empty((0, 10), int), result.submodel.nonnegative, columns=result.submodel.columns
     )
     mean = np.where(fit.determined, fit.value, 0.0)
-    sd = WIDTH * result.uncertainty.robust
+    sd = WIDTH * result.fit.robust
     # What the data leave open has any prior: its posterior is the same.
     sd = np.where(np.isfinite(sd) & (sd > 0), sd, np.maximum(np.abs(mean), 1.0))
     start = np.where(result.submodel.nonnegative, np.maximum(mean, 0.01 * sd), mean)

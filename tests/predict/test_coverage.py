@@ -5,8 +5,8 @@ import pytest
 
 from identifiability import Robot, analyze
 from identifiability.estimation.estimate import estimate
+from identifiability.estimation.fit import Fit
 from identifiability.estimation.prediction import measure_spread, predict
-from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.logs.prepare import prepare_log
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model
@@ -29,7 +29,7 @@ def test_intervals_cover_the_planted_torque_and_new_samples(rho, make_log, witho
         fit = estimate(information)
         found = predict(regression, fit.value[:, None])
         rng = np.random.default_rng(seed)
-        spread = assess_uncertainty(information, fit, rng, 60)
+        spread = Fit.of(information, fit, rng, 60)
         rms = found.joint_rms()[:, 0]
         none = np.full(len(rms), np.nan)
         reach = measure_spread(information, fit, spread, (rms, rms), (none, none)).reach(W)

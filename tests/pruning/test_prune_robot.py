@@ -164,7 +164,7 @@ def test_labels_are_those_of_all_models_by_their_weight(pruned):
     submodels = [r for r in pruned.models if r.weight > 0]
     assert max(submodels, key=lambda r: r.density).density == 0.0
     for v in pruned.verdicts:
-        assert v.sigma_label >= v.sigma_models > 0
+        assert v.sigma_label >= v.sigma_robust > 0
         low, high = v.interval95
         own = [
             x.value for r in submodels for x in r.verdicts if x.name == v.name and r.weight > 0.3

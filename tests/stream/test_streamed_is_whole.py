@@ -122,8 +122,8 @@ def test_an_analysis_gives_the_same_answer(name, sizes, frame_of, saved):
         assert [v.verdict for v in one.verdicts] == [v.verdict for v in two.verdicts]
         assert two.error_ra == pytest.approx(one.error_ra, rel=1e-8)
         assert two.error_ra_validation == pytest.approx(one.error_ra_validation, rel=1e-8)
-        wanted = one.uncertainty.robust
-        np.testing.assert_allclose(two.uncertainty.robust, wanted, rtol=1e-6)
+        wanted = one.fit.robust
+        np.testing.assert_allclose(two.fit.robust, wanted, rtol=1e-6)
 
 
 def test_engines_agree_to_the_last_bit_and_finished_parts_are_not_done_again(

@@ -405,3 +405,18 @@ def _derive(q: Array, log: Log, cutoff: float | None) -> tuple[Array, Array, Arr
 def _delay(t: Array, x: Array, later: float) -> Array:
     """Return signals x (N, n) as they were so much earlier [s]."""
     return np.stack([np.interp(t - later, t, column) for column in x.T], 1)
+
+
+# The noise of a motion once more.
+
+
+def noise_again(log: Log, rng: np.random.Generator) -> Log:
+    """Return a log with as much noise once more on positions, and on velocities if measured."""
+    dq = None if log.dq is None else log.dq + _white_as(log.dq, log.t, rng)
+    return replace(log, q=log.q + _white_as(log.q, log.t, rng), dq=dq)
+
+
+def _white_as(x: Array, t: Array, rng: np.random.Generator) -> Array:
+    """Return white noise of the size of that in signals (N, n)."""
+    level = np.maximum(noise_level(x, t), resolution(x) / np.sqrt(12))
+    return np.asarray(level * rng.standard_normal(x.shape))

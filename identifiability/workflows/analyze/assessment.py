@@ -16,11 +16,10 @@ import pandas as pd
 import scipy
 
 from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives
-from identifiability.estimation.decide import decide_submodel, find_left_out
 from identifiability.estimation.estimate import fit_whole
-from identifiability.estimation.estimator import Estimate, settle_signs
-from identifiability.estimation.evidence import Evidence, Level, Mixture
-from identifiability.estimation.least_squares import dependence
+from identifiability.estimation.estimator import Estimate, dependence, settle_signs
+from identifiability.estimation.evidence import Evidence, Level
+from identifiability.estimation.fit import Fit, find_left_out
 from identifiability.estimation.prediction import (
     Prediction,
     measure_errors,
@@ -28,8 +27,7 @@ from identifiability.estimation.prediction import (
     widening,
 )
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty
-from identifiability.estimation.verdict import Class, Verdict, withdraw
+from identifiability.estimation.verdict import Class, Verdict, judge_model, withdraw
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
@@ -39,7 +37,6 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import (
     combine_with_file,
-    mass_rows,
     real_robot_dict,
     state_mass,
     state_masses,
@@ -50,9 +47,10 @@ from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource, Submodel
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
+from identifiability.workflows import predict
 from identifiability.workflows.answers import state_joints
 from identifiability.workflows.opening import state_provenance
-from identifiability.workflows.predict import Fit, Predicts, settled
+from identifiability.workflows.predict import Predicts, settled
 from identifiability.workflows.session import Opening
 
 if TYPE_CHECKING:
@@ -173,7 +171,8 @@ class ModelResult(JudgedModel):
     ----------
     error_joints, error_joints_validation : float
         Its two errors over each joint's own scale, by which models are chosen.
-    uncertainty : Uncertainty
+    fit : Fit
+        The estimate with what is not known of it, term by term.
     worse_at : tuple of str
         Joints at which it surely errs more on folds than the best model does.
     error_ra_physical : float
@@ -185,14 +184,11 @@ class ModelResult(JudgedModel):
         Errors of the same three, of each joint over its own scale.
     physical : PhysicalResult
         Whether a real robot has these parameters, and the nearest that has.
-    physical_as_good : bool
-        Whether the nearest real robot stands for the estimate: of stretches of the fitted logs it
-        does not surely predict worse, or is to be expected to err no more over the robot's range.
     """
 
     error_joints: float
     error_joints_validation: float
-    uncertainty: Uncertainty
+    fit: Fit
     worse_at: tuple[str, ...]
     error_ra_physical: float
     error_ra_real: float
@@ -200,7 +196,6 @@ class ModelResult(JudgedModel):
     error_ra_other: float
     error_real_joints: Array
     physical: PhysicalResult
-    physical_as_good: bool = False
 
     @property
     def physical_used(self) -> bool:
@@ -209,7 +204,7 @@ class ModelResult(JudgedModel):
         They are where no real robot has the estimated ones and it predicts as well, if the model's
         parameters say all of it.
         """
-        if self.feasible or not self.physical_as_good:
+        if self.feasible or not self.physical.as_good:
             return False
         base = self.physical.base
         reach = ROUNDOFF * np.abs(base).max(initial=0.0)
@@ -236,7 +231,7 @@ class ModelResult(JudgedModel):
     @property
     def autocorrelation_time(self) -> Array:
         """Autocorrelation time of each actuator's residual, (n,) [samples]."""
-        return self.uncertainty.times
+        return self.estimate.times
 
     @property
     def margin(self) -> float:
@@ -269,7 +264,7 @@ def assess_ladder(
     replicates: int,
     missing: Alternatives = NO_ALTERNATIVES,
     *,
-    late: Callable[[Submodel], Array] | None = None,
+    late: Callable[[Submodel], Mapping[str, Array]] | None = None,
     judged: Sequence[Evidence] = (),
 ) -> tuple[ModelResult, ...]:
     """Return the results of all m models.
@@ -289,7 +284,7 @@ def assess_ladder(
     missing : Alternatives, optional
         What may be missing beside all base parameters.
     late : callable(Submodel), optional
-        What errors of delays do to the values of a model, (L, k).
+        What errors that all samples share do to the values of a model, by name.
     judged : sequence of Evidence, optional
         Of each model against the best, on folds.
     """
@@ -303,17 +298,14 @@ def assess_ladder(
     full = fit_whole(models[0].estimate.estimator, models[0].whole) if spoken else None
     for k, (model, real) in enumerate(zip(models, physical, strict=True)):
         submodel, reduced, fit = model.submodel, model.information, model.estimate
-        uncertainty = assess_uncertainty(reduced, fit, rng, replicates)
-        if late is not None:
-            uncertainty = replace(uncertainty, late=late(submodel))
-        as_good = real.as_good or real.elsewhere
-        if as_good:
-            uncertainty = hold_over(uncertainty, model, real)
+        found = complete_fit(
+            model, Fit.of(reduced, fit, rng, replicates), full, missing, late, real
+        )
         result = ModelResult(
             submodel=submodel,
             estimate=fit,
-            uncertainty=uncertainty,
-            verdicts=decide_model(model, uncertainty, torque, thresholds, full, missing),
+            fit=found,
+            verdicts=decide_model(model, found, torque, thresholds),
             error_ra=float(error[k]),
             error_ra_validation=float(unseen_error[k]),
             error_joints=float(joints[k]),
@@ -327,7 +319,6 @@ def assess_ladder(
             error_real_joints=each[:, [m + k, 2 * m + k, 3 * m + k]],
             infeasible=forbidden_signs(model),
             physical=real,
-            physical_as_good=as_good,
         )
         results.append(result)
     return tuple(results)
@@ -338,49 +329,62 @@ def _worse_at(model: FittedModel, judged: Evidence) -> tuple[str, ...]:
     return tuple(joint for joint, level in levels if level is Level.WORSE)
 
 
-def hold_over(uncertainty: Uncertainty, model: FittedModel, real: PhysicalResult) -> Uncertainty:
-    """Return what is not known of a model's values if its nearest real robot may be right, too."""
-    if real.nearest is None:
-        return uncertainty
-    apart = model.to_x @ real.nearest.phi - model.estimate.value
-    return replace(uncertainty, real=np.where(model.estimate.determined, apart, 0.0)[None])
+def complete_fit(
+    model: FittedModel,
+    fit: Fit,
+    full: Estimate | None,
+    missing: Alternatives,
+    late: Callable[[Submodel], Mapping[str, Array]] | None = None,
+    real: PhysicalResult | None = None,
+) -> Fit:
+    """Return a fit with what moves all samples alike, and what its model leaves out.
+
+    Parameters
+    ----------
+    model : FittedModel
+    fit : Fit
+        What noise and logs leave open.
+    full : Estimate or None
+        Of all base parameters.
+    missing : Alternatives
+        What may be missing beside these.
+    late : callable(Submodel), optional
+        As of `assess_ladder`.
+    real : PhysicalResult, optional
+        The nearest real robot: it may be right, too, where it predicts as well.
+    """
+    shared, estimate = dict(fit.shared), model.estimate
+    if late is not None:
+        shared |= late(model.submodel)
+    if real is not None and real.as_good and real.nearest is not None:
+        apart = model.to_x @ real.nearest.phi - estimate.value
+        shared["prior"] = np.where(estimate.determined, apart, 0.0)[None]
+    return replace(
+        fit,
+        shared=shared,
+        left_out=find_left_out(model.structure, model.submodel, model.whole, estimate, full),
+        alternatives=missing.of_labels(model.submodel, estimate),
+    )
 
 
 def decide_model(
-    model: FittedModel,
-    uncertainty: Uncertainty,
-    torque: float,
-    thresholds: Thresholds,
-    full: Estimate | None,
-    missing: Alternatives,
-    models: Mixture | None = None,
+    model: FittedModel, fit: Fit, torque: float, thresholds: Thresholds
 ) -> tuple[Verdict, ...]:
     """Return the verdicts on a model.
 
     Parameters
     ----------
     model : FittedModel
-    uncertainty : Uncertainty
+    fit : Fit
     torque : float [N·m or N]
         Root mean square of the measured torque.
     thresholds : Thresholds
-    full : Estimate or None
-        Of all base parameters.
-    missing : Alternatives
-        What may be missing beside these.
-    models : Mixture, optional
-        What all models of a path say of its labels.
     """
-    submodel, part, fit = model.submodel, model.information, model.estimate
-    stated = np.linalg.lstsq(submodel.M, model.structure.nominal_base - submodel.fixed, rcond=None)[
-        0
-    ]
-    left_out = find_left_out(model.structure, submodel, model.whole, fit, full)
-    aliases = _aliases(part, fit, submodel)
-    own = missing.of_labels(submodel, fit)
-    return decide_submodel(
-        submodel, part, fit, uncertainty, torque, aliases, thresholds, stated, left_out, own, models
-    )
+    submodel, part = model.submodel, model.information
+    apart = model.structure.nominal_base - submodel.fixed
+    stated = np.linalg.lstsq(submodel.M, apart, rcond=None)[0]
+    aliases = _aliases(part, model.estimate, submodel)
+    return judge_model(submodel, part, fit, torque, aliases, thresholds, stated)
 
 
 def tell_with_file(
@@ -419,9 +423,7 @@ def _add_file(
     own = np.linalg.pinv(data.R)
     variance = (own**2).sum(1) * data.variance
     # What all samples share lies along directions of its own; the rest is noise of every row.
-    shared = result.uncertainty.shared
-    wide = np.array([v.sigma_robust for v in result.verdicts]) ** 2
-    wide = np.maximum(wide - (shared**2).sum(0), 0.0)
+    shared, wide = result.fit.together, result.fit.scatter**2
     sure = fit.determined & (variance > 0) & np.isfinite(wide)
     wider = max(float(np.mean(wide[sure] / variance[sure])) if sure.any() else 1.0, 1.0)
     along = data.R @ shared.T
@@ -617,9 +619,8 @@ class Laddered(Result, Opening, Predicts):
         What may be missing beside the unpruned model.
     moved : Moved or None
         How far rollouts of the nearest real robot are off, of logs of commands.
-    late : (L, b)
-        By how much base parameters move if commands of a log act one standard deviation of its
-        delay later, or gains that were found are others by one.
+    late : (w, b)
+        By how much base parameters move by errors that all samples of a log share.
     rolled : Rollouts or None
         On which torque of commands was calibrated: delays and their errors.
     """
@@ -661,7 +662,7 @@ class Laddered(Result, Opening, Predicts):
         return state_provenance(self.robot, logs, self.seed, self.source, options)
 
     @cached_property
-    def fit(self) -> Fit:
+    def fit(self) -> predict.Fit:
         """The model to use: values, covariance, and how torque scatters about it.
 
         Raises
@@ -676,14 +677,14 @@ class Laddered(Result, Opening, Predicts):
         own, unseen = ((p.joint_rms()[:, 0], p.joint_rms(raw=True)[:, 0]) for p in self._alone)
         used, whole = self._used, self.models[0]
         part = used.submodel.reduce(self.information)
-        wider = widening(part, used.estimate, used.uncertainty)
+        wider = widening(part, used.estimate, used.fit)
         M, unpruned = whole.submodel.M, whole.submodel.reduce(self.information)
         covariance, unknown = measure_errors(unpruned, whole.estimate, wider)
-        return Fit(
+        return predict.Fit(
             structure=self.structure,
             submodel=used.submodel,
             values=used.recommended,
-            spread=measure_spread(part, used.estimate, used.uncertainty, own, unseen),
+            spread=measure_spread(part, used.estimate, used.fit, own, unseen),
             preparation=settled(self.settings.get("preparation"), self.samples),
             base_covariance=M @ covariance @ M.T + self.late.T @ self.late,
             base_unknown=M @ unknown,
@@ -749,8 +750,7 @@ class Laddered(Result, Opening, Predicts):
         tilt = self.robot.tilt
         about = "" if tilt is None else f"In this model gravity {tilt.text}."
         moved = "" if self.moved is None else self.moved.statement
-        real = {} if self.nothing else self._used.physical.parameters()
-        weight = "" if self.nothing else state_weight(self.structure, self.models[0].verdicts, real)
+        weight = "" if self.nothing else state_weight(self.structure, self.models[0].verdicts)
         reported = (self.mass_warning, weight, answer, each, moved, about, raw, *self.hints)
         return " ".join(filter(None, reported))
 
@@ -776,7 +776,7 @@ class Laddered(Result, Opening, Predicts):
                 "infeasible": list(used.infeasible),
                 "error_ra_validation": used.error_ra_physical,
                 "used": used.physical_used,
-                "elsewhere": used.physical.elsewhere,
+                "elsewhere": False,  # an older key
                 **(self._real_robot if self.nothing else self.fit.state_robot(self._real_robot)),
             },
             **({} if self.moved is None else {"rollout": self.moved.to_dict()}),
@@ -790,9 +790,7 @@ class Laddered(Result, Opening, Predicts):
         }
 
 
-def state_weight(
-    structure: Structure, verdicts: Sequence[Verdict], real: Mapping[str, float]
-) -> str:
+def state_weight(structure: Structure, verdicts: Sequence[Verdict]) -> str:
     """Return what a robot that floats weighs by its logs, beside its file; nothing of others.
 
     The mass of all its bodies is one of its base parameters: gravity acts on the whole of it. What
@@ -810,21 +808,5 @@ def state_weight(
     stated = float(structure.nominal @ masses)
     return (
         f"{structure.robot.title} weighs {known[0].value:.4g} ± {(high - low) / 2:.2g} kg, "
-        f"{stated:.4g} by its file{state_limbs(structure.robot, real)}."
+        f"{stated:.4g} by its file."
     )
-
-
-def state_limbs(robot: Robot, real: Mapping[str, float]) -> str:
-    """Return what the limbs of a robot that floats weigh, for after a semicolon, with it."""
-    parents = robot.model.parents
-    limbs: dict[str, list[float]] = {}
-    for row in mass_rows(robot, real):
-        joint = robot.bodies.index(row["body"]) + 1
-        while parents[joint] > 1:  # the first is that of the base
-            joint = int(parents[joint])
-        own = limbs.setdefault(robot.bodies[joint - 1], [0.0, 0.0])
-        own[0], own[1] = own[0] + row["mass"], own[1] + row["mass_file"]
-    each = [f"{name} {mass:.3g} ({file:.3g})" for name, (mass, file) in limbs.items()]
-    if len(each) < 2:
-        return ""
-    return f"; base and limbs, of the nearest real robot (of the file): {listing(each, 6)} kg"

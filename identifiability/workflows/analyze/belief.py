@@ -231,6 +231,14 @@ def widen_interval(interval: Array, nonnegative: np.ndarray, moved: Array) -> Ar
     return np.column_stack([np.where(nonnegative, np.maximum(low, 0.0), low), high])
 
 
+#: Why an interval that bodies narrow is not stated.
+UP_TO_THE_PRIOR = (
+    "Bodies that can exist, with the prior around the robot file, narrow it, but how far is up to "
+    "the prior's density at the edge of what can exist: the prior decides, and no interval is "
+    "stated."
+)
+
+
 def refine_verdicts(
     result: ModelResult, belief: Belief, thresholds: Thresholds | None = None
 ) -> tuple[Verdict, ...]:
@@ -251,31 +259,24 @@ def refine_verdicts(
         if not (open_ and narrowed):
             out.append(v)
             continue
-        if not physical.stated[k]:
-            text = (
-                "Bodies that can exist, with the prior around the robot file, narrow it, but how "
-                "far is up to the prior's density at the edge of what can exist: the prior "
-                "decides, and no interval is stated."
-            )
-            out.append(replace(v, verdict=Class.PRIOR, reason=f"{v.reason} {text}"))
-            continue
-        low, high = physical.interval[k]
+        low, high = (float(x) for x in physical.interval[k])
+        span, believed, kind = f"{low:.3g} … {high:.3g} (95 %)", (low, high), Class.PRIOR
         # Like with like: the same data and prior, with and without bodies that can exist.
         by_bodies = physical.sd[k] ** 2 < rules.constraint_variance * data_sd[k] ** 2
         learned = 1 - physical.sd[k] / prior_sd[k] if prior_sd[k] > 0 else 0.0
+        text = (
+            f"With the prior around the robot file {span} is believed; it is the prior that "
+            "narrows it, and another prior would say otherwise."
+        )
+        if not physical.stated[k]:
+            out.append(replace(v, verdict=kind, reason=f"{v.reason} {UP_TO_THE_PRIOR}"))
+            continue
         if by_bodies and learned >= rules.contraction:
             kind = Class.CONSTRAINT
             text = (
-                f"Bodies that can exist, with the prior around the robot file, narrow it to "
-                f"{low:.3g} … {high:.3g} (95 %), far inside what data and prior alone allow."
+                f"Bodies that can exist, with the prior around the robot file, narrow it to {span} "
+                "far inside what data and prior alone allow."
             )
-        else:
-            kind = Class.PRIOR
-            text = (
-                f"With the prior around the robot file {low:.3g} … {high:.3g} (95 %) is believed; "
-                "it is the prior that narrows it, and another prior would say otherwise."
-            )
-        believed = (float(low), float(high))
         out.append(replace(v, verdict=kind, reason=f"{v.reason} {text}", believed=believed))
     return tuple(out)
 

@@ -1,21 +1,26 @@
-"""`Analysis`: which parameters do the logs determine? A table, JSON, a report, the next lines."""
+"""`Analysis`: which parameters do the logs determine? In words, tables, JSON and next lines."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
 import numpy as np
 import pandas as pd
 
+from identifiability.effects.imu import move_mounting
 from identifiability.estimation.evidence import Folds
+from identifiability.estimation.fit import Motions
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import loaded_joints
-from identifiability.estimation.verdict import Class, Verdict
+from identifiability.estimation.verdict import Class, Verdict, percent_of
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
+from identifiability.foundation.errors import listing
+from identifiability.foundation.names import Array
 from identifiability.foundation.options import check_choice
 from identifiability.foundation.rounding import (
     NONE,
@@ -32,12 +37,12 @@ from identifiability.foundation.rounding import (
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
+from identifiability.logs.prepare.dataset import Dataset
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.rules import Thresholds as Believable
+from identifiability.robot import Robot
 from identifiability.workflows.analyze.assessment import JudgedModel, Laddered, ModelResult
 from identifiability.workflows.analyze.belief import Belief, Which, belief_dict, build_datatree
-from identifiability.workflows.analyze.rules import RULES
-from identifiability.workflows.analyze.words import SeveralLogs, state_answer, state_physics
 from identifiability.workflows.answers import (
     SIGMA,
     UNIT,
@@ -62,10 +67,182 @@ from identifiability.workflows.commands import (
     source_name,
 )
 from identifiability.workflows.opening import is_reading
-from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 
 if TYPE_CHECKING:
     from xarray import DataTree
+
+
+# What logs say of each other, in words.
+
+
+#: Parameters that a sentence names.
+NAMED = 3
+
+ONE = "One motion cannot show what another would change: no interval holds that."
+SHORT = (
+    "The logs are too short to be fitted one by one: no interval holds what another motion would "
+    "change."
+)
+
+
+@frozen
+class SeveralLogs:
+    """Whether motions lead to the same values, in numbers and words.
+
+    Attributes
+    ----------
+    motions : Motions or None
+        None where there are not two that can be fitted by themselves.
+    names : tuple of str
+        Of its logs.
+    columns : tuple of str
+        The k parameters.
+    statement : str
+    """
+
+    motions: Motions | None
+    names: tuple[str, ...]
+    columns: tuple[str, ...]
+    statement: str
+
+    @property
+    def hint(self) -> str:
+        """What to do where they disagree; empty where they agree."""
+        return "" if self.motions is None or not self.motions.moved.any() else self.statement
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain values."""
+        m = self.motions
+        found: dict[str, Any] = {"statement": self.statement, "names": list(self.names)}
+        if m is None:
+            return found
+        most = int(np.argmax(m.ratio))
+        found |= {"p": float(m.p.min()), "variance_ratio": float(m.ratio[most])}
+        found["degrees_of_freedom"] = float(m.dof[most])
+        rows = zip(self.columns, m.values.T, m.sd.T, m.p, m.between, strict=True)
+        keys = ("name", "values", "sd", "p", "between")
+        found["parameters"] = [
+            dict(zip(keys, (name, v.tolist(), s.tolist(), float(p), float(b)), strict=True))
+            for name, v, s, p, b in rows
+        ]
+        return found
+
+
+def compare_logs(samples: Sequence[Dataset], result: ModelResult) -> SeveralLogs:
+    """Return what logs say of each other under a model.
+
+    Parameters
+    ----------
+    samples : sequence of Dataset
+        The fitted logs.
+    result : ModelResult
+    """
+    columns, motions = result.submodel.columns, result.fit.motions
+    if motions is None:
+        return SeveralLogs(None, (), columns, ONE if len(samples) == 1 else SHORT)
+    names = tuple(samples[k].name for k in motions.which)
+    if not motions.moved.any():
+        text = f"The {len(names)} logs agree: no value differs by more than chance."
+        return SeveralLogs(motions, names, columns, text)
+    order = [k for k in np.argsort(motions.p) if motions.moved[k]]
+    far = listing([f"{columns[k]} ({_range(motions.values[:, k])})" for k in order], NAMED)
+    text = (
+        f"The logs {listing(names, NAMED)} disagree: {far}. A payload, a temperature or another "
+        "robot does that, or the model leaves out what differs between them; intervals are widened "
+        "to hold all of them. What changed, and in which log: compare."
+    )
+    return SeveralLogs(motions, names, columns, text)
+
+
+def _range(values: Array) -> str:
+    return f"{values.min():.3g} to {values.max():.3g}"
+
+
+# The answer of an analysis in plain words.
+
+
+#: Why no verdict is believed where a model would be used that is no better than no model.
+WORSE = "no model predicts motion that it has not seen better than a constant torque would"
+
+
+def state_physics(chosen: ModelResult) -> str:
+    """Return what physics says of a model."""
+    if chosen.feasible:
+        return "A real robot can have its values."
+    if chosen.physical.nearest is None:
+        return chosen.physical.sentence
+    if math.isnan(chosen.error_ra_physical):  # folds of few samples
+        return "It is no real robot; these logs are too short to say how much the nearest one errs."
+    near = f"The nearest real robot errs by {percent(chosen.error_ra_physical)}."
+    if chosen.physical_used:
+        less = chosen.error_ra_physical < chosen.error_ra_validation
+        near = (
+            f"The nearest real robot errs by {percent(chosen.error_ra_physical)}, "
+            f"{'less' if less else 'not surely more'}. Its values are those to use, and "
+            "predictions and exports have them."
+        )
+    if count := len(chosen.infeasible):
+        return (
+            f"But {count} of its values {'has' if count == 1 else 'have'} a sign that physics "
+            f"forbids ({listing(chosen.infeasible, 4)}). {near}"
+        )
+    if chosen.physical.certificate is None:
+        return f"The motion leaves some of its parameters open. {near}"
+    return f"Its values are not physically consistent, although each sign is possible. {near}"
+
+
+def state_weak(chosen: ModelResult) -> str:
+    """Return one sentence on values without a strong instrument, or nothing."""
+    estimate = chosen.estimate
+    if estimate.correction is None:
+        return ""
+    bias = estimate.correction.bias
+    # What has this share of its variance from these directions leans on them.
+    leans = (bias**2).sum(0) > 0.1 * estimate.sigma**2
+    known = {v.name for v in chosen.verdicts if v.verdict is Class.IDENTIFIABLE}
+    touched = [c for c, found in zip(estimate.columns, leans, strict=True) if found and c in known]
+    if not touched:
+        return ""
+    return (
+        f"In {len(bias)} of {len(estimate.kept)} directions noise drowns the motion, and least "
+        "squares stays, with the bias that this gives it (σ holds it); "
+        f"{listing(touched, 4)} lean on them: move faster or longer, or measure the motion better."
+    )
+
+
+def state_mounting(robot: Robot, verdicts: Sequence[Verdict]) -> str:
+    """Return what to write into the sidecar of an inertial sensor that sits elsewhere, or nothing.
+
+    Corrections are linear where they are small: what is left of a large one is found from there.
+    """
+    sure = {v.name: v.value for v in verdicts if v.verdict in (Class.IDENTIFIABLE, Class.WEAK)}
+    entry = move_mounting(robot, sure)
+    if not entry:
+        return ""
+    return (
+        "The inertial sensor is mounted otherwise than stated; as corrections are exact only while "
+        f"they are small, fit large ones once more with this at the top of the sidecar: {entry}"
+    )
+
+
+def doubt(
+    why: str, results: tuple[ModelResult, ...], at: int, held_out: Prediction
+) -> tuple[tuple[ModelResult, ...], str]:
+    """Take the verdicts back where none can be believed; return them, and why not.
+
+    Parameters
+    ----------
+    why : str
+        What speaks against all of them: the fitted logs have nothing to explain, or are misread;
+        empty if nothing does.
+    results : tuple of ModelResult
+    at : int
+        The selected model.
+    held_out : Prediction
+    """
+    if not why and not results[at].error_ra_validation < held_out.constant_error():
+        why = WORSE
+    return (tuple(r.withdraw(why) for r in results) if why else results), why
 
 
 # `Analysis`: the answer to which parameters the logs determine; a table, JSON or a report.
@@ -203,15 +380,11 @@ class Analysis(Laddered):
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        text = state_answer(
-            self.base,
-            self.models,
-            self.chosen,
-            self.physical_statement,
-            self.nothing,
-            self.missing,
-        )
-        return self._state(text)
+        use, quality = _answer_use(self), self.answers()[1]
+        together = f"All joints together err by {percent(self.chosen.error_ra_validation)}."
+        told = f"{use.short} {use.text} {quality.short} {quality.text} {together}"
+        doubt = f"Nothing is identifiable, because {self.nothing}." if self.nothing else ""
+        return self._state(doubt or told)
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what to use, how good it is, whether to trust it, what to do next."""
@@ -224,7 +397,7 @@ class Analysis(Laddered):
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
         believed = () if self.belief is None else (Believable(), POSTERIOR_RULES)
-        return (RULES, self.thresholds, ESTIMATION_RULES, *believed)
+        return (self.thresholds, ESTIMATION_RULES, *believed)
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models, the errors by joint and by log, the parameters of the model to use."""
@@ -297,13 +470,6 @@ def model_title(result: ModelResult) -> str:
     return result.name if "model" in result.name.lower() else f"“{result.name}”"
 
 
-def sigma_inflation(result: ModelResult) -> float:
-    """Return by how much autocorrelation widens σ, over the determined parameters."""
-    pairs = [(v.sigma_robust, v.sigma) for v in result.verdicts]
-    ratios = [a / b for a, b in pairs if 0 < b < np.inf and np.isfinite(a)]
-    return float(np.median(ratios)) if ratios else 1.0
-
-
 def found_cell(model: JudgedModel) -> Cell:
     """Return how many parameters of a model are identifiable."""
     found = sum(v.verdict is Class.IDENTIFIABLE for v in model.verdicts)
@@ -315,23 +481,30 @@ MOST_NAMES = 24
 
 
 def _answer_use(analysis: Analysis) -> Answer:
-    chosen, base = analysis.chosen, analysis.base
+    chosen, base, full = analysis.chosen, analysis.base, analysis.full
     question = "What do the logs determine, and which model to use?"
     size = f"Of {len(base.parameters)} parameters {base.rank} can be told apart by any motion."
     if analysis.nothing:
         return Answer(question, "Nothing, and none.", size, "vermilion")
-    found = f"{chosen.count(Class.IDENTIFIABLE)} of {len(chosen.submodel)} parameters"
-    if chosen.unjudged:
-        found = f"{len(chosen.submodel)} parameters, none judged"
+    found = f"{chosen.count(Class.IDENTIFIABLE)} of {len(chosen.submodel)} parameters identifiable"
     title = model_title(chosen)
     title = f"{title[0].upper()}{title[1:]}"
-    if chosen is not analysis.full:
-        full = analysis.full
+    short = f"{title}: {found}."
+    if chosen.unjudged:
+        short = f"Nothing is judged in {model_title(chosen)} of {len(chosen.submodel)} parameters."
+    if chosen is not full:
         size += f" The unpruned {model_title(full)} keeps all {len(full.submodel)} of them"
         size += "." if full.unjudged else f", {full.count(Class.IDENTIFIABLE)} identifiable."
-    physics = f" {analysis.physical_statement}"
+    if not any(m.count(Class.IDENTIFIABLE) for m in analysis.models):
+        few = f"The motion excites only {len(full.estimate.kept)} of these, and noise hides them."
+        poor = len(full.estimate.kept) < base.rank
+        size += f" {chosen.unjudged or (few if poor else 'Noise hides all of them.')}"
+    if analysis.missing.functions:
+        missing = analysis.missing.statement
+        size += f" That holds only if nothing is missing: {missing}: diagnose."
     tone = "blue" if chosen.feasible else "amber"
-    return Answer(question, f"{title}: {found} identifiable.", f"{size}{physics}", tone)
+    physics = analysis.physical_statement
+    return Answer(question, short, f"{size} {physics}", tone)
 
 
 def _cautions(analysis: Analysis) -> tuple[Note, ...]:
@@ -346,7 +519,7 @@ def _cautions(analysis: Analysis) -> tuple[Note, ...]:
         notes.append(note("nothing", why=why))
     if not np.isfinite(analysis.chosen.error_ra_validation):
         return (*notes, *_sample_notes(analysis))
-    for part in (_physics_notes, _excitation_notes, _sample_notes, _noise_notes, _fit_notes):
+    for part in (_physics_notes, _excitation_notes, _sample_notes, _fit_notes):
         notes += part(analysis)
     order = {"warning": 0, "note": 1, "good": 2}
     return tuple(sorted(notes, key=lambda n: order[n.level]))
@@ -377,11 +550,6 @@ def _excitation_notes(analysis: Analysis) -> Iterator[Note]:
         yield note("poor", rank=base.rank, excited=len(full.estimate.kept))
     if base.ambiguous:
         yield note("ambiguous")
-    rows, size = analysis.information.rows, len(full.submodel)
-    # Rows for each parameter below which the report warns of a short log.
-    if rows < 10 * size:
-        values, parameters = format_count(rows, "torque value"), format_count(size, "parameter")
-        yield note("short", rows=values, size=parameters)
 
 
 def _sample_notes(analysis: Analysis) -> Iterator[Note]:
@@ -392,16 +560,6 @@ def _sample_notes(analysis: Analysis) -> Iterator[Note]:
             samples = format_count(s.survey.singular, "sample")
             condition = format_number(s.survey.condition, 2)
             yield note("singular", log=s.name, samples=samples, condition=condition)
-
-
-def _noise_notes(analysis: Analysis) -> Iterator[Note]:
-    times = np.asarray(analysis.chosen.autocorrelation_time, float)
-    factor = sigma_inflation(analysis.chosen)
-    longest = f"{time_text(times.max())} samples in {analysis.robot.joints[int(np.argmax(times))]}"
-    name = "uneven" if factor > RULES.inflation_mild else "independent"
-    if np.sqrt(times.max()) > RULES.inflation_mild:
-        name = "memory"
-    yield note(name, longest=longest, grown=f"{format_number(factor, 3)} × that of white noise")
 
 
 def _fit_notes(analysis: Analysis) -> Iterator[Note]:
@@ -415,9 +573,6 @@ def _fit_notes(analysis: Analysis) -> Iterator[Note]:
     if full.unjudged and full is not chosen:
         title = f"The unpruned {model_title(full)} is not judged."
         yield Note("warning" if chosen.unjudged else "note", title, full.unjudged)
-    unseen, fitted = chosen.error_ra_validation, chosen.error_ra
-    if not analysis.nothing and unseen > WORKFLOW_RULES.grows * fitted:
-        yield note("grows", unseen=error_text(unseen), fitted=error_text(fitted))
     if not analysis.validation:
         yield note("inside", kind=analysis.validation_kind)
 
@@ -460,31 +615,24 @@ LADDER = with_hints(
 
 def error_tables(result: Laddered) -> tuple[Table, ...]:
     """Return the errors of the model to use by joint and, where there are several, by log."""
-    fitted, out = result._alone
-    rows = zip(
-        result.robot.joints,
-        out.rms,
-        result.robot.torque_units,
-        fitted.joint_error()[:, 0],
-        out.joint_error()[:, 0],
-        out.joint_rms()[:, 0],
-        out.joint_error(raw=True)[:, 0],
-        result._used.autocorrelation_time,
-        strict=True,
-    )
-    every = list(rows)
-    shown = [every[k] for k in loaded_joints(out.rms)]
+    errors, measured = result.error_frame(), result._alone[1].rms
+    told = ["name", "unit", "error", "error_validation", "rms_validation", "error_raw_validation"]
+    each = errors[errors["of"] == "joint"][told].to_numpy().tolist()
+    every = [
+        (row[0], rms, *row[1:], time)
+        for row, rms, time in zip(each, measured, result._used.autocorrelation_time, strict=True)
+    ]
+    shown = [every[k] for k in loaded_joints(measured)]
     joints = Table.of(
         "Each joint by itself, over how much its own torque varies", JOINTS, shown, worst=4
     )
     samples = (*result.samples, *result.validation)
     if len(samples) == 1:
         return (joints,)
-    errors = result.error_frame()
     logs = errors[errors["of"] == "log"][["error", "error_validation"]]
     pairs = zip(samples, logs.itertuples(index=False), strict=True)
-    each = [(s.name, s.outputs, a, b) for s, (a, b) in pairs]
-    return joints, Table.of("Each log by itself", LOGS, each, worst=3)
+    rows = [(s.name, s.outputs, a, b) for s, (a, b) in pairs]
+    return joints, Table.of("Each log by itself", LOGS, rows, worst=3)
 
 
 JOINTS = with_hints(
@@ -510,7 +658,7 @@ LOGS = (
 def parameter_table(analysis: Analysis, result: ModelResult) -> Table:
     """Return one row for each parameter of a model, filtered by verdict."""
     most = max((v.share for v in result.verdicts), default=0.0)
-    reduced = any(v.sigma_omit for v in result.verdicts)
+    reduced = any(v.terms["omitted"] for v in result.verdicts)
     stated = dict(zip(result.submodel.columns, stated_values(analysis, result), strict=True))
 
     def share(v: Verdict) -> Cell:
@@ -519,7 +667,7 @@ def parameter_table(analysis: Analysis, result: ModelResult) -> Table:
 
     def in_file(v: Verdict) -> Cell:
         text, label = (stated_text(x, v.sigma_robust) for x in (stated[v.name], v.nominal))
-        differs = stated[v.name] is not None and v.sigma_omit and text != label
+        differs = stated[v.name] is not None and v.terms["omitted"] and text != label
         return Cell(text, stated[v.name], f"label {label}" if differs else "")
 
     every = with_hints(
@@ -531,6 +679,13 @@ def parameter_table(analysis: Analysis, result: ModelResult) -> Table:
         Column("σ white", percent_text, "sigma_percent", detail=True),
         Column("σ robust", percent_text, "sigma_robust_percent", detail=reduced),
         Column("σ label", percent_text, "sigma_label_percent"),
+        Column(
+            "σ bootstrap",
+            percent_text,
+            lambda v: percent_of(v.sigma_bootstrap, v.value),
+            detail=True,
+        ),
+        Column("σ is of", get=_terms_cell, detail=True),
         *bias_columns(result.verdicts),
         Column("robot file", "number", in_file),
         Column("share of torque", "bar", share),
@@ -539,6 +694,17 @@ def parameter_table(analysis: Analysis, result: ModelResult) -> Table:
     )
     own = tuple(c for c in every if reduced or c.title != "σ label")
     return Table.of("", own, result.verdicts, filter_by=-1, long=True)
+
+
+def _terms_cell(v: Verdict) -> Cell:
+    """Return the shares that terms have of the variance of a label, the largest first."""
+    total = v.sigma_label**2
+    if not 0 < total < np.inf:
+        return Cell(NONE, 0.0)
+    order = sorted(v.terms, key=lambda term: -v.terms[term])
+    each = [f"{term} {percent(v.terms[term] ** 2 / total, 2)}" for term in order[:3]]
+    shown = [text for term, text in zip(order, each, strict=False) if v.terms[term] > 0]
+    return Cell(", ".join(shown), v.terms[order[0]] ** 2 / total)
 
 
 def _paper_cell(v: Verdict) -> Cell:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.decide import decide_submodel, find_left_out
 from identifiability.estimation.estimate import Method, find_estimator, fit_whole, settle_noise
+from identifiability.estimation.fit import Fit, find_left_out
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.uncertainty import assess_uncertainty
-from identifiability.estimation.verdict import Class
+from identifiability.estimation.verdict import Class, judge_model
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import LEVEL, REACH, Share, clustered_share, each_share
 from identifiability.foundation.values import frozen
@@ -112,23 +112,22 @@ class Experiment:
         method = settle_noise(find_estimator(self.method), whole)
         fit = method.fit(information)
         left = tau - W @ submodel.fixed
-        spread = assess_uncertainty(information, fit, rng, self.replicates)
-        omitted = None
+        known = Fit.of(information, fit, rng, self.replicates)
         if self.structure is not None:
             full = fit_whole(method, whole)
-            omitted = find_left_out(self.structure, submodel, whole, fit, full)
+            known = replace(
+                known, left_out=find_left_out(self.structure, submodel, whole, fit, full)
+            )
         torque, aliases = float(np.sqrt(np.mean(left**2))), ("",) * len(submodel)
-        verdicts = decide_submodel(
-            submodel, information, fit, spread, torque, aliases, rules, left_out=omitted
-        )
+        verdicts = judge_model(submodel, information, known, torque, aliases, rules)
         ends = np.array([v.interval95 for v in verdicts]).reshape(-1, 2)
         return Outcome(
             value=fit.value,
-            white=spread.white,
+            white=fit.sigma,
             robust=(ends[:, 1] - ends[:, 0]) / (2 * REACH),
             identifiable=np.array([v.verdict is Class.IDENTIFIABLE for v in verdicts]),
             paper=fit.paper_rule,
-            judged=not all(spread.why_unjudged(rules)),
+            judged=not all(known.why_unjudged(rules)),
         )
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.decide import body_scatter
+from identifiability.estimation.fit import body_scatter
 from identifiability.estimation.noise import (
     JointRuns,
     ResidualNoise,
@@ -234,7 +234,7 @@ def _free(
     left = np.eye(rows.sum()) - own @ np.linalg.pinv(own)
     half = left @ full.submodel.M[rows]
     with np.errstate(divide="ignore", invalid="ignore"):
-        wider = np.nan_to_num(full.uncertainty.robust / fit.sigma, nan=1.0, posinf=1.0)
+        wider = np.nan_to_num(full.fit.robust / fit.sigma, nan=1.0, posinf=1.0)
     C = np.where(np.isfinite(fit.covariance), fit.covariance, 0.0) * np.outer(wider, wider)
     sd = np.sqrt(np.einsum("ij,jk,ik->i", half, C, half))
     open_ = half[:, ~fit.determined].any(1)

@@ -13,9 +13,9 @@ import pandas as pd
 
 from identifiability.effects.vocabulary import file_kinds, values_in_file
 from identifiability.estimation.estimate import estimate, find_estimator
+from identifiability.estimation.fit import Fit as Known
 from identifiability.estimation.prediction import measure_spread, predict
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
@@ -32,7 +32,7 @@ from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
 from identifiability.regression.structure import Structure
-from identifiability.workflows.analyze.fit import hold_folds, settle_robot
+from identifiability.workflows.analyze.workflow import hold_folds, settle_robot
 from identifiability.workflows.answers import (
     after_mass,
     answer_next,
@@ -371,8 +371,8 @@ def keep_completed(d: Findings) -> Fit:
     low, raw = found.joint_rms()[:, 0], found.joint_rms(raw=True)[:, 0]
     unseen = d.gap.prediction.joint_rms()[:, -1]
     unseen_raw = np.sqrt(np.maximum(raw**2 - low**2, 0.0) + unseen**2)
-    uncertainty = assess_uncertainty(information, fit, np.random.default_rng(d.seed), 0)
-    spread = measure_spread(information, fit, uncertainty, (low, raw), (unseen, unseen_raw))
+    known = Known.of(information, fit, np.random.default_rng(d.seed), 0)
+    spread = measure_spread(information, fit, known, (low, raw), (unseen, unseen_raw))
     return Fit(
         structure=structure,
         submodel=submodel,

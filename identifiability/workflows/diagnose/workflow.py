@@ -37,7 +37,7 @@ from identifiability.regression.reduction import (
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike, complete_motion
-from identifiability.workflows.analyze.fit import say_band
+from identifiability.workflows.analyze.workflow import say_band
 from identifiability.workflows.diagnose.changes import find_change, leave_out, without_outliers
 from identifiability.workflows.diagnose.findings import Curve, NamedEffect, Odds, Placement, Rival
 from identifiability.workflows.diagnose.motion import (

@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 
 from identifiability.estimation.estimate import Method, estimate
-from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.estimator import Estimate, noise_scale
 from identifiability.estimation.evidence import (
     LEVELS,
     Folds,
@@ -28,9 +28,8 @@ from identifiability.estimation.evidence import (
     may_stand,
     nested_density,
 )
-from identifiability.estimation.instrumental import InstrumentalVariables, combine
-from identifiability.estimation.least_squares import noise_scale
-from identifiability.estimation.refits import Asked, Equations, Refits
+from identifiability.estimation.instrumental import combine
+from identifiability.estimation.refits import Equations, Refits
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -102,8 +101,8 @@ class WhitenedRegression:
     variation : (n,) [torque²]
         Of the torque of each joint about its mean: the scale of its errors.
     folds : Folds
-    refitter : Equations or Asked
-        What refits: equations of the estimator, or the estimator itself.
+    refitter : Equations
+        What refits.
     """
 
     start: Partition
@@ -116,7 +115,7 @@ class WhitenedRegression:
     seen: Array
     variation: Array
     folds: Folds
-    refitter: Equations | Asked
+    refitter: Equations
 
     def _see(self, tests: Sequence[Array]) -> Array:
         """Return what densities are of, ``[Y, e]ᵀ [Y, e]`` of each fold, (F, k + 1, k + 1).
@@ -173,14 +172,13 @@ class FoldFits:
             What led to each model, of all that the motion excites first.
         """
         own = self.whitened
-        partitions, kept = [partition for _, partition in path], own.start.leaders
+        partitions = [partition for _, partition in path]
         rows = [before.rows_to(after) for before, after in pairwise(partitions)]
         fixed = np.concatenate([np.empty((0, len(own.inverse))), *rows]) @ own.inverse
         fixed /= np.linalg.norm(fixed, axis=1, keepdims=True)
         turn = np.linalg.qr(fixed.T, mode="complete")[0][:, ::-1]
         free = np.array([len(partition) for partition in partitions])
-        models = [partition.matrix[kept] for partition in partitions]
-        delta = self.refits.along(turn, free, models)
+        delta = self.refits.along(turn, free)
         values = (own.centre + delta) @ own.inverse.T
         steps = zip(path, self._score(delta[:, 1:], turn, free), values, strict=True)
         return [Step(p, score, value, move) for (move, p), score, value in steps]
@@ -233,12 +231,11 @@ def whiten_regression(
     R[k, k] = max(abs(R[k, k]), 1e-9 * length, 1e-300)
     inverse = np.linalg.inv(R)
     centre, turned = R[:k, k].copy(), inverse[:k, :k]
-    equations = Equations.of(information, full, R, inverse)
     change = np.column_stack([np.vstack([turned, np.zeros(k)]), inverse[:, k] * R[k, k]])
     plain, floor = information, 1e-18 * squares.max(initial=0.0) + 1e-300
     noise, seen = np.maximum(full.variance * full.times, floor), np.empty((0, k, 2 * k + 1))
     if information.instrumented:  # instruments say nothing of errors and are half of what is held
-        if isinstance(full.estimator, InstrumentalVariables):
+        if full.estimator.instruments:
             left = combine(information, full.weights).left
             left = np.vstack([left, np.zeros((1, k))])
             right = np.vstack([np.zeros((k, k + 1)), change])
@@ -260,7 +257,7 @@ def whiten_regression(
         seen=seen,
         variation=squares if variation is None else variation,
         folds=Folds.of(information, float(np.max(full.times))),
-        refitter=equations or Asked(full.estimator, information, turned, centre),
+        refitter=Equations.of(information, full, R, inverse),
     )
 
 

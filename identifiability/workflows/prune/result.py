@@ -27,8 +27,12 @@ from identifiability.regression.reduction import (
     model_entry,
 )
 from identifiability.workflows.analyze.assessment import JudgedModel, Laddered, ModelResult
-from identifiability.workflows.analyze.result import error_tables, found_cell, physics_notes
-from identifiability.workflows.analyze.words import state_physics
+from identifiability.workflows.analyze.result import (
+    error_tables,
+    found_cell,
+    physics_notes,
+    state_physics,
+)
 from identifiability.workflows.answers import (
     after_mass,
     answer_next,

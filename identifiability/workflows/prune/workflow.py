@@ -15,7 +15,7 @@ from identifiability.estimation.estimate import (
     fit_whole,
     settle_noise,
 )
-from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.estimator import Estimate, Estimator, Noise
 from identifiability.estimation.evidence import (
     Evidence,
     HeldOut,
@@ -24,11 +24,10 @@ from identifiability.estimation.evidence import (
     near_best,
     weigh_models,
 )
-from identifiability.estimation.least_squares import Noise
+from identifiability.estimation.fit import Fit
 from identifiability.estimation.prediction import Task, predict_all
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import take_turns
-from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty
 from identifiability.foundation.engines.mapping import Engine, Steps, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.names import Array
@@ -62,12 +61,13 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.assessment import (
     assess_ladder,
+    complete_fit,
     decide_model,
     forbidden_signs,
     tell_with_file,
 )
-from identifiability.workflows.analyze.fit import DelayErrors, check_cutoff, settle_robot
-from identifiability.workflows.analyze.words import WORSE, compare_logs, state_mounting, state_weak
+from identifiability.workflows.analyze.result import WORSE, compare_logs, state_mounting, state_weak
+from identifiability.workflows.analyze.workflow import SharedErrors, say_band, settle_robot
 from identifiability.workflows.opening import Logs, Progress, quiet, running, share
 from identifiability.workflows.prune.elimination import (
     Search,
@@ -168,7 +168,7 @@ def prune(
             _check_wishes(start, forbid, force)
             part = start.reduce(rows.information)
             own = settle_noise(rows.estimator, part)
-            question = Question(rows, start, own, DelayErrors.of(session, rows))
+            question = Question(rows, start, own, SharedErrors.of(session, rows))
             say("walking down the ladder", 0.4)
             search = find_path(
                 part,
@@ -207,7 +207,7 @@ def prune(
                 session.structure.robot, measured.result.physical.parameters()
             ),
             rolled=session.recordings.rolled,
-            late=question.delays.move(full_model(session.structure.base)),
+            late=question.delays.together(full_model(session.structure.base)),
             method=base.name,
             seed=seed,
             source=source,
@@ -229,7 +229,7 @@ def _hint(
 ) -> tuple[str, ...]:
     """Return what seems to be wrong with robot file, logs and their cut-off."""
     result, opening = measured.result, rows.opening
-    joints, first = session.structure.robot.joints, 2 * (opening.alternative is not None)
+    first = 2 * (opening.alternative is not None)
     return (
         *opening.hints[:first],  # under what all is said
         contradicted,
@@ -239,8 +239,8 @@ def _hint(
         state_weak(result),
         state_mounting(session.structure.robot, result.verdicts),
         *opening.hints[first:],
-        *check_cutoff(opening, session.recordings, session.how),
-        compare_logs(joints, opening.samples, result).hint,
+        *(() if session.recordings.commanded else say_band(session.how)),
+        compare_logs(opening.samples, result).hint,
     )
 
 
@@ -302,13 +302,13 @@ class Question:
     start : Submodel
         The model that pruning starts from.
     estimator : Estimator
-    delays : DelayErrors
+    delays : SharedErrors
     """
 
     rows: Weighed
     start: Submodel
     estimator: Estimator
-    delays: DelayErrors
+    delays: SharedErrors
 
     @cached_property
     def full(self) -> Estimate | None:
@@ -402,23 +402,21 @@ def measure_models(
         decide_model,
         torque=float(np.sqrt(np.mean(own.rms**2))),
         thresholds=Thresholds(),
-        full=question.full,
-        missing=missing,
     )
     models, labels = [], []
     for k, (step, known) in enumerate(zip(steps, fits, strict=True)):
-        told, uncertainty = question.recall(*known), result.uncertainty
+        told, fit = question.recall(*known), result.fit
         if k != chosen:
-            found = assess_uncertainty(told.information, told.estimate, rng, replicates)
-            uncertainty = replace(found, late=question.delays.move(told.submodel))
-        labels.append((told.submodel, told.estimate, uncertainty))
+            fit = Fit.of(told.information, told.estimate, rng, replicates)
+            fit = complete_fit(told, fit, question.full, missing, question.delays.move)
+        labels.append((told.submodel, fit))
         judged = Evidence.of(step.score, best)
         models.append(
             PrunedModel(
                 step=step,
                 submodel=known[0],
                 estimate=known[1],
-                verdicts=judge(told, uncertainty),
+                verdicts=judge(told, fit),
                 density=judged.density.value,
                 density_se=judged.density.se,
                 spread=judged.error.se,
@@ -427,8 +425,8 @@ def measure_models(
                 **{name: float(each[k]) for name, each in errors.items()},
             )
         )
-    mixture = _mix(labels, weights, chosen) if replicates else None
-    result = replace(result, verdicts=judge(model, labels[chosen][2], models=mixture))
+    mixed = replace(result.fit, models=_mix(labels, weights, chosen))
+    result = replace(result, fit=mixed, verdicts=judge(model, mixed))
     if not opening.validation:
         error, joints = models[chosen].error_ra_unseen, float(unseen.error_over_joints()[chosen])
         result = replace(result, error_ra_validation=error, error_joints_validation=joints)
@@ -450,20 +448,18 @@ def measure_models(
     ), hint
 
 
-def _mix(
-    labels: Sequence[tuple[Submodel, Estimate, Uncertainty]], weights: Array, chosen: int
-) -> Mixture:
+def _mix(labels: Sequence[tuple[Submodel, Fit]], weights: Array, chosen: int) -> Mixture:
     """Return what all models of the path say of the labels of one, as they are told."""
     own = labels[chosen][0]
     inverse = np.linalg.pinv(own.M)
     # Models of less weight than this share of the heaviest's are no part of a mixture.
     heavy = np.flatnonzero(weights > 1e-3 * weights.max())
     values, sigmas = [], []
-    for submodel, fit, uncertainty in (labels[k] for k in heavy.tolist()):
+    for submodel, fit in (labels[k] for k in heavy.tolist()):
         L = inverse @ submodel.M
         L[np.abs(L) < ROUNDING] = 0.0
-        values.append(inverse @ (submodel.expand(fit.value) - own.fixed))
-        sigmas.append(_spread_labels(L, fit, uncertainty.robust))
+        values.append(inverse @ (submodel.expand(fit.estimate.value) - own.fixed))
+        sigmas.append(_spread_labels(L, fit.estimate, fit.robust))
     return mix_labels(weights[heavy], np.array(values), np.array(sigmas))
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.least_squares import OrdinaryLeastSquares
+from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.fit import Fit
 from identifiability.regression.information import Information
 
 
@@ -40,8 +40,16 @@ def fit_of(value, sigma, determined=None, weights=(1.0,), rss=(100.0,), columns=
         singular_values=np.ones(k),
         weights=np.asarray(weights, float),
         times=np.ones(len(weights)),
-        estimator=OrdinaryLeastSquares(),
+        estimator=Estimator(weighted=False),
     )
+
+
+def fit_known(estimate, scores=None, *, noise=1.0, **terms) -> Fit:
+    """Return what is known of an estimate, of columns of rms 3 and of so much of the residual."""
+    k = len(estimate.columns)
+    each = np.broadcast_to(noise, k).astype(float)
+    return Fit(estimate=estimate, column_rms=np.full(k, 3.0), column_noise=each, scores=scores,
+               **terms)  # fmt: skip
 
 
 def ar1(rng, rho: float, samples: int, columns: int = 1):

@@ -21,7 +21,7 @@ from identifiability.workflows.analyze.belief import (
 
 def verdict(kind, robust=1.0):
     return Verdict(
-        name="x", label="x", unit="kg", value=2.0, sigma=0.1, sigma_robust=robust, share=0.1,
+        name="x", label="x", unit="kg", value=2.0, sigma=0.1, terms={"noise": robust}, share=0.1,
         paper_rule=True, verdict=kind, reason="As the data say.", nominal=None,
     )  # fmt: skip
 

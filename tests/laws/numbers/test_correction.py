@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.estimation.estimator import Estimate, correct
+from identifiability.estimation.estimator import Correction, Estimate
 from identifiability.estimation.verdict import Class
 from identifiability.logs.prepare import instruments as closing
 from identifiability.logs.prepare.instruments import complete_along
 from identifiability.robot import Robot, complete_motion
-from identifiability.workflows.analyze.words import state_weak
+from identifiability.workflows.analyze.result import state_weak
 
 
 @pytest.fixture
@@ -34,22 +34,11 @@ def plain():
     )
 
 
-def test_only_kept_columns_get_values_and_only_determined_ones_a_variance(plain):
-    rss, bias = np.array([6.0, 1.9]), np.array([[2.0], [1.0]])
-    found = correct(plain, None, np.array([7.0, 8.0]), np.diag([4.0, 9.0]), rss, bias)
-    assert found.value.tolist() == [7.0, 0.0, 8.0]
-    assert np.diag(found.covariance).tolist() == [8.0, np.inf, np.inf]
-    assert found.correction.bias.tolist() == [[2.0, 0.0, 1.0]]
-    assert found.rss.tolist() == [6.0, 1.9]
-    # What is left more is noise; less is rounding.
-    assert found.variance == pytest.approx([0.1 + 5.0 / 10, 0.2])
-    assert found.correction.least_squares.tolist() == [5.0, 0.0, 6.0]
-
-
 def test_what_has_a_tenth_of_its_variance_from_weak_directions_leans_on_them(plain):
     plain = replace(plain, determined=np.ones(3, bool))
-    covariance, bias = np.diag([4.0, 9.0]), np.array([[0.5], [1.2]])
-    found = correct(plain, None, np.array([7.0, 8.0]), covariance, plain.rss, bias)
+    bias = np.array([[0.5, 0.0, 1.2]])
+    covariance = np.diag([4.0, np.inf, 9.0]) + bias.T @ bias
+    found = replace(plain, covariance=covariance, correction=Correction(plain.value, bias))
     known = [SimpleNamespace(name=c, verdict=Class.IDENTIFIABLE) for c in "abc"]
     said = state_weak(SimpleNamespace(estimate=found, verdicts=known))
     assert said.startswith("In 1 of 2 directions noise drowns the motion")

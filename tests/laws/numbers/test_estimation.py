@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.least_squares import dependence
+from identifiability.estimation.estimator import dependence
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 
 from .made import fit_of, gather

@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal, nct, t
 
 from identifiability.estimation.estimate import estimate
+from identifiability.estimation.estimator import Noise
 from identifiability.estimation.evidence import (
     LEVELS,
     Evidence,
@@ -19,7 +20,6 @@ from identifiability.estimation.evidence import (
     near_best,
     weigh_models,
 )
-from identifiability.estimation.least_squares import Noise
 from identifiability.foundation.errors import LogError
 
 from .made import ar1, gather
@@ -202,7 +202,6 @@ def test_a_mixture_holds_what_models_disagree_on():
     np.testing.assert_allclose(found.value, [2.0, 2.0])
     np.testing.assert_allclose(found.sigma, [np.hypot(1.0, 0.1), 0.1])
     np.testing.assert_allclose([found.low, found.high], [[1.0, 2.0], [3.0, 2.0]])
-    np.testing.assert_array_equal(found.disagree(sigmas[0], 0.5), [True, False])
 
 
 def test_a_model_that_leaves_a_label_open_has_no_say_in_it_and_light_ones_are_not_named():

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation.bootstrap import bootstrap, scatter_scores
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.instrumental import InstrumentalVariables
-from identifiability.estimation.least_squares import OrdinaryLeastSquares
+from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.fit import bootstrap, scatter_scores
+from identifiability.estimation.refits import Equations
 from identifiability.regression.information import Information
 
 TRUTH = np.array([1.0, -2.0, 0.5, 3.0])
 SIZE = np.array([0.3, 1.0])
-IV = InstrumentalVariables()
-PLAIN = InstrumentalVariables(OrdinaryLeastSquares())
+IV = Estimator(instruments=True)
+PLAIN = Estimator(weighted=False, instruments=True)
 
 
 def planted(rng, samples=1200, noise=0.15, idle=False):
@@ -54,6 +54,11 @@ def test_strong_instruments_solve_their_own_equations(rows):
     bread = np.linalg.inv(Z.T @ X)
     sigma2 = float(((y[:, 0] - X @ fit.value) ** 2).sum()) / fit.dof
     np.testing.assert_allclose(fit.covariance, sigma2 * bread @ Z.T @ Z @ bread.T, rtol=1e-8)
+    # What instruments leave more than least squares is noise.
+    squares = Estimator().fit(compress(*rows))
+    more = fit.variance - squares.variance
+    assert (more > 0.001 * squares.variance).all()
+    np.testing.assert_allclose(more, (fit.rss - squares.rss) / len(W), rtol=1e-6)
 
 
 def test_without_instruments_it_is_least_squares(rows):
@@ -122,7 +127,7 @@ def test_moments_refit_without_some_blocks(rows):
     information = compress(*rows)
     fit = IV.fit(information)
     R = fit.estimator.loss(information, fit)
-    M = fit.estimator.equations(information, fit, R)
+    M = Equations.of(information, fit, R, np.linalg.inv(R))._by_instruments(information)
     np.testing.assert_allclose(M.sum(0)[:4, :4], np.eye(4), atol=1e-9)
     np.testing.assert_allclose(M.sum(0)[:4, 4], 0.0, atol=1e-9)
     counts = np.ones((1, len(M)))

@@ -7,8 +7,7 @@ import pytest
 from scipy.stats import t
 
 from identifiability.estimation.estimate import estimate, find_estimator, settle_noise
-from identifiability.estimation.instrumental import InstrumentalVariables
-from identifiability.estimation.least_squares import _sum_lags, measure_memory, weigh
+from identifiability.estimation.estimator import _sum_lags, measure_memory, weigh
 from identifiability.estimation.noise import autocorrelation_time
 from identifiability.foundation.numbers import ENDS
 from identifiability.physical.fitted_model import LeastSquares
@@ -230,9 +229,9 @@ def test_instruments_know_the_noise_of_the_logs_too(name):
     W = rng.normal(size=(200, 2, 3))
     whole = gather(W, W @ np.ones(3) + rng.standard_normal((200, 2)), 2)
     base = find_estimator(name)
-    settled = settle_noise(InstrumentalVariables(base), whole)
-    np.testing.assert_array_equal(settled.base.noise.times, base.fit(whole).times)
-    np.testing.assert_array_equal(settled.base.noise.variance, base.fit(whole).variance)
+    settled = settle_noise(replace(base, instruments=True), whole)
+    np.testing.assert_array_equal(settled.noise.times, base.fit(whole).times)
+    np.testing.assert_array_equal(settled.noise.variance, base.fit(whole).variance)
 
 
 def test_too_few_outputs_for_all_columns_say_nothing_of_the_noise():

@@ -1,17 +1,18 @@
 """Too few independent outputs, or nothing to resample, is no verdict, whatever the numbers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from identifiability.estimation.bootstrap import count_freedom, scatter_scores
-from identifiability.estimation.decide import Grounds, decide
+from identifiability.estimation.alternatives import LabelAlternatives
 from identifiability.estimation.estimate import estimate
+from identifiability.estimation.fit import Fit, count_freedom, scatter_scores
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.uncertainty import assess_uncertainty, recurrence
-from identifiability.estimation.verdict import Class
+from identifiability.estimation.verdict import Class, judge
 
-from .made import ar1, gather
+from .made import ar1, fit_known, fit_of, gather
 
 
 def assess(samples, columns=4, *, rho=0.0, actuators=2, size=1, replicates=100, seed=0):
@@ -22,16 +23,14 @@ def assess(samples, columns=4, *, rho=0.0, actuators=2, size=1, replicates=100, 
     tau = W @ np.arange(1.0, columns + 1) + noise
     information = gather(W, tau, size)
     fit = estimate(information)
-    return fit, assess_uncertainty(information, fit, rng, replicates)
+    return fit, Fit.of(information, fit, rng, replicates)
 
 
 def judged(fit, found, rules=None):
-    rules, k = rules or Thresholds(), len(fit.columns)
-    evidence = Grounds(
-        fit, found.robust, recurrence(fit, found, rules), np.ones(k), np.full(k, 1e3), 1.0,
-        ("Only with another.",) * k, found.why_unjudged(rules),
-    )  # fmt: skip
-    return decide(["label"] * k, ["kg"] * k, evidence, None, rules)
+    k, alias = len(fit.columns), ("Only with another.",)
+    found = replace(found, column_noise=np.full(k, 1e3))
+    told = ["label"] * k, ["kg"] * k, 1.0, alias * k, np.zeros(k, bool), None
+    return judge(found, *told, rules or Thresholds())
 
 
 def kinds(verdicts):
@@ -54,7 +53,7 @@ def test_a_direction_that_a_few_outputs_decide_is_not_judged_and_others_are():
     tau = W @ np.ones(3) + 0.01 * rng.standard_normal((600, 1))
     information = gather(W, tau, 1)
     fit = estimate(information)
-    found = assess_uncertainty(information, fit, rng, 99)
+    found = Fit.of(information, fit, rng, 99)
     verdicts = judged(fit, found)
     assert [v.verdict for v in verdicts] == [
         Class.IDENTIFIABLE, Class.NOT_JUDGED, Class.IDENTIFIABLE,
@@ -92,11 +91,22 @@ def test_there_is_no_cliff_as_a_log_gets_shorter():
     assert counts[2] > 0
 
 
-def test_without_a_bootstrap_nothing_is_judged():
+def test_without_a_bootstrap_verdicts_are_those_of_scores():
     fit, found = assess(150, replicates=0)
-    assert kinds(judged(fit, found)) == {Class.NOT_JUDGED}
-    assert "No logs were resampled" in found.why_unjudged(Thresholds())[0]
-    assert np.isfinite(found.robust).all()  # scores were asked
+    assert found.bootstrap is None
+    verdicts = judged(fit, found)
+    assert kinds(verdicts) == {Class.IDENTIFIABLE}
+    _, drawn = assess(150)
+    assert [v.reason for v in verdicts] == [v.reason for v in judged(fit, drawn)]
+    assert np.isnan([v.sigma_bootstrap for v in verdicts]).all()
+    np.testing.assert_allclose([v.sigma_bootstrap for v in judged(fit, drawn)], drawn.bootstrap.sd)
+
+
+def test_a_log_of_few_memories_is_not_judged_with_a_bootstrap_or_without():
+    for replicates in (0, 50):
+        fit, found = assess(200, size=50, replicates=replicates)
+        assert "the bootstrap needs 8" in found.note
+        assert kinds(judged(fit, found)) == {Class.NOT_JUDGED}
 
 
 def test_without_bootstrap_and_scores_the_robust_deviation_is_not_the_white_one():
@@ -107,6 +117,13 @@ def test_without_bootstrap_and_scores_the_robust_deviation_is_not_the_white_one(
     verdicts = judged(fit, found)
     assert kinds(verdicts) == {Class.NOT_JUDGED}
     assert "the bootstrap needs 8" in verdicts[0].reason
+
+
+def test_values_that_no_verdict_stands_on_are_those_of_the_fit():
+    fit = fit_of([1.0, 2.0], [0.01, 0.01])
+    missing = LabelAlternatives(np.ones(2), np.ones(2), ("friction", "friction"), np.ones(2, bool))
+    verdicts = judged(fit, fit_known(fit, note="Too short.", alternatives=missing))
+    assert [v.value for v in verdicts] == [1.0, 2.0]
 
 
 @pytest.mark.parametrize("logs", [(20,), (43,), (20, 23), (17, 13, 13)])

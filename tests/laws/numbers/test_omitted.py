@@ -5,15 +5,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.estimation.decide import Grounds, LeftOut, body_scatter, decide, find_left_out
 from identifiability.estimation.estimate import find_estimator
+from identifiability.estimation.fit import LeftOut, ScoreScatter, body_scatter, find_left_out
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.estimation.verdict import Class
+from identifiability.estimation.rules import Thresholds
+from identifiability.estimation.verdict import Class, judge
 from identifiability.foundation.names import GROUPED_KINDS
 from identifiability.foundation.numbers import REACH
 from identifiability.regression.reduction import Submodel
 
-from .made import fit_of, gather
+from .made import fit_known, fit_of, gather
 
 NAMES = (*(f"body.{k}" for k in GROUPED_KINDS), "joint.Fv", "joint.Fc")
 FILE = np.array([2.0, 0.1, 0.2, 1.5, 0.1, 1.1, 0.6, 0.3, 0.1, 4.0, 5.0, 7.0])
@@ -113,11 +114,10 @@ def test_the_largest_of_what_a_number_stands_for_is_named():
 
 def verdict_of(left, sigma=0.01):
     fit = fit_of([1.0], [sigma])
-    ones = np.ones(1)
-    grounds = Grounds(
-        fit, np.array([sigma]), ones, ones, 100 * ones, 1.0, ("",), ("",), left_out=left
-    )
-    (verdict,) = decide(["p"], ["kg"], grounds, np.array([1.1]))
+    scores = ScoreScatter(np.array([sigma]), 20, np.array([1e9]))
+    found = fit_known(fit, scores, noise=100.0, left_out=left)
+    told = ["p"], ["kg"], 1.0, ("",), np.zeros(1, bool), np.array([1.1])
+    (verdict,) = judge(found, *told, Thresholds())
     return verdict
 
 
@@ -137,7 +137,7 @@ def test_the_interval_of_the_label_and_the_verdict_know_what_is_left_out():
     np.testing.assert_allclose(np.diff(sure.interval95), 2 * 1.96 * np.hypot(0.01, 0.1), rtol=1e-4)
     np.testing.assert_allclose(np.diff(sure.data_interval95), 2 * 1.96 * 0.01, rtol=1e-4)
     assert "p + 0.5·q, known to ±1 %" in sure.reason
-    assert (sure.sigma_omit, sure.projected, sure.nominal) == (0.1, 1.05, 1.1)
+    assert (sure.terms["omitted"], sure.projected, sure.nominal) == (0.1, 1.05, 1.1)
     assert verdict_of(out(0.3)).verdict is Class.WEAK
     assert verdict_of(out(2.0)).verdict is Class.NOT_IDENTIFIABLE
 

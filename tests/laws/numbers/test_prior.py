@@ -8,11 +8,10 @@ import pytest
 
 from identifiability import analyze
 from identifiability.estimation.evidence import Score
-from identifiability.estimation.uncertainty import remembering_covariance
 from identifiability.logs.prepare import prepare_log
 from identifiability.physical import project
 from identifiability.physical.cad_prior import WEIGHTS, CadPrior
-from identifiability.physical.feasibility import choose_prior, stands_elsewhere
+from identifiability.physical.feasibility import choose_prior
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares
 from identifiability.physical.project import Projection
@@ -21,7 +20,7 @@ from identifiability.regression.reduction import default_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate
-from identifiability.workflows.analyze.fit import hold_folds
+from identifiability.workflows.analyze.workflow import hold_folds
 
 BODY = np.array([0.2, 0.01, 0.0, 0.3, 0.02, 0.25, 0.3, 0.1, -0.2, 2.0])
 REGION = PhysicalSet(
@@ -192,23 +191,7 @@ def test_values_that_hold_everywhere_stand_though_no_robot_has_them(noise):
     told = plant(Robot.load("two-link"), impossible, noise)
     assert not told.feasible
     assert not told.physical.as_good
-    assert not told.physical.elsewhere
     assert not told.physical_used
-
-
-def test_the_nearest_robot_stands_where_the_difference_is_within_the_errors(weighed):
-    """Over the robot's range: as the noise grows, as the square of the difference stays."""
-    found = weighed[0][0].models[0]
-    model = FittedModel.of(
-        weighed[0][0].structure, found.submodel, weighed[0][0].information, found.estimate.estimator
-    )
-    own = found.submodel.expand(found.estimate.value)
-    assert stands_elsewhere(model, own)
-    wide = np.sqrt(np.diag(remembering_covariance(model.information, found.estimate)))
-    step = np.zeros(len(found.submodel))
-    for share, stands in ((0.1, True), (100.0, False)):
-        step[list(found.estimate.kept)] = share * wide
-        assert stands_elsewhere(model, own + found.submodel.M @ step) is stands
 
 
 def test_a_hundred_kinds_of_friction_do_not_keep_newton_from_its_end(monkeypatch):

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.estimation.estimate import estimate, find_estimator
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.evidence import HeldOut
-from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.regression.information import Information
 from identifiability.workflows.prune.elimination import Remaining, whiten_regression
 from identifiability.workflows.prune.moves import Kind, Move
@@ -101,7 +101,7 @@ def test_a_replicate_by_instruments_combines_them_anew():
     W = V + 1.5 * rng.normal(size=V.shape)
     tau = V @ np.linspace(-2.0, 2.0, 20) + 0.3 * rng.normal(size=V.shape[:2])
     names, log = tuple(f"p{j}" for j in range(20)), np.zeros(200, int)
-    estimator = InstrumentalVariables(find_estimator("ols"))
+    estimator = Estimator(weighted=False, instruments=True)
     information = Information.of_rows(names, W, tau, log, 4, V)
     full = estimator.fit(information)
     folds = whiten_regression(information, full)

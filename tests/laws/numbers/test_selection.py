@@ -6,11 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.estimation.bootstrap import merge_blocks
-from identifiability.estimation.decide import column_noise, column_rms
 from identifiability.estimation.estimate import find_estimator
+from identifiability.estimation.estimator import Noise
 from identifiability.estimation.evidence import Evidence, HeldOut
-from identifiability.estimation.least_squares import Noise
+from identifiability.estimation.fit import column_noise, column_rms, merge_blocks
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class
@@ -116,7 +115,6 @@ class Physics:
 
     margin: float
     as_good: bool = False
-    elsewhere: bool = False
 
     @property
     def feasible(self):

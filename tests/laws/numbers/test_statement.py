@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identifiability.logs.prepare.dataset import explain_silence
-from identifiability.workflows.analyze.words import doubt
+from identifiability.workflows.analyze.result import doubt
 
 
 @dataclass

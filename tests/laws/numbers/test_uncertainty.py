@@ -1,4 +1,4 @@
-"""σ robust is the largest of its roads; a verdict recurs only with the same sign."""
+"""σ is that of scores, whatever resampling says beside it, and its terms add up."""
 
 from dataclasses import replace
 
@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from identifiability.estimation.bootstrap import Bootstrap, ScoreScatter
 from identifiability.estimation.estimate import estimate
+from identifiability.estimation.evidence import Mixture
+from identifiability.estimation.fit import TERMS, Bootstrap, Fit, ScoreScatter
 from identifiability.estimation.noise import autocorrelation, autocorrelation_time
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty, recurrence
 
-from .made import ar1, fit_of, gather
+from .made import ar1, fit_known, fit_of, gather
 
 
 def replicates(sd, count=5):
@@ -23,15 +23,12 @@ def replicates(sd, count=5):
 
 def roads(white, resampled, scores, freedom=1e6):
     names = tuple("abcd"[: len(white)])
-    return Uncertainty(
-        white=np.array(white, float),
-        bootstrap=None if resampled is None else Bootstrap(names, replicates(resampled), 20),
-        scores=None
-        if scores is None
-        else ScoreScatter(np.array(scores, float), 1, np.array([freedom])),
-        times=np.ones(1),
-        block=1.0,
-    )
+    drawn = None if resampled is None else Bootstrap(names, replicates(resampled), 20)
+    white = np.array(white, float)
+    estimate = fit_of(np.zeros(len(white)), white, np.isfinite(white))
+    if scores is not None:
+        scores = ScoreScatter(np.array(scores, float), 1, np.array([freedom]))
+    return fit_known(estimate, scores, bootstrap=drawn)
 
 
 def test_the_robust_deviation_is_that_of_scores_whatever_resampling_says():
@@ -63,7 +60,7 @@ def test_blocks_are_as_long_as_five_memories_or_leave_sixteen_of_them(rows, memo
     W, tau = rows
     information = gather(W, tau)
     fit = replace(estimate(information), times=np.array([1.0, memory]))
-    found = assess_uncertainty(information, fit, np.random.default_rng(0), 50)
+    found = Fit.of(information, fit, np.random.default_rng(0), 50)
     assert found.block == block
     assert found.bootstrap.blocks == 2000 // block
     assert len(found.bootstrap.values) == 50
@@ -75,7 +72,7 @@ def test_too_short_a_log_says_why_there_is_no_bootstrap(rows):
     W, tau = rows
     information = gather(W[:200], tau[:200], size=100)
     fit = estimate(information)
-    found = assess_uncertainty(information, fit, np.random.default_rng(0), 50)
+    found = Fit.of(information, fit, np.random.default_rng(0), 50)
     assert found.bootstrap is None
     assert "2 independent blocks" in found.note
 
@@ -85,7 +82,7 @@ def test_blocks_of_two_memories_do_where_longer_ones_are_too_few(rows, memory, b
     W, tau = rows
     information = gather(W[:400], tau[:400], size=1)
     fit = replace(estimate(information), times=np.array([1.0, memory]))
-    found = assess_uncertainty(information, fit, np.random.default_rng(0), 10)
+    found = Fit.of(information, fit, np.random.default_rng(0), 10)
     assert found.block == block
     assert found.bootstrap.blocks == 400 // block
     assert found.why_unjudged(Thresholds()) == ("", "")
@@ -101,7 +98,7 @@ def test_a_log_of_few_memories_holds_the_truth_as_often_as_promised():
         tau = W @ np.ones(4) + ar1(rng, rho, N, 2)
         information = gather(W, tau, size=1)
         fit = estimate(information)
-        found = assess_uncertainty(information, fit, rng, 100)
+        found = Fit.of(information, fit, rng, 100)
         judged += not any(found.why_unjudged(Thresholds()))
         held.append(np.abs(fit.value - 1) <= 1.96 * found.robust)
     share = np.mean(held, axis=1)
@@ -132,31 +129,14 @@ def test_the_autocorrelation_is_that_of_definition():
     np.testing.assert_allclose(autocorrelation(x)[:, 0], expected, atol=1e-12)
 
 
-def recurring(value, resampled, robust, **rules):
-    scores = ScoreScatter(np.array([robust]), 1, np.array([1e6]))
-    uncertain = Uncertainty(
-        white=np.array([robust]), scores=scores, times=np.ones(1),
-        bootstrap=Bootstrap(("a",), np.array(resampled, float)[:, None], 20), block=1.0,
-    )  # fmt: skip
-    return recurrence(fit_of([value], [robust]), uncertain, Thresholds(**rules))[0]
-
-
-def test_a_verdict_recurs_where_the_value_is_again_known_well_and_of_the_same_sign():
-    """σ robust is .2 or a little more, so a replicate must be of size 1 or a little more."""
-    wide = [1.3, 1.2, 1.25, 1.28, 1.22]
-    assert recurring(1.0, wide, 0.2) == 1.0
-    assert recurring(1.0, [*wide, -1.3, -1.2, -1.3, -1.2, -1.3], 0.2) < 0.6
-    assert recurring(1.0, [*wide[:4], -1.3], 0.21) < 0.9
-    assert recurring(1.0, [-w for w in wide], 0.2) == 0.0
-    assert recurring(-1.0, [-w for w in wide], 0.2) == 1.0
-
-
-def test_a_replicate_near_zero_is_not_known_well():
-    resampled = [1.3, 1.25, 1.2, 1.15, 0.95]
-    assert recurring(1.0, resampled, 0.2) == 0.8
-    assert recurring(1.0, resampled, 0.2, sigma_percent=25.0) == 1.0
-
-
-def test_without_a_bootstrap_nothing_recurs_and_nothing_does_not():
-    found = recurrence(fit_of([1.0], [0.1]), roads([1], None, None), Thresholds())
-    assert np.isnan(found).all()
+def test_the_interval_of_a_label_is_the_sum_of_its_terms():
+    own, shared = np.array([0.3, 0.4]), {"delay": np.array([[0.3, 0.0], [0.4, 0.0]])}
+    found = fit_known(fit_of([1.0, 2.0], own), ScoreScatter(own, 1, np.full(2, 1e9)), shared=shared)
+    terms = found.terms
+    assert set(terms) == set(TERMS)
+    np.testing.assert_allclose(terms["delay"], [0.5, 0.0])
+    np.testing.assert_allclose(found.robust, [np.hypot(0.3, 0.5), 0.4], rtol=1e-4)
+    mixed = Mixture(found.value + 1.0, found.robust * [2.0, 0.5], found.value, found.value)
+    found = replace(found, models=mixed)
+    np.testing.assert_allclose(found.sigma, found.robust * [2.0, 1.0])
+    np.testing.assert_allclose(found.value, [2.0, 3.0])

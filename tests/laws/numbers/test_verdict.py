@@ -3,29 +3,22 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation.decide import Grounds, decide
+from identifiability.estimation.fit import ScoreScatter
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class, Verdict
+from identifiability.estimation.verdict import Class, Verdict, judge
 from identifiability.foundation.numbers import holm
 
-from .made import fit_of
+from .made import fit_known, fit_of
 
 
-def verdicts(value, robust, *, white=None, recurrence=1.0, noise=1.0, known=None, alias="", **rest):
+def verdicts(value, robust, *, white=None, noise=1.0, known=None, alias="", **rest):
     """Return the verdicts on parameters with these values and robust standard deviations."""
     value, robust = np.atleast_1d(value).astype(float), np.atleast_1d(robust).astype(float)
     k = len(value)
-    evidence = Grounds(
-        estimate=fit_of(value, robust if white is None else np.atleast_1d(white), known),
-        sigma_robust=robust,
-        recurrence=np.broadcast_to(recurrence, k).astype(float),
-        column_rms=np.full(k, 3.0),
-        column_noise=np.broadcast_to(noise, k).astype(float),
-        tau_rms=12.0,
-        aliases=(alias,) * k,
-        unjudged=("",) * k,
-    )
-    return decide([f"label {j}" for j in range(k)], ["kg"] * k, evidence, **rest)
+    estimate = fit_of(value, robust if white is None else np.atleast_1d(white), known)
+    found = fit_known(estimate, ScoreScatter(robust, 20, np.full(k, np.inf)), noise=noise)
+    told = [f"label {j}" for j in range(k)], ["kg"] * k, 12.0, (alias,) * k, np.zeros(k, bool)
+    return judge(found, *told, rest.get("nominal"), rest.get("thresholds") or Thresholds())
 
 
 def verdict(value, robust, **options):
@@ -99,14 +92,6 @@ def test_what_is_certain_is_never_called_negligible():
     found = verdict(0.01, 0.004)  # 2.5 σ, known to 40 %, 2 % of the residual
     assert found.verdict is Class.WEAK
     assert "certain" in found.reason
-
-
-@pytest.mark.parametrize("share", [0.9, 0.89, 0.0])
-def test_resampled_logs_that_say_otherwise_are_said_and_decide_nothing(share):
-    found = verdict(1.0, 0.05, noise=1e3, recurrence=share)
-    assert found.verdict is Class.IDENTIFIABLE
-    said = f"Of the resampled logs {100 * share:.0f} % say so, too." in found.reason
-    assert said == (share < 0.9)
 
 
 def test_what_is_not_determined_is_not_identifiable_and_says_what_it_hides_behind():

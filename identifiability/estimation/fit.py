@@ -1,0 +1,771 @@
+"""`Fit`: what is known of a model's parameters, and what is not, term by term.
+
+Noise is seen by the scatter of scores over stretches of time, with refits on resampled blocks
+stated beside it; what scatters between logs, and what a model leaves out, are terms of their own.
+All from `Information` alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import field, replace
+
+import numpy as np
+from scipy.special import fdtrc, ndtr, ndtri, stdtrit
+
+from identifiability.estimation.alternatives import LabelAlternatives
+from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.evidence import Mixture
+from identifiability.estimation.rules import RULES, Thresholds
+from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.linalg import ROUNDOFF, sandwich, unit_coordinates
+from identifiability.foundation.names import GROUPED_KINDS, Array
+from identifiability.foundation.numbers import ENDS, LEVEL, REACH, holm
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen
+from identifiability.regression.information import Information
+from identifiability.regression.reduction import Submodel
+from identifiability.regression.structure import Structure
+
+# Refits on resampled blocks of time, from `Information` alone.
+#
+# Residuals of robots are autocorrelated; drawing whole blocks of consecutive samples, regressor
+# and torque together, keeps the correlation inside a block and makes no model of it [Künsch 1989].
+# A replicate is a weighted sum of the blocks' Gram matrices, so its cost does not know the number
+# of samples.
+
+
+@frozen
+class Bootstrap:
+    """Parameter values of refits.
+
+    Attributes
+    ----------
+    columns : tuple of str
+    values : (replicates, k)
+        Columns that the estimate dropped are zero.
+    blocks : int
+        Number of blocks that were drawn from.
+    """
+
+    columns: tuple[str, ...]
+    values: Array
+    blocks: int
+
+    @property
+    def sd(self) -> Array:
+        """Standard deviation of each parameter, (k,): half the width of the central 68 %.
+
+        Where blocks are few, some replicates hold too few different ones to be solved well.
+        """
+        low, high = np.quantile(self.values, ndtr([-1.0, 1.0]), axis=0)
+        spread: Array = 0.5 * (high - low)
+        return spread
+
+    def interval(self, level: float = LEVEL) -> Array:
+        """Return percentile intervals, (k, 2)."""
+        tail = 0.5 * (1 - level)
+        bounds: Array = np.quantile(self.values, [tail, 1 - tail], axis=0).T
+        return bounds
+
+
+def merge_blocks(information: Information, length: float) -> Information:
+    """Return the information with blocks of at least `length` samples, none across logs.
+
+    Parameters
+    ----------
+    information : Information
+    length : float
+        Samples; blocks shorter than that are added to the next ones of their log.
+    """
+    starts, counts = [], []
+    for log in np.unique(information.log):
+        rows = np.flatnonzero(information.log == log)
+        total = int(information.counts[rows].sum())
+        wanted = max(1, int(total // max(length, 1.0)))
+        reached = np.cumsum(information.counts[rows])
+        # Boundaries nearest to an even division, so that no short block is left at the end.
+        edges = np.searchsorted(reached, np.arange(1, wanted) * total / wanted) + 1
+        first = np.unique(np.concatenate([[0], np.minimum(edges, len(rows) - 1)]))
+        starts.append(rows[first])
+        counts.append(len(first))
+    return information.merge(np.concatenate(starts))
+
+
+def draw_blocks(blocks: int, replicates: int, rng: np.random.Generator) -> Array:
+    """Return how often each block is drawn in each replicate, (replicates, blocks)."""
+    draws: Array = rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), size=replicates)
+    return draws.astype(float)
+
+
+def bootstrap(
+    information: Information,
+    estimate: Estimate,
+    rng: np.random.Generator,
+    *,
+    replicates: int = 1000,
+    length: float = 1.0,
+) -> Bootstrap:
+    """Refit on resampled blocks.
+
+    Parameters
+    ----------
+    information : Information
+        About the columns of `estimate`.
+    estimate : Estimate
+        Its estimator refits the columns that it kept.
+    rng : numpy.random.Generator
+    replicates : int
+    length : float
+        Samples a block.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If there are too few blocks to resample.
+    """
+    merged = merge_blocks(information, length)
+    blocks = len(merged.counts)
+    if blocks < RULES.blocks_fewest:
+        raise IdentifiabilityError(
+            f"The residual is correlated over {length:.0f} samples, so {information.samples} "
+            f"samples make only {blocks} independent blocks; the bootstrap needs "
+            f"{RULES.blocks_fewest}: give longer or more logs, or a higher cut-off."
+        )
+    counts = draw_blocks(blocks, replicates, rng)
+    values = estimate.estimator.refit(merged, estimate, counts)
+    good = np.isfinite(values).all(1)
+    return Bootstrap(information.columns, values[good], blocks)
+
+
+# Standard deviations from the scatter of scores over stretches of time, column by column.
+#
+# Residuals remember, but not every parameter suffers alike: what counts is how long the *score* of
+# a column (column times residual) remembers. Sums of scores over stretches longer than that are
+# independent, and the scatter of what they do to the values is the variance of the estimate [Liang
+# & Zeger 1986]; how much that is, the estimator says.
+#
+# How many independent outputs such a standard deviation rests on differs from parameter to
+# parameter: a few stretches may determine one almost alone, and what a fit takes of noise there is
+# gone from the residual. These are the degrees of freedom of its Student's t [Bell & McCaffrey
+# 2002], so intervals grow smoothly where logs get too short for a model, direction by direction.
+
+
+@frozen
+class ScoreScatter:
+    """Standard deviations of an estimate from the scatter of its scores.
+
+    Attributes
+    ----------
+    sd : (k,)
+        Infinite where the estimate is not determined.
+    stretches : int
+    freedom : (k,)
+        Degrees of freedom of each: independent outputs that its scatter was seen in.
+    """
+
+    sd: Array
+    stretches: int
+    freedom: Array
+
+    @property
+    def widened(self) -> Array:
+        """Standard deviations with which a normal interval has the width of Student's t, (k,)."""
+        wider: Array = self.sd * stdtrit(self.freedom, ENDS[1]) / ndtri(ENDS[1])
+        return wider
+
+
+def scatter_scores(information: Information, fit: Estimate, time: float) -> ScoreScatter | None:
+    """Return the standard deviations of a fit by the scatter of its scores; None without blocks.
+
+    Parameters
+    ----------
+    information : Information
+        About the fitted columns.
+    fit : Estimate
+    time : float [samples]
+        Autocorrelation time of the residual.
+    """
+    least = min(RULES.memories * time, information.samples / RULES.stretches_fewest)
+    merged = merge_blocks(information, least)
+    fewest = min(RULES.stretches_fewest, len(information.counts))
+    while len(merged.counts) < fewest:  # logs cut stretches short
+        # By how much stretches get shorter while there are too few.
+        least *= 0.9
+        merged = merge_blocks(information, least)
+    B = len(merged.counts)
+    if not fit.kept or RULES.stretches_fewest > B:
+        return None
+    variance = (fit.estimator.influence(merged, fit) ** 2).sum(0)
+    length = merged.samples / B
+    sd = np.sqrt(variance * longer(variance, fit, length))
+    return ScoreScatter(np.where(fit.determined, sd, np.inf), B, count_freedom(merged, fit))
+
+
+def count_freedom(information: Information, fit: Estimate) -> Array:
+    """Return the degrees of freedom of each parameter's scatter over blocks, (k,).
+
+    By the mean and the variance of the sum of squares of what blocks do to the value, if what the
+    fit leaves is that of white noise [Bell & McCaffrey 2002; Satterthwaite 1946]; one at least.
+
+    Parameters
+    ----------
+    information : Information
+        About the fitted columns, in blocks that are independent.
+    fit : Estimate
+    """
+    kept = list(fit.kept)
+    k, part = len(kept), information.select(fit.kept)
+    to_x = unit_coordinates(part.factor(fit.weights)[:k, :k])
+    change = np.vstack([to_x, np.zeros((1, k))])
+    # Block a scatters with b as ``t' (δ_ab A_a - A_a A_b) t`` in the direction t of a parameter.
+    Q = part.products(fit.weights, change, change) @ to_x.T
+    own, taken = np.einsum("ip,bip->bp", to_x.T, Q), (Q * Q).sum(1)
+    few = "aip,bip->pab" if len(Q) < k else "aip,ajp->pij"
+    both = (np.einsum(few, Q, Q, optimize=True) ** 2).sum((1, 2))
+    mean, variance = (own - taken).sum(0), (own**2 - 2 * own * taken).sum(0) + both
+    freedom = np.ones(information.size)
+    freedom[kept] = np.maximum(mean**2 / np.maximum(variance, 1e-300), 1.0)
+    return freedom
+
+
+def longer(variance: Array, fit: Estimate, length: float) -> Array:
+    """Return by how much the variance of longer stretches would be larger, (k,).
+
+    Parameters
+    ----------
+    variance : (k,)
+        Of the values of a fit, from the scatter over stretches.
+    fit : Estimate
+    length : float [samples]
+        Of the stretches.
+
+    Of scores with autocorrelation time τ, sums over stretches of length L have τ (1 - τ/2L) times
+    the variance of white ones; beyond that, stretches are too short to say.
+    """
+    square = np.diag(fit.covariance)
+    white = np.where(np.isfinite(square) & (square > 0), square, np.inf)
+    share = np.clip(variance / white / length, 1e-12, 0.5)
+    factor: Array = (1.0 - np.sqrt(1.0 - 2.0 * share)) / share
+    return factor
+
+
+# Do several logs give the same values? What scatters between them enters every interval.
+#
+# What a model leaves out is no noise while one motion lasts: it moves the values by as much in
+# every stretch of a log, and by something else in the next log. So the values of each log by itself
+# are compared, a parameter at a time [Welch 1951; Holm 1979]. Two or three logs say next to nothing
+# about one parameter's excess, so it is one ratio of variance for each kind of parameter (bodies,
+# each friction, offsets …): model errors, like noise, move most what a motion shows least.
+
+
+#: Blocks may be so many autocorrelation times short where longer ones would be too few.
+LEAST_MEMORIES: Tolerance = 2.0
+
+#: Stretches over which the scores of one log scatter, at most: more say little and cost.
+MOST_STRETCHES = 24
+
+
+@frozen
+class Motions:
+    """What L logs say of each other about k parameters.
+
+    Attributes
+    ----------
+    which : (L,) int
+        Number of each log: those that are too short to be fitted are left out.
+    values, sd : (L, k)
+        Of each log by itself, and their robust standard deviations; infinite where it does not
+        determine a parameter.
+    p : (k,)
+        Of no difference between logs, adjusted for their number; 1 where fewer than two determine
+        a parameter.
+    ratio : (k,)
+        Variance of the values over their sampling variance: of the kind of parameter where logs
+        differ, of the parameter itself where that is more; 1 where they do not.
+    dof : (k,)
+        Degrees of freedom of the ratio.
+    between : (k,)
+        What the value of another log scatters by, with which a normal interval has the width of
+        Student's t; zero where logs do not differ.
+    """
+
+    which: np.ndarray
+    values: Array
+    sd: Array
+    p: Array
+    ratio: Array
+    dof: Array
+    between: Array
+
+    @property
+    def moved(self) -> np.ndarray:
+        """Parameters whose values differ for sure, (k,) bool."""
+        moved: np.ndarray = self.p < Thresholds.sign_level
+        return moved
+
+
+def compare_motions(information: Information, fit: Estimate, time: float) -> Motions | None:
+    """Return what logs say of each other; None where fewer than two can be fitted.
+
+    Parameters
+    ----------
+    information : Information
+        About the fitted columns.
+    fit : Estimate
+        To all of them.
+    time : float [samples]
+        Autocorrelation time of the residual.
+    """
+    logs, found = np.unique(information.log), []
+    if len(logs) < 2 or fit.rss.sum() <= ROUNDOFF**2 * information.torque.sum():
+        return None
+    for log in logs:
+        part = information.take(information.log == log)
+        if part.rows <= len(fit.kept):  # it determines nothing, and rounding would say what
+            continue
+        alone = replace(fit.estimator, noise=None).fit(part)
+        longest = part.samples / RULES.memories / MOST_STRETCHES
+        scores = scatter_scores(part, alone, max(time, longest))
+        if scores is None:
+            continue
+        # What a few stretches scatter by is uncertain itself: all parameters know more together.
+        known = alone.determined & (alone.sigma > 0)
+        memory = np.mean((scores.sd[known] / alone.sigma[known]) ** 2) if known.any() else 1.0
+        if part.rows >= len(fit.kept) * memory:
+            wide = np.maximum(scores.sd, alone.sigma * np.sqrt(memory))
+            found.append((int(log), alone.value, wide, scores.stretches - 1.0))
+    if len(found) < 2:
+        return None
+    which, values, sd, dof = (np.array(x) for x in zip(*found, strict=True))
+    sd = np.where(fit.determined & (sd > 0), sd, np.inf)
+    own, p, free = _welch(values, sd, dof)
+    p = holm(p)
+    # One ratio of variance, where logs surely differ, for each kind of parameter.
+    kinds = np.array([name.rsplit(".", 1)[-1] for name in fit.columns])
+    kinds = np.where(np.isin(kinds, GROUPED_KINDS), "bodies", kinds)
+    moved, ratio, few = p < Thresholds.sign_level, np.ones(len(p)), np.maximum(free, 1)
+    for kind in np.unique(kinds[moved]):
+        at = (kinds == kind) & (free > 0)
+        ratio[at] = np.maximum(own[at].mean(), np.where(moved[at], own[at], 1.0))
+        few[at] = free[at].sum()
+    wide = stdtrit(few, ENDS[1]) / REACH
+    sampling = np.isfinite(sd).sum(0) / np.maximum((sd**-2.0).sum(0), 1e-300)
+    excess = np.where(free > 0, sampling, 0.0) * np.maximum(ratio - 1.0, 0.0)
+    return Motions(which, values, sd, p, ratio, few, wide * np.sqrt(excess))
+
+
+def _welch(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:
+    """Return Welch's F of each parameter, its p-value, and logs less one, (k,) each.
+
+    Parameters
+    ----------
+    values, sd : (L, k)
+    dof : (L,)
+    """
+    weight = sd**-2.0
+    total = np.maximum(weight.sum(0), 1e-300)
+    count = np.isfinite(sd).sum(0)
+    d = np.maximum(count - 1, 0)
+    at = np.maximum(d, 1)
+    square = (weight * (values - (weight * values).sum(0) / total) ** 2).sum(0)
+    lost = ((1 - weight / total) ** 2 * np.isfinite(sd) / dof[:, None]).sum(0)
+    wide = np.maximum(count**2 - 1, 3)
+    ratio = square / at / (1 + 2 * np.maximum(count - 2, 0) / wide * lost)
+    p = np.where(d > 0, fdtrc(at, wide / (3 * np.maximum(lost, 1e-12)), ratio), 1.0)
+    return ratio, p, d
+
+
+# What a reduced model's numbers stand for, and how far that is from their labels.
+#
+# A parameter that is left out although it is not zero does not vanish: the survivors take it over.
+# With base parameters β, a model ``β = held + M x`` and its fit ``x = P (β - held)`` of torque
+# without noise, P is the pseudo-inverse of M in the distance that the fit minimises, or of its
+# instruments. A label means ``M⁺ (β - held)`` instead; the difference ``D (β - held)``, ``D = P -
+# M⁺``, is no noise, so no interval of the residual holds it. How large it can be is what the robot
+# file knows of bodies, their masses and where these lie to ± `body_share`, and what the logs say of
+# the parameters that are left out: the residual of the model holds what they do and no kept
+# parameter can take over. Both together are a normal posterior. Friction, rotors and offsets are
+# taken to be as the file says.
+#
+# A file can be further from the robot than that, and the logs can leave out what no file states.
+# The unpruned model knows: where its own interval for a label does not reach that of the model, σ
+# grows until it does, and the verdict says so.
+
+
+#: Least share of σ that makes a sentence name a member of what a number stands for.
+LEAST: Tolerance = 0.1
+
+
+_M = GROUPED_KINDS.index("m")
+_DIAGONAL = tuple(GROUPED_KINDS.index(k) for k in ("Ixx", "Iyy", "Izz"))
+
+
+@frozen(kw_only=True)
+class LeftOut:
+    """What the parameters that a model leaves out do to the k that it keeps.
+
+    Attributes
+    ----------
+    sigma : (k,) [unit of each parameter]
+        Root mean square of value less label over the robots that file and logs make likely, without
+        noise. Zero where nothing is left out or known.
+    projected : (k,)
+        Values that the fit would find on the robot of the file.
+    stands_for : tuple of str
+        Each value as the combination that it is, such as ``slider1.Jr + 0.02·platform.m``; empty
+        where it is its label.
+    unknown : bool
+        Whether something is left out of which the robot file knows nothing.
+    disputed : (k,)
+        What the unpruned model finds for the label, where that contradicts what file and logs make
+        likely; NaN elsewhere.
+    """
+
+    sigma: Array
+    projected: Array
+    stands_for: tuple[str, ...]
+    unknown: bool
+    disputed: Array
+
+
+def body_scatter(structure: Structure) -> Array:
+    """Return how far the bodies' parameters may lie from the file's, (p,) [their units].
+
+    Zero for what is no body's, and for bodies of which the file states no mass.
+    """
+    scatter = np.zeros(len(structure.columns))
+    rows = structure.inertial
+    theta = structure.nominal[rows]
+    mass = np.maximum(theta[:, _M], 0.0)
+    # tr I = 2 ∫ r² dm about the origin of the body's frame.
+    second = np.maximum(0.5 * theta[:, _DIAGONAL].sum(1), 0.0)
+    first = np.sqrt(mass * second)
+    moments = (*[second] * 6, *[first] * 3, mass)  # in the order of GROUPED_KINDS
+    for column, moment in zip(rows.T, moments, strict=True):
+        scatter[column] = RULES.body_share * moment
+    return scatter
+
+
+def find_left_out(
+    structure: Structure,
+    submodel: Submodel,
+    information: Information,
+    fit: Estimate,
+    full: Estimate | None = None,
+) -> LeftOut:
+    """Return what the left-out parameters do to those that a model keeps.
+
+    Parameters
+    ----------
+    structure : Structure
+    submodel : Submodel
+    information : Information
+        About all b base parameters.
+    fit : Estimate
+        Of the model.
+    full : Estimate, optional
+        Of all base parameters, which says what the logs know of those that are left out; by default
+        only the file does.
+    """
+    kept = list(fit.kept)
+    P = fit.estimator.project(information, fit, submodel.M[:, kept])
+    difference = P - np.linalg.pinv(submodel.M)[kept]
+    difference[np.abs(difference) < ROUNDOFF * np.abs(P).max(1, initial=0.0, keepdims=True)] = 0.0
+    stated = structure.nominal_base - submodel.fixed
+    scatter = body_scatter(structure)
+    shift, spread = difference @ stated, (difference @ structure.G) * scatter
+    if full is not None:
+        loss = full.estimator.loss(information, full)
+        R = loss[:-1, :-1]
+        columns = R @ structure.G * scatter
+        span = np.linalg.qr(R @ submodel.M[:, kept])[0]
+        left = np.column_stack([columns, loss[:-1, -1] - R @ structure.nominal_base])
+        left -= span @ (span.T @ left)
+        density = float(np.max(full.weights * full.variance * full.times))
+        mean, root = _learn(left / np.sqrt(density))
+        shift, spread = shift + spread @ mean, spread @ root
+    sigma, projected = np.zeros(len(submodel)), np.full(len(submodel), np.nan)
+    disputed = projected.copy()
+    sigma[kept] = np.hypot(shift, np.linalg.norm(spread, axis=1))
+    projected[kept] = P @ stated
+    if full is not None:
+        sigma[kept], disputed[kept] = _settle(submodel, fit, full, sigma[kept])
+    texts = [""] * len(submodel)
+    size = np.linalg.norm(structure.G * scatter, axis=1)
+    for row, column in enumerate(kept):
+        texts[column] = _combination(
+            submodel.columns[column], structure.base.names, difference[row], size
+        )
+    bodies = structure.inertial.ravel()
+    lost = (difference @ structure.G[:, bodies]).any()
+    return LeftOut(
+        sigma=sigma,
+        projected=projected,
+        stands_for=tuple(texts),
+        unknown=bool(lost and not scatter.any()),
+        disputed=disputed,
+    )
+
+
+def _settle(submodel: Submodel, fit: Estimate, full: Estimate, sigma: Array) -> tuple[Array, Array]:
+    """Return σ that reaches what the unpruned model finds, and that, where it had to grow, (k,).
+
+    Parameters
+    ----------
+    submodel : Submodel
+    fit, full : Estimate
+        Of the model, and of all base parameters.
+    sigma : (k,)
+        By file and logs, of the parameters that `fit` determines.
+    """
+    kept = list(fit.kept)
+    meant = np.linalg.pinv(submodel.M)[kept]
+    meant[np.abs(meant) < ROUNDOFF * np.abs(meant).max(1, initial=0.0, keepdims=True)] = 0.0
+    known = ~(meant[:, ~full.determined] != 0).any(1)
+    value = meant @ (np.where(full.determined, full.value, 0.0) - submodel.fixed)
+    at = list(full.kept)
+    own = np.einsum("ka,ab,kb->k", meant[:, at], full.covariance[np.ix_(at, at)], meant[:, at])
+    reach = REACH * np.sqrt(np.maximum(own, 0.0) * float(np.max(full.times)))
+    apart = np.abs(fit.value[kept] - value) - reach
+    grown = known & (apart > REACH * np.hypot(sigma, fit.sigma[kept]))
+    return np.where(grown, apart / REACH, sigma), np.where(grown, value, np.nan)
+
+
+def _learn(left: Array) -> tuple[Array, Array]:
+    """Return mean (p,) and root (p, p) of the covariance of p parameters, by file and logs.
+
+    Parameters
+    ----------
+    left : (r, p + 1)
+        What no kept parameter can take over, over the noise: of each parameter's column, in units
+        of the standard deviation that the file leaves it, and of the torque less what the file's
+        robot needs.
+    """
+    A = left[:, :-1]
+    _, s, Vt = np.linalg.svd(A)
+    narrower = np.ones(len(Vt))
+    narrower[: len(s)] = 1.0 / np.hypot(1.0, s)
+    root = Vt.T * narrower
+    return root @ (root.T @ (A.T @ left[:, -1])), root
+
+
+def _combination(name: str, members: Sequence[str], coefficients: Array, size: Array) -> str:
+    """Return a parameter with the left-out ones that it stands for, the largest first."""
+    share = np.abs(coefficients) * size
+    order = np.argsort(-share, kind="stable")
+    # Members of what a number stands for that a sentence names.
+    shown = [j for j in order[:3] if share[j] > LEAST * np.linalg.norm(share)]
+    if not shown:
+        return ""
+    text = name
+    for j in shown:
+        sign = "−" if coefficients[j] < 0 else "+"
+        text += f" {sign} {abs(coefficients[j]):.2g}·{members[j]}"
+    return f"{text} + …" if np.count_nonzero(share) > len(shown) else text
+
+
+# `Fit`: the terms of what is not known.
+
+
+@frozen(kw_only=True)
+class Fit:
+    """A model that was fitted: its k values, and what is not known of them, term by term.
+
+    Attributes
+    ----------
+    estimate : Estimate
+    column_rms : (k,)
+        Root mean square of each column of the regressor: torque per unit of the parameter.
+    column_noise : (k,)
+        The largest over joints of the column's rms in units of the joint's own residual.
+    scores : ScoreScatter or None
+        Scatter of each column's scores over stretches of time; None if there are too few.
+    bootstrap : Bootstrap or None
+        Refits on resampled blocks, beside it; None where none were asked for or blocks are few.
+    block : float
+        Block length of the bootstrap [samples].
+    note : str
+        Why blocks are too few, if they are.
+    motions : Motions or None
+        What logs say of each other; None of one log, or of too short ones.
+    shared : mapping of str to (w, k)
+        What moves all samples alike, which none of them can show. ``delay``: one standard deviation
+        of the delay of each log's commands; ``bias``: of the bias that noise in the motion leaves;
+        ``prior``: how far the nearest real robot lies, where the estimate does not surely predict
+        better (of two that are not told apart, labels hold over both).
+    left_out : LeftOut or None
+        What the parameters that the model leaves out do to its own.
+    alternatives : LabelAlternatives or None
+        What groups that may be missing do to them.
+    models : Mixture or None
+        What all models of a path say of the labels.
+    """
+
+    estimate: Estimate
+    column_rms: Array
+    column_noise: Array
+    scores: ScoreScatter | None
+    bootstrap: Bootstrap | None = None
+    block: float = 1.0
+    note: str = ""
+    motions: Motions | None = None
+    shared: Mapping[str, Array] = field(default_factory=dict)
+    left_out: LeftOut | None = None
+    alternatives: LabelAlternatives | None = None
+    models: Mixture | None = None
+
+    @staticmethod
+    def of(
+        information: Information, fit: Estimate, rng: np.random.Generator, replicates: int
+    ) -> Fit:
+        """Return what noise and logs leave open of an estimate.
+
+        Parameters
+        ----------
+        information : Information
+            About the fitted columns.
+        fit : Estimate
+        rng : numpy.random.Generator
+        replicates : int
+            Of the bootstrap; 0 for none.
+        """
+        memory, short = float(fit.times.max()), information.samples / (2 * RULES.blocks_fewest)
+        length = RULES.memories * memory
+        if information.samples < RULES.blocks_fewest * length:
+            length = max(LEAST_MEMORIES * memory, short)
+        drawn, note = None, ""
+        if fit.kept:
+            try:
+                drawn = bootstrap(information, fit, rng, replicates=replicates, length=length)
+            except IdentifiabilityError as error:
+                note = str(error)
+        mended = fit.correction
+        return Fit(
+            estimate=fit,
+            column_rms=column_rms(information),
+            column_noise=column_noise(information, fit),
+            scores=scatter_scores(information, fit, fit.memory),
+            bootstrap=drawn if replicates else None,
+            block=length,
+            note=note,
+            motions=compare_motions(information, fit, fit.memory),
+            shared={} if mended is None else {"bias": mended.bias},
+        )
+
+    @property
+    def noise(self) -> Array:
+        """What scores scatter by, which allows for autocorrelation, (k,).
+
+        Infinite where scores could not be asked: a formula is believed only as far as its model of
+        the noise, and few samples do not show that.
+        """
+        wide = np.inf if self.scores is None else self.scores.widened
+        return np.where(np.isfinite(self.estimate.sigma), wide, np.inf)
+
+    @property
+    def terms(self) -> dict[str, Array]:
+        """Standard deviations of the labels by what they come from, (k,) each."""
+        none = np.zeros(len(self.estimate.columns))
+        found = dict.fromkeys(TERMS, none) | {"noise": self.noise}
+        if self.motions is not None:
+            found["logs"] = self.motions.between
+        for name, rows in self.shared.items():
+            found[name] = np.linalg.norm(rows, axis=0)
+        if self.left_out is not None:
+            found["omitted"] = self.left_out.sigma
+        if self.alternatives is not None:
+            found["alternatives"] = self.alternatives.sigma
+        if self.models is not None:
+            own = np.linalg.norm([found[name] for name in OF_VALUES], axis=0)
+            with np.errstate(invalid="ignore"):
+                more = np.nan_to_num(self.models.sigma**2 - own**2, nan=0.0, posinf=np.inf)
+            found["models"] = np.sqrt(np.maximum(more, 0.0))
+        return found
+
+    @property
+    def scatter(self) -> Array:
+        """What noise and logs leave open, (k,)."""
+        both: Array = np.hypot(self.noise, self.terms["logs"])
+        return both
+
+    @property
+    def together(self) -> Array:
+        """What moves all samples alike, which none of them can show, (w, k)."""
+        none = np.empty((0, len(self.estimate.columns)))
+        return np.vstack([none, *self.shared.values()])
+
+    @property
+    def robust(self) -> Array:
+        """Standard deviations of the values, for whatever they stand for, (k,)."""
+        terms = self.terms
+        every: Array = np.linalg.norm([terms[name] for name in OF_VALUES], axis=0)
+        return every
+
+    @property
+    def value(self) -> Array:
+        """Values of the labels: over models, beside the functions that are missing, (k,)."""
+        value = self.estimate.value if self.models is None else self.models.value
+        return value if self.alternatives is None else value - self.alternatives.shift
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviations from what the labels say, (k,)."""
+        every: Array = np.linalg.norm(list(self.terms.values()), axis=0)
+        return every
+
+    def why_unjudged(self, rules: Thresholds) -> tuple[str, ...]:
+        """Return why nothing can be said of each parameter, or nothing where it can, (k,).
+
+        Parameters
+        ----------
+        rules : Thresholds
+        """
+        if self.note or self.scores is None:
+            why = self.note or "Too few blocks of time to say how values scatter: give longer logs."
+            return (why,) * len(self.estimate.columns)
+        least = rules.outputs_per_parameter
+        return tuple(
+            ""
+            if freedom >= least
+            else (
+                f"The logs have only {freedom:.1f} independent outputs that say how much its value "
+                f"scatters, fewer than {least:g}: give longer or more logs, or a higher cut-off."
+            )
+            for freedom in self.scores.freedom
+        )
+
+
+#: What the interval of a label is made of, and what of it is the value's own.
+TERMS = ("noise", "logs", "alternatives", "omitted", "delay", "bias", "prior", "models")
+OF_VALUES = ("noise", "logs", "delay", "bias", "prior")
+
+
+def remembering_covariance(information: Information, fit: Estimate) -> Array:
+    """Return the covariance of the kept columns under noise that remembers, (kept, kept).
+
+    Parameters
+    ----------
+    information : Information
+        About the fitted columns.
+    fit : Estimate
+    """
+    k = len(fit.kept)
+    part = information.select(fit.kept)
+    noise = fit.weights**2 * fit.variance * fit.times
+    return sandwich(part.factor(fit.weights)[:k, :k], part.factor(noise)[:, :k])
+
+
+def column_rms(information: Information) -> Array:
+    """Return the root mean square of each column over all rows, (k,)."""
+    length = np.linalg.norm(information.factor()[:, :-1], axis=0)
+    rms: Array = length / np.sqrt(max(information.rows, 1))
+    return rms
+
+
+def column_noise(information: Information, fit: Estimate) -> Array:
+    """Return the largest over joints of column rms over residual rms, per unit, (k,)."""
+    squares = information.squares(np.eye(information.size + 1)[:, :-1])
+    floor = 1e-18 * float(np.max(fit.rss, initial=0.0)) + 1e-300
+    ratio: Array = np.sqrt(squares / np.maximum(fit.rss, floor)[:, None]).max(0)
+    return ratio
