@@ -13,7 +13,6 @@ from identifiability.foundation.documents import MOST_BYTES as DOCUMENT
 from identifiability.foundation.documents import MOST_KEYS, MOST_VALUES
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Renames
-from identifiability.logs.formats import bags
 from identifiability.logs.formats import reader as sizes
 from identifiability.logs.formats.reader import find_parts
 from identifiability.logs.tables import LONGEST_CELL
@@ -267,42 +266,6 @@ def test_limits_of_logs(refuses, what, monkeypatch):
     monkeypatch.setattr(sizes, "MOST_COLUMNS", 500)
     name, content, sentence = LOGS[what]
     refuses(Log.read, name, content, sentence)
-
-
-def test_limits_of_bags(refuses):
-    pytest.importorskip("rosbags")
-    import sqlite3
-
-    def described(path):
-        path.mkdir()
-        (path / "metadata.yaml").write_bytes(b"#" * (sizes.MOST_DESCRIBED + 1))
-
-    def computed(path):
-        with sqlite3.connect(path) as base:
-            base.execute("create view messages as select 1")
-        base.close()
-
-    refuses(Log.read, "bag", described, "is larger than 2 MB")
-    refuses(Log.read, "bag.db3", computed, "computes its messages")
-
-
-def test_what_messages_of_a_bag_hold_together_is_bounded(refuses, monkeypatch):
-    rosbags = pytest.importorskip("rosbags.rosbag2")
-    from rosbags.typesys import Stores, get_typestore
-
-    store, kind = get_typestore(Stores.ROS2_JAZZY), "sensor_msgs/msg/JointState"
-    stamp, head = (store.types[k] for k in ("builtin_interfaces/msg/Time", "std_msgs/msg/Header"))
-    large = np.zeros(bags.MOST_MESSAGE // 8 + 1)
-    message = store.types[kind](head(stamp(1, 0), ""), ["a"], large, large, large)
-
-    def write(path):
-        writer = rosbags.Writer(path, version=9, storage_plugin=rosbags.StoragePlugin.MCAP)
-        with writer:
-            connection = writer.add_connection("/joint_states", kind, typestore=store)
-            writer.write(connection, 1, store.serialize_cdr(message, kind))
-
-    monkeypatch.setattr(bags, "MOST_BYTES", 2_000_000)
-    refuses(Log.read, "bag", write, "has 3 MB together in one part; up to 2 MB")
 
 
 def dataset(info, **columns):

@@ -59,7 +59,7 @@ def test_what_may_be_either_is_asked(step):
 def test_a_unit_that_the_log_states_is_taken_whatever_the_steps_are():
     slow = table(2.0)
     np.testing.assert_array_equal(read(slow.rename(columns={"t": "t [s]"})).t, slow["t"])
-    assert "--time-unit s if they are seconds" in read(slow).notes[0]
+    assert "--set time_unit=s if they are seconds" in read(slow).notes[0]
 
 
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
