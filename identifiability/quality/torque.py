@@ -40,8 +40,15 @@ def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
     if not logs.weighs:
         return []
     factors = measure_factors(logs)
-    share = factors[np.isfinite(factors)]
+    known = np.flatnonzero(np.isfinite(factors))
+    share = factors[known]
     odd = np.abs(np.log(share)) > np.log(RULES.unit_factor)
+    # No other body makes the torque of one joint alone so much larger or smaller.
+    other = np.abs(np.log(share)) > 2.0 * np.log(RULES.unit_factor)
+    if other.sum() < len(share) and (odd == other).all() and other.any():
+        k = int(np.flatnonzero(other)[0])
+        how = phrase("unit", "one", joint=logs.joints[known[k]], name=_name_unit(share[k]))
+        return [Finding("unit", multiple=f"{share[k]:.2g} times", how=how, factors=share.tolist())]
     # Factors of two joints do not differ by more than this.
     apart = not odd.any() and len(share) > 1 and share.max() >= 8.0 * share.min()
     if not len(share) or not (odd.all() or apart):
@@ -50,12 +57,15 @@ def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
     how = phrase("unit", "apart")
     # Factors of all joints are one unit if they lie within this factor of their middle.
     if (np.abs(np.log(share / middle)) < np.log(1.5)).all():
-        names = [u for u, f in UNITS.items() if 1 / 2 < middle / f < 2]
-        named = f", as if it were in {' or '.join(names)}" if names else ""
-        how = phrase("unit", "alike", name=named)
+        how = phrase("unit", "alike", name=_name_unit(middle))
     low, high = (f"{x:.2g}" for x in (share.min(), share.max()))
     multiple = f"{low} times" if low == high else f"{low} … {high} times"
     return [Finding("unit", multiple=multiple, how=how, factors=share.tolist())]
+
+
+def _name_unit(factor: float) -> str:
+    names = [u for u, f in UNITS.items() if 1 / 2 < factor / f < 2]
+    return f", as if it were in {' or '.join(names)}" if names else ""
 
 
 def measure_factors(logs: MeasuredLogs) -> Array:
@@ -64,11 +74,10 @@ def measure_factors(logs: MeasuredLogs) -> Array:
     size = np.sqrt(np.mean(logs.predicted**2, 0))
     units = np.array(logs.robot.torque_units)
     for k in range(len(factors)):
-        # Predicted torque of a joint must be this share of the largest one among like
-        # joints.
-        if size[k] < 0.02 * size[units == units[k]].max() or size[k] == 0:
-            continue
-        factors[k] = _factor(logs.predicted[:, k], logs.torque[:, k], logs.ordinary(k))
+        # Where masses make less than this share of the largest torque among like joints, they do
+        # not show.
+        if size[k] >= 0.02 * size[units == units[k]].max() > 0:
+            factors[k] = _factor(logs.predicted[:, k], logs.torque[:, k], logs.ordinary(k))
         if np.isnan(factors[k]) and np.isfinite(logs.stated[:, k]).all():
             factors[k] = _plain_factor(logs.stated[:, k], logs.torque[:, k])
     return factors

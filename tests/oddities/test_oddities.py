@@ -3,10 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 import scipy
 
-from identifiability import analyze, diagnose, prune
+from identifiability import analyze, diagnose, inspect, new_study, prune
 from identifiability.estimation.verdict import Class
 from identifiability.logs.prepare import prepare_log
 from identifiability.quality import MeasuredLogs, find_oddities
@@ -25,7 +26,7 @@ def test_a_good_log_is_not_spoken_of(say, good):
 def test_torque_in_another_unit(say, good, factor, unit):
     structure, log = good
     (hint,) = say(structure, replace(log, tau=factor * log.tau))
-    assert "what the masses of the robot file ask for" in hint
+    assert "what the robot file asks for" in hint
     assert "at all joints alike" in hint
     assert unit in hint
     guess = replace(structure.robot, guessed=structure.robot.bodies)  # of which nothing follows
@@ -135,3 +136,13 @@ def test_no_verdict_stands_where_positions_are_misread():
     rows = [v for m in analysis.models for v in m.verdicts]
     assert {v.verdict for v in rows} == {Class.NOT_IDENTIFIABLE}
     assert diagnose(*misread, quick=True, forward=False).nothing
+
+
+def test_one_joint_in_another_unit_is_named(tmp_path):
+    """Its inertia hardly shows in its torque, so that only its friction, which is stated, tells."""
+    folder = new_study(tmp_path / "study").folder
+    log = pd.read_csv(folder / "run1.csv")
+    assert not [h for h in inspect(folder / "robot.urdf", log).hints if "alone" in h]
+    log["joint_6.tau"] *= 1e-3
+    hints = inspect(folder / "robot.urdf", log).hints
+    assert any("joint_6 alone" in hint and "kN·m" in hint for hint in hints)

@@ -381,8 +381,7 @@ class Analysis(Laddered):
     def statement(self) -> str:
         """The answer in plain words."""
         use, quality = _answer_use(self), self.answers()[1]
-        together = f"All joints together err by {percent(self.chosen.error_ra_validation)}."
-        told = f"{use.short} {use.text} {quality.short} {quality.text} {together}"
+        told = f"{use.short} {use.text} {quality.short} Measured on {self.validation_kind}."
         doubt = f"Nothing is identifiable, because {self.nothing}." if self.nothing else ""
         return self._state(doubt or told)
 
