@@ -149,7 +149,9 @@ def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:
     *above, last = _keys_of(problem["loc"]) or ("",)
     where = ".".join(str(part) for part in (*above, last))
     if problem["type"] == "extra_forbidden":
-        known = _known_keys(schema, above)
+        known, top = _known_keys(schema, above), str((*above, last)[0])
+        if (top, str(last)) in GONE:
+            return f"'{where}' is gone: {GONE[top, str(last)]}."
         return (
             f"'{where}' is not a key that is known here{near_match(str(last), known)} "
             f"The keys are {listing(known, 20)}."
@@ -158,6 +160,16 @@ def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:
     said = [text.removeprefix("Value error, ") for text in dict.fromkeys(here)]
     told = f"{', or '.join(text[0].lower() + text[1:] for text in said)}."
     return f"'{where}': {told}" if where else told  # without a key it is of the whole file
+
+
+#: Keys that went, by their table, and what to write instead.
+GONE = {
+    ("loops", "axes"): "leave it out, since every loop closes at a point, a planar one too",
+    ("loops", "frame"): "state a slot as a light body that slides, and leave it out",
+    ("known_torque", "interpolation"): "leave it out, and give more points of a curve",
+    ("bounds", "ellipsoid"): "give the box that holds it (box = [[low, high], …])",
+    ("workspace", "workspace"): "limit joints instead",
+}
 
 
 def _keys_of(place: tuple[str | int, ...]) -> tuple[str | int, ...]:
