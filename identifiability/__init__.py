@@ -120,6 +120,7 @@ __all__ = ["__version__", *_HOMES]  # noqa: PLE0604 - names
 _GONE = {
     "identify_gains": "payload(robot, empty, loaded, mass=kg, centre=(x, y, z))",
     "prepare_samples": "prepare_log(robot, log), which returns a Dataset",
+    "rollout": "predict(robot, result, logs, forward=True)",
 }
 
 
