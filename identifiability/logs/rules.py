@@ -73,7 +73,7 @@ class Rules(RuleTable):
     noise_negligible: Annotated[float, "noise below this share moves no value, by hand"] = 1e-3
     dwell_creep: Annotated[float, "slower reversals are 5 %: √(−2 ln .95), derived"] = 0.32
     creep: Annotated[
-        float, "speed, of a joint's fastest, that tells friction at rest only, by hand"
+        float, "speed, of a joint's largest, that tells friction at rest only, by hand"
     ] = 0.02
     reversal_blur: Annotated[
         float, "periods of the cut-off mixed with a dwell or reversal, calibrated"

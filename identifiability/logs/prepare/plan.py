@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import scipy
-from scipy.ndimage import maximum_filter1d
+from scipy.ndimage import binary_propagation, maximum_filter1d
 from scipy.special import bdtrc, binom
 
 from identifiability.foundation.errors import LogError
@@ -220,10 +220,15 @@ class DwellRule:
 
     Attributes
     ----------
-    creep : (n,) [rad/s or m/s]
-        Speeds that say nothing: of a joint's largest a small share, or the noise of what was
-        measured.
+    speeds : bool
+        Whether recorded speeds tell what is within the errors of the record; positions without.
+    width : (n,) [rad or m; rad/s or m/s]
+        Range of recorded positions, or of speeds about zero, that is within their errors.
     least : (n,) [samples]
+        How long a joint stays within it at least.
+    creep : (k, n) [rad/s or m/s]
+        Speeds that say nothing, whatever the record could tell.
+    slow : (k, n) [samples]
         How long a joint stays below them at least.
     beside : int
         Samples on each side whose speed and acceleration the low-pass mixes with a dwell.
@@ -231,24 +236,37 @@ class DwellRule:
         Samples on each side of a reversal that are no data; 0 where they are.
     """
 
-    creep: Array
+    speeds: bool
+    width: Array
     least: np.ndarray
+    creep: Array
+    slow: np.ndarray
     beside: int
     turning: int = 0
 
     @property
     def reach(self) -> int:
         """Samples on each side that decide whether a joint dwells."""
-        return int(self.least.max()) + max(self.beside, self.turning) + 1
+        return int(max(self.least.max(), self.slow.max())) + max(self.beside, self.turning) + 1
 
     def masking(self, stands: bool) -> DwellRule:
         """Return the rule by which reversals are data unless a joint ever stands."""
         return replace(self, turning=max(1, self.beside) if stands else 0)
 
-    def find(self, dq: Array) -> np.ndarray:
-        """Return where each joint dwells, (N, n) bool, by the speeds dq (N, n) that are used."""
-        slow = (np.abs(dq) <= self.creep).T
-        out = np.stack([_lasting(x, n) for x, n in zip(slow, self.least.tolist(), strict=True)], 1)
+    def find(self, log: Log, dq: Array) -> np.ndarray:
+        """Return where each joint dwells, (N, n) bool; dq (N, n) are the speeds that are used."""
+        out, speed = np.zeros(dq.shape, bool), np.abs(dq)
+        for j, least in enumerate(self.least.tolist()):
+            if self.speeds and log.dq is not None:
+                span = _largest(np.abs(log.dq[:, j]), least)
+            else:
+                span = _largest(log.q[:, j], least) + _largest(-log.q[:, j], least)
+            out[:, j] = _in_any(span <= self.width[j], least)
+            for limit, slow in zip(self.creep[:, j], self.slow[:, j].tolist(), strict=True):
+                out[:, j] |= _lasting(speed[:, j] <= limit, slow)
+            if out[:, j].any():
+                still = out[:, j] | (speed[:, j] <= self.creep[0, j])
+                out[:, j] = binary_propagation(out[:, j], mask=still)
         out = _reached(out, self.beside)
         if self.turning:
             out |= _reached(_reversals(dq), self.turning)
@@ -262,6 +280,16 @@ def _reversals(dq: Array) -> np.ndarray:
     return turns
 
 
+def _largest(x: Array, window: int) -> Array:
+    """Return the largest of x (N,) in a window about each sample; infinite where it is cut off."""
+    half = window // 2
+    out = np.full(len(x), np.inf)
+    if len(x) > 2 * half:
+        found = maximum_filter1d(x, 2 * half + 1)
+        out[half : len(x) - half] = found[half : len(x) - half]
+    return out
+
+
 def _lasting(x: np.ndarray, window: int) -> np.ndarray:
     """Return where x (N,) bool is true for at least a window about some sample."""
     out, wide = np.zeros(len(x), bool), np.zeros(len(x) + 2, bool)
@@ -272,6 +300,13 @@ def _lasting(x: np.ndarray, window: int) -> np.ndarray:
     return out
 
 
+def _in_any(centres: np.ndarray, window: int) -> np.ndarray:
+    """Return the samples that lie in the window about any of some (N,) bool."""
+    half = min(window // 2, len(centres))  # of a joint that hardly moves it has no bound
+    found: np.ndarray = maximum_filter1d(centres, 2 * half + 1)
+    return found
+
+
 @frozen
 class Stays:
     """How long joints stay about zero speed in windows of a log, beside what a reversal takes.
@@ -280,58 +315,79 @@ class Stays:
     ----------
     plan : Plan
         With its decimation.
+    windows : tuple of Log
+        Joints in the robot's order.
     speeds : tuple of (N, n) [rad/s or m/s]
         Those that are used.
-    creep : (n,) [rad/s or m/s]
-        Speeds that say nothing; of a joint that never moves all.
+    recorded : bool
+        Whether speeds are recorded.
+    width : (n,) [rad or m; rad/s or m/s]
+        Range that is within the errors of the record.
+    creep : (k, n) [rad/s or m/s]
+        Speeds that say nothing.
     typical : (n,) [rad/s² or m/s²]
         Standard deviation of the acceleration.
+    never : (n,) bool
+        Whether a joint never moves.
     """
 
     plan: Plan
+    windows: tuple[Log, ...]
     speeds: tuple[Array, ...]
+    recorded: bool
+    width: Array
     creep: Array
     typical: Array
+    never: np.ndarray
 
     @staticmethod
     def of(plan: Plan, windows: Sequence[Log], origins: Sequence[int]) -> Stays:
         """Return those in windows whose first samples are these rows of the whole log."""
+        recorded = all(w.dq is not None for w in windows)
+        records = [w.dq if w.dq is not None and recorded else w.q for w in windows]
+        levels = [noise_level(x, w.t) ** 2 for x, w in zip(records, windows, strict=True)]
+        noise = np.sqrt(np.mean(levels, axis=0))
+        step = np.min([resolution(x) for x in records], axis=0)
+        # The errors of a record as a multiple of its noise's standard deviation.
+        width = np.maximum((1 if recorded else 2) * 3.0 * noise, step)
         parts = [plan.derive(w, k) for w, k in zip(windows, origins, strict=True)]
         q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
-        speeds = tuple(v for _, v, _ in parts)
-        levels = [noise_level(v, w.t) ** 2 for v, w in zip(speeds, windows, strict=True)]
-        # The errors of a record as a multiple of its noise's standard deviation.
-        noise = 3.0 * np.sqrt(np.mean(levels, axis=0))
-        # A position that jumps makes one speed larger than all others, so that few do not count.
-        creep = np.maximum(RULES.creep * np.quantile(np.abs(dq), 0.95, axis=0), noise)
-        moving = np.where(np.abs(dq) > creep, np.abs(ddq), np.nan)
+        # How often a speed that says nothing is halved.
+        creep = RULES.creep * np.abs(dq).max(0) / 2.0 ** np.arange(5 + 1)[:, None]
+        moving = np.where(np.abs(dq) > creep[0], np.abs(ddq), np.nan)
         never = signals.never_moves(q.min(0), q.max(0)) | np.isnan(moving).all(0)
         typical = np.full(len(never), np.inf)  # of a Gaussian the median is .67 of its spread
         typical[~never] = np.nanmedian(moving[:, ~never], axis=0) / 0.6745
         typical = np.where(typical > 0, typical, np.inf)
-        return Stays(plan, speeds, np.where(never, np.inf, creep), typical)
+        speeds = tuple(v for _, v, _ in parts)
+        return Stays(plan, tuple(windows), speeds, recorded, width, creep, typical, never)
 
     def rule(self, rare: int = 1) -> DwellRule:
-        """Return the rule of what so few in as many reversals again last as long as.
-
-        Rayleigh distributed: a share p of reversals is slower than in proportion to its root
-        [Rice 1944].
-        """
-        creep = np.where(np.isfinite(self.creep), self.creep, 0.0)
-        crossing = 2 * creep * np.sqrt(rare) / (RULES.dwell_creep * self.typical)
-        least = np.maximum(np.ceil(crossing / self.plan.step), SEVERAL).astype(int)
-        blurred = 0.0 if self.plan.cutoff is None else 1.0 / self.plan.cutoff
-        beside = int(np.ceil(RULES.reversal_blur * blurred / self.plan.step))
-        return DwellRule(self.creep, least, beside)
+        """Return the rule of what so few in as many reversals again last as long as."""
+        plan, width, creep = self.plan, self.width, self.creep
+        # Rayleigh distributed: a share p of reversals is slower than in proportion to its root.
+        # Slower reversals of Gaussian motion are 2 %: √(−2 ln .98) [Rice 1944].
+        slow = 0.2 / np.sqrt(rare) * self.typical
+        stay = 2 * width / slow if self.recorded else 2 * np.sqrt(2 * width / slow)
+        least = np.maximum(np.ceil(stay / plan.step), SEVERAL).astype(int)
+        crossing = 2 * creep / (RULES.dwell_creep / np.sqrt(rare) * self.typical)
+        blurred = 0.0 if plan.cutoff is None else 1.0 / plan.cutoff
+        told = (crossing >= blurred) & ((creep >= width) if self.recorded else True)
+        told[0] = True
+        # Below, the record or the filter tells nothing apart.
+        creep, crossing = (np.where(told, x, x[0]) for x in (creep, crossing))
+        longer = np.maximum(np.ceil(crossing / plan.step), SEVERAL).astype(int)
+        beside = int(np.ceil(RULES.reversal_blur * blurred / plan.step))
+        width = np.where(self.never, np.inf, width)
+        return DwellRule(self.recorded, width, least, creep, longer, beside)
 
     def count(self, rare: int = 1) -> tuple[int, int]:
         """Return how many stays of all joints there are by a rule, and how many reversals."""
         rule, stays, reversals = replace(self.rule(rare), beside=0), 0, 0
-        moves = np.isfinite(self.creep)
-        for v in self.speeds:
-            dwells = rule.find(v)[:, moves]
+        for window, v in zip(self.windows, self.speeds, strict=True):
+            dwells = rule.find(window, v)[:, ~self.never]
             stays += int((np.diff(dwells, axis=0, prepend=False) & dwells).sum())
-            reversals += int((_reversals(v)[:, moves] & ~dwells).sum())
+            reversals += int((_reversals(v)[:, ~self.never] & ~dwells).sum())
         return stays, stays + reversals
 
 
