@@ -84,7 +84,6 @@ def test_densities_are_the_judges(rows, move):
 
 
 def test_fits_by_instruments_are_the_estimators_own():
-    """To everything, and to the rest of each fold by the instruments that everything combines."""
     rng = np.random.default_rng(3)
     V = rng.normal(size=(200, 2, 20))
     W = V + 1.5 * rng.normal(size=V.shape)
