@@ -401,9 +401,11 @@ def _look_at_logs(
         from identifiability.logs.conventions import Conventions  # noqa: PLC0415
         from identifiability.logs.source import check_header  # noqa: PLC0415
 
-        known = Conventions.of(given["machine"].load())
+        known = replace(Conventions.of(given["machine"].load()), motion_alone=motion_alone)
+        if typed.get("mass"):  # of a load that is known, which tells gains
+            known = replace(known, torque=known.torque.with_gains())
         for table in tables:
-            check_header(table, replace(known, motion_alone=motion_alone))
+            check_header(table, known)
 
 
 # Settings: of the sidecar, and of --set.

@@ -90,9 +90,8 @@ class Equations:
     R : (k + 1, k + 1)
         Its loss; equations are in ``R x``.
     grams : (B, k + 1, k + 1)
-        Those of each block by least squares; of none by instruments, which are combined anew for
-        each resampled log: those of the log would leave its weak directions less than no
-        information.
+        Those of each block by least squares; of none by instruments, which are combined when they
+        are asked for.
     """
 
     information: Information
@@ -116,25 +115,20 @@ class Equations:
         grams = information.products(full.weights, inverse, inverse)
         return Equations(information, full, R, grams)
 
-    def start(self, train: np.ndarray, counts: Array | None = None) -> Refits:
+    def start(self, train: np.ndarray) -> Refits:
         """Return the fits to all blocks, and to those of each fold's rest.
 
         Parameters
         ----------
         train : (F, B) bool
             Blocks that each fit rests on.
-        counts : (B,), optional
-            How often each block is drawn, once each without.
         """
         member = np.vstack([np.ones(train.shape[1]), train])
-        weights = np.ones(train.shape[1]) if counts is None else counts
         grams, k = self.grams, len(self.R) - 1
         if self.full.estimator.instruments:
             edges = np.flatnonzero((np.diff(member, axis=1, prepend=-1.0) != 0).any(0))
-            drawn = self.information if counts is None else self.information.weigh(counts)
-            grams = self._by_instruments(drawn.merge(edges))
-            member, weights = member[:, edges], np.ones(len(edges))
-        sums = np.tensordot(member * weights, grams, 1)
+            grams, member = self._by_instruments(self.information.merge(edges)), member[:, edges]
+        sums = np.tensordot(member, grams, 1)
         # Gram matrices of Z where the residual is Z (centre - y, scale), scale its root of squares.
         return Refits(self.R[:k, k], sums[:, :k, :k], sums[:, :k, k] * self.R[k, k])
 

@@ -6,7 +6,7 @@ Torque columns are in a unit, of a side and sign; known torque is a function of 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -71,6 +71,10 @@ class MeasuredTorque:
         for table in (self.gain, self.ratio, self.sign):
             out *= table.get(joint, table.get("", 1.0))
         return out
+
+    def with_gains(self) -> MeasuredTorque:
+        """Return the same with 1 for each gain and ratio that is not known, in the log's unit."""
+        return replace(self, gain={"": 1.0, **self.gain}, ratio={"": 1.0, **self.ratio})
 
     @property
     def text(self) -> str:

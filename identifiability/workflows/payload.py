@@ -568,10 +568,9 @@ def _unknown_gains(robot: Robot) -> Fit:
     """
     if robot.known_torque:  # in N·m, and what the columns are in is what is asked
         raise OptionError("[[known_torque]] of the sidecar is in N·m: take it out to find gains.")
-    read = robot.torque
-    gain, ratio = {"": 1.0, **read.gain}, {"": 1.0, **read.ratio}
-    one = replace(robot, torque=replace(read, gain=gain, ratio=ratio))
-    structure = Structure.of(one, Model.of(*DEFAULT_EFFECTS))
+    structure = Structure.of(
+        replace(robot, torque=robot.torque.with_gains()), Model.of(*DEFAULT_EFFECTS)
+    )
     submodel, n = full_model(structure.base), len(robot.joints)
     none, every = np.zeros((len(submodel),) * 2), np.eye(len(submodel))
     open_ = dict.fromkeys(("low", "raw", "dof"), np.full(n, np.inf))

@@ -124,9 +124,10 @@ def test_a_bound_on_the_closure_is_kept_or_refused(find):
     limits = find_limits(robot, wide)
     short = {"evaluations": 300, "harmonics": 2, "samples": 40}
     free = find(robot, limits=limits, **short)
-    strict = type(limits)(**{**vars(limits), "closure_bound": 2.6})
+    bound = 0.85 * free.closure
+    strict = type(limits)(**{**vars(limits), "closure_bound": bound})
     result = find(robot, limits=strict, **short)
-    assert result.closure <= 2.6 < free.closure
+    assert result.closure <= bound
     impossible = type(limits)(**{**vars(limits), "closure_bound": 1.01})
     with pytest.raises(ClosureError, match="No motion of five-bar was found whose loops close"):
         find(robot, limits=impossible, **short)

@@ -25,12 +25,12 @@ from identifiability.foundation.options import (
     renamed,
     settle_count,
 )
-from identifiability.foundation.rounding import format_number
+from identifiability.foundation.rounding import format_number, join
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.instruments import noise_again
-from identifiability.logs.prepare.preparation import SettledPreparation
+from identifiability.logs.prepare.preparation import SettledPreparation, settle_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Band
 from identifiability.physical.cad_prior import WEAK, WEIGHTS
@@ -311,6 +311,16 @@ def say_band(how: Preparation | None) -> tuple[str, ...]:
     return tuple(filter(None, found))
 
 
+def say_unseen(session: Session) -> str:
+    """Return one sentence on a cut-off in the band of held-out motion alone, or nothing."""
+    how, logs = session.how, session.recordings.held_out
+    both = (how, settle_cutoff(session.structure.robot, logs, how))
+    own, seen = (x.band if isinstance(x, SettledPreparation) else None for x in both)
+    if own is None or seen is None or _say_cut(own, ""):
+        return ""
+    return _say_cut(seen, join([log.name for log in logs]))
+
+
 def _say_cut(band: Band, whose: str) -> str:
     """Return one sentence on a cut-off in the band of the motion, or nothing."""
     # A cut-off below so many times the band of the motion cuts into it.
@@ -524,7 +534,7 @@ def _conclude(
     results, nothing = doubt(opening.silence or opening.misread, results, at, out)
     several = compare_logs(opening.samples, results[at])
     hints = [*opening.hints, rows.burst, contradicted[at], ladder.short]
-    hints += () if recordings.commanded else say_band(session.how)
+    hints += () if recordings.commanded else (*say_band(session.how), say_unseen(session))
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest
         mounting = state_mounting(session.structure.robot, results[at].verdicts)
         hints += [state_weak(results[at]), mounting, several.hint, results[at].warning]
