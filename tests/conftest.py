@@ -7,6 +7,7 @@ import hashlib
 import os
 import pickle
 import shutil
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -60,6 +61,9 @@ def pytest_configure(config):
     config.addinivalue_line("markers", "pictures: looks at what is drawn on a page")
     # Else a fifth of the time goes into looking for garbage among what modules hold for good.
     gc.set_threshold(100_000, 50, 100)
+    # Else each runner rewrites every test, and each process that tests start compiles the package.
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    sys.dont_write_bytecode = False
     if not hasattr(config, "workerinput"):  # runners, which begin later, find it there
         os.environ[SIMULATED] = tempfile.mkdtemp(prefix="simulated-")
     # Tests that run at the same time share the cores: else each starts processes for all of them.

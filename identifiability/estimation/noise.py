@@ -13,7 +13,6 @@ from itertools import pairwise
 
 import numpy as np
 import scipy
-from scipy.optimize import minimize
 
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
@@ -451,7 +450,9 @@ class RestrictedLikelihood:
         """Return where the deviance is least for the order of a start (p,), and how much it is."""
         limits = [(-BOUND, BOUND)] * len(start)
         how = {"ftol": CLOSE / max(self.rows, 1), "gtol": 0.0}
-        found = minimize(self.slope, start, jac=True, method="L-BFGS-B", bounds=limits, options=how)
+        found = scipy.optimize.minimize(
+            self.slope, start, jac=True, method="L-BFGS-B", bounds=limits, options=how
+        )
         return found.x, float(found.fun)
 
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
@@ -294,6 +293,8 @@ def urdf_joint(
     top: ET.Element, name: str, kind: str, parent: str, child: str, place: Any
 ) -> ET.Element:
     """Add a joint to a URDF, at a place (pinocchio.SE3) in the frame of its parent."""
+    import pinocchio as pin  # noqa: PLC0415 - who only looks for a file does not wait for it
+
     made = ET.SubElement(top, "joint", name=name, type=kind)
     ET.SubElement(made, "parent", link=parent)
     ET.SubElement(made, "child", link=child)
