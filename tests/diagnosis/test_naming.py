@@ -24,7 +24,7 @@ def seldom(*case):
         seldom("3-rps", "passive_joint_friction@hinge2=0.01", ("hinge2",)),
         ("five-bar", "position_ripple@right_shoulder=0.02", ("right_shoulder",)),
         ("two-link", "load_dependent_friction@elbow=0.03", ("elbow",)),
-        ("two-link", "quadratic_friction@shoulder=0.3", ("shoulder",)),
+        seldom("two-link", "quadratic_friction@shoulder=0.3", ("shoulder",)),
         seldom("six-dof-arm", "gravity_tilt=0.02", ("base",)),
         seldom("six-dof-arm", "torque_offset@joint_1=0.03", ("joint_1",)),
     ],

@@ -28,7 +28,7 @@ SAMPLE = {
     ("two-link", "full"), ("two-link", "pruned"), ("five-bar", "zeroed"),
     ("two-link", "load_dependent_friction"), ("two-link", "payload"), ("five-bar", "time_delay"),
     ("two-link", "joint_stiffness"), ("five-bar", "passive_joint_friction"),
-    ("two-link", "gravity_tilt"), ("six-dof-arm", "position_ripple"),
+    ("two-link", "gravity_tilt"), ("two-link", "position_ripple"),
 }  # fmt: skip
 #: Errors are stated with less than this of themselves between engines: rounding, not 1 %.
 ROUNDING = 1e-4

@@ -29,7 +29,9 @@ def with_sidecar(structure, tmp_path, torque):
     return Structure.of(Robot.load(path), structure.model)
 
 
-@pytest.mark.parametrize("good", ["two-link", "six-dof-arm"], indirect=True)
+@pytest.mark.parametrize(
+    "good", ["two-link", pytest.param("six-dof-arm", marks=pytest.mark.everything)], indirect=True
+)
 def test_what_is_said_of_compensated_effort_mends_it(good, tmp_path):
     structure, log = good
     light = replace(log, tau=log.tau - weight(structure.robot, log))
