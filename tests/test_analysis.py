@@ -50,7 +50,7 @@ def test_the_statement_names_the_model_its_error_and_the_counts(result):
     assert "85 parameters" in text
     assert "37" in text
     assert result.chosen.name in text
-    assert f"{100 * result.chosen.error_ra_validation:.3g} %" in text
+    assert f"{100 * result.chosen.error_ra_validation:.2f} %" in text
 
 
 def test_every_verdict_has_a_reason_and_says_why_the_10x_rule_differs(result):

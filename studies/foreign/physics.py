@@ -18,7 +18,7 @@ RATED = (300.0, 300.0, 150.0, 30.0, 25.0, 15.0)
 #: Ratios of gears.
 GEARS = (160.0, 160.0, 120.0, 100.0, 80.0, 50.0)
 
-UNIT = ("masses of the robot file",)
+UNIT = ("what the robot file asks for",)
 
 
 def every(kind: str, factor: object, only: str = "") -> Writer:
@@ -188,7 +188,7 @@ TORQUE = [
         "positions for torque",
         "torque",
         csv(lambda f, _: f.assign(**{f"{j}.tau": f[f"{j}.q"] for j in joints(f)})),
-        ("masses of the robot file",),
+        ("what the robot file asks for",),
     ),
     Case("nothing but zeros", "torque", every("tau", 0.0), ("zero",)),
     Case("one column of zeros", "torque", every("tau", 0.0, "joint_3"), ("never changes",)),
@@ -208,7 +208,7 @@ TORQUE = [
         "noise for torque",
         "torque",
         csv(lambda f, rng: f.assign(**{f"{j}.tau": rng.normal(size=len(f)) for j in joints(f)})),
-        ("masses of the robot file", "explain"),
+        ("what the robot file asks for", "explain"),
     ),
     Case(
         "noise for a joint's torque",
@@ -260,7 +260,7 @@ TORQUE = [
                 **{f"{j}.tau": 0.2 + 0.01 * rng.normal(size=len(f)) for j in joints(f)}
             )
         ),
-        ("weight", "masses of the robot file"),
+        ("weight", "what the robot file asks for"),
         "3-rps",
     ),
 ]
