@@ -568,13 +568,6 @@ class Information:
         all_ = each if self.weights is None else self.weights * each
         return replace(self, parts=parts, weights=all_, within=None)
 
-    @property
-    def weighed_samples(self) -> Array:
-        """Samples of each actuator, as often as their squares count, (n,)."""
-        counts = self.data.T if self.weights is None else self.weights * self.data.T
-        rows: Array = np.maximum(counts.sum(1), 1.0)
-        return rows
-
     def merge(self, at: np.ndarray) -> Information:
         """Return blocks that each hold those from one of `at` up to the next."""
         parts = tuple(part.merge(at) for part in self.parts)

@@ -475,10 +475,6 @@ def found_cell(model: JudgedModel) -> Cell:
     return Cell("not judged" if model.unjudged else str(found), found)
 
 
-#: Names of a verdict that the answer lists.
-MOST_NAMES = 24
-
-
 def _answer_use(analysis: Analysis) -> Answer:
     chosen, base, full = analysis.chosen, analysis.base, analysis.full
     question = "What do the logs determine, and which model to use?"

@@ -263,4 +263,4 @@ def test_weights_stay_with_their_blocks():
     assert both.weights[:, :3].tolist() == [[0.5] * 3] * 2
     assert both.weights[:, -1].tolist() == [1.0] * 2
     merged = found.merge(np.arange(0, len(found.counts), 2))
-    np.testing.assert_allclose(merged.weighed_samples, found.weighed_samples)
+    np.testing.assert_allclose(merged.squares(z), found.squares(z))
