@@ -97,6 +97,10 @@ def _by_owner(
 # Calibration: may intervals and verdicts be trusted on this motion?
 
 
+#: Parameters that are drawn: those whose intervals hold the truth least often.
+WORST = 20
+
+
 def calibration_heading(calibration: Calibration) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
     return "Calibration", f"{calibration.analysis.robot.path.name} · {calibration.model}"
@@ -113,37 +117,22 @@ def calibration_sketch(calibration: Calibration) -> Sketch | None:
 def calibration_sections(calibration: Calibration) -> list[Section | None]:
     """Return the sections of the page."""
     frame = calibration.to_frame()
+    tables, frame = calibration.tables(), frame[:WORST]
     share, low, high = 100 * frame[["value", "low", "high"]].to_numpy(float).T
     reach = np.maximum([share - low, high - share], 0.0)
     label = "intervals that hold the truth [%]"
     each = draw_intervals(list(frame["parameter"]), share, reach, label, 95.0)
     names = calibration.false_names
+    how = {"trials": len(calibration.cell.held), "seed": calibration.provenance["seed"]}
     return [
         section(
             "calibration.parameters",
             picture("each", each),
-            Fold(f"All {len(frame)} parameters", calibration.tables()),
+            Fold(f"All {len(calibration.cell.names)} parameters", tables),
         ),
         section("calibration.names", statement=names.statement) if names is not None else None,
-        _method(calibration),
+        section("calibration.method", Prose(tuple(words("calibration.how", **how).values()))),
     ]
-
-
-NOISE = with_hints(
-    "noise",
-    Column("actuator"),
-    Column("order", "number"),
-    Column("size", digits(3)),
-    Column("autocorrelation time", digits(3)),
-)
-
-
-def _method(calibration: Calibration) -> Section:
-    holes = {"trials": len(calibration.cell.held), "seed": calibration.provenance["seed"]}
-    told = [*words("calibration.how", **holes).values()]
-    rows = [tuple(row.values()) for row in calibration.noise_rows()]
-    table = Table.of("Noise of the repetitions", NOISE, rows)
-    return section("calibration.method", Prose(tuple(told)), table)
 
 
 # Comparison: what changed between two logs or results.
@@ -417,17 +406,11 @@ def excitation_sections(result: Excitation) -> list[Section]:
         effects=", ".join(result.effects),
         measured=sentence("excitation.measured", logs=logs) if logs else "",
     )
-    kinds = [f"{kind} {k + 1}" for kind in ("sin", "cos") for k in range(path.sin.shape[1])]
-    columns = [Column("joint"), *(Column(kind, digits(5)) for kind in ("offset", *kinds))]
-    numbers = np.column_stack([path.offset, path.sin, path.cos])
-    rows = [(joint, *x) for joint, x in zip(result.limits.joints, numbers, strict=True)]
-    coefficients = Table.of(sentence("excitation.series"), columns, rows, cards=False)
     return [
         section(
             "excitation.motion",
             *_motion(result),
             result.tables()[0],
-            Fold("Coefficients", (coefficients,)),
         ),
         section("excitation.gain", gain, beside=result.beside),
         section("excitation.method", Prose(tuple(text.values()))),
