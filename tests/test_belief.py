@@ -10,8 +10,7 @@ from identifiability import analyze
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import RobotError
 from identifiability.physical.feasibility import certify
-from identifiability.physical.feasible_set import physical_set
-from identifiability.physical.fitted_model import FittedModel, LeastSquares
+from identifiability.physical.fitted_model import FittedModel, LeastSquares, physical_set
 from identifiability.physical.project import project
 from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.target import Target

@@ -22,7 +22,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
-from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.fitted_model import PhysicalSet
 from identifiability.physical.pseudo_inertia import (
     BASIS,
     BOUNDARY,
@@ -253,12 +253,9 @@ def combine_with_file(
     lost = np.linalg.norm(unknown, axis=1) > np.sqrt(ROUNDOFF) * np.linalg.norm(to_x * size, axis=1)
     off = B @ phi - prior
     squares = float(off @ off + np.sum((A @ phi - aim) ** 2))
-    free = np.ones(A.shape[1], bool)
-    free[structure.inertial.ravel()] = False
-    Q = np.linalg.svd(A[:, free] / size[free], full_matrices=False)
-    Q0 = Q[0][:, Q[1] > ROUNDOFF * max(Q[1].max(initial=0.0), 1e-300)]
-    of_bodies = (A - Q0 @ (Q0.T @ A))[:, ~free] / size[~free]
-    dims = int(np.linalg.matrix_rank(of_bodies, tol=ROUNDOFF))
+    # What both say is the only that can disagree.
+    ranks = [np.linalg.matrix_rank(rows / size, tol=ROUNDOFF) for rows in (A, B)]
+    dims = int(sum(ranks) - known.sum())
     each = np.bincount(of, off**2)
     names = [*structure.bodies.values(), *structure.robot.prior]
     return WithFile(

@@ -19,8 +19,12 @@ from identifiability.foundation.numbers import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import WEAK, WEIGHTS, CadPrior, draw_bodies, state_rows
-from identifiability.physical.feasible_set import PhysicalSet, physical_set
-from identifiability.physical.fitted_model import FittedModel, LeastSquares
+from identifiability.physical.fitted_model import (
+    FittedModel,
+    LeastSquares,
+    PhysicalSet,
+    physical_set,
+)
 from identifiability.physical.project import ADVICE, EXACTER, FeasibleEstimate, Projection
 from identifiability.physical.pseudo_inertia import BOUNDARY, check_body
 from identifiability.physical.rules import RULES

@@ -24,8 +24,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import CadPrior
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import Fixed, LeastSquares
+from identifiability.physical.fitted_model import Fixed, LeastSquares, PhysicalSet
 
 #: Smallest dimensionless eigenvalue of a body in the answer: simulators refuse singular inertia.
 MARGIN: Tolerance = 1e-6

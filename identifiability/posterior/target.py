@@ -14,8 +14,7 @@ from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import Fixed, LeastSquares
+from identifiability.physical.fitted_model import Fixed, LeastSquares, PhysicalSet
 
 # What the user knew before the data: a normal distribution per parameter.
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from identifiability.physical.feasible_set import physical_set
-from identifiability.physical.fitted_model import FittedModel
+from identifiability.physical.fitted_model import FittedModel, physical_set
 from identifiability.physical.project import project
 from identifiability.regression.reduction import full_model
 from peers import ours

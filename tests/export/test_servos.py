@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from identifiability import Robot, analyze
 from identifiability.cli import app
 from identifiability.foundation.errors import RobotError
-from identifiability.physical.feasible_set import physical_set
+from identifiability.physical.fitted_model import physical_set
 from identifiability.workflows.export import draw_robots, export
 
 ROOT = Path(__file__).resolve().parents[2]

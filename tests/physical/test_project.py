@@ -4,8 +4,7 @@ import pytest
 
 from identifiability.physical import project as pulled
 from identifiability.physical.cad_prior import CadPrior
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.physical.project import MARGIN, RIDGE, Projection, project
 from identifiability.physical.pseudo_inertia import BASIS, to_matrix
 

@@ -26,8 +26,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import find_impossible_bodies
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares
+from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares, PhysicalSet
 from identifiability.physical.project import project
 from identifiability.posterior.diagnostics import (
     Convergence,

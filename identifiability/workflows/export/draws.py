@@ -24,8 +24,7 @@ from identifiability.foundation.output import check_ending
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.tables import PARQUET, write_table
-from identifiability.physical.feasible_set import physical_set
-from identifiability.physical.fitted_model import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares, physical_set
 from identifiability.physical.project import project
 from identifiability.posterior.ensemble import ENSEMBLES, sample_posterior
 from identifiability.posterior.target import Prior, Target

@@ -8,7 +8,7 @@ from identifiability.effects import FAMILIES, AlongAxes, Family, forget, registe
 from identifiability.effects.vocabulary import stated_numbers, values_in_file
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.logs import Log
-from identifiability.physical.feasible_set import physical_set
+from identifiability.physical.fitted_model import physical_set
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure

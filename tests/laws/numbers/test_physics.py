@@ -5,8 +5,7 @@ import pytest
 
 from identifiability.physical.cad_prior import CadPrior
 from identifiability.physical.feasibility import certify
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.physical.project import Projection, project
 from identifiability.physical.pseudo_inertia import check_body, margin, natural_scale, to_matrix
 

@@ -12,8 +12,7 @@ from identifiability.logs.prepare import prepare_log
 from identifiability.physical import project
 from identifiability.physical.cad_prior import WEIGHTS, CadPrior
 from identifiability.physical.feasibility import choose_prior
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares
+from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares, PhysicalSet
 from identifiability.physical.project import Projection
 from identifiability.physical.pseudo_inertia import to_matrix
 from identifiability.regression.reduction import default_ladder, ladder_model
