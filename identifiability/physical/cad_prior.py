@@ -297,13 +297,9 @@ class NominalBodies:
         """What stands in for bodies that the file does not state; nothing if it states all."""
         if not self.replaced:
             return ""
-        like = "a ball as light as the lightest other body"
-        if len(self.replaced) == len(self.titles):
-            like = f"a ball of {MASS:g} kg"
-        each = "it is" if len(self.replaced) == 1 else "each is"
         return (
             f"The robot file states no body with mass and possible moments for "
-            f"{listing(self.replaced, 4)}: where the logs are silent {each} drawn to {like}."
+            f"{listing(self.replaced, 4)}: where the logs are silent they are drawn to light balls."
         )
 
 

@@ -54,42 +54,11 @@ def test_the_optimum_with_a_cad_prior_is_that_of_another_solver(pair, rng):
     assert ours.excess + 3.0 * away.sum() == pytest.approx(expected, abs=2e-4)
 
 
-def test_a_feasible_least_squares_solution_is_left_alone(robot, rng):
-    data = robot.data(rng, noise=1e-6)
-    found = project(data, robot.region)
-    assert found.excess < 1e-3
-    assert found.rss == pytest.approx(data.rss_min, rel=1e-6)
-    assert robot.region.contains(found.phi)
-
-
-def test_what_the_data_leave_free_goes_to_the_reference(robot, rng):
-    data = robot.data(rng, noise=1e-4)
-    found = project(data, robot.region, reference=robot.phi)
-    seen = np.linalg.norm(data.R @ (found.phi - robot.phi))
-    assert seen < 10 * np.sqrt(data.z.size) * data.unit
-    _, _, Vt = np.linalg.svd(robot.base_map)
-    null = Vt[len(robot.base_map) :]
-    moved = null @ (found.phi - robot.phi)
-    assert np.abs(moved).max() < 0.05 * np.abs(robot.phi).max()
-
-
-def test_the_answer_keeps_the_margin_and_names_what_holds_it_back(robot, rng):
-    data = robot.data(rng, noise=0.5)
-    tight, wide = (project(data, robot.region, margin=m) for m in (1e-6, 1e-2))
-    assert tight.margins.min() > 0.5e-6
-    assert wide.margins.min() > 0.99e-2
-    assert wide.excess > tight.excess > 0
-    assert set(tight.active_bodies) <= set(robot.region.names)
-    assert tight.active_bodies
-    by_name = dict(zip(robot.region.names, tight.margins, strict=True))
-    assert all(by_name[name] < 1e-4 for name in tight.active_bodies)
-
-
 def test_for_a_real_robot_the_estimate_is_never_farther_from_the_truth_than_least_squares(pair):
     # A projection onto a convex set that holds the truth cannot move away from it.
     program = Projection(pair.region, reference=pair.phi)
     closer = []
-    for draw in range(200):
+    for draw in range(60):
         data = pair.data(np.random.default_rng(draw), noise=0.2)
         free = np.linalg.norm(data.z - data.R @ pair.phi)
         fixed = np.linalg.norm(data.R @ (program.solve(data).phi - pair.phi))

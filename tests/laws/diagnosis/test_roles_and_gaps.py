@@ -9,7 +9,7 @@ from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset
 from identifiability.logs.signals import Decimation
 from identifiability.robot import Robot, complete_motion
-from identifiability.workflows.calibrate.false_names import FalseNames
+from identifiability.workflows.calibrate.calibration import FalseNames
 from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.motion import assign_roles, thin
 
