@@ -214,6 +214,7 @@ class Projection:
             with warnings.catch_warnings(), suppress(cp.SolverError):
                 warnings.filterwarnings("ignore", "Solution may be inaccurate")
                 problem.solve(solver=cp.CLARABEL, **options)
+            if problem.status == cp.OPTIMAL:
                 break
         if problem.status not in cp.settings.SOLUTION_PRESENT:
             raise ValueError(

@@ -374,7 +374,7 @@ def excitation_sections(result: Excitation) -> list[Section]:
     gain = picture("gain", draw_gain(result.names, result.gain), beside=result.beside)
     text = words(
         "excitation.how",
-        harmonics=path.harmonics,
+        harmonics=path.sin.shape[1],
         motions=format_count(result.evaluations, "motion"),
         seed=result.seed,
         effects=", ".join(result.effects),
