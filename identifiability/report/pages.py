@@ -374,7 +374,7 @@ def excitation_sections(result: Excitation) -> list[Section]:
     gain = picture("gain", draw_gain(result.names, result.gain), beside=result.beside)
     text = words(
         "excitation.how",
-        harmonics=path.sin.shape[1],
+        harmonics=path.harmonics,
         motions=format_count(result.evaluations, "motion"),
         seed=result.seed,
         effects=", ".join(result.effects),

@@ -80,6 +80,11 @@ class Trajectory:
     sin: Array
     cos: Array
 
+    @property
+    def harmonics(self) -> int:
+        """How many it has."""
+        return int(self.sin.shape[1])
+
     def times(self, samples: int | None = None) -> Array:
         """Return evenly spaced times of one period, (N,) [s]."""
         count = samples or self.samples
