@@ -14,8 +14,8 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import copy
-from dataclasses import asdict, astuple, dataclass, is_dataclass, replace
-from functools import cache, partial
+from dataclasses import asdict, astuple, dataclass, is_dataclass
+from functools import cache
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from types import NoneType, UnionType
@@ -51,7 +51,7 @@ from identifiability.foundation.options import (
 )
 
 if TYPE_CHECKING:
-    from identifiability.foundation.engines.local import Engine
+    from identifiability.foundation.engines.mapping import Engine
     from identifiability.foundation.result import Result
     from identifiability.logs.prepare import Preparation
     from identifiability.robot import Robot
@@ -244,25 +244,19 @@ class Verb:
     """A command that is made when it is typed: fifteen of them take longer than a help may."""
 
     function: Callable[..., None]
-    motion_alone: bool = False
 
     def made(self, name: str) -> Any:
         """Return it with its options, as typer has it."""
         alone = typer.Typer(add_completion=False, rich_markup_mode="markdown")
-        run, settings = _flattened(self.function, motion_alone=self.motion_alone)
+        run, settings = _flattened(self.function)
         alone.command(name, cls=Command, help=helps()["verbs"].get(name))(run)
         made: Any = typer.main.get_command(alone)
         made.settings = settings
         return made
 
 
-def command(*, motion_alone: bool = False) -> Callable[[Callable[..., None]], Verb]:
-    """Make a function a command, of logs without torque too where they are of `motion_alone`."""
-    return partial(Verb, motion_alone=motion_alone)
-
-
 def _flattened(
-    function: Callable[..., None], *, motion_alone: bool
+    function: Callable[..., None],
 ) -> tuple[Callable[..., None], dict[str, Field]]:
     """Return a function as typer reads it, its groups as their options; and its settings."""
     own = {field.name: field for field in options_of(function)}
@@ -297,7 +291,6 @@ def _flattened(
             read = {name: option.read(typed[name]) for name, option in options.items()}
             read |= _read_settings(settings, tables, read.pop(SET.name, ()), typed)
             given = {name: build(field, read, None) for name, field in own.items()}
-            _look_at_logs(typed, options, given, motion_alone=motion_alone)
         function(**given)
 
     flat = [option.parameter(function.__name__) for option in options.values()]
@@ -366,6 +359,11 @@ def _look(typed: Mapping[str, Any], options: Mapping[str, Field]) -> None:
         locate_robot(robot)
     for mark, value in [*reads, *((Reads("result", "JSON"), path) for path in results)]:
         mark.check(value)
+    if logs:
+        from identifiability.logs.formats.reader import check_there  # noqa: PLC0415
+
+        for path in logs:
+            check_there(Path(path))
 
 
 def _recordings(
@@ -381,31 +379,6 @@ def _recordings(
                 as_result = mark.results and Path(path).suffix.lower() in (".json", ".xml", ".urdf")
                 (results if as_result else logs).append(path)
     return logs, results
-
-
-def _look_at_logs(
-    typed: Mapping[str, Any],
-    options: Mapping[str, Field],
-    given: Mapping[str, Any],
-    *,
-    motion_alone: bool,
-) -> None:
-    """Refuse logs that are not there, and tables whose columns are none of the robot's."""
-    from identifiability.logs.formats.reader import check_there  # noqa: PLC0415
-
-    logs, _ = _recordings(typed, options)
-    for path in logs:
-        check_there(Path(path))
-    tables = [Path(name) for name in logs if name.lower().endswith(".csv")]
-    if tables and typed.get("robot"):
-        from identifiability.logs.conventions import Conventions  # noqa: PLC0415
-        from identifiability.logs.source import check_header  # noqa: PLC0415
-
-        known = replace(Conventions.of(given["machine"].load()), motion_alone=motion_alone)
-        if typed.get("mass"):  # of a load that is known, which tells gains
-            known = replace(known, torque=known.torque.with_gains())
-        for table in tables:
-            check_header(table, known)
 
 
 # Settings: of the sidecar, and of --set.
@@ -650,17 +623,11 @@ class Place:
 
     @contextmanager
     def running(self) -> Iterator[Engine]:
-        """Give the engine; its processes end with it. Say if there was nothing to keep."""
-        from identifiability.foundation.engines.local import Resumed, choose_engine  # noqa: PLC0415
+        """Give the engine; its processes end with it."""
+        from identifiability.foundation.engines.mapping import choose_engine  # noqa: PLC0415
 
         with choose_engine(*astuple(self)) as engine:
             yield engine
-        if isinstance(engine, Resumed) and not engine.found + engine.done:
-            typer.echo(
-                f"resume kept nothing in '{self.resume}': this was done in one piece, without "
-                "parts that could be; the same command begins anew.",
-                err=True,
-            )
 
 
 @dataclass(frozen=True)
@@ -678,6 +645,14 @@ class Work:
             asked = engine if self.place != Place() else None
             preparation = self.derived.preparation()
             yield say, {"preparation": preparation, "engine": asked, "progress": say}, engine
+
+
+@contextmanager
+def alone() -> Iterator[tuple[Callable[[str, float], None], dict[str, Any], None]]:
+    """Give the same to a verb that is done at once; errors are sentences."""
+    with sentences(), progress() as say:
+        say("reading logs", 0.0)
+        yield say, {}, None
 
 
 @dataclass(frozen=True)

@@ -9,21 +9,16 @@ import os
 import secrets
 import shutil
 import stat
-import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from datetime import timedelta
-from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from identifiability.foundation.errors import OutputError
 from identifiability.foundation.options import FilePath, checked
-
-if sys.platform != "win32":  # where runs do not take turns
-    import fcntl
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -191,9 +186,7 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
 def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
     """Write files that are of no use without each other: all of them or none.
 
-    The last one is what the others belong to. Its old version is put aside first and the new one
-    is put in its place last: whoever looks, even after a power cut, finds the old files, the new
-    ones, or no main file (and the old one as ``<name>.<digits>.old``), but never a mixture.
+    All are filled before the first is put in its place, the one that the others belong to last.
 
     Raises
     ------
@@ -201,56 +194,24 @@ def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
     """
     targets = [real(check_writable(path)) for path, _ in files]
     fresh = [_beside(target) for target in targets]
-    aside: list[tuple[Path, Path]] = []
-    placed: list[Path] = []
     try:
+        before = [target.read_bytes() if target.exists() else None for target in targets]
         for temporary, (_, content), target in zip(fresh, files, targets, strict=True):
             _fill(temporary, content, target)
-        with _taking_turns(targets[-1].parent):
-            try:
-                for target in reversed(targets):
-                    if target.exists():
-                        name = target.with_name(f"{target.name}.{secrets.token_hex(4)}.old")
-                        aside.append((name, target))
-                        target.replace(name)
-                for temporary, target in zip(fresh, targets, strict=True):
-                    placed.append(target)
-                    temporary.replace(target)
-            except BaseException:  # also Ctrl-C: undo what was done, the main file last
-                _remove(reversed(placed))
-                for name, target in reversed(aside):
-                    if name.exists():
-                        name.replace(target)
-                raise
-            _remove(name for name, _ in aside)
+        try:
+            for temporary, target in zip(fresh, targets, strict=True):
+                temporary.replace(target)
+        except BaseException:  # also Ctrl-C: undo what was done
+            _remove(t for t, old in zip(targets, before, strict=True) if old is None)
+            for target, old in zip(targets, before, strict=True):
+                if old is not None and target.read_bytes() != old:
+                    target.write_bytes(old)
+            raise
     except OSError as error:
         names = " and ".join(f"'{path}'" for path, _ in files)
         raise OutputError(f"{names} cannot be written: {_reason(error)}.") from None
     finally:
         _remove(fresh)
-
-
-@contextmanager
-def _taking_turns(folder: Path) -> Iterator[None]:
-    """Let one program at a time put files of a folder in their places, where there are locks."""
-    if sys.platform == "win32":
-        yield
-        return
-    descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
-    try:
-        with suppress(OSError):  # a file system without locks
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)
-
-
-def kept_aside(path: Path) -> Path | None:
-    """Return where an interrupted `write_together` left the old content of a file, if anywhere."""
-    try:
-        return next(iter(sorted(path.parent.glob(f"{escape(path.name)}.*.old"))), None)
-    except (OSError, ValueError):  # no name of a file
-        return None
 
 
 def _beside(target: Path) -> Path:

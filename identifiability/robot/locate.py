@@ -7,7 +7,6 @@ from importlib import resources
 from pathlib import Path
 
 from identifiability.foundation.errors import RobotError, near_match
-from identifiability.foundation.output import kept_aside
 
 # Which sidecar belongs to a robot file: its own (arm.xml.toml), or one for its stem (arm.toml).
 #
@@ -85,12 +84,6 @@ def locate_robot(source: str | Path) -> Path:
             return folder / name
     if path.is_dir():
         raise RobotError(f"{path} is a folder; give the robot file (MJCF or URDF) in it.")
-    left = kept_aside(path)
-    if left is not None:
-        raise RobotError(
-            f"There is no robot file '{source}': a write of it was interrupted. Its old content is "
-            f"'{left}'; write it again, or rename that."
-        )
     raise RobotError(
         f"There is no robot file '{source}'{near_match(str(source), shipped_robots())} Give an "
         f"MJCF or URDF file, or one of the shipped robots: {', '.join(shipped_robots())}."

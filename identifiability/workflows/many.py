@@ -21,7 +21,7 @@ from urllib.parse import quote
 import pandas as pd
 
 from identifiability.foundation.answers import Cell, Column, Note, Table
-from identifiability.foundation.engines.local import Engine, Serial
+from identifiability.foundation.engines.mapping import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing, near_match
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import FilePath, OptionError, check_option, checked

@@ -21,8 +21,13 @@ import numpy as np
 import pandas as pd
 
 from identifiability.foundation import __version__
-from identifiability.foundation.engines.local import NUMERICS, Processes, find_version
-from identifiability.foundation.engines.mapping import Engine, Steps
+from identifiability.foundation.engines.mapping import (
+    NUMERICS,
+    Engine,
+    Processes,
+    Steps,
+    find_version,
+)
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.names import shorten_paths

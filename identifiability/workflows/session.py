@@ -27,8 +27,7 @@ from identifiability.estimation.estimate import (
     weigh_outliers,
 )
 from identifiability.estimation.estimator import Estimator
-from identifiability.foundation.engines.local import Serial
-from identifiability.foundation.engines.mapping import Engine
+from identifiability.foundation.engines.mapping import Engine, Serial
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.numbers import REACH

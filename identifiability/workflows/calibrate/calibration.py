@@ -17,7 +17,7 @@ from identifiability.estimation.noise import ResidualNoise
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Column, Table
-from identifiability.foundation.engines.local import Engine, Serial
+from identifiability.foundation.engines.mapping import Engine, Serial
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import (

@@ -14,8 +14,7 @@ import pandas as pd
 
 from identifiability.effects import bring, find_families
 from identifiability.estimation.noise import JointRuns, find_runs, fit_residual_noise
-from identifiability.foundation.engines.local import Engine
-from identifiability.foundation.engines.mapping import Steps
+from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.numbers import Share, exact_share
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import prepare_log
