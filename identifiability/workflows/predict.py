@@ -8,7 +8,7 @@ from dataclasses import asdict, fields, replace
 from functools import cached_property
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Any, ClassVar, Literal, cast
+from typing import Annotated, Any, ClassVar, cast
 
 import numpy as np
 import pandas as pd
@@ -26,17 +26,7 @@ from identifiability.foundation.names import BASE, Array, shorten_paths
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import Result, shown
-from identifiability.foundation.rounding import (
-    digits,
-    error_text,
-    exact,
-    format_count,
-    join,
-    precision_of,
-    round_covariance,
-    round_known,
-    stated,
-)
+from identifiability.foundation.rounding import digits, error_text, exact, format_count, join
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -44,7 +34,6 @@ from identifiability.logs.commands import has_commands
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.tables import write_table
-from identifiability.physical.pseudo_inertia import check_body
 from identifiability.regression.reduction import (
     LadderEntry,
     ModelEntry,
@@ -73,9 +62,6 @@ from identifiability.workflows.session import Session
 # `TorquePrediction`: the torque of a fitted model along logs, beside the measured one.
 
 
-# Values and their covariance as labelled tables.
-
-
 def correlation_of(covariance: Array) -> Array:
     """Return the correlation matrix of a covariance; NaN where a variance is zero or unknown."""
     sd = np.sqrt(np.where(np.diag(covariance) > 0, np.diag(covariance), np.nan))
@@ -86,25 +72,6 @@ def correlation_of(covariance: Array) -> Array:
 def square_frame(matrix: Array, names: Iterable[Hashable]) -> pd.DataFrame:
     """Return a matrix (k, k) with the names of the parameters at its rows and columns."""
     return pd.DataFrame(matrix, index=list(names), columns=list(names))
-
-
-class Covaries(ABC):
-    """What knows parameters by name and how their values vary together."""
-
-    @abstractmethod
-    def covariance_frame(self) -> pd.DataFrame:
-        """Return the covariance of the values with what the noise remembers, (k, k).
-
-        Rows and columns are parameters; units are those of the two multiplied.
-        """
-
-    def correlation_frame(self) -> pd.DataFrame:
-        """Return the correlation of the values, (k, k); NaN where a variance is zero or unknown.
-
-        Near −1 the sum of two parameters is known better than either, near 1 their difference.
-        """
-        covariance = self.covariance_frame()
-        return square_frame(correlation_of(covariance.to_numpy()), list(covariance.columns))
 
 
 # `TorquePrediction`: the torque of a fitted model along logs, beside the measured one.
@@ -374,8 +341,69 @@ class RobotEntry(Entry):
 # wants these analyses the logs again.
 
 
+class Predicts(ABC):
+    """A result with a fitted model: it predicts torque, and is read back from JSON as a `Fit`."""
+
+    @property
+    @abstractmethod
+    def fit(self) -> Fit:
+        """The model to use: values, covariance, and how torque scatters about it."""
+
+    def covariance_frame(self) -> pd.DataFrame:
+        """Return the covariance of the values with what the noise remembers, (k, k).
+
+        Rows and columns are parameters; units are those of the two multiplied.
+        """
+        return square_frame(self.fit.covariance, self.fit.names)
+
+    def correlation_frame(self) -> pd.DataFrame:
+        """Return the correlation of the values, (k, k); NaN where a variance is zero or unknown.
+
+        Near −1 the sum of two parameters is known better than either, near 1 their difference.
+        """
+        return square_frame(correlation_of(self.fit.covariance), self.fit.names)
+
+    def predict(self, logs: Logs, *, engine: Engine | None = None) -> TorquePrediction:
+        """Return the torque of the model to use along logs, with its intervals.
+
+        Parameters
+        ----------
+        logs : log, path, DataFrame, or several
+            They are prepared like the fitted ones, with the same cut-off. They need no torque.
+        engine : Engine, optional
+            Where logs that are too long for memory are surveyed.
+
+        Raises
+        ------
+        IdentifiabilityError
+            If the fitted logs had nothing to explain, or a log does not fit the robot.
+        """
+        with one_thread("blas"):
+            return _along(self.fit, logs, engine)
+
+    @staticmethod
+    def from_json(path: str | Path, robot: RobotLike) -> Fit:
+        """Read the model to use back from the JSON of a result.
+
+        It has names, values, covariance and everything that predicting takes. Not read back:
+        verdicts, sentences, other models, posteriors, samples and resampled values.
+
+        Parameters
+        ----------
+        path : path
+        robot : Robot, path or shipped name
+            The robot that the result is about.
+
+        Raises
+        ------
+        IdentifiabilityError
+            If the file is no such result, or is about another robot.
+        """
+        return read_fit(path, robot)
+
+
 @frozen(kw_only=True)
-class Fit(Covaries):
+class Fit(Predicts):
     """A fitted model as its result keeps it.
 
     Attributes
@@ -411,6 +439,11 @@ class Fit(Covaries):
     missing: tuple[str, ...] = ()
 
     @property
+    def fit(self) -> Fit:
+        """Itself."""
+        return self
+
+    @property
     def robot(self) -> Robot:
         """The robot."""
         return self.structure.robot
@@ -425,15 +458,16 @@ class Fit(Covaries):
         """Covariance of the values, with what the noise remembers, (k, k)."""
         return self.spread.covariance
 
+    @property
+    def base(self) -> Array:
+        """Values of the base parameters, (b,)."""
+        return self.submodel.expand(self.values)
+
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter: name, value, standard deviation, unit."""
         sigma = np.sqrt(np.diag(self.covariance))
         columns = {"name": self.names, "value": self.values, "sigma": sigma}
         return pd.DataFrame({**columns, "unit": self.submodel.units})
-
-    def covariance_frame(self) -> pd.DataFrame:
-        """Return `covariance` with the names of the parameters at its rows and columns."""
-        return square_frame(self.covariance, self.names)
 
     def __repr__(self) -> str:
         """Return what it is, in one line."""
@@ -442,121 +476,55 @@ class Fit(Covaries):
     def _repr_html_(self) -> str:
         return shown(repr(self)[1:-1], self.to_frame(), "to_frame()")
 
-    @property
-    def base(self) -> Array:
-        """Values of the base parameters, (b,)."""
-        return self.submodel.expand(self.values)
-
-    def predict(self, logs: Logs, *, engine: Engine | None = None) -> TorquePrediction:
-        """Return the torque along logs, with its intervals.
-
-        Parameters
-        ----------
-        logs : log, path, DataFrame, or several
-            They are prepared like the fitted ones, with the same cut-off. They need no torque.
-        engine : Engine, optional
-            Where logs that are too long for memory are surveyed.
-
-        Raises
-        ------
-        LogError
-            If a log does not fit the robot.
-        """
-        with one_thread("blas"):
-            session = Session.read(
-                self.structure,
-                logs,
-                preparation=self.preparation,
-                engine=engine,
-                commands=False,
-                motion_alone=True,
-            )
-            known = session.recordings
-            measured = tuple(not r.motion_alone for r in known.fitted)
-            return self._along(session.prepare(known.fitted), measured, known.hints)
-
-    def _along(
-        self, samples: list[Dataset], measured: tuple[bool, ...], hints: tuple[str, ...]
-    ) -> TorquePrediction:
-        base = self.structure.base
-        what = self.robot, self.structure.model, tuple(samples), base.kept
-        regression = Regression(*what, dwelling=True)
-        found: list[tuple[Array, ...]] = []
-        for part in regression.parts(whole=True):
-            for chunk in part.chunks():
-                predicted = chunk.W @ self.base
-                reach = self.spread.reach(chunk.W @ self.submodel.M)
-                log = np.full(len(chunk.t), chunk.log)
-                known = 1.0 if measured[chunk.log] else np.nan
-                given = (chunk.t.copy(), known * chunk.tau, known * chunk.raw)
-                found.append((log, *given, predicted, *reach, chunk.data))
-        names = ("log", "t", "tau", "raw", "predicted", "mean", "low", "new", "data")
-        joined = map(np.concatenate, zip(*found, strict=True))
-        return TorquePrediction(
-            robot=self.robot,
-            model=self.submodel.name,
-            origin=self.origin,
-            onward=name_export(self.robot, self.names, self.errors),
-            logs=given_paths(samples),
-            measured=measured,
-            notes={s.path or s.name: s.notes for s in samples},
-            hints=tuple(filter(None, (state_missing(self.missing), *hints))),
-            **dict(zip(names, joined, strict=True)),
-        )
-
     def to_dict(self) -> dict[str, Any]:
         """Return what is read back, as plain values."""
         entry = model_entry(self.submodel, self.structure.base, self.structure.model.texts)
-        how = {f.name: getattr(self.preparation, f.name) for f in fields(Preparation)}
         told = {
             "model": entry.model_dump(by_alias=True, exclude_none=True),
             "names": list(self.names),
             "units": list(self.submodel.units),
-            "values": round_known(self.values, precision_of(self.covariance)[0]),
+            "values": self.values,
             **asdict(self.spread),
-            "covariance": round_covariance(self.covariance),
-            "base_covariance": round_covariance(self.base_covariance),
+            "base_covariance": self.base_covariance,
             "base_unknown": self.base_unknown,
-            "preparation": how,
+            "preparation": {f.name: getattr(self.preparation, f.name) for f in fields(Preparation)},
         }
-        scatter = {name: stated(told[name]) for name in ("low", "raw", "dof")}
-        return {**exact(told), **scatter}
-
-    def state_robot(self, told: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a real robot with the digits of its parameters that torque and bodies need.
-
-        Parameters
-        ----------
-        told : mapping
-            As `real_robot_dict` returns it.
-        """
-        parameters = told["parameters"]
-        columns, bodies = self.structure.columns, self.structure.inertial
-        at = [columns.index(name) if name in columns else -1 for name in parameters]
-        G = np.pad(self.structure.G, ((0, 0), (0, 1)))[:, at]
-        values = np.array([*parameters.values()])
-        whole = [rows for rows in bodies.tolist() if set(rows) <= set(at)]
-
-        def exist(phi: Array) -> Array:
-            bodies = [check_body(phi[[at.index(k) for k in rows]], "").feasible for rows in whole]
-            return np.array(bodies, bool)
-
-        before, precision = exist(values), G.T @ precision_of(self.base_covariance)[0] @ G
-        found = round_known(values, precision, lambda phi: bool((exist(phi) >= before).all()))
-        again = {name: exact(told[name]) for name in ("shapes", "gravity") if name in told}
-        return {**told, **again, "parameters": dict(zip(parameters, exact(found), strict=True))}
+        found: dict[str, Any] = exact(told)
+        return found
 
 
-class PreparationEntry(Entry):
-    """How logs were prepared."""
-
-    derivatives: Literal["auto", "given", "butterworth", "fourier"] = "auto"
-    cutoff: float | None = None
-    period: float | None = None
-    harmonics: int = 5
-    decimate: int | None = None
-    outputs: float | None = None
-    keep_rest: bool = False
+def _along(fit: Fit, logs: Logs, engine: Engine | None) -> TorquePrediction:
+    """Return the torque of a fitted model along logs."""
+    structure, how = fit.structure, fit.preparation
+    session = Session.read(
+        structure, logs, (), how, engine=engine, commands=False, motion_alone=True
+    )
+    known = session.recordings
+    samples = session.prepare(known.fitted)
+    measured = tuple(not r.motion_alone for r in known.fitted)
+    rows = structure.robot, structure.model, tuple(samples), structure.base.kept
+    found: list[tuple[Array, ...]] = []
+    for part in Regression(*rows, dwelling=True).parts(whole=True):
+        for chunk in part.chunks():
+            predicted = chunk.W @ fit.base
+            reach = fit.spread.reach(chunk.W @ fit.submodel.M)
+            log = np.full(len(chunk.t), chunk.log)
+            sensed = 1.0 if measured[chunk.log] else np.nan
+            given = (chunk.t.copy(), sensed * chunk.tau, sensed * chunk.raw)
+            found.append((log, *given, predicted, *reach, chunk.data))
+    names = ("log", "t", "tau", "raw", "predicted", "mean", "low", "new", "data")
+    joined = map(np.concatenate, zip(*found, strict=True))
+    return TorquePrediction(
+        robot=fit.robot,
+        model=fit.submodel.name,
+        origin=fit.origin,
+        onward=name_export(fit.robot, fit.names, fit.errors),
+        logs=given_paths(samples),
+        measured=measured,
+        notes={s.path or s.name: s.notes for s in samples},
+        hints=tuple(filter(None, (state_missing(fit.missing), *known.hints))),
+        **dict(zip(names, joined, strict=True)),
+    )
 
 
 class FitEntry(Entry):
@@ -572,7 +540,7 @@ class FitEntry(Entry):
     dof: list[float]
     base_covariance: list[list[float]]
     base_unknown: list[list[float]]
-    preparation: PreparationEntry
+    preparation: dict[str, Any]
 
 
 class GravityEntry(Entry):
@@ -673,13 +641,13 @@ def _build(entry: FitEntry, robot: Robot, where: str) -> Fit:
         unknown=_shaped(entry.unknown, (k, -1), where) if k else np.empty((0, 0)),
         **{x: _shaped(getattr(entry, x), (n,), where) for x in ("low", "raw", "dof")},
     )
-    b = len(structure.base)
+    b, known = len(structure.base), [f.name for f in fields(Preparation)]
     return Fit(
         structure=structure,
         submodel=submodel,
         values=_shaped(entry.values, (k,), where),
         spread=spread,
-        preparation=Preparation(**entry.preparation.model_dump()),
+        preparation=Preparation(**{k: x for k, x in entry.preparation.items() if k in known}),
         base_covariance=_shaped(entry.base_covariance, (b, b), where),
         base_unknown=_shaped(entry.base_unknown, (b, -1), where) if b else np.empty((0, 0)),
     )
@@ -706,59 +674,6 @@ def settled(given: object, samples: Sequence[Dataset]) -> Preparation:
     known = given if isinstance(given, Preparation) else Preparation()
     own = next(({"cutoff": s.cutoff, "outputs": s.band} for s in samples if s.cutoff), {})
     return Preparation(**{f.name: getattr(known, f.name) for f in fields(Preparation)} | own)
-
-
-# `Predicts`: what results that hold one fitted model have in common.
-
-
-class Predicts(Covaries):
-    """A result with a fitted model: it predicts torque, and is read back from JSON as a `Fit`."""
-
-    @property
-    @abstractmethod
-    def fit(self) -> Fit:
-        """The model to use: values, covariance, and how torque scatters about it."""
-
-    def covariance_frame(self) -> pd.DataFrame:
-        """Return the covariance of the values of the model to use, by name, (k, k)."""
-        return self.fit.covariance_frame()
-
-    def predict(self, logs: Logs, *, engine: Engine | None = None) -> TorquePrediction:
-        """Return the torque of the model to use along logs, with its intervals.
-
-        Parameters
-        ----------
-        logs : log, path, DataFrame, or several
-            They are prepared like the fitted ones, with the same cut-off. They need no torque.
-        engine : Engine, optional
-            Where logs that are too long for memory are surveyed.
-
-        Raises
-        ------
-        IdentifiabilityError
-            If the fitted logs had nothing to explain, or a log does not fit the robot.
-        """
-        return self.fit.predict(logs, engine=engine)
-
-    @staticmethod
-    def from_json(path: str | Path, robot: RobotLike) -> Fit:
-        """Read the model to use back from the JSON of a result.
-
-        It has names, values, covariance and everything that predicting takes. Not read back:
-        verdicts, sentences, other models, posteriors, samples and resampled values.
-
-        Parameters
-        ----------
-        path : path
-        robot : Robot, path or shipped name
-            The robot that the result is about.
-
-        Raises
-        ------
-        IdentifiabilityError
-            If the file is no such result, or is about another robot.
-        """
-        return read_fit(path, robot)
 
 
 # `find_fit`: the fitted model of a result, however the result is given.
