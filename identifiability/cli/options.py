@@ -628,7 +628,7 @@ class Place:
     @contextmanager
     def running(self) -> Iterator[Engine]:
         """Give the engine; its processes end with it."""
-        from identifiability.foundation.engines.mapping import choose_engine  # noqa: PLC0415
+        from identifiability.foundation.engines.cluster import choose_engine  # noqa: PLC0415
 
         with choose_engine(*astuple(self)) as engine:
             yield engine

@@ -1,4 +1,4 @@
-"""Logs of commands: torque that servos make of them, less what recording does to it.
+"""Logs of commands: gains of servos, and torque that they make, less what recording does to it.
 
 The servo is the torque sensor, τ = kp (q_cmd(t − d) − q) + …, but the encoder's steps, the log's
 rate and the low-pass stand in this torque and in the columns, and least squares is off by some ten
@@ -10,16 +10,19 @@ the motion, whose errors are not those of the log (calibrated instrumental varia
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from identifiability.effects.nominal import rigid_torque
 from identifiability.estimation.rollouts import (
+    Gains,
     Rollouts,
     contradicted,
+    fit_gains,
     fit_rollouts,
     record,
     roll_late,
@@ -27,15 +30,22 @@ from identifiability.estimation.rollouts import (
 )
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError, listing
+from identifiability.foundation.findings import Finding, of_key
+from identifiability.foundation.names import GROUPED_KINDS, Array
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.rounding import format_number
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import check_commands, of_commands, servo_log
-from identifiability.logs.contradictions import looks_like_degrees
+from identifiability.logs.contradictions import check_units, looks_like_degrees
 from identifiability.logs.prepare import Preparation, prepare_log
+from identifiability.physical.cad_prior import thick_inertia
+from identifiability.physical.pseudo_inertia import BASIS
+from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.robot.servo import Servo, state_delay
+from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot, forgotten
 
 #: Recordings of a rollout that differ in where the encoders' steps lie.
@@ -85,7 +95,8 @@ def follow_commands(
     """
     robot, fitted, first = structure.robot, recordings.fitted, recordings.rolled
     commanded = [x for x in fitted if of_commands(x)]
-    hints = recordings.hints[bool(values) :]  # without what was said of others
+    earlier = of_key(recordings.hints, "commands", "rollouts")  # what was said of others
+    hints = tuple(hint for hint in recordings.hints if hint not in earlier)
     if robot.servo is None or not commanded:
         return recordings
     if first is None:
@@ -101,7 +112,9 @@ def follow_commands(
         said = f"{error} Torque of commands is taken as it is"
         if robot.servo.delay is None:
             said += ", without a delay: state it in the sidecar ([servo] delay = …)"
-        return replace(recordings, hints=(f"{said}.", *hints), commands="", rolled=None)
+        return replace(
+            recordings, hints=(Finding("rollouts", text=f"{said}."), *hints), rolled=None
+        )
     doubt = check_found(robot, commanded, found)
     if first is not None:
         found = replace(found, before=first.before)
@@ -117,13 +130,13 @@ def follow_commands(
     for other in robot.servo.doubted:
         pairs = enumerate(own_fitted)
         later.append({k: moved(x, robot.servo, other) for k, x in pairs if of_commands(x)})
-    said = doubt + state_servos(robot, commanded, found)
     rolled = any(x.rollout is not None for x in own_fitted)
+    text = doubt + state_servos(robot, commanded, found)
+    said = Finding("commands" if rolled else "rollouts", text=text)
     return replace(
         recordings,
         fitted=own_fitted,
         hints=(said, *hints),
-        commands=said if rolled else "",
         later=tuple(later),
         rolled=found,
         values=values,
@@ -426,3 +439,191 @@ def state_drift(robot: Robot) -> str:
         f"The servos of {listing(drifts, 4)} hold no position, so rollouts drift there: rotors, "
         "friction and delay are known worse than their intervals say. "
     )
+
+
+# Gains of servos that nobody states: found from logs of commands, and what fixes their scale.
+#
+# Commands and positions tell ratios alone: gains, rotors, friction and bodies that are all twice as
+# large move alike. The scale comes from what is known beside the logs: bodies within a share of the
+# robot file's, or what its sidecar states of single ones (``[prior_share]``, ``[prior]``). Bodies
+# are fitted beside the gains in coordinates in which each stays a possible one,
+# J = P (1 + E)(1 + E)ᵀ Pᵀ with E upper triangular and J₀ = P Pᵀ the file's pseudo-inertia.
+
+
+#: Length of logs that gains are found from, all together [s]: more says little more of them.
+LONG: Tolerance = 60.0
+
+
+_UPPER = np.triu_indices(4)
+
+
+@frozen
+class Bodies:
+    """Bodies that are a robot file's within shares, as `estimation.rollouts.Believed`.
+
+    Attributes
+    ----------
+    robot : Robot
+    share : float
+        Within which a body is the file's, where its sidecar does not say otherwise.
+    """
+
+    robot: Robot
+    share: float = PHYSICAL_RULES.body_within
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Bodies whose inertia the file states."""
+        nominal = self.robot.nominal
+        return tuple(b for b in self.robot.bodies if nominal.get(f"{b}.m", 0.0) > 0)
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The body of each coordinate."""
+        return tuple(b for b in self.names for _ in range(len(_UPPER[0])))
+
+    @cached_property
+    def _roots(self) -> list[Array]:
+        nominal = self.robot.nominal
+        each = [np.array([nominal[f"{b}.{k}"] for k in GROUPED_KINDS]) for b in self.names]
+        pairs = zip(self.names, each, strict=True)
+        return [np.linalg.cholesky(thick_inertia(x, b)) for b, x in pairs]
+
+    @property
+    def shares(self) -> Array:
+        """Within which each body is the file's, (nb,)."""
+        return np.array([self.robot.prior_share.get(b, self.share) for b in self.names])
+
+    def values(self, e: Array) -> dict[str, float]:
+        """Return standard parameters at some coordinates, ten of each body (m,)."""
+        out: dict[str, float] = {}
+        for body, P, own in zip(self.names, self._roots, e.reshape(-1, 10), strict=True):
+            E = np.eye(4)
+            E[_UPPER] += own
+            J = P @ E @ E.T @ P.T
+            phi = np.linalg.lstsq(BASIS.reshape(10, 16).T, J.ravel(), rcond=None)[0]
+            out |= dict(zip((f"{body}.{k}" for k in GROUPED_KINDS), phi.tolist(), strict=True))
+        return out
+
+    def scaled(self, e: Array, by: float) -> Array:
+        """Return the coordinates of bodies that are so many times as heavy and alike."""
+        one = np.tile(np.eye(4)[_UPPER], len(self.names))
+        return np.asarray(np.sqrt(by) * (one + e) - one)
+
+    def rows(self, e: Array, numbers: Mapping[str, Array]) -> Array:
+        """Return how far bodies and stated parameters are from what is believed, (r,) [σ]."""
+        near = (e.reshape(-1, 10) / self.shares[:, None]).ravel()
+        joints = {
+            f"{joint}.{self.robot.inertia_parts[0] if kind == 'Ia' else kind}": x
+            for kind, values in numbers.items()
+            for joint, x in zip(self.robot.joints, values, strict=True)
+        }
+        found = {**(self.values(e) if self._stated else {}), **joints}
+        return np.array([*near, *((found[k] - m) / s for k, (m, s) in self._stated.items())])
+
+    @cached_property
+    def _stated(self) -> dict[str, tuple[float, float]]:
+        joints = {f"{j}.{k}" for j in self.robot.joints for k in ("Ia", "Ja", "Fv", "Fc", "off")}
+        known = {f"{b}.{k}" for b in self.names for k in GROUPED_KINDS} | joints
+        return {name: at for name, at in self.robot.prior.items() if name in known}
+
+
+def select(robot: Robot, logs: Iterable[Log]) -> list[Log]:
+    """Return logs in the robot's order of joints, if the motion does not contradict them.
+
+    Raises
+    ------
+    LogError
+        If the motion contradicts the commands.
+    """
+    own = [log.select(robot.joints) for log in logs]
+    for log in own:
+        check_commands(log)
+        check_units(robot, [log])
+    return own
+
+
+def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
+    """Return a robot whose servos have gains; logs of commands tell those nobody states.
+
+    Raises
+    ------
+    LogError
+        If no gains make it follow.
+    RobotError
+        If it cannot be rolled out.
+    """
+    every = [log for log in logs if log.q_ref is not None]
+    if robot.servo is None or not (every and robot.servo.unknown.any()):
+        return robot
+    each = LONG / len(every)
+    parts = [x.rows(0, min(len(x), round(each / signals.sampling_step(x.t)))) for x in every]
+    believed = Bodies(robot)
+    if not believed.names:
+        raise RobotError(
+            f"{robot.path} states no body with mass, and gains that nobody states have no scale "
+            "without one; state masses, or one gain in the sidecar ([servo] kp = …)."
+        )
+    found = fit_gains(robot, parts, believed)
+    share = share_missed(found.errors, parts)
+    k = int(np.argmax(share))
+    if contradicted(share):  # of a single joint rollouts with these gains tell
+        raise LogError(
+            f"No gains make '{robot.joints[k]}' follow its commands in "
+            f"{listing([x.name for x in every], 4)}: at best it errs by {100 * share[k]:.0f} % of "
+            "how far it is from them, merely delayed; check the sign and zero of its command, and "
+            "that its servo holds positions."
+        )
+    values, axes = np.linalg.eigh(found.covariance)
+    doubt = (np.sqrt(np.maximum(values, 0.0)) * axes).T
+    # Doubt of a gain that is none.
+    doubt = doubt[np.linalg.norm(doubt, axis=1) > 1e-4]
+    told = state_gains(robot, [x.name for x in every], found, believed)
+    return replace(robot, servo=replace(found.servo, source=FOUND, found=told, doubt=doubt))
+
+
+def state_gains(robot: Robot, names: Sequence[str], found: Gains, believed: Bodies) -> str:
+    """Return what gains were found, and what fixes their scale."""
+    servo, asked = found.servo, robot.servo
+    assert asked is not None
+    sure = np.sqrt(np.diag(found.covariance))
+    free = np.flatnonzero(np.isnan(asked.kp))
+    each = [f"{robot.joints[k]} {servo.kp[k]:.4g} (± {percent(sure[k], 2)})" for k in free]
+    damped = np.flatnonzero(np.isnan(asked.kv) & (servo.kv > 0))
+    said = [f"kp of {listing(each, 12)}"] if each else []
+    if len(damped):
+        said.append(
+            f"kv of {listing([f'{robot.joints[k]} {servo.kv[k]:.4g}' for k in damped], 12)}"
+        )
+    text = (
+        f"Nobody states the gains of the servos, so {listing(list(names), 4)} "
+        f"{'tells' if len(names) == 1 else 'tell'} them: {'; '.join(said)}. "
+    )
+    unit = np.tile(0.5 * np.eye(4)[_UPPER], len(believed.names)).reshape(-1, 10)
+    by = found.by_belief[: unit.size].reshape(-1, 10)
+    fixed = (by * unit).sum(1) / believed.shares
+    if fixed.sum() > 0.5:
+        # Share of the scale of a body that is named for it, where bodies fix more than
+        # half.
+        named = [
+            f"{believed.names[k]} ({100 * fixed[k]:.0f} %; within {percent(believed.shares[k])})"
+            for k in np.argsort(-fixed)
+            if fixed[k] > 0.2
+        ]
+        body = (
+            listing(named, 4)
+            if named
+            else f"all bodies, each within {100 * PHYSICAL_RULES.body_within:g} %"
+        )
+        text += (
+            "Commands and positions tell ratios alone; what fixes the scale of all numbers is the "
+            f"file's {body}: weigh one, and say so ([prior_share])."
+        )
+    else:
+        text += (
+            "What fixes their scale is what is stated beside: a gain, a limit, a spring, a "
+            "commanded torque."
+        )
+    if np.isnan(asked.kv).any() and not servo.kv[np.isnan(asked.kv)].any():
+        text += " Fv holds kv, too: no commanded speed tells them apart."
+    return text

@@ -78,10 +78,6 @@ class Recordings:
     fitted, held_out : tuple of Log
     hints : tuple of str
         On those that are read otherwise than literally, repeat others, or have wrong samples.
-    read : tuple of (str, str)
-        Logs that were read otherwise than literally, and how; the first hints say it.
-    commands : str
-        How torque was made of commands, a hint that speaks against nothing; empty if it was not.
     later : tuple of mapping
         Fitted logs, by their place, as they are if commands act one standard deviation of the
         delay later than found, log by log, or if gains that were found are others by one.
@@ -94,8 +90,6 @@ class Recordings:
     fitted: tuple[Log, ...]
     held_out: tuple[Log, ...] = ()
     hints: tuple[str, ...] = ()
-    read: tuple[tuple[str, str], ...] = ()
-    commands: str = ""
     later: tuple[Mapping[int, Log], ...] = ()
     rolled: Rollouts | None = None
     values: Mapping[str, float] = field(default_factory=dict)
@@ -117,7 +111,10 @@ class Recordings:
             f"Most joints' commands act {1e3 * by:.2g} ms later than this, and so are those of all "
             "taken."
         )
-        hints = tuple(f"{h} {said}" if h == self.commands else h for h in self.hints)
+        own = of_key(self.hints, "commands")
+        hints = tuple(
+            Finding("commands", text=f"{h} {said}") if h in own else h for h in self.hints
+        )
         return replace(self, fitted=fitted, held_out=held_out, hints=hints)
 
     def measure_rollouts(self, robot: Robot, values: Mapping[str, float]) -> Moved | None:
@@ -150,13 +147,13 @@ def list_logs(logs: Logs) -> list[LogLike]:
     return [logs] if one else list(logs)  # type: ignore[list-item,arg-type]
 
 
-def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log | Log]:
+def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log]:
     """Return logs, however they are given; long files stay files.
 
     What is known of logs of the robot holds for those that are read here; each episode of a
     dataset is a log. Those without a name are numbered from the number of others `before` on.
     """
-    out: list[Log | Log] = []
+    out: list[Log] = []
     given = [
         one
         for item in list_logs(logs)
@@ -170,19 +167,6 @@ def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log | Log
         else:
             out.append(item if isinstance(item, Log) else Log.open(item, known))
     return out
-
-
-def read_sides(
-    first: Logs, second: Logs, known: Conventions
-) -> tuple[list[Log | Log], list[Log | Log]]:
-    """Return logs of two sides, called by as much of their paths as tells all of them apart."""
-    one = read_logs(first, known)
-    every = [*one, *read_logs(second, known, len(one))]
-    short = shorten_paths([log.path or log.name for log in every])
-    for k, (log, name) in enumerate(zip(every, short, strict=True)):
-        if [log.name] == shorten_paths([log.path]):  # nobody called it otherwise
-            every[k] = replace(log, name=name)
-    return every[: len(one)], every[len(one) :]
 
 
 def read_recordings(
@@ -216,9 +200,12 @@ def read_recordings(
         If there is none to fit, or one is given twice.
     """
     known = known or Conventions()
-    train, held_out = read_sides(logs, validate, known)
+    train = read_logs(logs, known)
+    held_out = read_logs(validate, known, len(train))
     if not train:
         raise LogError("No log was given; give at least one.")
+    named = _told_apart([*train, *held_out])
+    train, held_out = named[: len(train)], named[len(train) :]
     check_held_out(train, held_out)
     whole, n = share_clock([*train, *held_out]), len(train)
     torque = _torque_of(known.servo) if learns and known.servo is not None else None
@@ -235,7 +222,16 @@ def read_recordings(
     if learns:
         _refuse_silent(train)
     read = tuple((log.name, "; ".join(log.notes)) for log in (*train, *held_out) if log.notes)
-    return Recordings(mended.fitted, mended.held_out, (*state_reading(read), *mended.hints), read)
+    return Recordings(mended.fitted, mended.held_out, (*state_reading(read), *mended.hints))
+
+
+def _told_apart(logs: list[Log]) -> list[Log]:
+    """Return logs, each called by as much of its path as tells it from the others."""
+    short = shorten_paths([log.path or log.name for log in logs])
+    return [  # unless somebody called it otherwise
+        replace(log, name=name) if [log.name] == shorten_paths([log.path]) else log
+        for log, name in zip(logs, short, strict=True)
+    ]
 
 
 def _torque_of(servo: Servo) -> Callable[[list[Log]], list[Log]]:
@@ -292,11 +288,6 @@ def state_reading(read: Sequence[tuple[str, str]]) -> list[Finding]:
         apart[SHOWN_READINGS:] = [f"and {len(apart) - SHOWN_READINGS} more otherwise"]
     names = [name for name, _ in read]
     return [Finding("reading", names=names, text="; ".join((*shared, *apart)))]
-
-
-def is_reading(hint: str) -> bool:
-    """Whether a hint is how logs were read: what was done, and nothing that is wrong with them."""
-    return bool(of_key([hint], "reading"))
 
 
 InMemory = TypeVar("InMemory", Log, Dataset)

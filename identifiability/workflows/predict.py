@@ -31,6 +31,7 @@ from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import has_commands
+from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.tables import write_table
@@ -55,7 +56,7 @@ from identifiability.workflows.answers import (
     with_hints,
 )
 from identifiability.workflows.commands import given_paths, name_export, name_logs, source_name
-from identifiability.workflows.opening import Logs
+from identifiability.workflows.opening import Logs, in_memory, read_recordings
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
 
@@ -361,7 +362,8 @@ class Predicts(ABC):
 
         Near −1 the sum of two parameters is known better than either, near 1 their difference.
         """
-        return square_frame(correlation_of(self.fit.covariance), self.fit.names)
+        covariance = self.covariance_frame()
+        return square_frame(correlation_of(covariance.to_numpy()), covariance.columns)
 
     def predict(self, logs: Logs, *, engine: Engine | None = None) -> TorquePrediction:
         """Return the torque of the model to use along logs, with its intervals.
@@ -1020,9 +1022,12 @@ def predict(
         return find_fit(cast("FitLike", result), robot).predict(logs, engine=engine)
     with one_thread("blas"):
         robot.check_stands("predict --forward")
-        from identifiability.workflows.servo_gains import read_moving  # noqa: PLC0415 - MuJoCo
+        from identifiability.workflows.commanded import select  # noqa: PLC0415 - MuJoCo
 
-        read, hints = read_moving(robot, logs)
+        # Torque beside commands is not looked at; motions that come again all count.
+        known = replace(Conventions.of(robot), commands=robot.servo is not None)
+        given = read_recordings(logs, known=known, commands=True, learns=False)
+        read = select(robot, in_memory(given.fitted))
         runs = [(robot, _file_name(robot), dict[str, float]())]
         other = result if isinstance(result, Robot) else None
         if other is None and not (isinstance(result, Predicts) or str(result).endswith(".json")):
@@ -1039,7 +1044,7 @@ def predict(
         if robot.servo is not None and robot.servo.unknown.any():
             runs[0] = (replace(robot, servo=runs[-1][0].servo), *runs[0][1:])
         moved = [_move(*run, read) for run in runs]
-    return PositionPrediction(robot=robot, logs=tuple(read), runs=tuple(moved), hints=hints)
+    return PositionPrediction(robot=robot, logs=tuple(read), runs=tuple(moved), hints=given.hints)
 
 
 def _file_name(robot: Robot) -> str:

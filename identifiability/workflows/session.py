@@ -29,7 +29,7 @@ from identifiability.estimation.estimate import (
 from identifiability.estimation.estimator import Estimator
 from identifiability.foundation.engines.mapping import Engine, Serial
 from identifiability.foundation.errors import LogError, listing
-from identifiability.foundation.findings import Finding
+from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import frozen
@@ -59,9 +59,7 @@ from identifiability.workflows.opening import (
     list_logs,
     quiet,
     read_recordings,
-    read_sides,
     share,
-    state_reading,
 )
 
 #: Why no verdict stands on columns that are read as what they are not, for after "because".
@@ -95,8 +93,6 @@ class Opening(OfStructure):
         Why no verdict stands, if columns are not what they are read as, by what the data say.
     alternative : Alternative or None
         The model that fitted rows prefer by far to the one that was given.
-    commands : str
-        Of the hints, that which says how torque was made of commands (`Recordings.commands`).
     """
 
     structure: Structure
@@ -106,7 +102,6 @@ class Opening(OfStructure):
     explained: bool = False
     misread: str = ""
     alternative: Alternative | None = None
-    commands: str = ""
 
     @cached_property
     def regression(self) -> Regression:
@@ -124,11 +119,15 @@ class Opening(OfStructure):
         return explain_silence([s.survey for s in self.samples])
 
 
+def _say(text: str) -> Finding:
+    return Finding("alternative", text=text)
+
+
 def find_missing(opening: Opening) -> Alternatives:
     """Return what may be missing beside the unpruned model."""
     if opening.silence:
         return NO_ALTERNATIVES
-    commanded = bool(opening.commands)
+    commanded = bool(of_key(opening.hints, "commands"))
     rows = opening.regression, opening.unseen
     return find_alternatives(opening.structure, *rows, commanded=commanded)
 
@@ -214,27 +213,15 @@ class Session:
         Raises
         ------
         LogError
-            If a log stands on both.
+            If a log stands on both, or on the second is none.
         """
-        first, second = read_sides(first, second, Conventions.of(structure.robot))
-        one = cls.read(structure, first, (), preparation, engine=engine, commands=False)
-        if alone and not list_logs(second):
-            return one, replace(one, recordings=Recordings(()))
-        other = cls.read(structure, second, (), preparation, engine=engine, commands=False)
-        own, more = one.recordings, other.recordings
-        seen = {r.sha256 for r in own.fitted if r.sha256}
-        twice = [r.name for r in more.fitted if r.sha256 in seen]
-        if twice:
-            raise LogError(
-                f"{listing(twice, 4)} stands on both sides, and differs in nothing from itself; "
-                "give another log."
-            )
-        said = state_reading((*own.read, *more.read))
-        left, right = (side.hints[len(state_reading(side.read)) :] for side in (own, more))
-        return (
-            replace(one, recordings=replace(own, hints=(*said, *left))),
-            replace(other, recordings=replace(more, hints=right)),
-        )
+        if not (alone or list_logs(second)):
+            raise LogError("No log was given on one side; give at least one on each.")
+        both = cls.read(structure, first, second, preparation, engine=engine, commands=False)
+        known = both.recordings
+        sides = Recordings(known.fitted, (), known.hints), Recordings(known.held_out)
+        one, other = (replace(both, recordings=side) for side in sides)
+        return one, other
 
     def beside(self, other: Session) -> Self:
         """Return the session of the logs of both, fitted together."""
@@ -349,7 +336,7 @@ class Session:
         read = replace(given, fitted=fitted, held_out=held_out)
         session = replace(self, structure=other.structure(self.structure), recordings=read)
         opening = session.open(done, prepare, seek=False)
-        hints = (other.statement, SO, *opening.hints)
+        hints = (_say(other.statement), _say(SO), *opening.hints)
         return session, replace(opening, alternative=other, hints=hints)
 
     def open(
@@ -391,7 +378,6 @@ class Session:
             samples=train,
             validation=held_out,
             hints=hints,
-            commands=recordings.commands,
         )
         if opening.silence:
             return replace(opening, validation=())
@@ -401,7 +387,7 @@ class Session:
         other = None if odd.misread else other  # of positions that are misread the torque is none
         explained = odd.explains or other is not None
         why = MISREAD if odd.misread else ""
-        said = () if other is None else (other.statement,)
+        said = () if other is None else (_say(other.statement),)
         known = replace(opening, structure=structure, explained=explained, misread=why)
         return replace(known, alternative=other, hints=(*said, *odd.hints, *hints))
 
@@ -564,11 +550,13 @@ def settle_gains(robot: Robot, logs: Logs) -> Robot:
     ------
     LogError
     """
-    if robot.servo is None or not robot.servo.unknown.any():
+    if robot.servo is None or not (robot.servo.unknown.any() and list_logs(logs)):
         return robot
-    from identifiability.workflows.servo_gains import find_gains  # noqa: PLC0415 - MuJoCo
+    from identifiability.workflows.commanded import learn_gains, select  # noqa: PLC0415 - MuJoCo
 
-    return find_gains(robot, logs)
+    given = read_recordings(logs, known=Conventions.of(robot), commands=True, learns=False)
+    alone = (x for x in given.fitted if x.commanded and x.motion_alone)
+    return learn_gains(robot, select(robot, alone))
 
 
 def settle_prior(

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from identifiability.foundation.engines import cluster as clusters
-from identifiability.foundation.engines.mapping import Resumed, Serial, choose_engine
+from identifiability.foundation.engines.cluster import choose_engine
+from identifiability.foundation.engines.mapping import Resumed, Serial
 from identifiability.foundation.errors import EngineError, LogError
 
 try:

@@ -129,7 +129,7 @@ def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path):
 PROGRAM = """
 import sys, time
 from pathlib import Path
-from identifiability.foundation.engines.mapping import choose_engine
+from identifiability.foundation.engines.cluster import choose_engine
 
 def work(item):
     if sys.argv[1] == "slow" and item >= 12:

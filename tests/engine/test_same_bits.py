@@ -4,7 +4,8 @@ import joblib
 import pytest
 
 from identifiability import analyze, calibrate, diagnose, excite, prune
-from identifiability.foundation.engines.mapping import Processes, Resumed, Serial, choose_engine
+from identifiability.foundation.engines.cluster import choose_engine
+from identifiability.foundation.engines.mapping import Processes, Resumed, Serial
 
 distributed = pytest.importorskip("distributed")
 

@@ -1,4 +1,4 @@
-"""Work on a cluster: the only module that knows Dask.
+"""Work on a cluster: the only module that knows Dask; and `choose_engine`, by options.
 
 A worker that dies is no loss: the scheduler gives its items to another one. What workers need is
 this package, in the same version; modules of a study go with what is sent where the study has
@@ -19,12 +19,16 @@ import cloudpickle
 from identifiability.foundation.engines.mapping import (
     Engine,
     Item,
+    Processes,
     Result,
+    Resumed,
+    Serial,
     in_order,
     run_pickled,
     source_digest,
 )
 from identifiability.foundation.errors import EngineError
+from identifiability.foundation.options import Count, EngineName, FilePath, checked
 
 #: Seconds to wait for a scheduler, and for its first worker (a busy machine starts one in tens).
 PATIENCE, JOINING = 5.0, 60.0
@@ -118,3 +122,51 @@ class Dask(Engine):
         """Leave the cluster."""
         with contextlib.suppress(CancelledError, OSError):
             self.client.close()
+
+
+@checked
+def choose_engine(
+    engine: EngineName | None = None,
+    workers: Count | None = None,
+    scheduler: str | None = None,
+    resume: FilePath | None = None,
+) -> Engine:
+    """Return the engine that some options ask for.
+
+    Parameters
+    ----------
+    engine : {"serial", "processes", "dask"}, optional
+        In this process, in several, or on a Dask cluster; the result is the same. By default in
+        several once that is faster; with a scheduler's address, on its cluster.
+    workers : int, optional
+        Processes on this machine, from the first item on; by default one for each core.
+    scheduler : str, optional
+        Address of a Dask scheduler, such as ``tcp://host:8786``.
+    resume : path, optional
+        Folder that keeps finished work; the same command takes it from there when it runs again.
+
+    Raises
+    ------
+    EngineError
+        If options contradict each other, or the cluster cannot be used.
+    """
+    name = engine or ("processes" if scheduler is None else "dask")
+    if scheduler is None and name == "dask":
+        raise EngineError(
+            "The engine 'dask' works on a cluster; give the address that 'dask scheduler' prints "
+            "(scheduler=tcp://host:8786), or the engine 'processes' for this machine."
+        )
+    if scheduler is not None and name != "dask":
+        raise EngineError(f"The engine '{name}' has no scheduler; give the engine 'dask' with it.")
+    if scheduler is not None and workers is not None:
+        raise EngineError(
+            f"The cluster at '{scheduler}' has its own workers; leave out their number, or the "
+            "scheduler to start them here."
+        )
+    if scheduler is not None:
+        made: Engine = Dask(scheduler)
+    elif name == "serial":
+        made = Serial()
+    else:
+        made = Processes(Processes().workers if engine and workers is None else workers)
+    return made if resume is None else Resumed(made, resume)

@@ -29,7 +29,6 @@ import cloudpickle
 from threadpoolctl import ThreadpoolController
 
 from identifiability.foundation.errors import EngineError, OutputError
-from identifiability.foundation.options import Count, EngineName, FilePath, checked
 from identifiability.foundation.output import temporary_folder, write_bytes
 
 Item = TypeVar("Item")
@@ -355,53 +354,3 @@ def find_version(name: str) -> str:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
         return ""
-
-
-@checked
-def choose_engine(
-    engine: EngineName | None = None,
-    workers: Count | None = None,
-    scheduler: str | None = None,
-    resume: FilePath | None = None,
-) -> Engine:
-    """Return the engine that some options ask for.
-
-    Parameters
-    ----------
-    engine : {"serial", "processes", "dask"}, optional
-        In this process, in several, or on a Dask cluster; the result is the same. By default in
-        several once that is faster; with a scheduler's address, on its cluster.
-    workers : int, optional
-        Processes on this machine, from the first item on; by default one for each core.
-    scheduler : str, optional
-        Address of a Dask scheduler, such as ``tcp://host:8786``.
-    resume : path, optional
-        Folder that keeps finished work; the same command takes it from there when it runs again.
-
-    Raises
-    ------
-    EngineError
-        If options contradict each other, or the cluster cannot be used.
-    """
-    name = engine or ("processes" if scheduler is None else "dask")
-    if scheduler is None and name == "dask":
-        raise EngineError(
-            "The engine 'dask' works on a cluster; give the address that 'dask scheduler' prints "
-            "(scheduler=tcp://host:8786), or the engine 'processes' for this machine."
-        )
-    if scheduler is not None and name != "dask":
-        raise EngineError(f"The engine '{name}' has no scheduler; give the engine 'dask' with it.")
-    if scheduler is not None and workers is not None:
-        raise EngineError(
-            f"The cluster at '{scheduler}' has its own workers; leave out their number, or the "
-            "scheduler to start them here."
-        )
-    if scheduler is not None:
-        from identifiability.foundation.engines.cluster import Dask  # noqa: PLC0415 - an extra
-
-        made: Engine = Dask(scheduler)
-    elif name == "serial":
-        made = Serial()
-    else:
-        made = Processes(Processes().workers if engine and workers is None else workers)
-    return made if resume is None else Resumed(made, resume)

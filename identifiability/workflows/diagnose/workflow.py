@@ -178,7 +178,7 @@ def diagnose(
         found = replace(
             found,
             nothing="" if found.fixed else opening.misread,
-            alternative="" if opening.alternative is None else opening.hints[0],
+            alternative="" if opening.alternative is None else opening.alternative.statement,
             hints=(*hints, *free_again(model), *unused_ladder(robot, model)),
             provenance=state_provenance(robot, used, seed, None, options),
         ).moved_by(given)
