@@ -89,10 +89,6 @@ class Finding(str):
     def __reduce__(self) -> tuple[Any, ...]:
         return _again, (str(self), self.key, self.subject, dict(self.numbers))
 
-    def of_log(self, name: str) -> Finding:
-        """Return the same as it is said of one log of several."""
-        return _again(f"{name}: {self}", self.key, name, self.numbers)
-
     @property
     def level(self) -> Level:
         """How grave it is."""

@@ -503,7 +503,7 @@ def inspection_sections(result: Inspection) -> list[Section]:
         return own
     first, *others = [_recorded(result, r) for r in result.records]
     names = [record.name for record in result.records[1:]]
-    clock, motion, torque = result.tables()
+    clock, motion = result.tables()
     return [
         section(
             "inspection.traces",
@@ -511,7 +511,6 @@ def inspection_sections(result: Inspection) -> list[Section]:
             *(Fold(f"The same of {name}", g) for name, g in zip(names, others, strict=True)),
         ),
         section("inspection.motion", motion),
-        section("inspection.torque", torque),
         section("inspection.clock", clock, *map(_preparation, result.records)),
         section(
             "inspection.robot",
@@ -521,23 +520,20 @@ def inspection_sections(result: Inspection) -> list[Section]:
 
 
 def _recorded(result: Inspection, record: Record) -> tuple[Traces, ...]:
-    """Return position, velocity and torque of every joint of a log over time."""
-    trace, robot = record.trace, result.robot
-    start, rows = record.clock["start"], list(record.joints.itertuples())
-    t, motion_t = trace.t - start, trace.motion_t - start
+    """Return position and torque of every joint of a log over time."""
+    robot, t = result.robot, record.t - record.clock["start"]
+    rows = list(record.joints.itertuples())
     # Nobody measures position and force of a base that floats.
     at = [k for k, joint in enumerate(rows) if joint.joint in robot.motor_joints]
-    own = [rows[k] for k in at]
-    names = [str(joint.joint) for joint in own]
+    names = [str(rows[k].joint) for k in at]
     shown = (
-        ("position", t, trace.q, [str(j.unit) for j in own], robot.limits[at]),
-        ("velocity", motion_t, trace.dq, [f"{j.unit}/s" for j in own], None),
-        ("torque", t, trace.tau, [str(j.torque_unit) for j in own], None),
+        ("position", record.q, [str(rows[k].unit) for k in at], robot.limits[at]),
+        ("torque", record.tau, [str(rows[k].torque_unit) for k in at], None),
     )
     return tuple(
-        motion_traces(name, times, values[:, at], names, units, limits)
-        for name, times, values, units, limits in shown
-        if at and len(times)
+        motion_traces(name, t, values[:, at], names, units, limits)
+        for name, values, units, limits in shown
+        if at and len(t)
     )
 
 
@@ -552,7 +548,7 @@ def _preparation(record: Record) -> Fold | None:
 
 def _robot(result: Inspection) -> list[Section]:
     """Return what the robot file says of joints, logs and parameters, and what it leaves open."""
-    from identifiability.workflows.inspect import JOINTS  # noqa: PLC0415
+    from identifiability.workflows.inspect import JOINTS, NAMING  # noqa: PLC0415
 
     robot = result.robot
     needed: list[tuple[str, str]] = [("t", "s")]
@@ -565,7 +561,7 @@ def _robot(result: Inspection) -> list[Section]:
     groups = zip(base.names, base.units, base.labels, strict=True)
     grouped = (Column("parameter"), Column("unit"), Column("what it stands for", "code"))
     found = [
-        section("inspection.joints", result.naming, Table.of("", JOINTS, result.joints)),
+        section("inspection.joints", NAMING, Table.of("", JOINTS, result.joints)),
         section(
             "inspection.columns",
             beside,

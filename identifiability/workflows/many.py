@@ -10,7 +10,6 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import asdict, field, replace
 from functools import partial
 from pathlib import Path
@@ -32,7 +31,6 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.formats.bags import BAGS, is_bag
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.tables import write_table
-from identifiability.robot import Robot
 from identifiability.robot.locate import ENDINGS
 from identifiability.robot.sidecar import read_settings
 from identifiability.workflows.analyze import analyze
@@ -83,8 +81,6 @@ def _find(folder: Path) -> tuple[Path, list[Path], list[Path]]:
 def _digest(folder: Path, options: Mapping[str, Any]) -> str:
     """Return a digest of the content of all files that lead to an answer."""
     digest = hashlib.sha256()
-    with suppress(IdentifiabilityError):  # which is said where the robot is asked
-        digest.update(Robot.of(_find(folder)[0]).sha256.encode())
     for place in (folder, *(Path(v) for v in options.values() if isinstance(v, (str, Path)))):
         for path in sorted(place.rglob("*")) if place.is_dir() else [place]:
             if path.is_file():

@@ -17,7 +17,6 @@ from pydantic import BaseModel, ConfigDict, Field
 from identifiability.effects.gravity import settle_gravity
 from identifiability.effects.vocabulary import complete_values
 from identifiability.estimation.prediction import Prediction, TorqueUncertainty
-from identifiability.estimation.torque_errors import joint_errors
 from identifiability.foundation.answers import Answer, Column, Table, frame_table
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.engines.mapping import Engine, one_thread
@@ -88,9 +87,8 @@ class TorquePrediction(Result):
 
     Attributes
     ----------
-    robot : Robot
-    model : str
-        Name of the model.
+    fit : Fit
+        The model that predicts.
     logs : tuple of str
     log : (N,) int
         Which log a sample comes from.
@@ -107,16 +105,11 @@ class TorquePrediction(Result):
     notes : mapping
         How each log was prepared.
     hints : tuple of str
-    origin : str
-        Name of the file of the result that predicts.
-    onward : (str, str)
-        What it is exported for, and to.
     """
 
     schema: ClassVar[str] = "identifiability/prediction/1"
 
-    robot: Robot
-    model: str
+    fit: Fit
     logs: tuple[str, ...]
     log: np.ndarray
     measured: tuple[bool, ...]
@@ -130,8 +123,16 @@ class TorquePrediction(Result):
     data: np.ndarray
     notes: Mapping[str, tuple[str, ...]]
     hints: tuple[str, ...] = ()
-    origin: str = "result.json"
-    onward: tuple[str, str] = ("Take its parameters along:", "fitted.json")
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.fit.robot
+
+    @property
+    def model(self) -> str:
+        """Name of the model."""
+        return self.fit.submodel.name
 
     @cached_property
     def errors(self) -> tuple[Prediction, Prediction] | None:
@@ -256,13 +257,6 @@ class TorquePrediction(Result):
         each = [float(low.relative_error(int(k))[0]) for k in at]
         errors: list[float] = np.where(self.measured, each, np.nan).tolist()
         return errors
-
-    def joint_errors(self, log: int) -> Array:
-        """Return each joint's error over its own scale in one log, (n,); nan without torque."""
-        if self.errors is None or not self.measured[log]:
-            return np.full(len(self.robot.joints), np.nan)
-        sums, at = self.errors[0].sums, [sum(self.measured[:log])]
-        return joint_errors(sums.squares[at], sums.variation[at])[:, 0]
 
     def write(self, path: str | Path) -> Path:
         """Write all samples as CSV or Parquet, whole or not at all.
@@ -517,10 +511,7 @@ def _along(fit: Fit, logs: Logs, engine: Engine | None) -> TorquePrediction:
     names = ("log", "t", "tau", "raw", "predicted", "mean", "low", "new", "data")
     joined = map(np.concatenate, zip(*found, strict=True))
     return TorquePrediction(
-        robot=fit.robot,
-        model=fit.submodel.name,
-        origin=fit.origin,
-        onward=name_export(fit.robot, fit.names, fit.errors),
+        fit=fit,
         logs=given_paths(samples),
         measured=measured,
         notes={s.path or s.name: s.notes for s in samples},
@@ -709,7 +700,7 @@ def find_fit(result: FitLike, robot: Robot) -> Fit:
 def _what(result: TorquePrediction) -> Answer:
     joints = format_count(len(result.robot.joints), "joint")
     short = f"The torque of {joints} along {join(shorten_paths(result.logs), 3)}."
-    text = f"By the model “{result.model}” of {result.origin}, at "
+    text = f"By the model “{result.model}” of {result.fit.origin}, at "
     text += f"{format_count(len(result.t), 'sample')}."
     silent = [
         n for n, has in zip(shorten_paths(result.logs), result.measured, strict=True) if not has
@@ -751,7 +742,7 @@ def _trust(result: TorquePrediction) -> Answer:
 
 
 def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:
-    robot, given = source_name(result.robot), quote(result.origin)
+    robot, given = source_name(result.robot), quote(result.fit.origin)
     every = name_logs(result.robot, result.logs)
     pairs = zip(result.logs, result.measured, strict=True)
     measured = name_logs(result.robot, [n for n, known in pairs if known])
@@ -767,7 +758,7 @@ def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:
             ),
             *table,
         ]
-    text, name = result.onward
+    text, name = name_export(result.robot, result.fit.names, result.fit.errors)
     return [*table, (text, f"identifiability export {robot} {given} --out {name}")]
 
 
