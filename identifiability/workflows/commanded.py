@@ -30,10 +30,9 @@ from identifiability.estimation.rollouts import (
 )
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError, listing
-from identifiability.foundation.findings import Finding, of_key
+from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.numbers import percent
-from identifiability.foundation.rounding import format_number
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -109,12 +108,9 @@ def follow_commands(
             fitted=values,
         )
     except RobotError as error:
-        said = f"{error} Torque of commands is taken as it is"
-        if robot.servo.delay is None:
-            said += ", without a delay: state it in the sidecar ([servo] delay = …)"
-        return replace(
-            recordings, hints=(Finding("rollouts", text=f"{said}."), *hints), rolled=None
-        )
+        part = "none" if robot.servo.delay is None else "stated"
+        said = Finding("rollouts", text=phrase("rollouts", part, error=str(error)))
+        return replace(recordings, hints=(said, *hints), rolled=None)
     doubt = check_found(robot, commanded, found)
     if first is not None:
         found = replace(found, before=first.before)
@@ -199,26 +195,17 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     LogError
     """
     assert robot.servo is not None
-    share = share_missed(found.errors, logs)
+    share, names = share_missed(found.errors, logs), [log.name for log in logs]
     k = int(np.argmax(share))
     if contradicted(share):
+        told = {"kp": robot.servo.kp[k], "kv": robot.servo.kv[k], "unit": doubt_unit(robot, logs)}
+        joint, source = robot.joints[k], robot.servo.source
         raise LogError(
-            f"The servos of {robot.servo.source} contradict the motion in "
-            f"{listing([log.name for log in logs], 4)}: moved by the commands, '{robot.joints[k]}' "
-            f"errs by {100 * share[k]:.0f} % of how far it is from its command, merely delayed, "
-            f"whatever its friction and rotor are; "
-            f"{doubt_unit(robot, logs)}check its gains (kp = {robot.servo.kp[k]:.4g}, "
-            f"kv = {robot.servo.kv[k]:.4g}) and the sign and zero of its command."
+            Finding("servos.contradicted", source, names=names, joint=joint, share=share[k], **told)
         )
     (lost,) = np.nonzero(share > ESTIMATION_RULES.rollout_contradicted)
-    if not len(lost):
-        return ""
     each = [f"'{robot.joints[j]}' ({100 * share[j]:.0f} %)" for j in lost]
-    return (
-        f"Do not use what is said of {listing(each, 4)}: moved by the commands, it errs by that "
-        "share of how far it is from its command, merely delayed, whatever its friction and rotor "
-        "are; check its gains, limit and sign, or whether something holds it. "
-    )
+    return f"{phrase('rollouts', 'lost', joints=each)} " if each else ""
 
 
 def doubt_unit(robot: Robot, logs: Sequence[Log]) -> str:
@@ -229,12 +216,8 @@ def doubt_unit(robot: Robot, logs: Sequence[Log]) -> str:
         if not robot.is_prismatic(int(robot.actuated[k]))
         and any(looks_like_degrees(log.q[:, k], *robot.limits[k]) for log in logs)
     ]
-    if not odd:
-        return ""
     return (
-        f"positions of {listing([repr(j) for j in odd], 4)} are within the limits of the robot "
-        f"file in degrees alone (the sidecar's [columns] {odd[0]} = {{scale = 0.0174533}} reads "
-        "them); else "
+        phrase("servos.unit", "says", joints=[f"'{j}'" for j in odd], first=odd[0]) if odd else ""
     )
 
 
@@ -272,14 +255,10 @@ def refuse_scale(structure: Structure, logs: Sequence[Log], how: Preparation) ->
     many = along / across
     # A servo that makes so many times the torque that the file's bodies need has other gains.
     if many > 5.0:
-        raise LogError(
-            f"The servos of {servo.source} contradict the motion in "
-            f"{listing([log.name for log in logs], 4)}: they make "
-            f"{format_number(many, 2)} times the torque that the bodies of {robot.path.name} "
-            f"need; {doubt_unit(robot, logs)}check gains "
-            f"(kp = {servo.kp[0]:.4g}, kv = {servo.kv[0]:.4g} of '{robot.joints[0]}') and masses, "
-            "and their units."
-        )
+        told = {"names": [log.name for log in logs], "file": robot.path.name, "many": many}
+        gains = {"joint": robot.joints[0], "kp": servo.kp[0], "kv": servo.kv[0]}
+        unit = doubt_unit(robot, logs)
+        raise LogError(Finding("servos.scale", servo.source, **told, **gains, unit=unit))
 
 
 def _calibrate(
@@ -415,30 +394,21 @@ def measure_rollouts(
 def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     """Return how torque was obtained, and what rollouts err by, in one sentence."""
     assert robot.servo is not None
-    known = "as is stated" if robot.servo.delay is not None else "found from rollouts"
     before, after = (1e3 * float(np.sqrt(np.mean(x**2))) for x in (found.before, found.errors))
-    late = state_delay(found.delays, [log.name for log in logs])
-    names = listing([log.name for log in logs], 4)
-    first = f"{robot.servo.found} " if robot.servo.found else ""
-    return (
-        f"{first}{names} {'holds' if len(logs) == 1 else 'hold'} commands and no torque: it is "
-        f"what the servos of {robot.servo.source} make of them, kp (q_cmd − q) − kv dq, "
-        f"less what sampling and encoders leave in it; {late}, {known}. Moved by these commands "
-        f"the file's robot errs by {before:.3g} mrad (rms), one with the numbers that fit "
-        f"best by {after:.3g}. {state_drift(robot)}{robot.servo.state_rate()}"
-    ).rstrip()
-
-
-def state_drift(robot: Robot) -> str:
-    """Return what servos of velocity leave unsaid, in one sentence; nothing without any."""
-    assert robot.servo is not None
+    names = [log.name for log in logs]
     drifts = [j for j, kp in zip(robot.joints, robot.servo.kp, strict=True) if not kp > 0]
-    if not drifts:
-        return ""
-    return (
-        f"The servos of {listing(drifts, 4)} hold no position, so rollouts drift there: rotors, "
-        "friction and delay are known worse than their intervals say. "
+    told = phrase(
+        "commands",
+        "made",
+        names=names,
+        source=robot.servo.source,
+        late=state_delay(found.delays, names),
+        known="as is stated" if robot.servo.delay is not None else "found from rollouts",
+        before=before,
+        after=after,
     )
+    drift = phrase("commands", "drift", joints=drifts) if drifts else ""
+    return " ".join(filter(None, (robot.servo.found, told, drift, robot.servo.state_rate())))
 
 
 # Gains of servos that nobody states: found from logs of commands, and what fixes their scale.
@@ -560,20 +530,13 @@ def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
     parts = [x.rows(0, min(len(x), round(each / signals.sampling_step(x.t)))) for x in every]
     believed = Bodies(robot)
     if not believed.names:
-        raise RobotError(
-            f"{robot.path} states no body with mass, and gains that nobody states have no scale "
-            "without one; state masses, or one gain in the sidecar ([servo] kp = …)."
-        )
+        raise RobotError(Finding("gains.massless", robot.path))
     found = fit_gains(robot, parts, believed)
     share = share_missed(found.errors, parts)
     k = int(np.argmax(share))
     if contradicted(share):  # of a single joint rollouts with these gains tell
-        raise LogError(
-            f"No gains make '{robot.joints[k]}' follow its commands in "
-            f"{listing([x.name for x in every], 4)}: at best it errs by {100 * share[k]:.0f} % of "
-            "how far it is from them, merely delayed; check the sign and zero of its command, and "
-            "that its servo holds positions."
-        )
+        names = [x.name for x in every]
+        raise LogError(Finding("gains.none", robot.joints[k], names=names, share=share[k]))
     values, axes = np.linalg.eigh(found.covariance)
     doubt = (np.sqrt(np.maximum(values, 0.0)) * axes).T
     # Doubt of a gain that is none.
@@ -591,14 +554,9 @@ def state_gains(robot: Robot, names: Sequence[str], found: Gains, believed: Bodi
     each = [f"{robot.joints[k]} {servo.kp[k]:.4g} (± {percent(sure[k], 2)})" for k in free]
     damped = np.flatnonzero(np.isnan(asked.kv) & (servo.kv > 0))
     said = [f"kp of {listing(each, 12)}"] if each else []
-    if len(damped):
-        said.append(
-            f"kv of {listing([f'{robot.joints[k]} {servo.kv[k]:.4g}' for k in damped], 12)}"
-        )
-    text = (
-        f"Nobody states the gains of the servos, so {listing(list(names), 4)} "
-        f"{'tells' if len(names) == 1 else 'tell'} them: {'; '.join(said)}. "
-    )
+    others = [f"{robot.joints[k]} {servo.kv[k]:.4g}" for k in damped]
+    said += [f"kv of {listing(others, 12)}"] if others else []
+    text = [phrase("gains.found", "says", names=list(names), gains="; ".join(said))]
     unit = np.tile(0.5 * np.eye(4)[_UPPER], len(believed.names)).reshape(-1, 10)
     by = found.by_belief[: unit.size].reshape(-1, 10)
     fixed = (by * unit).sum(1) / believed.shares
@@ -610,20 +568,10 @@ def state_gains(robot: Robot, names: Sequence[str], found: Gains, believed: Bodi
             for k in np.argsort(-fixed)
             if fixed[k] > 0.2
         ]
-        body = (
-            listing(named, 4)
-            if named
-            else f"all bodies, each within {100 * PHYSICAL_RULES.body_within:g} %"
-        )
-        text += (
-            "Commands and positions tell ratios alone; what fixes the scale of all numbers is the "
-            f"file's {body}: weigh one, and say so ([prior_share])."
-        )
+        every = f"all bodies, each within {100 * PHYSICAL_RULES.body_within:g} %"
+        text.append(phrase("gains.found", "bodies", bodies=named or [every]))
     else:
-        text += (
-            "What fixes their scale is what is stated beside: a gain, a limit, a spring, a "
-            "commanded torque."
-        )
+        text.append(phrase("gains.found", "beside"))
     if np.isnan(asked.kv).any() and not servo.kv[np.isnan(asked.kv)].any():
-        text += " Fv holds kv, too: no commanded speed tells them apart."
-    return text
+        text.append(phrase("gains.found", "damping"))
+    return " ".join(text)

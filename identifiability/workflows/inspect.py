@@ -60,7 +60,7 @@ from identifiability.workflows.opening import (
     share,
     state_provenance,
 )
-from identifiability.workflows.session import Session
+from identifiability.workflows.session import Opening, Session
 
 # What a robot file and logs hold, before anything is fitted.
 #
@@ -467,8 +467,7 @@ class Inspection(OfStructure, Result):
         return {
             "schema": self.schema,
             "robot": {
-                "name": robot.name,
-                "title": robot.title,
+                **robot.identity,
                 "file": robot.path.name,
                 "sidecar": robot.sidecar.name if robot.sidecar is not None else None,
                 "closed": robot.closed,
@@ -597,8 +596,7 @@ def _with_logs(
         waiting = iter(prepared.values())
         sound = replace(session, recordings=good, engine=Serial())
         opening = sound.open(prepare=lambda _log: next(waiting))
-        hints = opening.hints
-        excited = _measure(MeasuredLogs(found.structure, good.fitted, opening.samples))
+        hints, excited = opening.hints, _measure(opening)
     say("looking at every column", 0.8)
     records = tuple(
         describe_log(robot, log, prepared.get(k), refused.get(k, ""))
@@ -625,8 +623,9 @@ def _settle(session: Session) -> Preparation:
         return session.preparation or Preparation()
 
 
-def _measure(logs: MeasuredLogs) -> Excited:
+def _measure(opening: Opening) -> Excited:
     """Return what the motion of some logs excites where there is torque."""
+    logs = MeasuredLogs(opening.structure, (), opening.samples)
     structure = logs.structure
     W = structure.model.regressor(structure.robot, logs.motion)[:, :, structure.base.kept]
     W = W * logs.data[:, :, None]
@@ -676,24 +675,15 @@ def _excited(result: Inspection) -> Answer:
 
 
 def _content(result: Inspection) -> Answer:
-    clocks, found = [r.clock for r in result.records], result.to_frame()
-    seconds = sum(c["duration"] for c in clocks)
+    clocks = [r.clock for r in result.records]
+    seconds = format_number(sum(c["duration"] for c in clocks), 3)
     samples = format_count(sum(c["samples"] for c in clocks), "sample")
-    known = sorted(c["rate"] for c in clocks)
-    rates = [format_number(rate, 3) for rate in known]
-    short = (
-        f"{format_number(seconds, 3)} s of motion: {samples} at "
-        f"{' … '.join(dict.fromkeys((rates[0], rates[-1])))} Hz."
-    )
-    known = found[np.isfinite(found["room"])]
-    rooms = sorted(zip(known["room"], known["joint"], strict=True))
-    used = [f"{percent(x, 2)} ({joint})" for x, joint in (*rooms[:1], *rooms[-1:])]
-    text = f"Of the range that limits allow, joints use {' to '.join(dict.fromkeys(used))}."
-    text *= bool(used)
+    rates = [format_number(rate, 3) for rate in sorted(c["rate"] for c in clocks)]
+    known = " … ".join(dict.fromkeys((rates[0], rates[-1])))
+    short = f"{seconds} s of motion: {samples} at {known} Hz."
     cuts = sorted({c["cutoff"] for c in clocks if c["cutoff"] is not None})
-    if cuts:
-        text += f" Derivatives would be cut off at {format_number(cuts[0], 3)} Hz."
-    return Answer("What is in them?", short, text.strip(), "blue")
+    text = f"Derivatives would be cut off at {format_number(cuts[0], 3)} Hz." if cuts else ""
+    return Answer("What is in them?", short, text, "blue")
 
 
 def _columns(result: Inspection) -> Answer:
@@ -720,15 +710,13 @@ def _open(result: Inspection) -> Answer:
 
 def _next_commands(result: Inspection) -> list[tuple[str, str]]:
     robot = source_name(result.robot)
-    template = (
-        "Write an empty log with the right columns:",
-        f"identifiability inspect {robot} --template log.csv",
-    )
     good = [r.path or r.name for r in result.records if not r.refused]
     if not good:
+        template = f"identifiability inspect {robot} --template log.csv"
         motion = f"identifiability excite {robot} --out motion.json --report motion.html"
-        measure = ("Find a motion that is worth measuring:", motion)
-        return [measure] if result.written("template") else [template, measure]
+        known = result.written("template") is not None
+        first = [] if known else [("Write an empty log with the right columns:", template)]
+        return [*first, ("Find a motion that is worth measuring:", motion)]
     logs = name_logs(result.robot, good)
     judge = f"identifiability analyze {robot} {logs} --report report.html --json analyze.json"
     out = [("Say which parameters they determine:", judge)]

@@ -11,7 +11,6 @@ import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, field, replace
-from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any, ClassVar, Literal, get_type_hints
@@ -90,13 +89,12 @@ def _digest(folder: Path, options: Mapping[str, Any]) -> str:
     return digest.hexdigest()
 
 
-def _function(verb: str) -> Any:
-    return {"analyze": analyze, "prune": prune, "diagnose": diagnose}[verb]
+VERBS: dict[str, Any] = {"analyze": analyze, "prune": prune, "diagnose": diagnose}
 
 
 def _check_options(verb: str, given: Mapping[str, Any]) -> None:
     """Refuse what is no option of a verb."""
-    kinds = get_type_hints(_function(verb), include_extras=True)
+    kinds = get_type_hints(VERBS[verb], include_extras=True)
     for name, value in given.items():
         if name not in kinds:
             raise OptionError(f"'{name}' is no option of {verb}{near_match(name, kinds)}")
@@ -155,7 +153,7 @@ def run_task(task: Task) -> tuple[Row, bytes, bytes]:
         own, options = read_settings(robot)["preparation"], dict(task.options)
         if own and options.get("preparation") is None:
             options["preparation"] = Preparation(**own)
-        result: Result = _function(task.verb)(robot, fitted, held, engine=Serial(), **options)
+        result: Result = VERBS[task.verb](robot, fitted, held, engine=Serial(), **options)
         with temporary_folder() as folder:
             told = result.to_json(Path(folder, f"{row.robot}.json")).read_bytes()
             page = result.write_report(Path(folder, f"{row.robot}.html")).read_bytes()
@@ -173,15 +171,12 @@ def _fill(row: Row, told: Mapping[str, Any]) -> Row:
     """Return a row with what the JSON of a result says."""
     row = replace(row, warnings=tuple(told["hints"]))
     if "models" not in told:  # a diagnosis
-        names = (
-            f"{' or '.join([e['effect'], *e['or']])}@{', '.join(e['joints'])}".rstrip("@")
-            for e in told["effects"]
-        )
+        effects = ((" or ".join([e["effect"], *e["or"]]), e["joints"]) for e in told["effects"])
         return replace(
             row,
             model=told["fit"]["model"]["name"],
             parameters=len(told["fit"]["names"]),
-            missing=tuple(names),
+            missing=tuple(f"{name}@{', '.join(at)}".rstrip("@") for name, at in effects),
             error=told["after"]["error_ra"],
             error_unseen=told["after"]["error_ra_validation"],
         )
@@ -222,11 +217,6 @@ class Fleet(Result):
         return [self.folder / name for name in (TABLE, JSON, PAGE)]
 
     @property
-    def kinds(self) -> list[str]:
-        """All verdicts that there are."""
-        return sorted({kind for row in self.rows for kind in row.verdicts})
-
-    @property
     def failed(self) -> tuple[Row, ...]:
         """Robots without an answer."""
         return tuple(row for row in self.rows if row.failed)
@@ -251,7 +241,7 @@ class Fleet(Result):
             Column("held out", "text", lambda r: ", ".join(r.held) or NONE),
             Column("model", "text", "model"),
             Column("size", "number", "parameters"),
-            *(Column(kind, "number", partial(_count, kind=kind)) for kind in self.kinds),
+            Column("identifiable", "number", lambda r: r.verdicts.get("identifiable")),
             Column("error", _error, "error"),
             Column("unseen", _error, "error_unseen"),
             Column("missing", "text", lambda r: "; ".join(r.missing) or NONE),
@@ -278,9 +268,8 @@ class Fleet(Result):
         frame = pd.DataFrame(self._told())
         for name in ("logs", "held", "missing", "warnings"):
             frame[name] = frame[name].map("; ".join)
-        for kind in self.kinds:
-            frame[kind] = [_count(row, kind) for row in self.rows]
-        whole = dict.fromkeys(("parameters", *self.kinds), "Int64")
+        frame["identifiable"] = [row.verdicts.get("identifiable") for row in self.rows]
+        whole = dict.fromkeys(("parameters", "identifiable"), "Int64")
         return frame.drop(columns="verdicts").astype(whole)
 
     def to_dict(self) -> dict[str, Any]:
@@ -367,10 +356,6 @@ def _open(folder: Path) -> None:
         (folder / ROBOTS).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"'{folder}' cannot be used: {error.strerror or error}.") from None
-
-
-def _count(row: Row, kind: str) -> int | None:
-    return row.verdicts.get(kind, 0) if row.verdicts else None
 
 
 def _error(error: float | None) -> str:

@@ -29,7 +29,7 @@ from identifiability.foundation.engines.mapping import (
     find_version,
 )
 from identifiability.foundation.errors import LogError, listing
-from identifiability.foundation.findings import Finding, of_key
+from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
@@ -107,10 +107,7 @@ class Recordings:
             tuple(moved(x, servo, servo, by) if of_commands(x) else x for x in logs)
             for logs in (self.fitted, self.held_out)
         )
-        said = (
-            f"Most joints' commands act {1e3 * by:.2g} ms later than this, and so are those of all "
-            "taken."
-        )
+        said = phrase("commands", "later", by=1e3 * by)
         own = of_key(self.hints, "commands")
         hints = tuple(
             Finding("commands", text=f"{h} {said}") if h in own else h for h in self.hints
@@ -203,7 +200,7 @@ def read_recordings(
     train = read_logs(logs, known)
     held_out = read_logs(validate, known, len(train))
     if not train:
-        raise LogError("No log was given; give at least one.")
+        raise LogError(Finding("logs.none"))
     named = _told_apart([*train, *held_out])
     train, held_out = named[: len(train)], named[len(train) :]
     check_held_out(train, held_out)
@@ -213,12 +210,7 @@ def read_recordings(
     every = (*mended.fitted, *mended.held_out)
     alone = [x.name for x in every if of_commands(x)]
     if alone and not commands:
-        raise LogError(
-            f"{listing(alone, 4)} {'holds' if len(alone) == 1 else 'hold'} commands and no torque, "
-            "which analyze, prune, diagnose, calibrate, inspect and predict --forward take; here "
-            "give logs "
-            "of measured torque."
-        )
+        raise LogError(Finding("logs.commands", names=alone))
     if learns:
         _refuse_silent(train)
     read = tuple((log.name, "; ".join(log.notes)) for log in (*train, *held_out) if log.notes)
@@ -258,13 +250,9 @@ def _refuse_silent(logs: Sequence[Log]) -> None:
     at = dict(zip(known[0].joints, np.median(q, axis=0), strict=True))
     silent = {j: at[j] for j, none in zip(at, lost & stays, strict=True) if none}
     if 0 < len(silent) < len(known[0].joints):
-        one = len(silent) == 1
         locks = " ".join(f"--lock {joint}={at:.4g}" for joint, at in silent.items())
-        raise LogError(
-            f"{listing([log.name for log in known], 4)}: nobody measured the torque of "
-            f"{listing([*silent], 4)}, which {'does' if one else 'do'} not move either; lock "
-            f"{'it where it stands' if one else 'them where they stand'}: {locks}."
-        )
+        names = [log.name for log in known]
+        raise LogError(Finding("logs.unmeasured", names=names, joints=[*silent], locks=locks))
 
 
 def state_reading(read: Sequence[tuple[str, str]]) -> list[Finding]:

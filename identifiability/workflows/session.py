@@ -28,8 +28,8 @@ from identifiability.estimation.estimate import (
 )
 from identifiability.estimation.estimator import Estimator
 from identifiability.foundation.engines.mapping import Engine, Serial
-from identifiability.foundation.errors import LogError, listing
-from identifiability.foundation.findings import Finding, of_key
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import frozen
@@ -67,9 +67,6 @@ MISREAD = (
     "a column seems to have the wrong sign, unit or joint, or to be aliased, as the first remark "
     "says: mend that, and run again"
 )
-
-#: Stretches that are listed.
-LISTED = 3
 
 #: What follows the statement of an alternative of the model that is used.
 SO = "All that follows is said under that reading."
@@ -216,7 +213,7 @@ class Session:
             If a log stands on both, or on the second is none.
         """
         if not (alone or list_logs(second)):
-            raise LogError("No log was given on one side; give at least one on each.")
+            raise LogError(Finding("logs.none"))
         both = cls.read(structure, first, second, preparation, engine=engine, commands=False)
         known = both.recordings
         sides = Recordings(known.fitted, (), known.hints), Recordings(known.held_out)
@@ -286,20 +283,9 @@ class Session:
         # A robot is fitted to what commands make of torque, and this is calibrated on it,
         # so often.
         for _ in range(5):
-            fitted = replace(session, recordings=replace(session.recordings, held_out=()))
-            opening = fitted.open()
-            if opening.silence or opening.misread:
-                break
-            rows = fitted.weigh(opening, method, kind)
-            estimator = settle_noise(rows.estimator, rows.information)
-            submodel = full_model(rows.opening.structure.base)
-            model = FittedModel.of(rows.opening.structure, submodel, rows.information, estimator)
-            values = find_nearest(model, cad_weight or WEAK).parameters()
-            if not values:
-                break
-            better = session.follow(rng, values)
-            after = better.recordings.rolled
-            if after is None:
+            better = session._with_fitted_bodies(rng, method, kind, cad_weight)
+            after = None if better is None else better.recordings.rolled
+            if better is None or after is None:
                 break
             gained = 1 - float(np.mean((after.errors / before.errors) ** 2))
             if gained < 0:
@@ -311,6 +297,20 @@ class Session:
                 break
         moved = np.abs(before.delays - start.delays) > start.delay_errors
         return session if moved.any() else first
+
+    def _with_fitted_bodies(
+        self, rng: np.random.Generator, method: Method, kind: Kind, cad_weight: float | None
+    ) -> Session | None:
+        """Return the session with torque calibrated on fitted bodies; None where none are."""
+        opening = replace(self, recordings=replace(self.recordings, held_out=())).open()
+        if opening.silence or opening.misread:
+            return None
+        rows = self.weigh(opening, method, kind)
+        estimator = settle_noise(rows.estimator, rows.information)
+        submodel = full_model(rows.opening.structure.base)
+        model = FittedModel.of(rows.opening.structure, submodel, rows.information, estimator)
+        values = find_nearest(model, cad_weight or WEAK).parameters()
+        return self.follow(rng, values) if values else None
 
     def settle(
         self, done: str = "", prepare: Callable[[Log], Dataset] | None = None
@@ -359,11 +359,7 @@ class Session:
         seek : bool
             Whether alternatives of the model are looked for.
         """
-        own_way, recordings, structure = (
-            prepare or self._preparing(),
-            self.recordings,
-            self.structure,
-        )
+        own_way, recordings = prepare or self._preparing(), self.recordings
         each = map if prepare is None else self.engine.map
         train = tuple(each(own_way, recordings.fitted))
         held_out = tuple(each(own_way, recordings.held_out))
@@ -371,25 +367,22 @@ class Session:
             require_signal(train, done)
         require_signal(held_out, "verified")
         split = (text for s in (*train, *held_out) for text in s.hints)
-        own = MeasuredLogs(structure, recordings.fitted, train)
-        hints = (*find_always(own), *recordings.hints, *split)
-        opening = Opening(
-            structure=structure,
-            samples=train,
-            validation=held_out,
-            hints=hints,
-        )
+        looked = MeasuredLogs(self.structure, recordings.fitted, train)
+        hints = (*find_always(looked), *recordings.hints, *split)
+        opening = Opening(structure=self.structure, samples=train, validation=held_out, hints=hints)
         if opening.silence:
             return replace(opening, validation=())
-        looked = MeasuredLogs(structure, recordings.fitted, train)
         other = find_alternative(looked) if seek else None
         odd = find_oddities(looked, explained=other is not None)
         other = None if odd.misread else other  # of positions that are misread the torque is none
-        explained = odd.explains or other is not None
-        why = MISREAD if odd.misread else ""
         said = () if other is None else (_say(other.statement),)
-        known = replace(opening, structure=structure, explained=explained, misread=why)
-        return replace(known, alternative=other, hints=(*said, *odd.hints, *hints))
+        return replace(
+            opening,
+            alternative=other,
+            explained=odd.explains or other is not None,
+            misread=MISREAD if odd.misread else "",
+            hints=(*said, *odd.hints, *hints),
+        )
 
     def prepare(self, recordings: Sequence[Log], done: str = "") -> list[Dataset]:
         """Return some of the logs prepared, for verbs to which what is odd about them is no sign.
@@ -453,12 +446,7 @@ class Session:
             for log, s in zip(logs, samples, strict=True)
         ]
         if always and None in found:
-            raise LogError(
-                f"{logs[found.index(None)].name} has no second record of its motion in memory, "
-                "which instrumental variables need: repeat the motion, or log '<joint>.dq' and "
-                "'<joint>.ddq' as measured or the command in '<joint>.q_ref'; else leave out the "
-                "estimator."
-            )
+            raise LogError(Finding("instrument.none", logs[found.index(None)].name))
         if len(short) < len(samples) or not any(found):
             return opening, plain
         note = "it has no second record of its motion, and is fitted as by least squares"
@@ -535,10 +523,8 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Out
         named.append(f"{log.name} from t = {start:.5g} to {stop:.5g} s")
     beyond = found.beyond.max(0)
     worst = int(np.argmax(beyond))
-    return (
-        f"{listing(named, LISTED)}: the torque of {joints[worst]} is up to "
-        f"{np.sqrt(beyond[worst]):.0f} times farther from the model than usual, and"
-    )
+    far = float(np.sqrt(beyond[worst]))
+    return phrase("outliers", "where", stretches=named, joint=joints[worst], far=far)
 
 
 def settle_gains(robot: Robot, logs: Logs) -> Robot:
@@ -577,10 +563,7 @@ def settle_prior(
         If both are asked for.
     """
     if share is not None and cad_weight is not None:
-        raise OptionError(
-            "--prior and --set cad_prior say the same twice: a share of 0.2 is the weight "
-            f"{share_weight(0.2):g}; give one."
-        )
+        raise OptionError(Finding("prior.twice", weight=share_weight(0.2)))
     if share is None:
         share = PHYSICAL_RULES.body_within if commanded and cad_weight is None else 0.0
     return share, share_weight(share) if share else cad_weight
@@ -601,8 +584,5 @@ def require_signal(samples: Sequence[Dataset], done: str) -> None:
     """
     why = explain_silence([s.survey for s in samples]) if samples else ""
     if why:
-        names = listing([s.name for s in samples], 4)
-        raise LogError(
-            f"Nothing can be {done}, because {why} ({names}); give logs in which the robot moves "
-            "and its torque changes."
-        )
+        names = [s.name for s in samples]
+        raise LogError(Finding("logs.silent", done, why=why, names=names))
