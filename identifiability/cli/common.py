@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, NoReturn
 from unicodedata import category
 
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, legible
+from identifiability.foundation.findings import Finding
 
 if TYPE_CHECKING:
     from identifiability.foundation.answers import Table
@@ -31,11 +32,7 @@ def sentences() -> Iterator[None]:
         what = f"'{error.filename}' cannot be used" if error.filename else "The system refused"
         _fail(legible(f"{what}: {error.strerror or error}."))
     except MemoryError:
-        _fail(
-            "There is not enough memory for this. Joints and effects take it, and logs that are "
-            "held as a whole: lock joints that are not asked about (--lock), name fewer effects, "
-            "give shorter stretches, or a CSV or Parquet file, which is read piece by piece."
-        )
+        _fail(Finding("memory"))
     except KeyboardInterrupt:
         sys.stderr.write("Stopped; no file was left half-written.\n")
         raise SystemExit(130) from None
@@ -112,7 +109,7 @@ def print_table(shown: Table, rows: int, title: str) -> None:
 
 
 def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[str] = ()) -> None:
-    """Print the tables of a result, what it says, what to do next, and paths of what was written.
+    """Print the answer, the tables of a result, hints, what to do next, and what was written.
 
     Parameters
     ----------
@@ -123,6 +120,11 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
     """
     from identifiability.foundation.rounding import format_count  # noqa: PLC0415
 
+    hints, mass = getattr(result, "hints", ()), getattr(result, "mass_statement", "")
+    said = result.statement
+    for hint in hints:  # each by itself
+        said = said.replace(hint, "").rstrip()
+    print_end([*filter(None, [said, mass]), *more])
     for table in (*result.tables(), *result.ledger()):
         if table.long:
             continue
@@ -132,11 +134,7 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
             which = "with smaller errors" if table.worst is not None else "below them"
             where = "the page" if any(p.suffix == ".html" for p in written) else "--report"
             print_end([f"{format_count(left, 'row')} {which}: {where} shows them all."])
-    hints, mass = getattr(result, "hints", ()), getattr(result, "mass_statement", "")
-    said = result.statement
-    for hint in hints:  # each by itself
-        said = said.replace(hint, "").rstrip()
-    print_end([said, *filter(None, [mass]), *more, *hints])
+    print_end(hints)
     print_next(result)
     print_end([], written)
 
@@ -199,6 +197,5 @@ def _write(write: Callable[[Path], Path], path: Path) -> Path:
             if isinstance(again, OutputError):
                 raise error from None
             raise
-        raise OutputError(
-            f"{error} What was found is not lost: it is in '{elsewhere}', for {FOLDERS_STAY} days."
-        ) from None
+        told = {"place": str(elsewhere), "days": FOLDERS_STAY}
+        raise OutputError(Finding("output.rescued", str(error), **told)) from None

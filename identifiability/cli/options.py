@@ -37,6 +37,7 @@ from typer.models import OptionInfo, ParameterInfo
 
 from identifiability.cli.common import check_outputs, progress, sentences, write_all
 from identifiability.foundation.errors import OutputError, near_match
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.options import (
     Count,
     Derivatives,
@@ -292,7 +293,7 @@ def _flattened(
             read |= _read_settings(settings, tables, read.pop(SET.name, ()), typed)
             given = {name: build(field, read, None) for name, field in own.items()}
             _look_at_logs(_recordings(typed, options)[0])
-        function(**given)
+            function(**given)
 
     flat = [option.parameter(function.__name__) for option in options.values()]
     called.__signature__ = Signature(flat)  # type: ignore[attr-defined]
@@ -466,9 +467,7 @@ def split_point(option: str, text: str) -> list[float]:
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
-        raise OptionError(
-            f"{option} {text} is no point; give three numbers, such as 0,0,0.08."
-        ) from None
+        raise OptionError(Finding("option.point", option, text=text)) from None
 
 
 def keep_values(option: str, text: str) -> bool | float | str:
@@ -486,9 +485,7 @@ def keep_values(option: str, text: str) -> bool | float | str:
     try:
         return float(text)
     except ValueError:
-        raise OptionError(
-            f"{option} {text} is none of exact, a share such as 0.1, and a result's JSON file."
-        ) from None
+        raise OptionError(Finding("option.kept", option, text=text)) from None
 
 
 def shipped_robots() -> list[str]:
@@ -583,10 +580,7 @@ class Machine:
         for given in self.map or ():
             old, equals, new = given.rpartition("=")
             if not (old and equals and new):
-                raise OptionError(
-                    f"--map {given} is no pair of names; give OLD=NEW, such as --map "
-                    "'fer_joint1=panda_joint1'."
-                )
+                raise OptionError(Finding("option.map", given=given))
             if rules.setdefault(old, new) != new:
                 raise OptionError(f"--map gives '{old}' two names, {rules[old]} and {new}.")
         said = self.recorded
@@ -643,8 +637,8 @@ class Work:
 
     @contextmanager
     def running(self) -> Iterator[tuple[Callable[[str, float], None], dict[str, Any], Engine]]:
-        """Give what tells progress, what every fit takes, and the engine; errors are sentences."""
-        with sentences(), progress() as say, self.place.running() as engine:
+        """Give what tells progress, what every fit takes, and the engine."""
+        with progress() as say, self.place.running() as engine:
             # A verb left to itself ends its processes sooner.
             asked = engine if self.place != Place() else None
             preparation = self.derived.preparation()
@@ -653,8 +647,8 @@ class Work:
 
 @contextmanager
 def alone() -> Iterator[tuple[Callable[[str, float], None], dict[str, Any], None]]:
-    """Give the same to a verb that is done at once; errors are sentences."""
-    with sentences(), progress() as say:
+    """Give the same to a verb that is done at once."""
+    with progress() as say:
         say("reading logs", 0.0)
         yield say, {}, None
 

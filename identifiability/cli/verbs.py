@@ -20,6 +20,7 @@ from identifiability.cli import common, options
 from identifiability.cli.options import Verb
 from identifiability.foundation import options as kinds
 from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.findings import Finding
 
 if TYPE_CHECKING:
     from identifiability.logs import Log
@@ -63,10 +64,9 @@ def new(
     robot: str = "six-dof-arm",
 ) -> None:
     """Make a folder to begin a study in: robot, sidecar, logs, script and Makefile."""
-    with common.sentences():
-        from identifiability.workflows.study import new_study  # noqa: PLC0415
+    from identifiability.workflows.study import new_study  # noqa: PLC0415
 
-        made = new_study(folder, robot, logs)
+    made = new_study(folder, robot, logs)
     common.print_end([*made.notes, made.statement], made.written)
 
 
@@ -77,7 +77,7 @@ def demo(
     seed: kinds.Seed = 0,
 ) -> None:
     """Run the main job on a simulated robot: the paper's 3-RPS with the paper's noise."""
-    with common.sentences(), common.progress() as say:
+    with common.progress() as say:
         folder.mkdir(parents=True, exist_ok=True)
         outputs = options.Outputs(folder / "demo.html", folder / "demo.json")
         common.check_outputs(outputs.report, outputs.json)
@@ -160,22 +160,14 @@ def analyze(
     """Say which parameters the logs determine, and which model of a ladder to use."""
     said = locals()
     if bool(each) == bool(logs) or (out is None) == bool(each):
-        raise kinds.OptionError(
-            "Give a robot and its logs, or folders of several robots with --each, and --out: "
-            "identifiability analyze ROBOT LOG, or identifiability analyze --each FOLDER "
-            "--out RESULTS."
-        )
+        raise kinds.OptionError(Finding("each.none"))
     if not each:
         del said["each"], said["out"]
         common.print_result(*run(said, "analyze"))
         return
     alone = {"machine": OneMachine(), "outputs": options.Outputs(), "logs": (), "validate": ()}
     if any(said.pop(name) != usual for name, usual in alone.items()):
-        raise kinds.OptionError(
-            "--each takes robots, logs and what is said of them from the folders and the "
-            "sidecars in them; give --out and how to fit beside it: identifiability "
-            "analyze --each FOLDER --each FOLDER --out RESULTS."
-        )
+        raise kinds.OptionError(Finding("each.alone"))
     with work.running() as (say, how, _):
         from identifiability.workflows.many import analyze_many  # noqa: PLC0415
 
@@ -317,23 +309,20 @@ def export(
     seed: kinds.Seed = 0,
 ) -> None:
     """Write the physically feasible parameters of a result back into the robot file."""
-    with common.sentences():
-        from identifiability.regression.reduction import unused_ladder  # noqa: PLC0415
-        from identifiability.workflows.export import draw_robots  # noqa: PLC0415
-        from identifiability.workflows.export import export as run  # noqa: PLC0415
+    from identifiability.regression.reduction import unused_ladder  # noqa: PLC0415
+    from identifiability.workflows.export import draw_robots  # noqa: PLC0415
+    from identifiability.workflows.export import export as run  # noqa: PLC0415
 
-        robot = machine.load()
-        if draws is not None:
-            found = draw_robots(robot, result, draws, prior=prior, seed=seed)
-            written = found.write(out)
-            typer.echo(found.statement)
-            typer.echo(f"{written[0]}" + (f" … {written[-1].name}" if len(written) > 1 else ""))
-            return
-        if prior is not None:
-            raise kinds.OptionError(
-                "--prior is of bodies that are drawn; say how many: --draws 100."
-            )
-        exported = run(robot, result, out, form, force=force)
+    robot = machine.load()
+    if draws is not None:
+        found = draw_robots(robot, result, draws, prior=prior, seed=seed)
+        written = found.write(out)
+        typer.echo(found.statement)
+        typer.echo(f"{written[0]}" + (f" … {written[-1].name}" if len(written) > 1 else ""))
+        return
+    if prior is not None:
+        raise kinds.OptionError(Finding("prior.draws"))
+    exported = run(robot, result, out, form, force=force)
     for text in filter(None, (exported.mass, exported.statement)):
         typer.echo(text)
     for text in unused_ladder(robot):
@@ -375,7 +364,7 @@ def compare(
     ] = (),
 ) -> None:
     """Say what changed between two logs, or two results, of one robot."""
-    with common.sentences(), common.progress() as say:
+    with common.progress() as say:
         from identifiability.workflows.compare import compare as find  # noqa: PLC0415
 
         say("reading logs", 0.0)
@@ -383,10 +372,7 @@ def compare(
         for k, side in enumerate(sides):
             results = [path for path in side if Path(path).suffix.lower() == ".json"]
             if results and len(side) > 1:
-                raise kinds.OptionError(
-                    f"{results[0]} is a result, and stands beside others; give one result on each "
-                    "side, or logs alone."
-                )
+                raise kinds.OptionError(Finding("sides.mixed", results[0]))
             sides[k] = side[0] if results else side
         found = find(machine.load(), *sides, preparation=derived.preparation(), ladder=ladder)
         written = outputs.write(found, say)
@@ -408,20 +394,19 @@ def simulate(
     samples: kinds.Period | None = None,
 ) -> None:
     """Make the log of a simulated robot along a prescribed motion."""
-    with common.sentences():
-        import numpy as np  # noqa: PLC0415
+    import numpy as np  # noqa: PLC0415
 
-        from identifiability.effects import effect_laws  # noqa: PLC0415
-        from identifiability.simulation import simulate as run  # noqa: PLC0415
-        from identifiability.simulation.forces import left_out  # noqa: PLC0415
-        from identifiability.simulation.motion import find_motion  # noqa: PLC0415
+    from identifiability.effects import effect_laws  # noqa: PLC0415
+    from identifiability.simulation import simulate as run  # noqa: PLC0415
+    from identifiability.simulation.forces import left_out  # noqa: PLC0415
+    from identifiability.simulation.motion import find_motion  # noqa: PLC0415
 
-        robot, rng = machine.load(), np.random.default_rng(seed)
-        move = find_motion(robot, motion, samples, rng)
-        make = partial(run, robot, move, noise=noise, hide=hide, derivatives=derivatives)
-        log = make(laws=effect_laws(), rng=rng)
-        log.write(out)
-        missing = left_out(robot)
+    robot, rng = machine.load(), np.random.default_rng(seed)
+    move = find_motion(robot, motion, samples, rng)
+    make = partial(run, robot, move, noise=noise, hide=hide, derivatives=derivatives)
+    log = make(laws=effect_laws(), rng=rng)
+    log.write(out)
+    missing = left_out(robot)
     if missing:
         typer.echo(
             f"The robot's sidecar states {listing(missing, 6)}, which are not simulated: give such "
@@ -529,13 +514,8 @@ def paper(
     out: Annotated[Path, options.Writes()] = Path("reports"),
 ) -> None:
     """Compute every table and figure of the paper, ours beside the printed numbers."""
-    with common.sentences():
-        if not (STUDIES / "registry.py").is_file():
-            raise IdentifiabilityError(
-                "The studies are part of the source checkout, in its folder 'studies', not of the "
-                f"installed package: 'git clone {SOURCE}' and run 'identifiability paper' there, "
-                "once it is installed from it ('pip install -e .')."
-            )
+    if not (STUDIES / "registry.py").is_file():
+        raise IdentifiabilityError(Finding("studies.none", SOURCE))
     words = [*tables, "--out", str(out), *(["--quick"] if quick else [])]
     words += [] if seeds is None else ["--seeds", str(seeds)]
     runpy.run_path(str(STUDIES), {"words": words, "place": place}, "__main__")

@@ -15,7 +15,6 @@ from string import Formatter
 from typing import TYPE_CHECKING, Any
 
 from identifiability.foundation.errors import listing
-from identifiability.foundation.numbers import percent
 
 if TYPE_CHECKING:
     from identifiability.foundation.answers import Table
@@ -40,6 +39,8 @@ class _Filler(Formatter):
         if isinstance(value, (list, tuple)):
             return listing(value, int(format_spec or 4))
         if format_spec.endswith("%"):
+            from identifiability.foundation.numbers import percent  # noqa: PLC0415 - SciPy
+
             return percent(value, int(format_spec[:-1] or 2))
         return format(value, format_spec)
 

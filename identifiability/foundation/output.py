@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from identifiability.foundation.errors import OutputError
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.options import FilePath, checked
 
 if TYPE_CHECKING:
@@ -52,10 +53,8 @@ class _Folder(tempfile.TemporaryDirectory[str]):
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
         super().__exit__(kind, error, trace)
         if isinstance(error, OSError) and error.errno in _NO_ROOM:
-            raise OutputError(
-                f"What is needed for a while cannot be written: {_reason(error)}; make room in "
-                f"'{tempfile.gettempdir()}', or let TMPDIR name another folder."
-            ) from None
+            told = {"why": _reason(error), "folder": tempfile.gettempdir()}
+            raise OutputError(Finding("output.temporary", **told)) from None
 
 
 def temporary_folder() -> tempfile.TemporaryDirectory[str]:
@@ -246,10 +245,7 @@ def csv_text(frame: DataFrame) -> str:
     """
     for name in map(str, frame.columns):
         if name.startswith(("=", "+", "-", "@", "\t", "\r")):
-            raise OutputError(
-                f"The column '{name}' would be run as a formula by a spreadsheet that opens the "
-                "CSV; give the joint another name, or write Parquet."
-            )
+            raise OutputError(Finding("output.formula", name))
     text: str = frame.to_csv(index=False)
     return text
 

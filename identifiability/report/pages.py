@@ -16,6 +16,7 @@ import numpy as np
 
 from identifiability.effects import find_effect, title_of
 from identifiability.foundation.answers import Cell, Column, Note, Table
+from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.numbers import measured
 from identifiability.foundation.rounding import (
@@ -548,7 +549,7 @@ def _preparation(record: Record) -> Fold | None:
 
 def _robot(result: Inspection) -> list[Section]:
     """Return what the robot file says of joints, logs and parameters, and what it leaves open."""
-    from identifiability.workflows.inspect import JOINTS, NAMING  # noqa: PLC0415
+    from identifiability.workflows.inspect import JOINTS  # noqa: PLC0415
 
     robot = result.robot
     needed: list[tuple[str, str]] = [("t", "s")]
@@ -561,7 +562,9 @@ def _robot(result: Inspection) -> list[Section]:
     groups = zip(base.names, base.units, base.labels, strict=True)
     grouped = (Column("parameter"), Column("unit"), Column("what it stands for", "code"))
     found = [
-        section("inspection.joints", NAMING, Table.of("", JOINTS, result.joints)),
+        section(
+            "inspection.joints", phrase("needs", "naming"), Table.of("", JOINTS, result.joints)
+        ),
         section(
             "inspection.columns",
             beside,

@@ -20,7 +20,7 @@ from identifiability.effects.nominal import has_masses
 from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.engines.mapping import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing
-from identifiability.foundation.findings import Level, ledger
+from identifiability.foundation.findings import Finding, Level, ledger, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
 from identifiability.foundation.output import check_ending, check_writable, csv_text, write_text
@@ -187,33 +187,16 @@ def find_needs(robot: Robot) -> tuple[Need, ...]:
         needs.append(Need(robot.describe_assembly(), "\n".join(["[home]", *table] * whole)))
     grippers = [j for j in robot.joints if _GRIPPER.search(j)]
     if grippers and len(grippers) < len(robot.joints):
-        text = "may be a gripper's: where it stands still, lock it (or give --lock)."
         line = f"locked = [{', '.join(_quoted(grippers))}]"
-        needs.append(Need(f"{listing(grippers, 4)} {text}", line))
+        needs.append(Need(phrase("needs", "gripper", joints=grippers), line))
     if not robot.mjcf and read_sidecar(robot.sidecar).actuated is None:
-        needs.append(
-            Need(
-                "A URDF does not say which joints have motors: all that nothing moves are taken to "
-                "be actuated.",
-                f"actuated = [{', '.join(_quoted(robot.joints))}]",
-            )
-        )
+        line = f"actuated = [{', '.join(_quoted(robot.joints))}]"
+        needs.append(Need(phrase("needs", "actuated"), line))
     if not has_masses(robot):
-        masses = "Masses of the file are guesses" if robot.guessed else "The file states no masses"
-        needs.append(
-            Need(
-                f"{masses}: torque cannot be compared with it, and parameters start from "
-                f"{'these' if robot.guessed else 'nothing'}. Give every link an <inertial>."
-            )
-        )
+        needs.append(Need(phrase("needs", "guessed" if robot.guessed else "masses")))
     if robot.base is not None and not (robot.base.contacts or robot.base.wrenches):
-        needs.append(
-            Need(
-                "Nothing says what touches it, so nothing but gravity is taken to act on it: state "
-                "its contacts, or wrenches that are measured.",
-                '[[contacts]]\nframe = "foot"\nflag = "foot_contact"',
-            )
-        )
+        line = '[[contacts]]\nframe = "foot"\nflag = "foot_contact"'
+        needs.append(Need(phrase("needs", "contacts"), line))
     return tuple(needs)
 
 
@@ -223,13 +206,6 @@ def _key(name: str) -> str:
 
 def _quoted(names: Sequence[str]) -> list[str]:
     return [f'"{name}"' for name in names]
-
-
-#: What parameters are named after.
-NAMING = (
-    "Masses and inertias are named after bodies (link.m, link.Ixx), friction, rotor inertia and "
-    "offsets after joints (joint.Fv, joint.Ia), and after what moves several joints."
-)
 
 
 # What is in a log: its clock, its columns joint by joint, and how it would be prepared.
@@ -481,7 +457,7 @@ class Inspection(OfStructure, Result):
             },
             "model": list(self.effects),
             "parameters": self.base.to_frame().to_dict("records"),
-            "naming": NAMING,
+            "naming": phrase("needs", "naming"),
             "needs": [asdict(need) for need in self.needs],
             "logs": [_plain(r.to_dict()) for r in self.records],
             "excited": self.excited.rank if self.excited is not None else None,
@@ -502,10 +478,7 @@ class Inspection(OfStructure, Result):
         check_ending(path, ".csv")
         text, place = csv_text(template_frame(self.robot)), check_writable(path)
         if place.exists() and place.read_bytes() != text.encode():
-            raise OutputError(
-                f"'{path}' is there and is no empty template; it may be a log, so nothing is "
-                "written over: give a new name."
-            )
+            raise OutputError(Finding("template.there", path))
         return self.note_written("template", write_text(path, text))
 
 

@@ -20,7 +20,8 @@ from identifiability.estimation.prediction import Prediction, TorqueUncertainty
 from identifiability.foundation.answers import Answer, Column, Table, frame_table
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.engines.mapping import Engine, one_thread
-from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing
+from identifiability.foundation.errors import IdentifiabilityError, RobotError
+from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import BASE, Array, shorten_paths
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Expected, OptionError, checked
@@ -297,14 +298,7 @@ class MissingEntry(Entry):
 
 def state_missing(functions: Sequence[str]) -> str:
     """Return what holds of the values of a fit beside which functions are missing, if any are."""
-    if not functions:
-        return ""
-    beside = "that function" if len(functions) == 1 else "those functions"
-    return (
-        f"The result says that {listing(functions, 4)} {'is' if len(functions) == 1 else 'are'} "
-        f"missing in its model. Its fit is taken as it is; the values of its parameters' table "
-        f"stand beside {beside} and differ (diagnose finds what is missing)."
-    )
+    return phrase("result.missing", "says", functions=list(functions)) if functions else ""
 
 
 class RobotEntry(Entry):
@@ -322,11 +316,9 @@ class RobotEntry(Entry):
         """
         if self.locked.keys() == robot.locked.keys():
             return
-        was = ", ".join(f"{n} = {at:g}" for n, at in self.locked.items()) or "nothing"
-        raise IdentifiabilityError(
-            f"{path} was made with {was} locked, and now {listing(robot.locked) or 'nothing'} is; "
-            "lock the same joints (--lock, or 'locked' in the sidecar)."
-        )
+        was = [f"{n} = {at:g}" for n, at in self.locked.items()] or ["nothing"]
+        now = [*robot.locked] or ["nothing"]
+        raise IdentifiabilityError(Finding("result.locked", path, was=was, now=now))
 
 
 # `Fit`: what a result keeps of its model: values, their covariance, how torque scatters.
@@ -602,15 +594,9 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
     robot = Robot.of(robot)
     content = read_document(path, ResultEntry, "JSON", "result", IdentifiabilityError)
     if content.nothing:
-        raise IdentifiabilityError(
-            f"Nothing can be predicted, because {content.nothing} ({path}); give a result of other "
-            "logs."
-        )
+        raise IdentifiabilityError(Finding("result.nothing", path, why=content.nothing))
     if content.fit is None:
-        raise IdentifiabilityError(
-            f"{path} keeps no fitted model: give the JSON of analyze, prune or diagnose, made by "
-            "this version or a newer one."
-        )
+        raise IdentifiabilityError(Finding("result.unfitted", path))
     content.robot.check_locked(robot, path)
     fit = _build(content.fit, robot, f"{path} is about '{content.robot.name}'")
     missing = tuple(f.text for f in content.missing_functions)
@@ -650,16 +636,11 @@ def _shaped(rows: list[Any], shape: tuple[int, ...], where: str) -> Array:
     try:
         return np.array(rows, float).reshape(shape)
     except ValueError:
-        raise IdentifiabilityError(
-            f"{where}, and its fitted model has tables of another size: it was changed by hand."
-        ) from None
+        raise IdentifiabilityError(Finding("result.tables", where)) from None
 
 
 def _other_robot(where: str, robot: Robot, why: str) -> IdentifiabilityError:
-    return IdentifiabilityError(
-        f"{where}, and the robot given is {robot.name}: {why} Give the robot that the result was "
-        "made with."
-    )
+    return IdentifiabilityError(Finding("result.other", where, robot=robot.name, why=why))
 
 
 def settled(given: object, samples: Sequence[Dataset]) -> Preparation:
@@ -690,10 +671,8 @@ def find_fit(result: FitLike, robot: Robot) -> Fit:
         return read_fit(result, robot)
     fit = result if isinstance(result, Fit) else result.fit
     if fit.robot.joints != robot.joints or fit.robot.bodies != robot.bodies:
-        raise OptionError(
-            f"The result is about {fit.robot.name}, and the robot given is {robot.name}; give the "
-            "robot that the result was made with."
-        )
+        where = f"The result is about {fit.robot.name}"
+        raise OptionError(str(_other_robot(where, robot, "it has other joints.")))
     return fit
 
 
@@ -1026,10 +1005,8 @@ def predict(
         if other is None:
             runs.append(_moved_by(robot, result))
         elif other.joints != robot.joints:
-            raise RobotError(
-                f"{other.path} has the actuated joints {listing(other.joints)}, and "
-                f"{robot.path} {listing(robot.joints)}; give robots with the same joints."
-            )
+            told = {"own": [*other.joints], "path": robot.path, "joints": [*robot.joints]}
+            raise RobotError(Finding("robots.joints", other.path, **told))
         elif other.sha256 != robot.sha256:
             runs.append((other, _file_name(other), {}))
         if robot.servo is not None and robot.servo.unknown.any():

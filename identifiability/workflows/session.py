@@ -214,7 +214,12 @@ class Session:
         """
         if not (alone or list_logs(second)):
             raise LogError(Finding("logs.none"))
-        both = cls.read(structure, first, second, preparation, engine=engine, commands=False)
+        try:
+            both = cls.read(structure, first, second, preparation, engine=engine, commands=False)
+        except LogError as error:
+            if error.key == "twice.held":
+                raise LogError(Finding("twice.sides")) from None
+            raise
         known = both.recordings
         sides = Recordings(known.fitted, (), known.hints), Recordings(known.held_out)
         one, other = (replace(both, recordings=side) for side in sides)

@@ -28,20 +28,11 @@ from identifiability.foundation.engines.mapping import (
     source_digest,
 )
 from identifiability.foundation.errors import EngineError
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.options import Count, EngineName, FilePath, checked
 
 #: Seconds to wait for a scheduler, and for its first worker (a busy machine starts one in tens).
 PATIENCE, JOINING = 5.0, 60.0
-
-_INSTALL = (
-    "The engine 'dask' needs the package distributed, which is not installed; install it with "
-    "pip install 'robot-identifiability[distributed]', here and on every worker."
-)
-
-_OTHER = (
-    "Workers of the cluster do not have this version of identifiability; install the same one on "
-    "every worker and start them again. Work that a resume folder holds is not done again."
-)
 
 
 class Dask(Engine):
@@ -63,18 +54,14 @@ class Dask(Engine):
         try:
             import distributed  # noqa: PLC0415 - an extra
         except ImportError:
-            raise EngineError(_INSTALL) from None
+            raise EngineError(Finding("cluster.install")) from None
         self.scheduler = scheduler
         # Dask's client writes on standard error what we say in a sentence.
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         try:
             self.client: Any = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
         except (OSError, ValueError, RuntimeError, TypeError) as error:  # TypeError: no certificate
-            raise EngineError(
-                f"There is no Dask scheduler at '{scheduler}' ({error}); give the address that "
-                "'dask scheduler' prints, such as tcp://host:8786; over TLS also this machine's "
-                "certificates (see the how-to of clusters)."
-            ) from None
+            raise EngineError(Finding("cluster.none", scheduler, why=str(error))) from None
         try:
             self._check()
         except BaseException:
@@ -93,30 +80,21 @@ class Dask(Engine):
             submit = partial(self.client.submit, run_pickled, sent, pure=False)
             yield from in_order(submit, items, max(1, sum(self.client.ncores().values())))
         except (CancelledError, CommClosedError, RPCClosed):
-            raise EngineError(
-                f"The connection to the cluster at {self.scheduler} was lost; run again when it is "
-                "back. Work that a resume folder holds is not done again."
-            ) from None
+            raise EngineError(Finding("cluster.lost", self.scheduler)) from None
         except KilledWorker:
-            raise EngineError(
-                f"The workers of the cluster at {self.scheduler} died again and again on the same "
-                "item, most likely for lack of memory; give workers that have more."
-            ) from None
+            raise EngineError(Finding("cluster.died", self.scheduler)) from None
 
     def _check(self) -> None:
         """Refuse a cluster without workers, or whose workers would compute something else."""
         try:
             self.client.wait_for_workers(1, timeout=JOINING)
         except TimeoutError:
-            raise EngineError(
-                f"The scheduler at {self.scheduler} has no workers; start some with "
-                f"'dask worker {self.scheduler}'."
-            ) from None
+            raise EngineError(Finding("cluster.empty", self.scheduler)) from None
         with contextlib.suppress(ImportError, AttributeError):
             own = source_digest("identifiability")
             if set(self.client.run(source_digest, "identifiability").values()) == {own}:
                 return
-        raise EngineError(_OTHER)
+        raise EngineError(Finding("cluster.other"))
 
     def close(self) -> None:
         """Leave the cluster."""
@@ -152,17 +130,11 @@ def choose_engine(
     """
     name = engine or ("processes" if scheduler is None else "dask")
     if scheduler is None and name == "dask":
-        raise EngineError(
-            "The engine 'dask' works on a cluster; give the address that 'dask scheduler' prints "
-            "(scheduler=tcp://host:8786), or the engine 'processes' for this machine."
-        )
+        raise EngineError(Finding("cluster.address"))
     if scheduler is not None and name != "dask":
         raise EngineError(f"The engine '{name}' has no scheduler; give the engine 'dask' with it.")
     if scheduler is not None and workers is not None:
-        raise EngineError(
-            f"The cluster at '{scheduler}' has its own workers; leave out their number, or the "
-            "scheduler to start them here."
-        )
+        raise EngineError(Finding("cluster.workers", scheduler))
     if scheduler is not None:
         made: Engine = Dask(scheduler)
     elif name == "serial":

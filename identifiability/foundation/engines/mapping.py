@@ -29,6 +29,7 @@ import cloudpickle
 from threadpoolctl import ThreadpoolController
 
 from identifiability.foundation.errors import EngineError, OutputError
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.output import temporary_folder, write_bytes
 
 Item = TypeVar("Item")
@@ -211,10 +212,7 @@ class Processes(Engine):
                 yield from in_order(submit, items, self.workers)
                 whole = True
             except BrokenExecutor:
-                raise EngineError(
-                    "A worker process was lost, most likely for lack of memory; give fewer than "
-                    f"{self.workers} workers, or the serial engine."
-                ) from None
+                raise EngineError(Finding("workers.lost", workers=self.workers)) from None
             finally:
                 if not whole:
                     self.close()
