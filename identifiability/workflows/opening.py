@@ -310,32 +310,26 @@ def state_provenance(
 ) -> dict[str, str]:
     """Return everything that decided the numbers: versions, seed, options, hashes of the inputs."""
     out = {"python": platform.python_version(), "identifiability": __version__}
-    for package in _PACKAGES:
-        out[package] = find_version(package) or "not installed"
-    out["seed"] = str(seed)
-    out["solver"] = _solver_settings()
-    out.update({name: str(value) for name, value in (options or {}).items()})
+    out |= {package: find_version(package) or "not installed" for package in _PACKAGES}
+    out |= {"seed": str(seed), "solver": _solver_settings()}
+    out |= {name: str(value) for name, value in (options or {}).items()}
     out[f"sha256 {robot.path.name}"] = robot.sha256
     if robot.sidecar is not None:
         out["sidecar"] = robot.sidecar.name
         out[f"sha256 {robot.sidecar.name}"] = sha256(robot.sidecar.read_bytes()).hexdigest()
-    if robot.columns:
-        out["columns"] = robot.columns.text
-    if robot.time_unit:
-        out["time unit"] = robot.time_unit
-    if robot.torque.text:
-        out["torque"] = robot.torque.text
-    if robot.known_torque:
-        out["known torque"] = "; ".join(k.text for k in robot.known_torque)
-    if robot.angles is not None:
-        out["angles"] = robot.angles
-    if robot.locked:
-        out["locked"] = ", ".join(f"{name} = {at:g}" for name, at in robot.locked.items())
+    said = {
+        "columns": robot.columns.text,
+        "time unit": robot.time_unit,
+        "torque": robot.torque.text,
+        "known torque": "; ".join(k.text for k in robot.known_torque),
+        "angles": robot.angles,
+        "locked": ", ".join(f"{name} = {at:g}" for name, at in robot.locked.items()),
+    }
+    out |= {name: text for name, text in said.items() if text}
     if source is not None:
         out["ladder"] = source.origin
         out["sha256 ladder"] = source.sha256
-    for s in samples:
-        out[f"sha256 {s.path or s.name}"] = s.sha256
+    out |= {f"sha256 {s.path or s.name}": s.sha256 for s in samples}
     return out
 
 

@@ -265,43 +265,22 @@ class Session:
 
         Bodies that the file weighs wrongly move the delay with which its rollouts follow, and
         servos that are stiff make much torque of that: so it is found again with the bodies fitted,
-        until it moves by less than its own error. Rollouts that err more are refused. Where all
-        that moved it by less than the error it was first stated with, the first is as good.
+        where rollouts then err less.
         """
-        found = self._follow_bodies(rng, method, kind, cad_weight)
-        given = found.recordings
-        if given.rolled is None:
+        found = self.follow(rng)
+        start = found.recordings.rolled
+        if start is None:
             return found
+        if start.delay_errors.any():  # not where delays are known
+            better = found._with_fitted_bodies(rng, method, kind, cad_weight)
+            after = None if better is None else better.recordings.rolled
+            if better and after and np.mean((after.errors / start.errors) ** 2) < 1:
+                found = better
+        given = found.recordings
         from identifiability.workflows.commanded import calibrate  # noqa: PLC0415 - MuJoCo
 
         unseen = calibrate(self.structure, given.held_out, given.values, self.how, rng, {})
         return replace(found, recordings=replace(given, held_out=unseen))
-
-    def _follow_bodies(
-        self, rng: np.random.Generator, method: Method, kind: Kind, cad_weight: float | None
-    ) -> Session:
-        first = self.follow(rng)
-        start = first.recordings.rolled
-        if start is None or not start.delay_errors.any():  # none, or delays are known
-            return first
-        session, before = first, start
-        # A robot is fitted to what commands make of torque, and this is calibrated on it,
-        # so often.
-        for _ in range(5):
-            better = session._with_fitted_bodies(rng, method, kind, cad_weight)
-            after = None if better is None else better.recordings.rolled
-            if better is None or after is None:
-                break
-            gained = 1 - float(np.mean((after.errors / before.errors) ** 2))
-            if gained < 0:
-                break
-            settled = np.abs(after.delays - before.delays) <= after.delay_errors
-            session, before = better, after
-            # Share of the squared error of rollouts that is worth another one.
-            if settled.all() and gained < 0.1:
-                break
-        moved = np.abs(before.delays - start.delays) > start.delay_errors
-        return session if moved.any() else first
 
     def _with_fitted_bodies(
         self, rng: np.random.Generator, method: Method, kind: Kind, cad_weight: float | None
