@@ -456,6 +456,8 @@ def excite(
     report: Annotated[Path | None, options.Writes(".html", ".htm")] = None,
 ) -> None:
     """Find a motion that is worth measuring, within the limits of the robot."""
+    beside = ("machine", "work", "out", "searched", "played", "commands", "rate", "report")
+    own = {name: value for name, value in locals().items() if name not in beside}
     with work.running() as (say, how, _):
         from identifiability.foundation.output import check_ending  # noqa: PLC0415
         from identifiability.workflows.excite import excite as run  # noqa: PLC0415
@@ -463,32 +465,13 @@ def excite(
 
         if commands:
             say("finding commands", 0.1)
-            found = excite_commands(
-                machine.load(),
-                duration=duration or 15.0,
-                rate=rate or 50.0,
-                limits=limits,
-                scale=played.scale,
-                seed=seed,
-            )
-            written = common.write_all((found.write, out))
-            common.print_end([found.statement], written)
+            make = partial(excite_commands, machine.load(), limits=limits, scale=played.scale)
+            found = make(duration=duration or 15.0, rate=rate or 50.0, seed=seed)
+            common.print_end([found.statement], common.write_all((found.write, out)))
             return
         check_ending(out, ".json", ".csv", ".mcap")
-        rate = rate or 500.0
-        result = run(
-            machine.load(),
-            duration=duration,
-            limits=limits,
-            parameters=parameters,
-            model=model,
-            start_from=start_from,
-            separate=separate,
-            seed=seed,
-            **how,
-            **vars(searched),
-        )
-        json = out.suffix.lower() == ".json"
+        rate, json = rate or 500.0, out.suffix.lower() == ".json"
+        result = run(machine.load(), **own, **how, **vars(searched))
         play = partial(result.write_motion, rate=rate, periods=played.periods)
         outputs = options.Outputs(report)
         written = outputs.write(result, say, (result.to_json if json else play, out))
