@@ -44,10 +44,9 @@ from identifiability.logs.prepare.plan import joint_log, noise_level
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum
 from identifiability.physical.feasibility import find_impossible_bodies
-from identifiability.quality import MeasuredLogs
 from identifiability.quality.rules import RULES as ODDITY_RULES
 from identifiability.regression.reduction import ModelLike, choose_model, find_ladder, ladder_model
-from identifiability.regression.structure import OfStructure, Structure, group_columns
+from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.sidecar import read_sidecar
 from identifiability.workflows.answers import answer_next, with_hints
@@ -60,7 +59,7 @@ from identifiability.workflows.opening import (
     share,
     state_provenance,
 )
-from identifiability.workflows.session import Opening, Session
+from identifiability.workflows.session import Session
 
 # What a robot file and logs hold, before anything is fitted.
 #
@@ -211,6 +210,10 @@ def _quoted(names: Sequence[str]) -> list[str]:
 # What is in a log: its clock, its columns joint by joint, and how it would be prepared.
 
 
+#: Keys of joints that a checks' sentence has taken the place of, for one release.
+OLDER = dict.fromkeys(("step", "torque_step", "frozen", "saturated", "scale"))
+
+
 @frozen
 class Record:
     """What is in a log.
@@ -261,7 +264,8 @@ class Record:
             "sha256": self.sha256,
             "channels": list(self.channels),
             "notes": list(self.notes),
-            "joints": [_plain(joint) for joint in self.joints.to_dict("records")],
+            "joints": [_plain(OLDER | joint) for joint in self.joints.to_dict("records")],
+            "repeated": None,
         }
 
 
@@ -338,25 +342,6 @@ def describe_log(robot: Robot, log: Log, prepared: Dataset | None, refused: str 
 # `inspect`: a robot file, and logs before anything is fitted to them, as an `Inspection`.
 
 
-# `Inspection`: what a robot file says, what its logs must have, and what is in some logs.
-
-
-@frozen
-class Excited:
-    """What the motion of all logs together shows of the base parameters.
-
-    Attributes
-    ----------
-    rank : int
-        Base parameters that it excites.
-    condition : float
-        Condition number of their columns, each scaled to the same length.
-    """
-
-    rank: int
-    condition: float
-
-
 @frozen(kw_only=True)
 class Inspection(OfStructure, Result):
     """What there is to know before anything is fitted.
@@ -370,8 +355,6 @@ class Inspection(OfStructure, Result):
         What the robot file leaves open.
     records : tuple of Record
         One a log.
-    excited : Excited or None
-        None where no log could be prepared.
     hints : tuple of str
         What is odd, the same that `analyze` says.
     provenance : mapping
@@ -386,7 +369,6 @@ class Inspection(OfStructure, Result):
     joints: tuple[JointFact, ...]
     needs: tuple[Need, ...]
     records: tuple[Record, ...] = ()
-    excited: Excited | None = None
     hints: tuple[str, ...] = ()
     provenance: Mapping[str, str] = field(default_factory=dict)
     preparation: Preparation = Preparation()
@@ -409,7 +391,7 @@ class Inspection(OfStructure, Result):
 
     def answers(self) -> tuple[Answer, ...]:
         """Return whether logs can be used and what they show, or what the robot needs."""
-        of_logs, of_robot = (_usable, _excited, _content), (_columns, _most, _open)
+        of_logs, of_robot = (_usable, _content), (_columns, _most, _open)
         answers = [build(self) for build in (of_logs if self.records else of_robot)]
         return (*answers, answer_next(_next_commands(self)))
 
@@ -460,8 +442,8 @@ class Inspection(OfStructure, Result):
             "naming": phrase("needs", "naming"),
             "needs": [asdict(need) for need in self.needs],
             "logs": [_plain(r.to_dict()) for r in self.records],
-            "excited": self.excited.rank if self.excited is not None else None,
-            "condition": self.excited.condition if self.excited is not None else None,
+            "excited": None,  # older keys
+            "condition": None,
             "hints": list(self.hints),
             "statement": self.statement,
             "provenance": dict(self.provenance),
@@ -562,14 +544,13 @@ def _with_logs(
             prepared[k] = prepare_log(robot, log, settled, engine=engine, progress=reading)
         except IdentifiabilityError as error:
             refused[k] = str(error)
-    hints, excited = recordings.hints, None
+    hints = recordings.hints
     say("looking for what is odd", 0.6)
     if prepared:
         good = replace(recordings, fitted=tuple(recordings.fitted[k] for k in prepared))
         waiting = iter(prepared.values())
         sound = replace(session, recordings=good, engine=Serial())
-        opening = sound.open(prepare=lambda _log: next(waiting))
-        hints, excited = opening.hints, _measure(opening)
+        hints = sound.open(prepare=lambda _log: next(waiting)).hints
     say("looking at every column", 0.8)
     records = tuple(
         describe_log(robot, log, prepared.get(k), refused.get(k, ""))
@@ -581,7 +562,6 @@ def _with_logs(
         joints=found.joints,
         needs=found.needs,
         records=records,
-        excited=excited,
         hints=tuple(dict.fromkeys((*refused.values(), *hints))),
         provenance={**found.provenance, **hashes},
         preparation=how or Preparation(),
@@ -594,18 +574,6 @@ def _settle(session: Session) -> Preparation:
         return session.how
     except IdentifiabilityError:
         return session.preparation or Preparation()
-
-
-def _measure(opening: Opening) -> Excited:
-    """Return what the motion of some logs excites where there is torque."""
-    logs = MeasuredLogs(opening.structure, (), opening.samples)
-    structure = logs.structure
-    W = structure.model.regressor(structure.robot, logs.motion)[:, :, structure.base.kept]
-    W = W * logs.data[:, :, None]
-    kept = [structure.parameters[k] for k in structure.base.kept]
-    groups = group_columns(W.reshape(-1, W.shape[2]), kept)
-    s = groups.singular_values[: groups.rank]
-    return Excited(groups.rank, float(s[0] / s[-1]) if len(s) else np.inf)
 
 
 #: Things of which the first screen says what they are.
@@ -633,18 +601,6 @@ def _usable(result: Inspection) -> Answer:
         "Neither the robot file nor limits nor physics contradict them.",
         "green",
     )
-
-
-def _excited(result: Inspection) -> Answer:
-    question, rank = "How much do they show?", result.base.rank
-    if result.excited is None:
-        return Answer(question, "Nothing: no log could be prepared.", tone="vermilion")
-    found = result.excited
-    short = f"{found.rank} of {format_count(rank, 'base parameter')} are excited."
-    text = "No motion of this robot shows more." if found.rank == rank else ""
-    if np.isfinite(found.condition):
-        text += f" Condition number {format_number(found.condition, 3)}."
-    return Answer(question, short, text.strip(), "green" if found.rank == rank else "amber")
 
 
 def _content(result: Inspection) -> Answer:
@@ -692,12 +648,7 @@ def _next_commands(result: Inspection) -> list[tuple[str, str]]:
         return [*first, ("Find a motion that is worth measuring:", motion)]
     logs = name_logs(result.robot, good)
     judge = f"identifiability analyze {robot} {logs} --report report.html --json analyze.json"
-    out = [("Say which parameters they determine:", judge)]
-    if result.excited is not None and result.excited.rank < result.base.rank:
-        begun = name_logs(result.robot, good, "--start-from")
-        more = f"identifiability excite {robot} {begun} --out next.json"
-        out.append(("Find the motion that shows the rest:", more))
-    return out
+    return [("Say which parameters they determine:", judge)]
 
 
 def _share(value: float) -> str:

@@ -11,6 +11,7 @@ import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, field, replace
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any, ClassVar, Literal, get_type_hints
@@ -42,16 +43,6 @@ Verb = Literal["analyze", "prune", "diagnose"]
 
 #: What stands in the folder of the answers.
 PAGE, TABLE, JSON, ROBOTS = "index.html", "table.csv", "table.json", "robots"
-
-
-@frozen
-class Task:
-    """What is asked of the robot in a folder, with the digest of all that leads to an answer."""
-
-    folder: Path
-    verb: str
-    options: Mapping[str, Any]
-    digest: str
 
 
 def _find(folder: Path) -> tuple[Path, list[Path], list[Path]]:
@@ -144,16 +135,26 @@ class Row:
         return "" if self.failed else f"{ROBOTS}/{self.robot}.html"
 
 
-def run_task(task: Task) -> tuple[Row, bytes, bytes]:
-    """Return the row of a robot, its JSON and its page; whatever goes wrong stands in the row."""
-    row = Row(robot=task.folder.name)
+def run_task(
+    verb: str, options: Mapping[str, Any], task: tuple[Path, str]
+) -> tuple[Row, bytes, bytes]:
+    """Return the row of a robot, its JSON and its page; whatever goes wrong stands in the row.
+
+    Parameters
+    ----------
+    verb : str
+    options : mapping
+    task : (Path, str)
+        Its folder, with the digest of all that leads to an answer.
+    """
+    row, own = Row(robot=task[0].name), dict(options)
     try:
-        robot, fitted, held = _find(task.folder)
+        robot, fitted, held = _find(task[0])
         row = replace(row, logs=tuple(p.name for p in fitted), held=tuple(p.name for p in held))
-        own, options = read_settings(robot)["preparation"], dict(task.options)
-        if own and options.get("preparation") is None:
-            options["preparation"] = Preparation(**own)
-        result: Result = VERBS[task.verb](robot, fitted, held, engine=Serial(), **options)
+        stated = read_settings(robot)["preparation"]
+        if stated and own.get("preparation") is None:
+            own["preparation"] = Preparation(**stated)
+        result: Result = VERBS[verb](robot, fitted, held, engine=Serial(), **own)
         with temporary_folder() as folder:
             told = result.to_json(Path(folder, f"{row.robot}.json")).read_bytes()
             page = result.write_report(Path(folder, f"{row.robot}.html")).read_bytes()
@@ -321,11 +322,11 @@ def analyze_many(
     if twice := [place.name for place in places if counts[place.name.casefold()] > 1]:
         raise OptionError(f"Two robots are called '{twice[0]}'; rename the folder of one.")
     say("looking at robots and logs", 0.0)
-    tasks = [Task(p, verb, options, _digest(p, options)) for p in places]
+    tasks = [(place, _digest(place, options)) for place in places]
     _open(folder)
     rows: list[Row] = []
     with running(engine) as runner:
-        for row, told, page in runner.map(run_task, tasks):
+        for row, told, page in runner.map(partial(run_task, verb, options), tasks):
             rows.append(row)
             if not row.failed:
                 write_bytes(folder / ROBOTS / f"{row.robot}.json", told)

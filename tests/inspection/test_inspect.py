@@ -91,16 +91,6 @@ def test_columns_of_a_template_are_those_that_a_log_is_read_by(tmp_path, gripper
     assert path.read_bytes() == kept
 
 
-def test_a_joint_without_torque_excites_nothing_of_its_drive(run):
-    frame = run.to_frame()
-    joint = run.joints[-1]
-    frame[f"{joint}.tau"] = np.nan
-    whole, part = look(run), look(Log.from_frame(frame))
-    drives = [n for n in whole.base.names if n.startswith(f"{joint}.")]
-    assert whole.excited.rank == whole.base.rank
-    assert part.excited.rank <= whole.base.rank - len(drives)
-
-
 def test_a_good_log_is_told_as_it_is(run):
     found = look(run)
     (record,) = found.records
@@ -114,7 +104,6 @@ def test_a_good_log_is_told_as_it_is(run):
         assert 0.1 < joint.bandwidth < 5.0
         fastest = np.abs(np.gradient(run.q[:, k], run.t)).max()
         assert joint.speed == pytest.approx(fastest, rel=0.05)
-    assert found.excited.rank == found.base.rank
 
 
 def test_gaps_and_saturation_are_those_that_were_put_in(run):
@@ -132,7 +121,6 @@ def test_what_cannot_be_prepared_is_a_result_and_what_cannot_be_read_is_refused(
     shoulder, elbow = np.degrees(run.q).T
     found = look(run, shoulder__q=shoulder, elbow__q=elbow)
     assert found.refused
-    assert found.excited is None
     assert "Can these logs be used? No." in found.statement
     assert found.hints[0] == found.records[0].refused
     assert render_page(build_page(found)).count("data-trace=") == 4
