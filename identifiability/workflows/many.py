@@ -22,6 +22,7 @@ import pandas as pd
 from identifiability.foundation.answers import Cell, Column, Note, Table
 from identifiability.foundation.engines.mapping import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing, near_match
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import FilePath, OptionError, check_option, checked
 from identifiability.foundation.output import temporary_folder, write_bytes
@@ -54,7 +55,7 @@ def _find(folder: Path) -> tuple[Path, list[Path], list[Path]]:
         If there is no folder, no log, or not one robot file.
     """
     if not folder.is_dir():
-        raise OptionError(f"There is no folder '{folder}'; give one with a robot file and logs.")
+        raise OptionError(Finding("fleet.none", folder))
     there = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
     files = [path for path in there if path.suffix.lower() in ENDINGS]
     files = [p for p in files if p.name in ("robot.xml", "robot.urdf")][-1:] or files
@@ -63,7 +64,7 @@ def _find(folder: Path) -> tuple[Path, list[Path], list[Path]]:
         raise OptionError(f"'{folder}' {has}; there must be one robot.urdf or robot.xml.")
     logs = [p for p in there if p.suffix.lower() in (".csv", ".parquet", *BAGS) or is_bag(p)]
     if not logs:
-        raise OptionError(f"'{folder}' has no logs; put CSV or Parquet files or bags into it.")
+        raise OptionError(Finding("fleet.logs", folder))
     fitted = logs[:-1] or logs
     return files[0], fitted, logs[len(fitted) :]
 
@@ -350,10 +351,7 @@ def _open(folder: Path) -> None:
     try:
         there = list(folder.iterdir()) if folder.exists() else []
         if there and not (folder / JSON).is_file():
-            raise OutputError(
-                f"'{folder}' holds '{there[0].name}' and no answer about many robots; give a new "
-                "folder (--out)."
-            )
+            raise OutputError(Finding("fleet.other", folder, name=there[0].name))
         (folder / ROBOTS).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"'{folder}' cannot be used: {error.strerror or error}.") from None

@@ -701,21 +701,13 @@ def _trust(result: TorquePrediction) -> Answer:
     for joint, share in zip(result.robot.joints, result.unknown, strict=True):
         if share > 0:
             new.append(joint)
-    text = ""
-    if new:
-        text = (
-            f" At {join(new)} this motion acts on parameters that the fitted motion never showed: "
-            "there the interval has no end."
-        )
+    text = f" {phrase('predicted', 'new', joints=new)}" if new else ""
     if not any(result.measured):
         return Answer(question, "Nothing was measured that could tell.", text.strip(), "grey")
     inside, few = float(result.inside.mean()), _few(result)
     size = f"{error_text(inside)} of the samples lie in their 95 % interval."
     if few:
-        why = (
-            f"Too few samples of {join(few, 6)} do. A load, a temperature or the "
-            "robot changed since, or this motion shows what the model leaves out."
-        )
+        why = phrase("predicted", "few", joints=few)
         return Answer(question, f"No: only {size}", why + text, "vermilion")
     return Answer(question, f"Yes: {size}", text.strip(), "amber" if new else "green")
 
