@@ -108,8 +108,9 @@ def follow_commands(
             fitted=values,
         )
     except RobotError as error:
-        part = "none" if robot.servo.delay is None else "stated"
-        said = Finding("rollouts", text=phrase("rollouts", part, error=str(error)))
+        free = robot.servo.delay is None
+        text = phrase("rollouts", "none" if free else "stated", error=str(error))
+        said = Finding("rollouts", text=text)
         return replace(recordings, hints=(said, *hints), rolled=None)
     doubt = check_found(robot, commanded, found)
     if first is not None:
