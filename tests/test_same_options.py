@@ -79,25 +79,6 @@ def test_the_sidecar_sets_what_no_option_does(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("verb", "names"),
-    [
-        ("analyze", "validate ladder posterior replicates seed quick"),
-        ("prune", "validate ladder forbid force replicates seed quick"),
-        ("diagnose", "validate model seed quick"),
-        ("calibrate", "model seed quick"),
-        ("payload", "without body"),
-        ("inspect", "model"),
-        ("compare", "ladder"),
-    ],
-)
-def test_options_have_names_and_defaults_of_the_library(verb, names, commands):
-    known = {p.name: p for p in commands[verb].params}
-    library = inspect.signature(getattr(identifiability, verb)).parameters
-    for name in names.split():
-        assert (known[name].default or None) == (library[name].default or None)
-
-
-@pytest.mark.parametrize(
     ("holder", "function"),
     [
         *((getattr(verbs, verb).function, getattr(identifiability, verb)) for verb in OPTIONS),

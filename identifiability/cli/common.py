@@ -121,7 +121,7 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
     from identifiability.foundation.rounding import format_count  # noqa: PLC0415
 
     hints, mass = getattr(result, "hints", ()), getattr(result, "mass_statement", "")
-    said = result.statement
+    said, robot = result.statement, getattr(result, "robot", None)
     for hint in hints:  # each by itself
         said = said.replace(hint, "").rstrip()
     print_end([*filter(None, [said, mass]), *more])
@@ -129,7 +129,7 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
         if table.long:
             continue
         shown = max(LISTED, (table.marked or 0) + 4)
-        print_table(table, shown, result.heading[0])
+        print_table(table, shown, getattr(robot, "title", ""))
         if (left := len(table.rows) - shown) > 0:
             which = "with smaller errors" if table.worst is not None else "below them"
             where = "the page" if any(p.suffix == ".html" for p in written) else "--report"

@@ -136,39 +136,37 @@ class TorquePrediction(Result):
         return self.fit.submodel.name
 
     @cached_property
-    def errors(self) -> tuple[Prediction, Prediction] | None:
-        """Errors of low-passed and of raw torque in the logs that have torque; None without."""
-        if not any(self.measured):
-            return None
-        known = np.flatnonzero(self.measured)
-        rows = np.isin(self.log, known)
-        log = np.searchsorted(known, self.log[rows])
-        times = [self.t[self.log == k] for k in known]
+    def known(self) -> np.ndarray:
+        """Where torque was measured and is data, (N, n) bool."""
+        known: np.ndarray = self.data & np.array(self.measured, bool)[self.log][:, None]
+        return known
+
+    @cached_property
+    def errors(self) -> tuple[Prediction, Prediction]:
+        """Errors of low-passed and of raw torque where it is known."""
+        times = [self.t[self.log == k] for k in range(len(self.logs))]
+        found = self.predicted[:, :, None], self.log, self.known
         low, raw = (
-            Prediction.of(times, tau[rows], self.predicted[rows, :, None], log, self.data[rows])
-            for tau in (self.tau, self.raw)
+            Prediction.of(times, np.nan_to_num(tau), *found) for tau in (self.tau, self.raw)
         )
         return low, raw
 
     @property
     def error_ra(self) -> float:
         """ε_RA of low-passed torque; nan where none was measured."""
-        return float("nan") if self.errors is None else float(self.errors[0].relative_error()[0])
+        return float(self.errors[0].relative_error()[0])
 
     @property
     def error_ra_raw(self) -> float:
         """ε_RA of raw torque; nan where none was measured."""
-        return float("nan") if self.errors is None else float(self.errors[1].relative_error()[0])
+        return float(self.errors[1].relative_error()[0])
 
     @property
     def inside(self) -> Array:
         """Share of low-passed samples inside the interval of a new one, of each joint, (n,)."""
-        rows = np.isin(self.log, np.flatnonzero(self.measured))
-        if not rows.any():
-            return np.full(len(self.robot.joints), np.nan)
-        data = self.data[rows]
-        hit = (np.abs(self.tau - self.predicted) <= self.low)[rows] & data
-        share: Array = hit.sum(0) / np.maximum(data.sum(0), 1)
+        hit = (np.abs(self.tau - self.predicted) <= self.low) & self.known
+        count = np.where(self.known.any(0), self.known.sum(0), np.nan)
+        share: Array = hit.sum(0) / count
         return share
 
     @property
@@ -218,14 +216,10 @@ class TorquePrediction(Result):
 
     def error_frame(self) -> pd.DataFrame:
         """Return one row a joint: its error over its own scale, in N or N·m, and inside what."""
-        columns: dict[str, Any] = {"joint": self.robot.joints}
-        columns["unit"] = self.robot.torque_units
-        for name, part in zip(("", "_raw"), self.errors or (None, None), strict=True):
-            nothing = np.full(len(self.robot.joints), np.nan)
-            columns |= {
-                f"error{name}": nothing if part is None else part.joint_error()[:, 0],
-                f"rms{name}": nothing if part is None else part.joint_rms()[:, 0],
-            }
+        columns: dict[str, Any] = {"joint": self.robot.joints, "unit": self.robot.torque_units}
+        for name, part in zip(("", "_raw"), self.errors, strict=True):
+            rms = np.where(self.known.any(0), part.joint_rms()[:, 0], np.nan)
+            columns |= {f"error{name}": part.joint_error()[:, 0], f"rms{name}": rms}
         return pd.DataFrame({**columns, "inside": self.inside, "unknown": self.unknown})
 
     def parameters_frame(self) -> pd.DataFrame:
@@ -244,20 +238,11 @@ class TorquePrediction(Result):
             "error_ra_raw": self.error_ra_raw,
             "joints": self.error_frame().to_dict("records"),
             "logs": [
-                {"log": name, "error": error}
-                for name, error in zip(self.logs, self._errors_by_log(), strict=True)
+                {"log": name, "error": float(self.errors[0].relative_error(k)[0])}
+                for k, name in enumerate(self.logs)
             ],
             "preparation": {name: list(notes) for name, notes in self.notes.items()},
         }
-
-    def _errors_by_log(self) -> list[float]:
-        """Return ε_RA of low-passed torque of each log; nan where none was measured."""
-        if self.errors is None:
-            return [float("nan")] * len(self.logs)
-        low, at = self.errors[0], np.maximum(np.cumsum(self.measured) - 1, 0)
-        each = [float(low.relative_error(int(k))[0]) for k in at]
-        errors: list[float] = np.where(self.measured, each, np.nan).tolist()
-        return errors
 
     def write(self, path: str | Path) -> Path:
         """Write all samples as CSV or Parquet, whole or not at all.
@@ -720,15 +705,9 @@ def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:
     line = f"identifiability predict {robot} {given} {every} --out torque.csv"
     table = [("Have every sample with its intervals as a table:", line)]
     table *= result.written("table") is None
-    if any(result.measured) and _few(result):
-        page = f"{measured} --report missing.html"
-        return [
-            (
-                "Find out what is missing on this motion:",
-                f"identifiability diagnose {robot} {page}",
-            ),
-            *table,
-        ]
+    if _few(result):
+        line = f"identifiability diagnose {robot} {measured} --report missing.html"
+        return [("Find out what is missing on this motion:", line), *table]
     text, name = name_export(result.robot, result.fit.names, result.fit.errors)
     return [*table, (text, f"identifiability export {robot} {given} --out {name}")]
 
@@ -825,13 +804,15 @@ class PositionPrediction(Result):
     @property
     def totals(self) -> Array:
         """Error of each run over all joints that turn, or if none does, slide (rms), (runs,)."""
-        return np.asarray(np.sqrt(np.mean(self.errors[:, self.alike] ** 2, axis=1)))
+        return self._together(self.errors)
 
     @property
     def window_totals(self) -> Array:
         """The same over windows of a second."""
-        each = np.array([run.window_errors[self.alike] for run in self.runs])
-        return np.asarray(np.sqrt(np.mean(each**2, axis=1)))
+        return self._together(np.array([run.window_errors for run in self.runs]))
+
+    def _together(self, errors: Array) -> Array:
+        return np.asarray(np.sqrt(np.mean(errors[:, self.alike] ** 2, axis=1)))
 
     def answers(self) -> tuple[Answer, ...]:
         """Return by how much positions err, and what moved the robots, and when."""
@@ -867,10 +848,10 @@ class PositionPrediction(Result):
         """
         parts = []
         for k, log in enumerate(self.logs):
+            found = [("q", log.q), *((run.name, run.q[k]) for run in self.runs)]
             columns: dict[str, Any] = {"log": log.name, "t": log.t}
             for i, joint in enumerate(log.joints):
-                columns[f"{joint}.q"] = log.q[:, i]
-                columns |= {f"{joint}.{run.name}": run.q[k][:, i] for run in self.runs}
+                columns |= {f"{joint}.{name}": q[:, i] for name, q in found}
             parts.append(pd.DataFrame(columns))
         return write_table(path, pd.concat(parts, ignore_index=True))
 

@@ -1,6 +1,5 @@
 """What was finished is not done again; what is damaged or different is."""
 
-import importlib
 import signal
 import sys
 import time
@@ -102,22 +101,6 @@ def test_another_program_is_new_work(run, monkeypatch):
     monkeypatch.setattr(prints, "source_digest", text)
     monkeypatch.setattr(prints, "find_version", lambda name: "9")
     assert run(square, range(2))[1] == [0, 1]
-
-
-def test_the_digest_of_a_package_is_that_of_its_files(tmp_path, monkeypatch):
-    package = tmp_path / "some_study"
-    package.mkdir()
-    (package / "__init__.py").write_text("")
-    (package / "part.py").write_text("x = 1\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    importlib.import_module("some_study")
-    prints.source_digest.cache_clear()
-    first = prints.source_digest("some_study")
-    prints.source_digest.cache_clear()
-    (package / "part.py").write_text("x = 2\n")
-    assert len(first) == 64
-    assert prints.source_digest("some_study") not in ("", first)
-    assert prints.source_digest("no_such_module") == ""
 
 
 def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path):
