@@ -12,7 +12,7 @@ from __future__ import annotations
 import sys
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from copy import copy
 from dataclasses import asdict, astuple, dataclass, is_dataclass
 from functools import cache
@@ -435,12 +435,8 @@ def _as_kind(kind: Any, text: str) -> Any:
     """Return what a text says as a kind of value; the text itself where it says none."""
     if kind is bool:
         return {"true": True, "false": False}.get(text.lower(), text)
-    for number in (int, float):
-        if kind in (number, float):
-            try:
-                return number(text)
-            except ValueError:
-                continue
+    with suppress(ValueError):
+        return int(text) if kind is int else float(text) if kind is float else text
     return text
 
 

@@ -76,27 +76,19 @@ def check_writable(path: FilePath) -> Path:
     """
     path = Path(path)
     try:
-        mode = _mode(path)
-        if mode is not None and stat.S_ISDIR(mode):
-            raise OutputError(f"'{path}' is a folder; give a file name to write to.")
-        if mode is not None and not stat.S_ISREG(mode):
-            raise OutputError(f"'{path}' is no regular file; give another name to write to.")
-        folder = real(path).parent
-        if not folder.is_dir():
-            raise OutputError(f"The folder '{folder}' does not exist; create it or choose another.")
+        mode, folder = _mode(path), real(path).parent
+        wrong = {
+            "folder": mode is not None and stat.S_ISDIR(mode),
+            "special": mode is not None and not stat.S_ISREG(mode),
+            "nowhere": not folder.is_dir(),
+            "closed": not os.access(folder, os.W_OK),
+            # Another run may put its file there at any time, and take none away.
+            "protected": path.exists() and not os.access(path, os.W_OK),
+        }
     except (OSError, ValueError) as error:
         raise OutputError(f"'{path}' cannot be written: {_reason(error)}.") from None
-    if not os.access(folder, os.W_OK):
-        raise OutputError(f"The folder '{folder}' is not writable; choose another.")
-    if mode is not None:
-        try:  # one question, as another run may put its file there at any time
-            os.close(os.open(path, os.O_WRONLY))
-        except FileNotFoundError:
-            pass
-        except OSError:
-            raise OutputError(
-                f"'{path}' is protected against writing; give another name."
-            ) from None
+    for problem in (key for key, holds in wrong.items() if holds):
+        raise OutputError(Finding(f"output.{problem}", path, folder=folder))
     return path
 
 
