@@ -8,7 +8,7 @@ from dataclasses import asdict, fields, replace
 from functools import cached_property
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Any, ClassVar, cast
+from typing import Annotated, Any, ClassVar, Literal, cast
 
 import numpy as np
 import pandas as pd
@@ -497,6 +497,18 @@ def _along(fit: Fit, logs: Logs, engine: Engine | None) -> TorquePrediction:
     )
 
 
+class PreparationEntry(Entry):
+    """How logs were prepared."""
+
+    derivatives: Literal["auto", "given", "butterworth", "fourier"] = "auto"
+    cutoff: float | None = None
+    period: float | None = None
+    harmonics: int = 5
+    decimate: int | None = None
+    outputs: float | None = None
+    keep_rest: bool = False
+
+
 class FitEntry(Entry):
     """A fitted model in the JSON of a result."""
 
@@ -510,7 +522,7 @@ class FitEntry(Entry):
     dof: list[float]
     base_covariance: list[list[float]]
     base_unknown: list[list[float]]
-    preparation: dict[str, Any]
+    preparation: PreparationEntry
 
 
 class GravityEntry(Entry):
@@ -605,13 +617,13 @@ def _build(entry: FitEntry, robot: Robot, where: str) -> Fit:
         unknown=_shaped(entry.unknown, (k, -1), where) if k else np.empty((0, 0)),
         **{x: _shaped(getattr(entry, x), (n,), where) for x in ("low", "raw", "dof")},
     )
-    b, known = len(structure.base), [f.name for f in fields(Preparation)]
+    b = len(structure.base)
     return Fit(
         structure=structure,
         submodel=submodel,
         values=_shaped(entry.values, (k,), where),
         spread=spread,
-        preparation=Preparation(**{k: x for k, x in entry.preparation.items() if k in known}),
+        preparation=Preparation(**entry.preparation.model_dump()),
         base_covariance=_shaped(entry.base_covariance, (b, b), where),
         base_unknown=_shaped(entry.base_unknown, (b, -1), where) if b else np.empty((0, 0)),
     )
