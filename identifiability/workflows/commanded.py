@@ -100,16 +100,11 @@ def follow_commands(
         return recordings
     if first is None:
         refuse_scale(structure, commanded, how)
+    known, own = robot.servo.delay, [log.select(robot.joints) for log in commanded]
     try:
-        found = fit_rollouts(
-            robot,
-            [log.select(robot.joints) for log in commanded],
-            delay=robot.servo.delay,
-            fitted=values,
-        )
+        found = fit_rollouts(robot, own, delay=known, fitted=values)
     except RobotError as error:
-        free = robot.servo.delay is None
-        text = phrase("rollouts", "none" if free else "stated", error=str(error))
+        text = phrase("rollouts", "none" if known is None else "stated", error=str(error))
         said = Finding("rollouts", text=text)
         return replace(recordings, hints=(said, *hints), rolled=None)
     doubt = check_found(robot, commanded, found)
@@ -163,15 +158,35 @@ def calibrate(
     """
     robot = structure.robot
     assert robot.servo is not None
-    machine, out = CommandedRobot(robot, values), list[Log]()
-    for log in logs:
-        if of_commands(log):
-            delay = delays.get(id(log), robot.servo.delay)
-            own = log.select(robot.joints)
-            out.append(_calibrate(structure, own, machine, values, delay, how, rng))
-        else:
-            out.append(log)
-    return tuple(out)
+    machine = CommandedRobot(robot, values)
+    known = {**robot.nominal, **values}
+    phi = np.array([known.get(name, 0.0) for name in structure.columns])
+
+    def without(log: Log, delay: float | None) -> Log:
+        delay, q = roll_late(machine, log, delay)
+        given = servo_log(replace(log, unmeasured=None), machine.servo, delay)
+        lost = np.zeros(q.shape, bool) if given.unmeasured is None else given.unmeasured.copy()
+        if not np.isfinite(q).all():  # nothing can be said of it
+            return given
+        left, count = np.zeros(q.shape), np.zeros(q.shape)
+        for _ in range(PHASES):
+            again = replace(given, q=record(q, log, rng), unmeasured=None)
+            samples = prepare_log(robot, servo_log(again, machine.servo, delay), how)
+            rows, moves = samples.motion.kept, samples.weight > 0
+            told = structure.model.regressor(robot, samples.motion) @ phi
+            left[rows] += np.where(moves, samples.tau - told, 0.0)
+            count[rows] += moves
+        lost |= count < PHASES
+        lost[: forgotten(log)] = True
+        tau = given.tau - left / np.maximum(count, 1)
+        return replace(given, tau=tau, unmeasured=lost if lost.any() else None, rollout=q)
+
+    return tuple(
+        without(log.select(robot.joints), delays.get(id(log), robot.servo.delay))
+        if of_commands(log)
+        else log
+        for log in logs
+    )
 
 
 def moved(log: Log, servo: Servo, other: Servo, more: float = 0.0) -> Log:
@@ -260,41 +275,6 @@ def refuse_scale(structure: Structure, logs: Sequence[Log], how: Preparation) ->
         gains = {"joint": robot.joints[0], "kp": servo.kp[0], "kv": servo.kv[0]}
         unit = doubt_unit(robot, logs)
         raise LogError(Finding("servos.scale", servo.source, **told, **gains, unit=unit))
-
-
-def _calibrate(
-    structure: Structure,
-    log: Log,
-    machine: CommandedRobot,
-    values: Mapping[str, float],
-    delay: float | None,
-    how: Preparation,
-    rng: np.random.Generator,
-) -> Log:
-    """Return a log whose torque has no share of what recording a rollout of it leaves."""
-    robot = structure.robot
-    delay, q = roll_late(machine, log, delay)
-    given = servo_log(replace(log, unmeasured=None), machine.servo, delay)
-    lost = np.zeros(q.shape, bool) if given.unmeasured is None else given.unmeasured.copy()
-    if not np.isfinite(q).all():  # nothing can be said of it
-        return given
-    known = {**robot.nominal, **values}
-    phi = np.array([known.get(name, 0.0) for name in structure.columns])
-    left, count = np.zeros(q.shape), np.zeros(q.shape)
-    for _ in range(PHASES):
-        again = servo_log(
-            replace(given, q=record(q, log, rng), unmeasured=None), machine.servo, delay
-        )
-        samples = prepare_log(robot, again, how)
-        rows = samples.motion.kept
-        told = structure.model.regressor(robot, samples.motion) @ phi
-        moves = samples.weight > 0
-        left[rows] += np.where(moves, samples.tau - told, 0.0)
-        count[rows] += moves
-    lost |= count < PHASES
-    lost[: forgotten(log)] = True
-    tau = given.tau - left / np.maximum(count, 1)
-    return replace(given, tau=tau, unmeasured=lost if lost.any() else None, rollout=q)
 
 
 @frozen
