@@ -456,8 +456,9 @@ def excite(
     report: Annotated[Path | None, options.Writes(".html", ".htm")] = None,
 ) -> None:
     """Find a motion that is worth measuring, within the limits of the robot."""
-    beside = ("machine", "work", "out", "searched", "played", "commands", "rate", "report")
-    own = {name: value for name, value in locals().items() if name not in beside}
+    own = dict(locals())
+    for name in ("machine", "work", "out", "searched", "played", "commands", "rate", "report"):
+        del own[name]
     with work.running() as (say, how, _):
         from identifiability.foundation.output import check_ending  # noqa: PLC0415
         from identifiability.workflows.excite import excite as run  # noqa: PLC0415

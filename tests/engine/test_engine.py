@@ -7,13 +7,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from identifiability.foundation.engines.mapping import (
-    Processes,
-    Resumed,
-    Serial,
-    choose_engine,
-    in_order,
-)
+from identifiability.foundation.engines.cluster import choose_engine
+from identifiability.foundation.engines.mapping import Processes, Resumed, Serial, in_order
 from identifiability.foundation.errors import EngineError, IdentifiabilityError, LogError
 
 

@@ -5,7 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.foundation.rounding import format_count, format_measured, format_number, join
+from identifiability.foundation.rounding import (
+    format_count,
+    format_measured,
+    format_number,
+    join,
+    percent_text,
+)
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares
 from identifiability.posterior.target import Prior, Target
@@ -36,6 +42,10 @@ def test_two_digits_of_sigma_up_to_354_and_one_from_355_to_949(sigma, value, sho
 def test_numbers_get_a_power_of_ten_below_1e_4_and_from_1e6_on(value, digits, shown):
     assert format_number(value, digits) == shown
     assert format_number(2.0, 4, pad=True) == "2.000"
+
+
+def test_percentages_have_two_digits():
+    assert [percent_text(x) for x in (9.94, 621.2, 0.0, None)] == ["9.9 %", "620 %", "0 %", "—"]
 
 
 def test_counts_agree_with_their_noun_and_lists_say_how_many_are_left_out():
