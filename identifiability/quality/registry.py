@@ -26,7 +26,7 @@ from identifiability.robot import Motion, Robot
 #: asked, of all others that in which they are said. A user's own stand behind.
 ORDER = (
     *("silent", "stuck", "wraps", "spikes", "commands", "contradictions", "copies"),
-    *("rates", "unheld", "turned", "soles", "exchanged", "clock", "unit", "late"),
+    *("unheld", "exchanged", "clock", "unit"),
     *("limits", "stopped", "flat"),
     *("bodies", "assembly", "signs", "outside", "still", "slips", "outliers"),
 )

@@ -406,7 +406,7 @@ def _describe_columns(
         survey = logs.samples[0].survey
         reach = np.maximum(np.abs(survey.low), np.abs(survey.high))
         scale = measure_factors(logs) if logs.weighs else scale
-    hung = [joint for w in windows for _, joint, *_ in find_stretches(w)]
+    hung = [joint for w in windows for joint, *_ in find_stretches(w)]
     slides = [robot.is_prismatic(int(dof)) for dof in robot.actuated]
     return pd.DataFrame(
         {

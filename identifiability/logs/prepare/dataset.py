@@ -747,7 +747,6 @@ def prepare_log(
             )
         plan = replace(plan, factor=plan.factor - 1)
         found = replace(found, decimation=plan.decimation)
-    notes = [*notes, *plan.remarks]
     if plan.decimation is not None:
         what = {"factor": plan.factor, "rate": 1.0 / (plan.step * plan.factor)}
         notes.append(Finding("decimated", log.name, rows=len(log), columns=("all",), **what))

@@ -426,8 +426,6 @@ class Plan:
         Decimation; 1 for none.
     notes : tuple of str
         How derivatives are made, for the report.
-    remarks : tuple of str
-        What seems to be wrong with the columns.
     stale : StaleRule or None
         Which values repeat the sample before and are interpolated; None leaves all as they are.
     grid : Grid or None
@@ -449,7 +447,6 @@ class Plan:
     dwells: DwellRule | None
     factor: int
     notes: tuple[str, ...]
-    remarks: tuple[str, ...] = ()
     stale: StaleRule | None = None
     grid: Grid | None = None
     smoothing: Smoothing | None = None

@@ -20,9 +20,8 @@ from identifiability.foundation.rounding import format_count
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier, signals
 from identifiability.logs.commands import of_commands
-from identifiability.logs.contradictions import check_units, find_contradictions
+from identifiability.logs.contradictions import check_units
 from identifiability.logs.gaps import Gaps, StaleRule, fill
-from identifiability.logs.log import join_logs
 from identifiability.logs.prepare.plan import (
     ORDER,
     Plan,
@@ -293,12 +292,7 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
         stands = ever_stand([stays]) if stands is None else stands
         # What friction does as a joint turns, a rollout does, too, and calibrated torque lacks.
         dwells = stays.rule().masking(stands and not of_commands(log))
-    return replace(
-        plan,
-        dwells=dwells,
-        notes=(*plan.notes, *notes),
-        remarks=tuple(find_contradictions(join_logs(windows))),
-    )
+    return replace(plan, dwells=dwells, notes=(*plan.notes, *notes))
 
 
 def _find_stays(robot: Robot, log: Log, raw: Windows, how: Preparation) -> Stays:
