@@ -14,8 +14,8 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import copy
-from dataclasses import asdict, astuple, dataclass, is_dataclass, replace
-from functools import cache, partial
+from dataclasses import asdict, astuple, dataclass, is_dataclass
+from functools import cache
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from types import NoneType, UnionType
@@ -244,25 +244,24 @@ class Verb:
     """A command that is made when it is typed: fifteen of them take longer than a help may."""
 
     function: Callable[..., None]
-    motion_alone: bool = False
 
     def made(self, name: str) -> Any:
         """Return it with its options, as typer has it."""
         alone = typer.Typer(add_completion=False, rich_markup_mode="markdown")
-        run, settings = _flattened(self.function, motion_alone=self.motion_alone)
+        run, settings = _flattened(self.function)
         alone.command(name, cls=Command, help=helps()["verbs"].get(name))(run)
         made: Any = typer.main.get_command(alone)
         made.settings = settings
         return made
 
 
-def command(*, motion_alone: bool = False) -> Callable[[Callable[..., None]], Verb]:
-    """Make a function a command, of logs without torque too where they are of `motion_alone`."""
-    return partial(Verb, motion_alone=motion_alone)
+def command() -> Callable[[Callable[..., None]], Verb]:
+    """Make a function a command."""
+    return Verb
 
 
 def _flattened(
-    function: Callable[..., None], *, motion_alone: bool
+    function: Callable[..., None],
 ) -> tuple[Callable[..., None], dict[str, Field]]:
     """Return a function as typer reads it, its groups as their options; and its settings."""
     own = {field.name: field for field in options_of(function)}
@@ -297,7 +296,7 @@ def _flattened(
             read = {name: option.read(typed[name]) for name, option in options.items()}
             read |= _read_settings(settings, tables, read.pop(SET.name, ()), typed)
             given = {name: build(field, read, None) for name, field in own.items()}
-            _look_at_logs(typed, options, given, motion_alone=motion_alone)
+            _look_at_logs(typed, options)
         function(**given)
 
     flat = [option.parameter(function.__name__) for option in options.values()]
@@ -383,29 +382,13 @@ def _recordings(
     return logs, results
 
 
-def _look_at_logs(
-    typed: Mapping[str, Any],
-    options: Mapping[str, Field],
-    given: Mapping[str, Any],
-    *,
-    motion_alone: bool,
-) -> None:
-    """Refuse logs that are not there, and tables whose columns are none of the robot's."""
+def _look_at_logs(typed: Mapping[str, Any], options: Mapping[str, Field]) -> None:
+    """Refuse logs that are not there."""
     from identifiability.logs.formats.reader import check_there  # noqa: PLC0415
 
     logs, _ = _recordings(typed, options)
     for path in logs:
         check_there(Path(path))
-    tables = [Path(name) for name in logs if name.lower().endswith(".csv")]
-    if tables and typed.get("robot"):
-        from identifiability.logs.conventions import Conventions  # noqa: PLC0415
-        from identifiability.logs.source import check_header  # noqa: PLC0415
-
-        known = replace(Conventions.of(given["machine"].load()), motion_alone=motion_alone)
-        if typed.get("mass"):  # of a load that is known, which tells gains
-            known = replace(known, torque=known.torque.with_gains())
-        for table in tables:
-            check_header(table, known)
 
 
 # Settings: of the sidecar, and of --set.

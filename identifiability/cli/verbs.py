@@ -350,7 +350,7 @@ def calibrate(
 # What is done with a fit.
 
 
-@command(motion_alone=True)
+@command()
 def predict(
     machine: options.Machine,
     result: Annotated[str, options.Records(results=True)],

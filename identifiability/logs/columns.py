@@ -240,12 +240,11 @@ def _free(names: Mapping[str, str], taken: Mapping[str, Column]) -> list[str]:
 
 
 def _may_be_torque(column: str, joint: str) -> bool:
-    """Whether a column that is nothing else may be a joint's torque, misspelt or a command."""
+    """Whether a column that is nothing else may be a joint's torque, misspelt."""
     kinds = {KINDS[w] for w in words_of(column) if w in KINDS}
     if {*words_of(joint)} <= {*words_of(column)}:
         return _kind(column) not in SPELLED and kinds <= {"tau"}
-    owner = _owner(column)
-    return bool(owner) and kinds == {"tau"} and nearest(owner, [joint]) is not None
+    return kinds == {"tau"} and nearest(_owner(column), [joint]) is not None
 
 
 # What makes SI units of a column: what the log states, else what the sidecar says.
@@ -529,10 +528,10 @@ def settle_commands(
         lacking = [j for j in own if j not in has]
         if lacking and known.servo is not None and not torque:
             end = min((end for end, what in SPELLED.items() if what == kind), key=len)
-            mend = propose_locks(lacking, own) if kind == "q_ref" else ", or leave them out"
             raise LogError(
                 f"{source} has commands ('.{end}') of {listing(has)} and none of "
-                f"{listing(lacking)}; give '{lacking[0]}.{end}' as well{mend}."
+                f"{listing(lacking)}; give '{lacking[0]}.{end}' as well"
+                f"{propose_locks(lacking, own) if kind == 'q_ref' else ''}."
             )
         for joint in has if lacking else ():
             del taken[f"{joint}.{kind}"]
@@ -579,21 +578,20 @@ def _refuse_missing(
     LogError
     """
     measured = {n: c for n, c in taken.items() if c.kind not in COMMANDS}
-    free = [
-        n
-        for n in _free(names, measured)
-        if _kind(n) not in SPELLED or (known.joints and _owner(n) not in known.joints)
-    ]
+    own = (*known.joints, *known.motors)
+    free = [n for n in _free(names, measured) if _kind(n) not in SPELLED or _owner(n) not in own]
     every = listing(list(names.values()))
     if "t" not in taken:
         likely = [n for n in free if n.casefold().startswith("time")]
         raise LogError(Finding("columns.time", source, columns=every, first=[*likely, "OLD"][0]))
     has = list(dict.fromkeys(c.joint for c in taken.values() if c.kind in ("q", "tau")))
     missing = [j for j in known.joints if j not in has]
-    strange = _strangers(free, known) if missing else []
+    strange = [j for j in dict.fromkeys(map(_stranger, free)) if j and j not in own]
     of = f"no columns for the actuated joint{'s' if len(missing) > 1 else ''} {listing(missing)}"
-    if strange:
-        pairs = _pair_names(missing, strange, known)
+    if missing and strange:
+        pairs = list(zip(strange, missing, strict=False))
+        if has:  # others are of another device, unless they are spelt nearly alike
+            pairs = [(s, m) for m in missing for s in strange if nearest(m, [s]) is not None]
         maps = listing([f"--map '{old}={new}'" for old, new in pairs], between=" ")
         left = [m for m in missing if m not in {new for _, new in pairs}]
         raise LogError(
@@ -601,16 +599,15 @@ def _refuse_missing(
             f"{f'; if these are they, add {maps}' if pairs else ''}"
             f"{propose_locks(left, known.joints)}."
         )
-    kinds = (("tau", "q"), ("q", "tau"))
-    half = [(j, *pair) for j in has for pair in kinds if f"{j}.{pair[0]}" not in taken]
-    for joint, kind, other in half:
-        if joint not in known.locked:
+    for joint in (j for j in has if j not in known.locked):
+        lacking = [kind for kind in _WORDS if f"{joint}.{kind}" not in taken]
+        for kind in lacking:
             name = f"{joint}.{kind}"
-            likely = free if nearest(name, free) is None else []
-            told = f" If it is one of {listing(free, 4)}, add --map '{[*free, ''][0]}={name}'."
+            unlike = free and nearest(name, free) is None
+            told = f" If it is one of {listing(free, 4)}, add --map 'OLD={name}'." if unlike else ""
             raise LogError(
-                f"{source} has '{joint}.{other}' but no {_WORDS[kind]} column '{name}'"
-                f"{near_match(name, free)} Every actuated joint needs both.{told if likely else ''}"
+                f"{source} has columns of '{joint}' but no {_WORDS[kind]} column '{name}'"
+                f"{near_match(name, free)} Every actuated joint needs both.{told}"
             )
     if not has:
         raise LogError(Finding("columns.none", source, columns=every))
@@ -619,36 +616,12 @@ def _refuse_missing(
     raise LogError(Finding("columns.missing", source, what=of, command=told, remedy=locks))
 
 
-def _strangers(columns: Sequence[str], known: Conventions) -> list[str]:
-    """Return the joints of other names that a log has positions or torques of."""
-    found = []
-    for name in columns:
-        owner, kind = _owner(name), _kind(name)
-        if not owner or kind not in SPELLED:
-            cut = re.match(r"(.*?)[._/ ]*([A-Za-z]+)$", name)
-            guess = guess_column(name, f"{cut[2]}1", ()) if cut and cut[1] else None
-            owner = cut[1].rpartition("/")[2] if cut and guess is not None else ""
-            kind = guess.kind if guess is not None else ""
-        if owner and owner not in (*known.joints, *known.motors) and kind in ("q", "tau"):
-            found.append(owner)
-    return list(dict.fromkeys(found))
-
-
-def _pair_names(
-    missing: Sequence[str], strange: Sequence[str], known: Conventions
-) -> list[tuple[str, str]]:
-    """Return which foreign joints may be which missing ones.
-
-    Where a log has some of the joints by their own names, the others are of another device, unless
-    they are spelt nearly alike; else numbers say which is which, or the order.
-    """
-    if len(missing) < len(known.joints):
-        return [(s, m) for m in missing for s in strange if nearest(m, [s]) is not None]
-    theirs = {_number(name): name for name in reversed(strange)}
-    first = {_number(name): name for name in reversed(missing)}
-    own = [(k, n) for n in missing if (k := _number(n)) in theirs and first[k] == n]
-    pairs = [(theirs[k], name) for k, name in own if k is not None]
-    return pairs if len(pairs) > 1 else list(zip(strange, missing, strict=False))
+def _stranger(name: str) -> str:
+    """Return the joint that a column of positions or torques says it is of, or nothing."""
+    cut = re.match(r"(.*?)[._/ ]*([A-Za-z]+)$", name)
+    guess = guess_column(name, f"{cut[2]}1", ()) if cut else None
+    told = cut is not None and guess is not None and guess.kind in ("q", "tau")
+    return cut[1].rpartition("/")[2] if cut and told else ""
 
 
 def propose_locks(missing: Sequence[str], wanted: Sequence[str]) -> str:

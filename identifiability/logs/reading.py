@@ -147,37 +147,27 @@ def put_on_clock(
     discrete : sequence of str
         Those that are flags.
     """
-    out, lacking = {}, {}
+    out: dict[str, Array] = {}
+    notes = []
     stems = {key: key.rpartition(".")[0] or key for key in columns}
-    usual = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     for stem in dict.fromkeys(stems.values()):
         own = [key for key in columns if stems[key] == stem]
-        kept = np.isfinite([columns[key] for key in own]).all(0) & np.isfinite(raw_t)
-        known = np.flatnonzero(kept)
-        if not len(known):
-            continue
-        if not set(own) & {*discrete}:
-            known = known[_fresh(np.stack([columns[key][known] for key in own], 1))]
-        at = raw_t[known]
-        same = len(at) == len(t) and bool((at == t).all())
-        for key in own:
-            x = columns[key][known]
-            if same:
-                out[key] = x
-            elif key in discrete:
-                out[key] = x[(np.searchsorted(at, t, side="right") - 1).clip(0)]
-            else:
-                found = _resample(at, x, t, key)
-                there = np.isfinite(found)
-                out[key] = np.where(there, found, np.interp(t, at, x))
-                if not there.all():
-                    lacking[stem] = usual * float((~there).sum())
-    notes = tuple(
-        f"of the base '{stem}' was missing for {gone:.2g} s in all and "
-        "interpolated there: cut such rows out"
-        for stem, gone in lacking.items()
-    )
-    return out, notes
+        x = np.stack([raw_t, *(columns[key] for key in own)], 1)
+        x = x[np.isfinite(x).all(1)]
+        flags = {*own} & {*discrete}
+        if len(x) and not flags:
+            x = x[_fresh(x[:, 1:])]
+        gone = 0
+        for key, column in zip(own, x[:, 1:].T if len(x) else (), strict=False):
+            if flags:
+                out[key] = column[(np.searchsorted(x[:, 0], t, side="right") - 1).clip(0)]
+                continue
+            found = _resample(x[:, 0], column, t, key)
+            gone = int(np.isnan(found).sum())
+            out[key] = np.where(np.isnan(found), np.interp(t, x[:, 0], column), found)
+        if gone:
+            notes.append(f"of the base '{stem}' was missing in {gone} rows and interpolated there")
+    return out, tuple(notes)
 
 
 # `Reading`: the first reading of a table, piece by piece: what is what, and whether it can be.

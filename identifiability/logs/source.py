@@ -1,7 +1,6 @@
 """Where logs come from: CSV, Parquet, bags and DataFrames, short and long, are read alike.
 
-A table is read once from its first row to its last and hashed; a log that its first lines refuse
-is a sentence before anything else is looked at.
+A table is read once from its first row to its last and hashed.
 """
 
 from __future__ import annotations
@@ -14,20 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identifiability.foundation.errors import LogError
-from identifiability.logs.columns import name_columns
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.form import LINE_END, PLAIN, Form, find_encoding, find_form
+from identifiability.logs.form import PLAIN, Form, find_encoding, find_form
 from identifiability.logs.formats.bags import hash_files
-from identifiability.logs.formats.reader import (
-    MISSING,
-    check_columns,
-    check_suffix,
-    check_text,
-    find_reader,
-)
+from identifiability.logs.formats.reader import MISSING, check_suffix, check_text, find_reader
 from identifiability.logs.reading import with_index
 from identifiability.logs.tables import Table, is_parquet, open_parquet, opened, parsing
-from identifiability.robot.floating import BASE_JOINTS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -65,58 +56,43 @@ def scan_table(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[
 
 
 def _scan_csv(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[str, Table]:
+    with path.open("rb") as raw:
+        encoding = find_encoding(raw.read(BEGINNING))
     digest = hashlib.sha256()
-    with path.open("rb") as file:
-
-        def read() -> bytes:
+    with opened(path, encoding=encoding) as file:
+        start = more = file.read(PIECE_BYTES)
+        digest.update(start)
+        table, rest = _begin_csv(path, start, encoding)
+        row, byte = 0, len(start) - len(rest)
+        pieces = [(row, byte)]
+        while more:
             more = file.read(PIECE_BYTES)
             digest.update(more)
-            return more
-
-        start = read()
-        table, rest = begin_csv(path, start)
-        row, byte, ended = 0, len(start) - len(rest), False
-        pieces = [(row, byte)]
-        while not ended:
-            more = read()
-            rest, ended = rest + more, not more
-            # A line of a CSV is shorter than so many pieces.
-            too_long = len(rest) > 8 * PIECE_BYTES
-            cut = len(rest) if ended else _last_line(rest, table.form) or len(rest) * too_long
-            if ended:
+            rest += more
+            cut = max(rest.rfind(b"\n"), rest.rfind(b"\r") if b"\n" not in rest else -1) + 1
+            if not more:
                 table, cut = _leave_half_line(table, rest)
-            if cut or (ended and (len(pieces) == 1 or rest)):
+            if cut or (not more and len(pieces) == 1):
                 frame = table.parse(rest[:cut], row)
                 each(frame, table.form)
                 row, byte, rest = row + len(frame), byte + cut, rest[cut:]
                 pieces.append((row, byte))
-    return digest.hexdigest(), replace(table, pieces=tuple(pieces))
+    table = replace(table, pieces=tuple(pieces))
+    return digest.hexdigest() if encoding == "utf-8" else hash_files(path), table
 
 
-def begin_csv(path: Path, start: bytes) -> tuple[Table, bytes]:
+def _begin_csv(path: Path, start: bytes, encoding: str) -> tuple[Table, bytes]:
     """Return a CSV without its rows, and what follows its header."""
     if not start.strip(b"\xef\xbb\xbf\0 \t\r\n"):
         raise LogError(f"{path} is empty; nothing was written to it.")
-    if len(start) >= BEGINNING and not re.search(rb"[\r\n]", start[:BEGINNING]):
-        raise LogError(
-            f"{path} has no end of a line in its first {BEGINNING // 1000} kB, so it has no "
-            "header; give a table with a row a sample."
-        )
-    encoding = find_encoding(start)
-    if not encoding.startswith("utf-16"):
-        # Bytes in which a file that is no text shows it.
-        check_text(path, start[:4096])
-    text = start[:BEGINNING].decode(encoding, errors="replace")
-    form = find_form(text, encoding)
-    check_columns(path, len(form.columns))
+    # Bytes in which a file that is no text shows it.
+    check_text(path, start[:4096])
+    form = find_form(start[:BEGINNING].decode(errors="replace"), encoding)
     mark = {" ": "\t"}.get(form.separator, form.separator)
-    line = mark.join(f'"{name.replace(chr(34), chr(34) * 2)}"' for name in form.columns) + "\n"
-    # A letter of another code, in a comment, takes as many bytes as it has.
-    errors = "surrogateescape" if encoding == "utf-8" else "replace"
-    exact = start[:BEGINNING].decode(encoding, errors)
-    ends = [m.end() for m in LINE_END.finditer(exact)][: form.lines]
-    at = len(exact[: ends[-1] if ends else 0].encode(encoding, errors))
-    return Table(path, form.columns, (), line.encode(), form), start[at:]
+    quoted = [f'"{name.replace(chr(34), chr(34) * 2)}"' for name in form.columns]
+    ends = [0, *(m.end() for m in re.finditer(rb"\r\n|\r|\n", start[:BEGINNING]))]
+    header = f"{mark.join(quoted)}\n".encode()
+    return Table(path, form.columns, (), header, form), start[ends[: form.lines + 1][-1] :]
 
 
 def _leave_half_line(table: Table, rest: bytes) -> tuple[Table, int]:
@@ -124,28 +100,12 @@ def _leave_half_line(table: Table, rest: bytes) -> tuple[Table, int]:
 
     One without an end may lack digits that nobody misses.
     """
-    end_of_file = table.form.plain_text(rest)
-    at = max(end_of_file.rfind(b"\n"), end_of_file.rfind(b"\r")) + 1
-    last = end_of_file[at:].decode(errors="replace")
-    if not last.strip():
+    at = max(rest.rfind(b"\n"), rest.rfind(b"\r")) + 1
+    if not table.form.plain_text(rest[at:]).strip():
         return table, len(rest)
-    kept = len(rest) - len(last.encode(table.form.encoding, "replace"))
     note = "its last line has no end and was left out, for it may have been cut"
     form = replace(table.form, notes=(*table.form.notes, note))
-    return replace(table, form=form), kept
-
-
-def _last_line(piece: bytes, form: Form) -> int:
-    """Return where the last line ends that is whole, as far as quotes can tell."""
-    if form.encoding.startswith("utf-16"):
-        letters = piece[: len(piece) - len(piece) % 2].decode(form.encoding, errors="replace")
-        end = max(letters.rfind("\n"), letters.rfind("\r") if "\n" not in letters else -1) + 1
-        return len(letters[:end].encode(form.encoding))
-    mark = b"\n" if b"\n" in piece else b"\r"
-    cut = piece.rfind(mark) + 1
-    if piece.count(b'"', 0, cut) % 2:  # a line break between quotes: cut before it
-        cut = piece.rfind(mark, 0, piece.rfind(b'"', 0, cut)) + 1 or cut
-    return cut
+    return replace(table, form=form), at
 
 
 # Where logs come from: CSV, Parquet, bags and DataFrames, short and long, are read alike.
@@ -240,39 +200,3 @@ def is_long(path: Path, limit: int | None = None) -> bool:
             table = open_parquet(path)
             return table.rows * len(table.columns) > most
         return path.stat().st_size > most * BYTES_PER_VALUE
-
-
-# Refuse a log by its first lines, before anything else of it, or any number, is looked at.
-
-
-def check_header(path: Path, known: Conventions) -> None:
-    """Refuse a CSV whose columns are none of a robot's log; other files are left to their reader.
-
-    Parameters
-    ----------
-    path : Path
-    known : Conventions
-
-    Raises
-    ------
-    LogError
-        What `Log.read` would say of the columns.
-    """
-    if not path.is_file():  # a pipe would be waited for
-        return
-    if known.joints == BASE_JOINTS[:1]:  # of a body alone no column is about a joint
-        return
-    with parsing(path):
-        with path.open("rb") as file:
-            start = file.read(BEGINNING)
-        table, rest = begin_csv(path, start)
-        line = table.form.plain_text(rest).decode(errors="replace").partition("\n")[0]
-        row = dict(zip(table.columns, table.form.split(line), strict=False))
-    texts = {name: text for name, text in row.items() if not table.form.is_number(text)}
-    name_columns(
-        table.columns,
-        str(path),
-        known,
-        dict(zip(table.columns, table.form.units, strict=False)),
-        texts,
-    )

@@ -21,7 +21,7 @@ from identifiability.foundation.output import check_ending, csv_text, write_byte
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import to_floats
 from identifiability.logs.form import PLAIN, Form
-from identifiability.logs.formats.reader import MOST_COLUMNS, check_columns, find_reader
+from identifiability.logs.formats.reader import find_reader
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,10 +32,6 @@ NUMBERS = ("double", "float", "int64", "int32", "int16", "int8")
 
 #: Rows of a piece of Parquet, and its cells, at most.
 PIECE_ROWS, PIECE_CELLS = 32_768, 1_000_000
-
-
-#: Bytes of a cell, on average over a group of rows.
-LONGEST_CELL = 4_096
 
 
 def is_parquet(path: Path) -> bool:
@@ -123,7 +119,7 @@ class Table:
             If the file is damaged.
         """
         first = max(bisect_right(self.pieces, start, key=lambda piece: piece[0]) - 1, 0)
-        with parsing(self.path), opened(self.path, whole) as file:
+        with parsing(self.path), opened(self.path, whole, self.form.encoding) as file:
             for (row, place), (_, end) in pairwise(self.pieces[first:]):
                 for part in self._read(file, place, end, row, columns):
                     low, high = max(start - row, 0), min(stop - row, len(part))
@@ -166,12 +162,6 @@ class Table:
         import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
 
         plain = self.form.plain_text(piece)
-        # The first row says how many columns pandas makes, whatever the header does.
-        first = re.match(rb"\s*([^\r\n]*)", plain)
-        mark = self.form.separator.strip().encode() or None
-        longer = LogError(f"{self.path} has rows with more fields than its header; repair it.")
-        if first is not None and len(first[1].split(mark)) > MOST_COLUMNS + 1:
-            raise longer
         text = BytesIO(self.header + plain)
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
@@ -185,7 +175,9 @@ class Table:
                     sep=r"\s+" if self.form.separator == " " else self.form.separator,
                 )
             except pd.errors.ParserWarning:
-                raise longer from None
+                raise LogError(
+                    f"{self.path} has rows with more fields than its header; repair it."
+                ) from None
             except pd.errors.ParserError as error:  # it counts from the start of the piece
                 number = r"(?<=line )\d+|(?<=row )\d+"
                 shifted = re.sub(number, lambda m: str(int(m[0]) + row), str(error))
@@ -215,8 +207,6 @@ def open_parquet(path: Path, whole: bytes | None = None) -> Table:
         meta = file.metadata
         sizes = [meta.row_group(k).num_rows for k in range(meta.num_row_groups)]
         # The names as pandas has them: an index that was stored is no column.
-        check_columns(path, len(file.schema_arrow.names))
-        _check_texts(path, meta)
         names = file.schema_arrow.empty_table().to_pandas().columns
     pieces = [(0, 0)]
     for k, row in enumerate(accumulate(sizes), 1):
@@ -225,23 +215,12 @@ def open_parquet(path: Path, whole: bytes | None = None) -> Table:
     return Table(path, tuple(str(n) for n in names), tuple(pieces))
 
 
-def _check_texts(path: Path, meta: Any) -> None:
-    """Refuse a file whose cells are so long that a few rows would not fit into memory."""
-    for k in range(meta.num_row_groups):
-        group = meta.row_group(k)
-        for c in range(group.num_columns):
-            column = group.column(c)
-            if column.total_uncompressed_size > LONGEST_CELL * max(group.num_rows, 100):
-                raise LogError(
-                    f"{path}: the cells of '{column.path_in_schema}' are longer than "
-                    f"{LONGEST_CELL} bytes; leave the column out."
-                )
-
-
-def opened(path: Path, whole: bytes | None = None) -> Any:
-    """Open a file, or what was read of it."""
+def opened(path: Path, whole: bytes | None = None, encoding: str = "utf-8") -> Any:
+    """Open a file, or what was read of it; text in another code as UTF-8."""
     if not is_parquet(path):
-        return path.open("rb")
+        if encoding == "utf-8":
+            return path.open("rb")
+        return BytesIO(path.read_bytes().decode(encoding, "replace").encode())
     from pyarrow.parquet import ParquetFile  # noqa: PLC0415 - only who reads Parquet pays for it
 
     # Without a buffer of a bounded size whole columns of a group of rows are read ahead.

@@ -220,7 +220,7 @@ def compute_torque(logs: Reading) -> Reading:
 
 @check("contradictions", Does.MENDS)
 def drop_contradicting(logs: Reading) -> Reading:
-    """Leave out derivatives that contradict positions, or say so where the given ones are asked for.
+    """Leave out derivatives that contradict positions; where the given ones are asked for, say so.
 
     Those of another unit or sign are left to be refused (`check_units`).
     """

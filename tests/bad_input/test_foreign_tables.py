@@ -7,7 +7,6 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.source import check_header
 from identifiability.robot import Robot
 
 
@@ -183,9 +182,6 @@ def test_a_unit_that_is_not_known_is_refused_with_its_column(
     with pytest.raises(LogError) as refused:
         Log.read(path, known)
     assert says in str(refused.value)
-    with pytest.raises(LogError) as sooner:
-        check_header(path, known)
-    assert str(sooner.value) == str(refused.value)
 
 
 @pytest.mark.parametrize("mapped", ["elbow.q [deg]", "elbow.q"])

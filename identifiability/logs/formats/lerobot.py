@@ -21,13 +21,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import numbered
 from identifiability.logs.form import PLAIN
-from identifiability.logs.formats.reader import (
-    MOST_DESCRIBED,
-    Whole,
-    check_columns,
-    check_values,
-    reader,
-)
+from identifiability.logs.formats.reader import Whole, reader
 from identifiability.logs.names import KINDS
 
 if TYPE_CHECKING:
@@ -140,19 +134,13 @@ def read_episode(path: str | Path) -> pd.DataFrame:
         raise LogError(f"{folder} has no row of episode {number}; its files are not complete.")
     columns: dict[str, Any] = {"t": _times(rows["timestamp"], info, folder)}
     for feature in wanted:
-        check_values(path, rows[feature].nbytes // 8)  # Python's numbers are four times as large
-        values = np.array(rows[feature].to_pylist(), float)
-        values = values.reshape(rows.num_rows, -1)
-        check_values(path, values.size)
+        values = np.array(rows[feature].to_pylist(), float).reshape(rows.num_rows, -1)
         columns |= zip(_columns(feature, values.shape[1], info), values.T, strict=True)
-    check_columns(folder, len(columns))
     return pd.DataFrame(columns)
 
 
 def _read_info(folder: Path) -> Mapping[str, Any]:
     try:
-        if (folder / INFO).stat().st_size > MOST_DESCRIBED:
-            raise LogError(f"{folder / INFO} is larger than {MOST_DESCRIBED // 10**6} MB.")
         info = json.loads((folder / INFO).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         reason = " ".join(str(error).split())[:200].rstrip(".")
