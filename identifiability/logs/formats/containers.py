@@ -63,8 +63,15 @@ def read_mat(path: Path, _: Conventions) -> Whole:
     LogError
         If it holds no table.
     """
+    from scipy.io import loadmat  # noqa: PLC0415 - only who has such a file pays for it
+
     content = path.read_bytes()
-    return frame_of(_read_mat(path, content), str(path)), PLAIN, sha256(content).hexdigest()
+    if content.startswith(_NEWER):
+        raise LogError(Finding("arrays.matlab", path, name=path.name))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # on objects of MATLAB's own, which hold no arrays
+        arrays = loadmat(BytesIO(content), simplify_cells=True)
+    return frame_of(arrays, str(path)), PLAIN, sha256(content).hexdigest()
 
 
 @reader("Excel", ".xlsx", ".xlsm")
@@ -76,8 +83,30 @@ def read_sheet(path: Path, _: Conventions) -> Whole:
     LogError
         If it holds no table.
     """
+    import pandas as pd  # noqa: PLC0415
+
     content = path.read_bytes()
-    return *_read_sheet(path, content), sha256(content).hexdigest()
+    try:
+        sheets = pd.read_excel(
+            BytesIO(content), sheet_name=None, header=None, dtype=object, engine="openpyxl"
+        )
+    except ImportError:
+        raise LogError(Finding("arrays.excel", path)) from None
+    cut = {str(k): x.dropna(how="all").dropna(axis=1, how="all") for k, x in sheets.items()}
+    filled = {name: sheet for name, sheet in cut.items() if not sheet.empty}
+    if not filled:
+        raise LogError(f"{path} has no sheet that holds anything.")
+    name, sheet = next(iter(filled.items()))
+    lines = sheet.map(lambda cell: " ".join(cell.split()) if isinstance(cell, str) else cell)
+    text = lines.to_csv(index=False, header=False, lineterminator="\n")
+    form = find_form(text, "utf-8")
+    rows = sheet.iloc[form.lines :].reset_index(drop=True).set_axis(list(form.columns), axis=1)
+    others = [other for other in filled if other != name]
+    notes = form.notes
+    if others:
+        notes = (*notes, f"only its sheet '{name}' was read, not {listing(others, 4)}")
+    form = Form(columns=form.columns, units=form.units, notes=notes)
+    return rows.infer_objects(), form, sha256(content).hexdigest()
 
 
 def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:
@@ -198,41 +227,3 @@ def _joint_names(arrays: Mapping[str, np.ndarray]) -> list[str]:
             if texts and all(texts):
                 return texts
     return []
-
-
-def _read_mat(path: Path, content: bytes) -> Mapping[str, Any]:
-    """Return the variables of a MATLAB file."""
-    from scipy.io import loadmat  # noqa: PLC0415 - only who has such a file pays for it
-
-    if content.startswith(_NEWER):
-        raise LogError(Finding("arrays.matlab", path, name=path.name))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # on objects of MATLAB's own, which hold no arrays
-        found: Mapping[str, Any] = loadmat(BytesIO(content), simplify_cells=True)
-    return found
-
-
-def _read_sheet(path: Path, content: bytes) -> tuple[pd.DataFrame, Form]:
-    """Return the first sheet of a workbook that holds anything."""
-    import pandas as pd  # noqa: PLC0415
-
-    try:
-        sheets = pd.read_excel(
-            BytesIO(content), sheet_name=None, header=None, dtype=object, engine="openpyxl"
-        )
-    except ImportError:
-        raise LogError(Finding("arrays.excel", path)) from None
-    cut = {str(k): x.dropna(how="all").dropna(axis=1, how="all") for k, x in sheets.items()}
-    filled = {name: sheet for name, sheet in cut.items() if not sheet.empty}
-    if not filled:
-        raise LogError(f"{path} has no sheet that holds anything.")
-    name, sheet = next(iter(filled.items()))
-    lines = sheet.map(lambda cell: " ".join(cell.split()) if isinstance(cell, str) else cell)
-    text = lines.to_csv(index=False, header=False, lineterminator="\n")
-    form = find_form(text, "utf-8")
-    rows = sheet.iloc[form.lines :].reset_index(drop=True).set_axis(list(form.columns), axis=1)
-    others = [other for other in filled if other != name]
-    notes = form.notes
-    if others:
-        notes = (*notes, f"only its sheet '{name}' was read, not {listing(others, 4)}")
-    return rows.infer_objects(), Form(columns=form.columns, units=form.units, notes=notes)

@@ -76,11 +76,8 @@ def list_episodes(path: str | Path) -> list[Path]:
     """
     folder, text = split_episodes(path)
     info = _read_info(folder)
-    try:
-        count = int(info.get("total_episodes", 0))
-    except (TypeError, ValueError, OverflowError):
-        count = 0
-    if count < 1:
+    count = info.get("total_episodes", 0)
+    if not (isinstance(count, int) and count > 0):
         raise LogError(f"{folder} holds no episode; record one.")
     first, last = 0, count - 1
     named = _EPISODES.fullmatch(text)
@@ -142,10 +139,9 @@ def read_episode(path: str | Path) -> pd.DataFrame:
 def _read_info(folder: Path) -> Mapping[str, Any]:
     try:
         info = json.loads((folder / INFO).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())[:200].rstrip(".")
-        raise LogError(f"{folder / INFO} cannot be read as JSON: {reason}.") from None
-    version = str(info.get("codebase_version", "")) if isinstance(info, dict) else ""
+        version = str(info.get("codebase_version", ""))
+    except (OSError, ValueError, AttributeError, RecursionError) as error:
+        raise LogError(f"{folder / INFO} cannot be read as JSON: {error}.") from None
     if not version.startswith(("v2.", "v3.")):
         raise LogError(Finding("dataset.version", folder, version=version))
     return dict(info)

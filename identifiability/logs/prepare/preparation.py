@@ -22,6 +22,7 @@ from identifiability.logs import Log, fourier, signals
 from identifiability.logs.commands import of_commands
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.gaps import Gaps, StaleRule, fill
+from identifiability.logs.log import too_long
 from identifiability.logs.prepare.plan import (
     ORDER,
     Plan,
@@ -121,9 +122,6 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
 
 #: What a Fourier series is fitted to.
 WORDS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
-
-#: Samples of a piece when a long log is read for a Fourier series.
-PIECE = 65_536
 
 #: So few samples do not tell noise from the motion.
 SHORT = 4 * ORDER
@@ -359,16 +357,12 @@ def _plan_series(robot: Robot, log: Log, plan: Plan, how: Preparation) -> Plan:
             f"The period {how.period:g} s does not fit {log.name}: with {how.harmonics} harmonics "
             f"it must lie between {low:.4g} s (its sampling) and {high:.4g} s (its length)."
         )
-    if how.period is None and log.long:
-        raise LogError(
-            f"{log.name} is too long to search its period; give the period of the motion [s]."
-        )
-    period = how.period or fourier.find_period(
-        log.t - plan.start, joint_log(robot, log).q, how.harmonics
-    )
-    parts = (joint_log(robot, raw) for *_, raw in log.pieces(PIECE))
-    pieces = ((part.t - plan.start, part.q, part.dq, part.ddq) for part in parts)
-    fit, left = fourier.fit_fourier_pieces(pieces, period, how.harmonics)
+    if log.long:
+        raise too_long(log.name)
+    own = joint_log(robot, log)
+    period = how.period or fourier.find_period(own.t - plan.start, own.q, how.harmonics)
+    fit = fourier.fit_fourier(own.t - plan.start, own.q, period, how.harmonics, own.dq, own.ddq)
+    left = float(np.sqrt(np.mean((fit.motion(own.t - plan.start)[0] - own.q) ** 2)))
     words = [WORDS[c] for c in ("q", "dq", "ddq") if c in log.channels]
     fitted = " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
     note = (
