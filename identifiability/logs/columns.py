@@ -334,27 +334,28 @@ def _tell(
     names: Mapping[str, str], own: Sequence[Column], wanted: Sequence[str], how: str
 ) -> list[str]:
     """Return what is read otherwise than literally, half a sentence each."""
-    renamed = [f"{old.strip()} is {new}" for old, new in names.items() if old.strip() != new]
-    called = [
-        f"{'its index' if c.source == INDEX else repr(c.source)} as {c.name}"
-        for c in own
-        if not c.literal
-    ]
-    geared = [f"'{c.source}' by {c.gear:.6g}" for c in own if c.gear != 1.0]
-    converted = [f"{c.name} from {c.unit.text}" for c in own if c.unit and c.unit.factor != 1.0]
     used = {c.source for c in own}
-    free = [name for column, name in names.items() if column not in used]
-    left = [n for n in free if _kind(n) in CHANNELS and _owner(n) not in wanted]
-    left = list(dict.fromkeys(map(_owner, left)))
+    left = [n for column, n in names.items() if column not in used and _kind(n) in CHANNELS]
     told = {
-        f"columns were renamed ({listing(renamed, 3)})": renamed,
-        f"columns were taken for what their names usually mean: {listing(called, 4)}{how}": called,
-        f"values were multiplied by the gears of the file: {listing(geared, 4)}": geared,
-        f"columns of {listing(left, 6)}, which the robot does not drive, were left out": left,
-        "values were converted to SI units, as the log states them: "
-        f"{listing(converted, 4)}": converted,
+        "columns were renamed ({})": [
+            f"{a.strip()} is {b}" for a, b in names.items() if a.strip() != b
+        ],
+        f"columns were taken for what their names usually mean: {{}}{how}": [
+            f"{'its index' if c.source == INDEX else repr(c.source)} as {c.name}"
+            for c in own
+            if not c.literal
+        ],
+        "values were multiplied by the gears of the file: {}": [
+            f"'{c.source}' by {c.gear:.6g}" for c in own if c.gear != 1.0
+        ],
+        "columns of {}, which the robot does not drive, were left out": [
+            *dict.fromkeys(_owner(n) for n in left if _owner(n) not in wanted)
+        ],
+        "values were converted to SI units, as the log states them: {}": [
+            f"{c.name} from {c.unit.text}" for c in own if c.unit and c.unit.factor != 1.0
+        ],
     }
-    return [text for text, found in told.items() if found]
+    return [text.format(listing(found, 4)) for text, found in told.items() if found]
 
 
 # Columns that tell their joint by a number: ``q1`` … ``q6``, ``position[0]``, ``qpos[7]``.
@@ -479,20 +480,17 @@ def _in_order(loose: Sequence[Column], source: str, known: Conventions) -> list[
     if -1 in numbers:
         return []
     start = min(numbers)
-    columns = [g.source for g in loose]
-    why = f"the robot has {count}: {listing(known.joints)}"
-    whole = start in (0, 1) and numbers == set(range(start, start + count))
     own = [_number(joint) for joint in known.joints]
     ordered = None in own or len({*own}) < count or own == sorted(own, key=lambda n: n or 0)
-    if whole and ordered:
+    if start in (0, 1) and numbers == set(range(start, start + count)) and ordered:
         return [replace(g, joint=known.joints[g.number - start]) for g in loose]
     if kind not in ("q", "tau"):
         return []
-    if whole:
-        why = f"the robot's order, {listing(known.joints)}, is not that of its own numbers"
+    columns = [g.source for g in loose]
     raise LogError(
-        f"{source} numbers its joints otherwise than the robot has them ({listing(columns)}; "
-        f"{why}); say which is which, as in --map '{columns[0].strip()}={known.joints[0]}.{kind}'."
+        f"{source} numbers its joints otherwise than the robot has them ({listing(columns)}; the "
+        f"robot has {count}: {listing(known.joints)}); say which is which, as in "
+        f"--map '{columns[0].strip()}={known.joints[0]}.{kind}'."
     )
 
 
@@ -522,28 +520,22 @@ def settle_commands(
     if not known.joints or known.motion_alone:
         return False
     given = [c for c in taken.values() if c.kind in COMMANDS]
+    lost: dict[str, list[str]] = {}
     for kind in dict.fromkeys(c.kind for c in given):
         has = [c.joint for c in given if c.kind == kind]
         own = known.motors if {*has} & {*known.motors} else known.joints
-        lacking = [j for j in own if j not in has]
-        if lacking and known.servo is not None and not torque:
-            end = min((end for end, what in SPELLED.items() if what == kind), key=len)
-            raise LogError(
-                f"{source} has commands ('.{end}') of {listing(has)} and none of "
-                f"{listing(lacking)}; give '{lacking[0]}.{end}' as well"
-                f"{propose_locks(lacking, own) if kind == 'q_ref' else ''}."
-            )
-        for joint in has if lacking else ():
+        lost[kind] = [j for j in own if j not in has]
+        for joint in has if lost[kind] else ():
             del taken[f"{joint}.{kind}"]
     if torque:
         return False
-    joint = known.joints[0]
     if known.servo is not None and not any(c.kind in COMMANDS for c in taken.values()):
+        joints = next((j for j in lost.values() if j), known.joints)
         raise LogError(
-            f"{source} has neither torque nor commands of the robot's joints, "
-            f"{listing(known.joints)}; give what was measured of every one, '{joint}.tau', or the "
-            f"positions that its servo was told, '{joint}.cmd'. Of its columns "
-            f"{listing(list(names))} say which these are, as in --map 'OLD={joint}.cmd'."
+            f"{source} has no torque, and no commands of {listing(joints)}; give what was measured "
+            f"of every joint, '{joints[0]}.tau', or the positions that its servo was told, "
+            f"'{joints[0]}.cmd'{propose_locks(joints, known.joints)}. Of its columns "
+            f"{listing(list(names))} say which these are, as in --map 'OLD={joints[0]}.cmd'."
         )
     told = [repr(c.source) for c in taken.values() if c.kind in ("q_ref", "dq_ref")]
     if told and known.servo is None:

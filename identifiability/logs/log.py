@@ -108,27 +108,19 @@ class File:
         LogError
             If the file changed since it was checked.
         """
-        self._check_unchanged()
-        wanted = self.naming.columns
-        count, first, columns = 0, self.span[0], [c.source for c in wanted]
+        if _stamp(self.table.path) != self.stamp:
+            raise changed(self.table.path)
+        wanted, first = self.naming.columns, self.span[0]
         reading = {c.source: partial(as_times, time=c) for c in wanted if c.is_time}
-        try:
-            for values in self.table.arrays(first + start, first + stop, columns, reading):
-                count += len(values)
-                yield values
-        except LogError:
-            self._check_unchanged()
-            raise
-        self._check_unchanged(whole=count == stop - start)
+        columns = [c.source for c in wanted]
+        yield from self.table.arrays(first + start, first + stop, columns, reading)
 
-    def _check_unchanged(self, *, whole: bool = True) -> None:
-        path = self.table.path
-        with parsing(path):
-            if not whole or _stamp(path) != self.stamp:
-                raise LogError(
-                    f"{path} changed while it was analysed; wait until it is complete, then start "
-                    "again."
-                )
+
+def changed(path: Path) -> LogError:
+    """Return what is said of a file that is not what was checked."""
+    return LogError(
+        f"{path} changed while it was analysed; wait until it is complete, then start again."
+    )
 
 
 def _stamp(path: Path) -> tuple[int, int]:
@@ -266,7 +258,7 @@ class Log:
             )
         assert table is not None  # a bag is no file of rows
         if _stamp(path) != stamp:
-            raise LogError(f"{path} changed while it was read; wait until it is complete.")
+            raise changed(path)
         known, naming = reading.numbers, reading.naming
         file = File(
             table=table,

@@ -30,27 +30,19 @@ if TYPE_CHECKING:
 #: Bytes of a piece of CSV.
 PIECE_BYTES = 2_000_000
 
-#: Bytes of a Parquet file that is read at once.
-WHOLE = 16_000_000
-
 #: Bytes in which the form of a text is decided.
 BEGINNING = 1 << 18
 
 
 def scan_table(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[str, Table]:
-    """Call a function with every piece in order, at least once; return hash and table.
-
-    What is hashed is what is read, also where the file is written anew meanwhile.
-    """
+    """Call a function with every piece in order, at least once; return hash and table."""
     if not is_parquet(path):
         return _scan_csv(path, each)
-    whole = path.read_bytes() if path.stat().st_size <= WHOLE else None
-    digest = hash_files(path) if whole is None else hashlib.sha256(whole).hexdigest()
-    table = open_parquet(path, whole)
+    digest, table = hash_files(path), open_parquet(path)
     if not table.rows:
-        with opened(path, whole) as file:
+        with opened(path) as file:
             each(file.read().to_pandas(), PLAIN)
-    for batch in table.parts(0, table.rows, whole=whole):
+    for batch in table.parts(0, table.rows):
         each(batch.to_pandas(), PLAIN)
     return digest, table
 

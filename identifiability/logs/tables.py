@@ -106,12 +106,10 @@ class Table:
         start: int,
         stop: int,
         columns: Sequence[str] | None = None,
-        whole: bytes | None = None,
     ) -> Iterator[Any]:
         """Yield the rows [start, stop) in order, some thousand at a time.
 
-        They are tables of pandas from a CSV, and batches of Arrow from a Parquet file; `whole` is
-        its content, where that was read already.
+        They are tables of pandas from a CSV, and batches of Arrow from a Parquet file.
 
         Raises
         ------
@@ -119,7 +117,7 @@ class Table:
             If the file is damaged.
         """
         first = max(bisect_right(self.pieces, start, key=lambda piece: piece[0]) - 1, 0)
-        with parsing(self.path), opened(self.path, whole, self.form.encoding) as file:
+        with parsing(self.path), opened(self.path, self.form.encoding) as file:
             for (row, place), (_, end) in pairwise(self.pieces[first:]):
                 for part in self._read(file, place, end, row, columns):
                     low, high = max(start - row, 0), min(stop - row, len(part))
@@ -201,9 +199,9 @@ class Table:
             yield self.parse(file.read(end - place), row)
 
 
-def open_parquet(path: Path, whole: bytes | None = None) -> Table:
-    """Return a Parquet file as a table; reads its footer only, of its content if that is given."""
-    with opened(path, whole) as file:
+def open_parquet(path: Path) -> Table:
+    """Return a Parquet file as a table; reads its footer only."""
+    with opened(path) as file:
         meta = file.metadata
         sizes = [meta.row_group(k).num_rows for k in range(meta.num_row_groups)]
         # The names as pandas has them: an index that was stored is no column.
@@ -215,8 +213,8 @@ def open_parquet(path: Path, whole: bytes | None = None) -> Table:
     return Table(path, tuple(str(n) for n in names), tuple(pieces))
 
 
-def opened(path: Path, whole: bytes | None = None, encoding: str = "utf-8") -> Any:
-    """Open a file, or what was read of it; text in another code as UTF-8."""
+def opened(path: Path, encoding: str = "utf-8") -> Any:
+    """Open a file; text in another code as UTF-8."""
     if not is_parquet(path):
         if encoding == "utf-8":
             return path.open("rb")
@@ -225,8 +223,6 @@ def opened(path: Path, whole: bytes | None = None, encoding: str = "utf-8") -> A
 
     # Without a buffer of a bounded size whole columns of a group of rows are read ahead.
     how = {"pre_buffer": False, "buffer_size": 1 << 18}
-    if whole is not None:
-        return ParquetFile(BytesIO(whole), **how)
     state = path.stat()
     return ParquetFile(path, metadata=_footer(path, state.st_mtime_ns, state.st_size), **how)
 

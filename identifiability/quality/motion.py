@@ -16,7 +16,6 @@ from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.quality.mends import find_runs
 from identifiability.quality.registry import Does, MeasuredLogs, check
 from identifiability.quality.rules import RULES
-from identifiability.robot.floating import slip_shares, standing_contacts
 
 # Positions beyond the limits of the robot file: another unit, zero, sign or joint.
 
@@ -168,37 +167,11 @@ def find_still(logs: MeasuredLogs) -> list[Finding]:
     return [Finding("still", joints=still, locks=locks, rows="all", columns=columns)]
 
 
-# Contacts of a robot that floats: do those said to be closed stand, does it stay up by them?
+# Contacts of a robot that floats: does it stay up by those that are closed?
 
 
 #: Fewest samples by which a base is compared with its contacts.
 FEWEST = 32
-
-
-def _standing(logs: MeasuredLogs) -> Iterator[tuple[Array, Array, Array, np.ndarray]]:
-    """Yield positions and velocities of some samples, where up is, and which contacts stand."""
-    base = logs.robot.base
-    for s in logs.samples:
-        if s.motion.touch is not None and base is not None:
-            # Samples at which it is looked at whether a closed contact stands.
-            motion, few = s.motion, slice(None, None, max(1, len(s.motion) // 5000))
-            up, closed = s.motion.touch[:, :3], s.motion.touch[:, 3:] > 0.5
-            stands = standing_contacts(base.contacts, motion.t, closed)
-            yield motion.q[few], motion.v[few], up[few], stands[few]
-
-
-@check("slips", Does.HINTS, always=True)
-def find_slips(logs: MeasuredLogs) -> list[Finding]:
-    """Return which contacts move while they are said to be closed."""
-    robot = logs.robot
-    if robot.base is None:
-        return []
-    shares = np.zeros(len(robot.base.contacts))
-    for motion in _standing(logs):
-        shares = np.fmax(shares, slip_shares(robot.tree, robot.base, *motion))
-    named = zip(robot.base.contacts, shares, strict=True)
-    moving = [c.name for c, x in named if x > RULES.contact_slips]
-    return [Finding("slips", contacts=moving, share=100 * shares.max())] if moving else []
 
 
 @check("unheld", Does.MISREADS)

@@ -14,9 +14,6 @@ class Rules(RuleTable):
 
     title = "Limits of the data-quality checks"
 
-    contact_slips: Annotated[float, "a contact at this share of its open speed slips, by hand"] = (
-        1 / 3
-    )
     speed_beyond: Annotated[
         float, "speeds beyond so many limits, or below the inverse square, by hand"
     ] = 10.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import combinations, pairwise
 
@@ -205,29 +206,25 @@ def find_exchanged(logs: MeasuredLogs) -> list[Finding]:
 def _candidates(logs: MeasuredLogs, plain: _Change) -> Iterator[_Change]:
     """Yield what the columns might have been meant to be."""
     names, n = logs.joints, len(logs.joints)
-    same, one = plain.order, plain.factor
-    say = partial(phrase, "exchanged")
+    say, same = partial(phrase, "exchanged"), plain.order
     pairs = combinations(range(n), 2) if n <= MOST else pairwise(range(n))
     for i, j in pairs:
         order = list(same)
         order[i], order[j] = j, i
         swap, pair = tuple(order), f"{names[i]} and {names[j]}"
-        yield _Change(swap, one, same, one, say("positions", pair=pair))
-        yield _Change(swap, one, swap, one, say("joints", pair=pair))
-        yield _Change(same, one, swap, one)
-    slides = [logs.robot.is_prismatic(int(k)) for k in logs.robot.actuated]
+        yield replace(plain, order=swap, says=say("positions", pair=pair))
+        yield replace(plain, order=swap, torques=swap, says=say("joints", pair=pair))
+        yield replace(plain, torques=swap)
     for k, joint in enumerate(names):
         turned = tuple(-1.0 if i == k else 1.0 for i in range(n))
+        yield replace(plain, factor=turned, says=say("sign", joint=joint))
+        yield replace(plain, factor=turned, signs=turned, says=say("way", joint=joint))
+        yield replace(plain, signs=turned)
         small = tuple(DEGREE if i == k else 1.0 for i in range(n))
-        yield _Change(same, turned, same, one, say("sign", joint=joint))
-        yield _Change(same, turned, same, turned, say("way", joint=joint))
-        yield _Change(same, one, same, turned)
-        if not slides[k]:
-            yield _Change(same, small, same, one, say("angle", joint=joint))
-    yield _Change(same, tuple(1.0 if s else DEGREE for s in slides), same, one, say("angles"))
-    yield _Change(same, one, same[::-1], one)
+        if not logs.robot.is_prismatic(int(logs.robot.actuated[k])):
+            yield replace(plain, factor=small, says=say("angle", joint=joint))
     for shift in range(1, n):
-        yield _Change(same, one, same[shift:] + same[:shift], one)
+        yield replace(plain, torques=same[shift:] + same[:shift])
 
 
 def _regressor(

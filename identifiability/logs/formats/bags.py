@@ -284,7 +284,7 @@ class _Told:
         stamped, recordings = np.array([x for names in told for x in clocks[names]], np.int64).T
         stamp = stamped if stamped.min() > 0 else recordings
         order = np.argsort(stamp, kind="stable")
-        frame = self._columns(table.iloc[order], wanted, commanded=commanded)
+        frame: pd.DataFrame = self._columns(table.iloc[order], wanted, commanded=commanded)
         frame.insert(0, "t", (stamp[order] - stamp.min()) * 1e-9)
         frame.attrs["start"] = float(stamp.min()) * 1e-9  # on the clock of the stamps
         frame.attrs["recorded"] = recordings[order]

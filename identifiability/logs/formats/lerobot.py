@@ -43,9 +43,6 @@ FEATURES = {
 
 _COMMANDS = {"q": "cmd", "dq": "dq_cmd", "tau": "tau_cmd", "current": "current_cmd"}
 
-#: Episodes that are read together.
-MOST_EPISODES = 1_000
-
 #: Numbers of episodes behind a colon.
 _EPISODES = re.compile(r"(\d{1,9})(?:-(\d{1,9}))?")
 
@@ -79,20 +76,12 @@ def list_episodes(path: str | Path) -> list[Path]:
     count = info.get("total_episodes", 0)
     if not (isinstance(count, int) and count > 0):
         raise LogError(f"{folder} holds no episode; record one.")
-    first, last = 0, count - 1
     named = _EPISODES.fullmatch(text)
-    if named:
-        first = int(named[1])
-        last = first if named[2] is None else int(named[2])
-        if not first <= last < count:
-            raise LogError(
-                f"{folder} has the episodes 0 to {count - 1}, not {text}; name one as "
-                f"'{folder.name}:0', or several as '{folder.name}:0-{count - 1}'."
-            )
-    if last - first >= MOST_EPISODES:
+    first, last = (int(named[1]), int(named[2] or named[1])) if named else (0, count - 1)
+    if not first <= last < count:
         raise LogError(
-            f"{folder} has {last - first + 1} episodes, each a log, and up to {MOST_EPISODES} are "
-            f"read together; name some, as '{folder.name}:0-99'."
+            f"{folder} has the episodes 0 to {count - 1}, not {text}; name one as "
+            f"'{folder.name}:0', or several as '{folder.name}:0-{count - 1}'."
         )
     return [Path(f"{folder}:{k}") for k in range(first, last + 1)]
 

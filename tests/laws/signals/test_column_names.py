@@ -98,7 +98,7 @@ REFUSED = {
     "other order": (
         ["t", *each("{k}{j}", (1, 2), ("q", "tau"))],
         ("j2", "j1"),
-        r"order, j2, j1, is not that of its own numbers",
+        r"numbers its joints otherwise than the robot has them .*the robot has 2: j2, j1",
     ),
     "commands": (
         ["t", *each("{k}_{j}", (0, 1), ("actual_q", "target_moment"))],

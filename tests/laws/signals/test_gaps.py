@@ -82,7 +82,7 @@ def test_a_bridged_gap_changes_the_motion_by_what_a_cubic_misses(two):
 def test_a_gap_is_bridged_below_half_of_the_period_of_the_cut_off(two, lost, split):
     s = prepared(two, without(4000, (1999, lost)))
     assert len(s.breaks) == split == len(s.hints)
-    assert not split or "(data row 2000): it was taken as 2 stretches" in s.hints[0]
+    assert not split or "after data row 2000: it was taken as 2 stretches" in s.hints[0]
     assert s.survey.lost == split
     assert sum("beside long gaps" in note for note in s.notes) == split
 
