@@ -227,6 +227,19 @@ class MeasuredLogs:
         """Rigid-body torque by the file's masses at the same samples, (N, n)."""
         return rigid_torque(self.robot, self.motion)
 
+    @cached_property
+    def stated(self) -> Array:
+        """Torque by every value that the file states, friction and rotors too, (N, n).
+
+        NaN at joints whose drive the file says nothing of.
+        """
+        structure = self.structure
+        W = structure.model.regressor(self.robot, self.motion)
+        tau: Array = W @ structure.nominal
+        drives = [n for n, x in zip(structure.columns, structure.nominal, strict=True) if x > 0]
+        known = [any(n.startswith(f"{j}.") for n in drives) for j in self.joints]
+        return np.where(known, tau, np.nan)
+
     def ordinary(self, joint: int) -> Array:
         """Return what any drive adds at a joint: friction, rotor inertia, offset, (N, 4)."""
         v, a = self.motion.actuated_v[:, joint], self.motion.actuated_a[:, joint]

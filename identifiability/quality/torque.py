@@ -24,8 +24,8 @@ from identifiability.robot import Motion, complete_motion
 # Torque in another unit, or before a gear: its size beside what the robot file's masses ask for.
 #
 # At each joint the measured torque is regressed on what the file's masses predict, beside what any
-# drive adds (friction, rotor inertia, offset). A file can be wrong, but hardly by a factor of
-# `unit_factor`.
+# drive adds (friction, rotor inertia, offset); or on all that the file predicts, where it states
+# the drive too. A file can be wrong, but hardly by a factor of `unit_factor`.
 
 
 #: Units of torque that people give, and how many of them make one N·m or N.
@@ -73,7 +73,20 @@ def measure_factors(logs: MeasuredLogs) -> Array:
         # not show.
         if size[k] >= 0.02 * size[units == units[k]].max() > 0:
             factors[k] = _factor(logs.predicted[:, k], logs.torque[:, k], logs.ordinary(k))
+        if np.isnan(factors[k]) and np.isfinite(logs.stated[:, k]).all():
+            factors[k] = _plain_factor(logs.stated[:, k], logs.torque[:, k])
     return factors
+
+
+def _plain_factor(predicted: Array, measured: Array) -> float:
+    """Return the slope of measured on predicted torque, (N,) each, beside an offset; or NaN."""
+    p, m = predicted - predicted.mean(), measured - measured.mean()
+    lengths = float(np.linalg.norm(p)), float(np.linalg.norm(m))
+    # All that the file predicts agrees with the measured torque from this correlation on,
+    # where masses alone do not show.
+    if not min(lengths) > 0 or float(p @ m) < 0.9 * lengths[0] * lengths[1]:
+        return np.nan
+    return float(p @ m) / lengths[0] ** 2
 
 
 def _factor(predicted: Array, measured: Array, ordinary: Array) -> float:

@@ -7,13 +7,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from identifiability.quality.timing import find_time_scale
 
 from identifiability.logs.contradictions import contradictions, looks_like_degrees
 from identifiability.logs.reading import unify_rates
 from identifiability.quality import torque as exchanged
 from identifiability.quality import torque as torque_scale
-from identifiability.quality.motion import find_beyond_limits, find_stretches
+from identifiability.quality.motion import find_beyond_limits, find_stretches, find_time_scale
 from identifiability.quality.torque import flat_share
 from identifiability.workflows.analyze import workflow
 from identifiability.workflows.answers import grade_of
@@ -106,7 +105,7 @@ def scaled(*factors, follows=1.0, felt=1.0):
     predicted = WAVES[:, :2] * [felt, 1.0]
     noise = np.sqrt(1 / follows**2 - 1) * WAVES[:, 4:] * [felt, 1.0]
     given = {"predicted": predicted, "torque": (predicted + noise) * factors,
-             "ordinary": lambda _: np.ones((N, 1))}  # fmt: skip
+             "stated": np.full((N, 2), np.nan), "ordinary": lambda _: np.ones((N, 1))}  # fmt: skip
     return torque_scale.find_torque_scale(logs(weighs=True, **given))
 
 
