@@ -69,7 +69,7 @@ FORMS = {
 def test_other_forms_are_read_and_said_short_and_long_alike(
     form, encoding, bare, known, write, monkeypatch
 ):
-    monkeypatch.setattr("identifiability.logs.source.PIECE_BYTES", 5000)
+    monkeypatch.setattr("identifiability.logs.tables.PIECE_BYTES", 5000)
     options, before, note = FORMS[form]
     path = write("log.txt", (before + text_of(bare, **options)).encode(encoding))
     log = read_both(path, known)
@@ -112,7 +112,7 @@ def test_stated_units_are_converted_and_others_refused(bare, known, write):
 
 
 def test_cells_of_a_header_may_stand_over_several_lines(bare, known, write, monkeypatch):
-    monkeypatch.setattr("identifiability.logs.source.PIECE_BYTES", 5000)
+    monkeypatch.setattr("identifiability.logs.tables.PIECE_BYTES", 5000)
     angles = bare.assign(**{"elbow.q": np.degrees(bare["elbow.q"])})
     names = {"elbow.q": '"elbow.q\n[deg]"', "shoulder.tau": '"shoulder.tau\n[Nm]"'}
     for before in ("", "# run 3\n", "Recorded on Monday\n"):

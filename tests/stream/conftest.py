@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from identifiability.logs import signals, tables
-from identifiability.logs import source as scan
+from identifiability.logs import tables as scan
 from identifiability.logs.prepare import dataset
 from identifiability.regression import regression as windows
 from identifiability.robot import Robot

@@ -27,8 +27,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.base import AFTER, UP
 from identifiability.logs.log import join_logs
-from identifiability.logs.prepare.plan import Plan, joint_log
-from identifiability.logs.prepare.preparation import Preparation, make_plan
+from identifiability.logs.prepare.preparation import Plan, Preparation, joint_log, make_plan
 from identifiability.logs.rules import RULES
 from identifiability.logs.signals import is_constant, never_moves
 from identifiability.logs.tables import is_parquet

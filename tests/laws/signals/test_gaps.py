@@ -14,9 +14,8 @@ from identifiability.logs import Log
 from identifiability.logs.gaps import Gaps, fill
 from identifiability.logs.prepare import Preparation, dataset, prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.logs.prepare.plan import noise_level
 from identifiability.logs.signals import has_gap
-from identifiability.logs.spectrum import bandwidth_of_windows
+from identifiability.logs.spectrum import bandwidth_of_windows, noise_level
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import find_base_parameters
