@@ -56,18 +56,6 @@ def find_base(columns: Sequence[str], base: Base, renames: Renames) -> dict[str,
     return named
 
 
-def moving_base(columns: Sequence[str]) -> str:
-    """Return half a sentence on what the log of a robot that stands says of its base, or none."""
-    found = find_base(columns, Base("", "", np.zeros(3)), Renames())
-    turns = [found[key] for key in (f"gyro.{k}" for k in range(3)) if key in found]
-    if len(turns) < 3:
-        return ""
-    return (
-        f"'{turns[0]}' … is not used, as the base is taken to be bolted down; if nothing held it, "
-        'say base = "floating" in the sidecar'
-    )
-
-
 def _key(name: str, base: Base) -> str:
     """Return what a column says of the base, as `find_base` has it; empty if nothing."""
     entry = re.fullmatch(r"(?:.*[./_ ])?(qpos|qvel)[\[(_. ]*(\d+)[\])]*", name)

@@ -11,7 +11,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
@@ -74,14 +74,11 @@ class Naming:
         Torque for which zeros stand, where motion or commands are all that a table is to hold.
     commands : tuple of str
         Columns of commands that stand for torque.
-    labels : mapping of str to str
-        Columns of text that say which joint the others are about, with that text.
     """
 
     columns: tuple[Column, ...]
     joints: tuple[str, ...]
     notes: tuple[str, ...] = ()
-    labels: Mapping[str, str] = field(default_factory=dict)
     locked: tuple[Column, ...] = ()
     made: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
@@ -132,7 +129,7 @@ def name_columns(
     literal = [g for g in measured if g.literal]
     if _all_there({g.name for g in literal}, known, needed):
         measured = [g for g in measured if g.literal or g.joint in known.locked]
-    settled, labels, how = settle_numbers([*measured, *commands], source, known, names, first or {})
+    settled, how = settle_numbers([*measured, *commands], source, known, names, first or {})
     taken = _choose(settled, known, source)
     commanding = settle_commands(taken, names, source, known, torque=torque)
     needed = ("q",) if commanding else needed
@@ -152,7 +149,6 @@ def name_columns(
         columns,
         wanted,
         notes,
-        labels,
         locked,
         made=() if "tau" in needed else tuple(f"{j}.tau" for j in wanted),
         commands=tuple(g.name for g in own if commanding and g.kind in COMMANDS),
@@ -408,7 +404,7 @@ def settle_numbers(
     known: Conventions,
     names: Mapping[str, str],
     first: Mapping[str, str],
-) -> tuple[list[Column], dict[str, str], str]:
+) -> tuple[list[Column], str]:
     """Return the guesses with joints instead of numbers, as far as that is certain.
 
     Columns beside them may hold the joints' names (``name0``, as recorders of ROS write); else the
@@ -428,8 +424,6 @@ def settle_numbers(
     Returns
     -------
     guesses : list of Column
-    labels : dict of str to str
-        Columns with names of joints that were followed.
     how : str
         What a note says of it, to be added to a list of columns.
 
@@ -442,10 +436,10 @@ def settle_numbers(
     loose = [g for g in guesses if g not in told]
     labels = _labels(names, first) if loose else {}
     if labels:
-        owners = {number: known.columns.apply(text) for number, (_, text) in labels.items()}
+        owners = {number: known.columns.apply(text) for number, text in labels.items()}
         out = [replace(g, joint=owners[g.number]) for g in loose if g.number in owners]
         how = " (the names that stand in the log say which joint it is)"
-        return [*told, *out], dict(labels.values()), how
+        return [*told, *out], how
     named = {g.name for g in told}
     found: list[Column] = []
     for kind in CHANNELS:
@@ -453,22 +447,14 @@ def settle_numbers(
         if own and not {f"{j}.{kind}" for j in known.joints} <= named:
             found += _in_order(own, source, known)
     numbered = any(g.number >= 0 for g in found)
-    return [*told, *found], {}, " (in the robot's order)" if numbered else ""
+    return [*told, *found], " (in the robot's order)" if numbered else ""
 
 
-def _labels(names: Mapping[str, str], first: Mapping[str, str]) -> dict[int, tuple[str, str]]:
-    """Return column and text of the names of joints, by their number."""
-    found = {}
-    for column, name in names.items():
-        words = words_of(name)
-        if (
-            column in first
-            and len(words) > 1
-            and words[-2] in words_for("name")
-            and words[-1].isdecimal()
-        ):
-            found[int(words[-1])] = (column, first[column].strip())
-    return found
+def _labels(names: Mapping[str, str], first: Mapping[str, str]) -> dict[int, str]:
+    """Return the names of joints that stand in the first row, by their number."""
+    words = {column: words_of(name) for column, name in names.items() if column in first}
+    told = {c: w for c, w in words.items() if len(w) > 1 and w[-2] in words_for("name")}
+    return {int(w[-1]): first[c].strip() for c, w in told.items() if w[-1].isdecimal()}
 
 
 def _in_order(loose: Sequence[Column], source: str, known: Conventions) -> list[Column]:

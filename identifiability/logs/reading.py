@@ -16,7 +16,7 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.logs import signals
-from identifiability.logs.base import RawBase, find_base, moving_base
+from identifiability.logs.base import RawBase, find_base
 from identifiability.logs.checks import Clock, Numbers, to_floats
 from identifiability.logs.columns import Naming, as_times, name_columns, settle_time, start_of
 from identifiability.logs.conventions import Conventions
@@ -267,7 +267,6 @@ class Reading:
         frame = self._hold_commands(frame)
         for key, column in self._base.items():
             self._beside.setdefault(key, []).append(to_floats(frame[column]))
-        self._follow_labels(frame)
         for held in self._naming.locked:
             self._follow_locked(held, frame[held.source])
         for own in self._naming.columns:
@@ -334,8 +333,6 @@ class Reading:
         units = dict(zip(columns, self._form.units, strict=False))
         naming = name_columns(columns, self.source, self.known, units, first)
         naming = settle_time(naming, frame, self.source, self.known)
-        unread = "" if self.known.base is not None else moving_base(list(frame.columns))
-        naming = replace(naming, notes=(*naming.notes, unread)) if unread else naming
         self._naming = naming
         names = [c.name for c in naming.columns]
         self.numbers = {c: Numbers(c, self.source) for c in names}
@@ -344,22 +341,6 @@ class Reading:
         self._kept = {c: [] for c in (*given, *self.absent)}
         self.finders = {} if self.keep else {c: SpikeFinder() for c in names if c != "t"}
         self.turns = {c: WrapFinder() for c in self.finders if c.endswith(".q")}
-
-    def _follow_labels(self, frame: pd.DataFrame) -> None:
-        """Refuse rows that are about other joints than the first.
-
-        Raises
-        ------
-        LogError
-        """
-        for column, text in self._naming.labels.items():
-            other = frame[column].astype(str).str.strip() != text
-            if other.any():
-                raise LogError(
-                    f"{self.source}: the column '{column.strip()}' names the joint '{text}' first "
-                    f"and later '{frame[column][other].iloc[0]}'; sort the joints, or give the "
-                    "rows of one kind."
-                )
 
     def _follow_locked(self, column: Column, given: pd.Series) -> None:
         """Follow where a joint is that is said not to move; single wrong values do not count."""

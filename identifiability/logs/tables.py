@@ -302,7 +302,7 @@ def _scan_csv(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[s
             cut = max(rest.rfind(b"\n"), rest.rfind(b"\r") if b"\n" not in rest else -1) + 1
             if not more:
                 table, cut = _leave_half_line(table, rest)
-            if cut or (not more and len(pieces) == 1):
+            if cut or (not more and (len(pieces) == 1 or rest)):
                 frame = table.parse(rest[:cut], row)
                 each(frame, table.form)
                 row, byte, rest = row + len(frame), byte + cut, rest[cut:]

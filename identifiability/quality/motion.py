@@ -131,20 +131,6 @@ def find_assembly(logs: MeasuredLogs) -> list[Finding]:
     return [Finding("assembly", text)] if text else []
 
 
-@check("signs", Does.HINTS, always=True)
-def find_turned_signs(logs: MeasuredLogs) -> list[Finding]:
-    """Return where measured and smoothed velocity disagree in sign; nothing if noise is small."""
-    turned = np.zeros(len(logs.joints))
-    for s in logs.samples:
-        motion = s.motion
-        if motion.smooth_v is not None:
-            apart = np.sign(motion.actuated_v) != np.sign(motion.smooth_v[:, 0])
-            turned = np.maximum(turned, apart.mean(0))
-    # Share of the samples at which noise turns the sign of a velocity that is said.
-    at = [f"'{j}.dq'" for j, x in zip(logs.joints, turned, strict=True) if x > 0.01]
-    return [Finding("signs", columns=at, share=float(turned.max()))] if at else []
-
-
 @check("outside", Does.HINTS, always=True)
 def find_outside(logs: MeasuredLogs) -> list[Finding]:
     """Return the bodies that were left out."""

@@ -28,7 +28,7 @@ ORDER = (
     *("silent", "stuck", "wraps", "spikes", "commands", "contradictions", "copies"),
     *("unheld", "exchanged", "clock", "unit"),
     *("limits", "stopped", "flat"),
-    *("bodies", "assembly", "signs", "outside", "still", "outliers"),
+    *("bodies", "assembly", "outside", "still", "outliers"),
 )
 
 #: Returns findings of `MeasuredLogs`, none for sound logs; what mends returns logs that are being

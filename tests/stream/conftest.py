@@ -22,7 +22,6 @@ def sizes(monkeypatch):
         monkeypatch.setattr(dataset, "SHORTEST", shortest)
         monkeypatch.setattr(tables, "PIECE_ROWS", rows)
         monkeypatch.setattr(scan, "PIECE_BYTES", characters)
-        monkeypatch.setattr(scan, "WHOLE", characters)
         if window is not None:
             monkeypatch.setattr(signals, "WINDOW", window)
             monkeypatch.setattr(windows, "EXCERPT", 10 * window)

@@ -877,9 +877,9 @@ def _plan_series(robot: Robot, log: Log, plan: Plan, how: Preparation) -> Plan:
             f"The period {how.period:g} s does not fit {log.name}: with {how.harmonics} harmonics "
             f"it must lie between {low:.4g} s (its sampling) and {high:.4g} s (its length)."
         )
-    if log.long:
+    if how.period is None and log.long:
         raise too_long(log.name)
-    own = joint_log(robot, log)
+    own = joint_log(robot, join_logs([window for _, window in log.windows()]))
     period = how.period or fourier.find_period(own.t - plan.start, own.q, how.harmonics)
     fit = fourier.fit_fourier(own.t - plan.start, own.q, period, how.harmonics, own.dq, own.ddq)
     left = float(np.sqrt(np.mean((fit.motion(own.t - plan.start)[0] - own.q) ** 2)))
