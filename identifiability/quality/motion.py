@@ -110,6 +110,7 @@ def find_stretches(log: Log) -> Iterator[tuple[str, int, int]]:
         step = np.abs(np.diff(x, append=x[-1]))
         usual = float(np.quantile(step, 0.9))
         for a, b in find_runs(x[:, None]):
+            # When it goes on, it leaps so many times as far as usually in one sample.
             if usual > 0 and step[b - 1] > 6.0 * usual:
                 yield joint, a, b
 
