@@ -1,4 +1,4 @@
-"""What is not there, or has other columns, is refused before anything large is imported."""
+"""What is not there is refused before anything large is imported."""
 
 from __future__ import annotations
 

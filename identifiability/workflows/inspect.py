@@ -40,9 +40,9 @@ from identifiability.logs import Log
 from identifiability.logs.gaps import Gaps
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset, prepare_log
-from identifiability.logs.prepare.plan import joint_log, noise_level
+from identifiability.logs.prepare.preparation import joint_log
 from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.logs.spectrum import Spectrum
+from identifiability.logs.spectrum import Spectrum, noise_level
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.quality.rules import RULES as ODDITY_RULES
 from identifiability.regression.reduction import ModelLike, choose_model, find_ladder, ladder_model

@@ -38,9 +38,8 @@ from identifiability.logs.commands import of_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import frame_of
 from identifiability.logs.formats.reader import find_parts
-from identifiability.logs.log import too_long
+from identifiability.logs.log import check_held_out, share_clock, too_long
 from identifiability.logs.prepare import Dataset, Preparation
-from identifiability.logs.repeats import check_held_out, share_clock
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.quality import Reading, mend
 from identifiability.regression.reduction import LadderSource

@@ -8,7 +8,7 @@ from identifiability import Model, Robot
 from identifiability.effects import default_effects
 from identifiability.effects.effect import measure_spans
 from identifiability.logs.log import Log
-from identifiability.logs.prepare.plan import joint_log
+from identifiability.logs.prepare.preparation import joint_log
 from identifiability.regression.reduction import build_ladder, default_ladder, ladder_model
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.workflows.export import write_parameters

@@ -26,8 +26,8 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.instruments import add_instrument, complete_along
-from identifiability.logs.prepare.plan import Plan, joint_log, noise_size
-from identifiability.logs.prepare.preparation import make_plan
+from identifiability.logs.prepare.preparation import Plan, joint_log, make_plan
+from identifiability.logs.spectrum import noise_size
 from identifiability.physical.pseudo_inertia import BASIS, natural_scale, scale_matrix, to_matrix
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
