@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Literal
 
-from identifiability.effects.effect import AlongAxes, Elsewhere, Family
+from identifiability.effects.effect import AlongAxes, Family
 from identifiability.effects.friction import settle_directions
 from identifiability.effects.registry import FAMILIES
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Parameter
@@ -176,9 +176,5 @@ def every_parameter(
     """
     robot = replace(robot, shapes={**robot.shapes, **(shapes or {})})
     effects = [family.effect for family in reversed(FAMILIES.values())]
-    placed = [
-        Elsewhere(e, "*")
-        for e in effects
-        if isinstance(e, AlongAxes) and type(e).fill is AlongAxes.fill
-    ]
+    placed = [e.placed("*") for e in effects if isinstance(e, AlongAxes) and e.placeable]
     return {p.name: p for e in (*placed, *effects) for p in e.parameters(robot)}

@@ -9,7 +9,6 @@ asked for: a page needs its own alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +21,6 @@ from identifiability.foundation.numbers import measured
 from identifiability.foundation.rounding import (
     NONE,
     digits,
-    error_text,
     format_count,
     format_number,
     join,
@@ -67,7 +65,6 @@ from identifiability.workflows.answers import (
     level_table,
     note,
     sentence,
-    tone_of,
     with_hints,
     words,
 )
@@ -85,14 +82,8 @@ if TYPE_CHECKING:
     from identifiability.workflows.prune.result import Ladder
 
 
-def _by_owner(
-    names: Sequence[str], told: Sequence[str], tone: str, text: str, other: Part
-) -> dict[str, Part]:
-    """Return how bodies and joints are shown of whose parameters some are told."""
-    owners: dict[str, list[str]] = {name.rpartition(".")[0]: [] for name in names}
-    for name in told:
-        owners[name.rpartition(".")[0]].append(name)
-    return {o: Part(tone, f"{text}: {join(n)}") if n else other for o, n in owners.items()}
+#: Rows of a figure with the answers: the worst, or the best.
+SHOWN_FIRST = 20
 
 
 # Calibration: may intervals and verdicts be trusted on this motion?
@@ -103,48 +94,24 @@ def calibration_heading(calibration: Calibration) -> tuple[str, str]:
     return "Calibration", f"{calibration.analysis.robot.path.name} · {calibration.model}"
 
 
-def calibration_sketch(calibration: Calibration) -> Sketch | None:
-    """Return the robot with what was found drawn on it, if it can be drawn."""
-    cell, hold = calibration.cell, Part("blue", "intervals hold")
-    parts = _by_owner(cell.names, cell.below, "vermilion", "too narrow", hold)
-    robot = calibration.analysis.robot
-    return sketch_parts(robot, parts, "decision.calibrated", "not in the model")
+def calibration_below(calibration: Calibration) -> Picture:
+    """Return the coverage of the parameters whose intervals hold the truth least often."""
+    frame = calibration.to_frame()[:SHOWN_FIRST]
+    share, low, high = 100 * frame[["value", "low", "high"]].to_numpy(float).T
+    reach = np.maximum([share - low, high - share], 0.0)
+    label = "intervals that hold the truth [%]"
+    return picture("each", draw_intervals(list(frame["parameter"]), share, reach, label, 95.0))
 
 
 def calibration_sections(calibration: Calibration) -> list[Section | None]:
     """Return the sections of the page."""
-    frame = calibration.to_frame()
-    share, low, high = 100 * frame[["value", "low", "high"]].to_numpy(float).T
-    reach = np.maximum([share - low, high - share], 0.0)
-    label = "intervals that hold the truth [%]"
-    each = draw_intervals(list(frame["parameter"]), share, reach, label, 95.0)
     names = calibration.false_names
+    how = {"trials": len(calibration.cell.held), "seed": calibration.provenance["seed"]}
     return [
-        section(
-            "calibration.parameters",
-            picture("each", each),
-            Fold(f"All {len(frame)} parameters", calibration.tables()),
-        ),
+        section("calibration.parameters", *calibration.tables()),
         section("calibration.names", statement=names.statement) if names is not None else None,
-        _method(calibration),
+        section("calibration.method", Prose(tuple(words("calibration.how", **how).values()))),
     ]
-
-
-NOISE = with_hints(
-    "noise",
-    Column("actuator"),
-    Column("order", "number"),
-    Column("size", digits(3)),
-    Column("autocorrelation time", digits(3)),
-)
-
-
-def _method(calibration: Calibration) -> Section:
-    holes = {"trials": len(calibration.cell.held), "seed": calibration.provenance["seed"]}
-    told = [*words("calibration.how", **holes).values()]
-    rows = [tuple(row.values()) for row in calibration.noise_rows()]
-    table = Table.of("Noise of the repetitions", NOISE, rows)
-    return section("calibration.method", Prose(tuple(told)), table)
 
 
 # Comparison: what changed between two logs or results.
@@ -390,15 +357,11 @@ def excitation_heading(result: Excitation) -> tuple[str, str]:
     )
 
 
-def excitation_sketch(result: Excitation) -> Sketch | None:
-    """Return the robot with what was found drawn on it, if it can be drawn."""
-    from identifiability.workflows.excite.rules import RULES  # noqa: PLC0415
-
-    pairs = zip(result.names, result.gain, strict=True)
-    better = [name for name, gain in pairs if gain < RULES.better]
-    other = Part("grey", "not better known")
-    parts = _by_owner(result.names, better, "green", "better known", other)
-    return sketch_parts(result.robot, parts, "decision.excited", "not in the model")
+def excitation_below(result: Excitation) -> Picture:
+    """Return the gain of the parameters that gain most."""
+    at = np.argsort(np.nan_to_num(result.gain, nan=np.inf), kind="stable")[:SHOWN_FIRST]
+    figure = draw_gain([result.names[k] for k in at], result.gain[at])
+    return picture("gained", figure, beside=result.beside)
 
 
 def excitation_notes(result: Excitation) -> list[Note]:
@@ -418,17 +381,11 @@ def excitation_sections(result: Excitation) -> list[Section]:
         effects=", ".join(result.effects),
         measured=sentence("excitation.measured", logs=logs) if logs else "",
     )
-    kinds = [f"{kind} {k + 1}" for kind in ("sin", "cos") for k in range(path.sin.shape[1])]
-    columns = [Column("joint"), *(Column(kind, digits(5)) for kind in ("offset", *kinds))]
-    numbers = np.column_stack([path.offset, path.sin, path.cos])
-    rows = [(joint, *x) for joint, x in zip(result.limits.joints, numbers, strict=True)]
-    coefficients = Table.of(sentence("excitation.series"), columns, rows, cards=False)
     return [
         section(
             "excitation.motion",
             *_motion(result),
             result.tables()[0],
-            Fold("Coefficients", (coefficients,)),
         ),
         section("excitation.gain", gain, beside=result.beside),
         section("excitation.method", Prose(tuple(text.values()))),
@@ -629,15 +586,13 @@ def prediction_heading(result: TorquePrediction) -> tuple[str, str]:
     return "Predicted torque", f"{result.robot.path.name} · {result.model} · {count}"
 
 
-def prediction_sketch(result: TorquePrediction) -> Sketch | None:
-    """Return the robot with what was found drawn on it, if it can be drawn."""
-    errors = result.error_frame()["error"]
-    parts = {
-        joint: Part(tone_of(error), error_text(error))
-        for joint, error in zip(result.robot.joints, errors, strict=True)
-        if np.isfinite(error)
-    }
-    return sketch_parts(result.robot, parts, "decision.predicted")
+def prediction_below(result: TorquePrediction) -> Picture | None:
+    """Return measured and predicted torque of the joint that is predicted worst."""
+    errors = result.error_frame()["error"].to_numpy(float)
+    if not np.isfinite(errors).any():
+        return None
+    joint = result.robot.joints[int(np.nanargmax(errors))]
+    return picture("torque", plot.torque(result, joint), joint=joint)
 
 
 def prediction_sections(result: TorquePrediction) -> list[Section]:

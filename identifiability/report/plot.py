@@ -136,10 +136,6 @@ def missing(result: Diagnosis) -> Figure:
     return draw_shrink(labels, np.array([result.held_before, *(e.after for e in result.effects)]))
 
 
-#: Their names until the release before this one; they go with the next.
-confused, way_down = correlated, reduction_path
-
-
 #: The figures by name, and whose they are.
 FIGURES: dict[str, tuple[Callable[..., Figure], tuple[str, ...]]] = {
     "precision": (precision, ("Analysis",)),

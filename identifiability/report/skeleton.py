@@ -72,7 +72,8 @@ def draw_skeleton(
     rest : str
         What is said of bodies that are none of these.
     """
-    limbs, at = trace_limbs(robot, pose)
+    traced, places = _trace(robot, pose[None])
+    limbs, at = {body: lines[:, 0] for body, lines in traced.items()}, places[:, 0]
     every = np.concatenate([*limbs.values(), at])
     if not np.isfinite(every).all() or not np.ptp(every, axis=0).max() > 0:
         return None
@@ -99,18 +100,12 @@ def draw_skeleton(
     )
 
 
-def trace_limbs(robot: Robot, pose: Array) -> tuple[dict[str, Array], Array]:
-    """Return the lines of each moving body, (2 s, 3) each, and the places of joints, (j, 3) [m].
-
-    A body goes from its joint to those that hang on it, to the points at which loops close, and,
-    where there are none, to its centre of mass and as far again.
-    """
-    limbs, at = _trace(robot, pose[None])
-    return {body: lines[:, 0] for body, lines in limbs.items()}, at[:, 0]
-
-
 def _trace(robot: Robot, poses: Array) -> tuple[dict[str, Array], Array]:
-    """Return the same for F poses (F, nq): (2 s, F, 3) each, and (j, F, 3)."""
+    """Return lines of moving bodies, (2 s, F, 3) each, and places of joints, (j, F, 3) [m].
+
+    Of F poses (F, nq). A body goes from its joint to those that hang on it, to the points at which
+    loops close, and, where there are none, to its centre of mass and as far again.
+    """
     tree = robot.tree
     frames = tree.frames(poses, range(len(tree.joints)))
 

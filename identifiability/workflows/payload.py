@@ -42,8 +42,7 @@ from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.physical.cad_prior import draw_bodies
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.physical.project import project
 from identifiability.physical.pseudo_inertia import entry_scale, natural_scale, to_matrix
 from identifiability.regression.reduction import DEFAULT_EFFECTS, full_model

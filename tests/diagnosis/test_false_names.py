@@ -2,7 +2,7 @@
 
 from identifiability import analyze
 from identifiability.foundation.engines.mapping import Serial
-from identifiability.workflows.calibrate.false_names import measure_false_names
+from identifiability.workflows.calibrate.calibration import measure_false_names
 
 
 def test_false_names_are_counted_on_the_users_own_motion(logs_of):

@@ -12,8 +12,7 @@ from identifiability.foundation.rounding import (
     join,
     percent_text,
 )
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.posterior.target import Prior, Target
 
 

@@ -25,9 +25,8 @@ from identifiability.foundation.errors import (
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.physical.feasibility import check_nominal
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares
+from identifiability.physical.feasibility import find_impossible_bodies
+from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares, PhysicalSet
 from identifiability.physical.project import project
 from identifiability.posterior.diagnostics import (
     Convergence,
@@ -482,7 +481,9 @@ def state_prior(model: FittedModel, share: float = 0.0) -> Prior:
     """
     structure, data = model.structure, model.data
     robot = structure.robot
-    check_nominal(robot)
+    impossible = find_impossible_bodies(robot)
+    if impossible:
+        raise IdentifiabilityError(f"{robot.path}: {impossible}")
     reach = np.linalg.norm(data.R, axis=0)
     size = float(np.linalg.norm(data.z))
     # A parameter without a nominal value gets a prior sd that makes this many times the
