@@ -392,6 +392,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         outside=stated.outside,
         meshes=stated.meshes,
         entries=stated.entries,
+        biased=tuple(stated.offsets),
         bolted=extra.base == "fixed",
         base=_read_base(path, extra, stated, bodies),
     )
@@ -503,6 +504,8 @@ def _nominal(
     for name, stated_here in zip(robot.dofs, stated_at, strict=True):
         values |= name_numbers(name, stated_here, parts) | {f"{name}.{p}": 0.0 for p in parts[1:]}
     values |= {f"{name}.K": stiffness for name, (stiffness, _) in stated.springs.items()}
+    offsets = {name: stated.offsets.get(name, 0.0) for name in robot.dofs}
+    values |= {f"{name}.off": torque for name, torque in offsets.items() if torque}
     for name, axis in axes.items():
         values |= name_numbers(name, axis.numbers, parts)
     locked = tuple(f"{name}." for name in stated.locked)  # no friction where nothing moves

@@ -175,6 +175,8 @@ class Description:
         From which the file takes inertias.
     entries : mapping
         Entries of arrays that MuJoCo keeps of its joints, by array, then index or name.
+    biased : tuple of str
+        Joints and straight tendons whose actuators in the file can hold a torque offset.
     upright : (3,) [m/s²] or None
         Gravity as the file states it, where it was found to be another one (`turned`).
     servo : Servo or None
@@ -234,6 +236,7 @@ class Description:
     assembled: bool = False
     meshes: tuple[Path, ...] = ()
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
+    biased: tuple[str, ...] = ()
     upright: Array | None = None
     servo: Servo | None = None
     bolted: bool = False

@@ -336,10 +336,26 @@ def write_gravity(top: ET.Element, gravity: Array) -> None:
         element.set("gravity", numbers(gravity))
 
 
-def write_servos(top: ET.Element, joints: Sequence[str], servo: Servo) -> None:
+def affine_law(gain: float, bias: Array) -> dict[str, str]:
+    """Return the attributes of a ``<general>`` actuator: gain, and (3,) of what else it pulls by.
+
+    That is a constant, and what goes with its length and speed.
+    """
+    return {
+        "dyntype": "none",
+        "gaintype": "fixed",
+        "gainprm": f"{gain:.17g}",
+        "biastype": "affine",
+        "biasprm": numbers(bias),
+    }
+
+
+def write_servos(
+    top: ET.Element, joints: Sequence[str], servo: Servo, offsets: Mapping[str, float]
+) -> None:
     """Write position servos of joints in place of what drives them.
 
-    A servo without kp becomes one of velocity.
+    A servo without kp becomes one of velocity; a torque offset is a bias of its own.
     """
     actuators = top.findall("actuator")
     names = dict(zip(joints, joints, strict=True))
@@ -349,14 +365,20 @@ def write_servos(top: ET.Element, joints: Sequence[str], servo: Servo) -> None:
             element.remove(old)
     place = actuators[0] if actuators else ET.SubElement(top, "actuator")
     for k, joint in enumerate(joints):
-        gains = {"kp": servo.kp[k], "kv": servo.kv[k]} if servo.kp[k] else {"kv": servo.kv[k]}
-        kind = "position" if servo.kp[k] else "velocity"
-        new = ET.SubElement(place, kind, name=names[joint], joint=joint, gear="1")
-        new.attrib |= {word: f"{value:.17g}" for word, value in gains.items()}
-        limited = bool(np.isfinite([servo.low[k], servo.high[k]]).all())
+        kp, kv, off = float(servo.kp[k]), float(servo.kv[k]), offsets.get(joint, 0.0)
+        new = ET.SubElement(place, "position", name=names[joint], joint=joint, gear="1")
+        if off:
+            new.tag = "general"
+            new.attrib |= affine_law(kp or kv, np.array([-off, -kp, -kv]))
+        else:
+            new.tag = "position" if kp else "velocity"
+            gains = {"kp": kp, "kv": kv} if kp else {"kv": kv}
+            new.attrib |= {word: f"{value:.17g}" for word, value in gains.items()}
+        limits = np.array([servo.low[k], servo.high[k]]) - off
+        limited = bool(np.isfinite(limits).all())
         new.set("forcelimited", "true" if limited else "false")
         if limited:
-            new.set("forcerange", numbers(np.array([servo.low[k], servo.high[k]])))
+            new.set("forcerange", numbers(limits))
 
 
 def write_tendon(element: ET.Element, stated: Mapping[str, float], rest: float) -> None:

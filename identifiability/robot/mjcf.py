@@ -10,7 +10,7 @@ import re
 import warnings
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,11 +23,19 @@ from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.robot.cables import add_slides, cable_name, read_cables
 from identifiability.robot.floating import BASE_JOINTS, SIX
 from identifiability.robot.kinematics import Point, read_tree
 from identifiability.robot.locking import add_couplings, merge_axes, read_locks, settle_locks, weld
-from identifiability.robot.markup import check_regular, check_weight, file_text
+from identifiability.robot.markup import (
+    affine_law,
+    check_regular,
+    check_weight,
+    file_text,
+    numbers,
+    read_markup,
+)
 from identifiability.robot.parts import (
     Combination,
     Coupling,
@@ -476,96 +484,189 @@ def read_entries(m: Any, floating: Any = None) -> dict[str, dict[str, Entry]]:
         add("qpos", (int(m.jnt_qposadr[j]), name), Entry(f"{name}.q"))
         for word, kind in (("qvel", "dq"), ("qacc", "ddq"), ("qfrc_actuator", "tau")):
             add(word, (int(m.jnt_dofadr[j]), name), Entry(f"{name}.{kind}"))
-    gears = driven_joints(m)
-    motors = Counter(j for j, _ in gears.values())
-    for a, (j, gear) in gears.items():
-        if j not in names or not gear or motors[j] > 1:
+    actuators = read_actuators(m)
+    motors = Counter(a.joint for a in actuators)
+    for k, a in enumerate(actuators):
+        if a.joint not in names.values() or not a.factor or motors[a.joint] > 1:
             continue  # of several at one joint the sum is what moves it
-        keys = (a, m.actuator(a).name, names[j])
-        add("actuator_force", keys, Entry(f"{names[j]}.tau", gear))
-        command = _command(m, a, gear)
-        if command is not None:
-            kind, *numbers = command
-            add("ctrl", keys, Entry(f"{names[j]}.{kind}", *numbers))
+        keys = (k, m.actuator(k).name, a.joint)
+        add("actuator_force", keys, Entry(f"{a.joint}.tau", a.factor))
+        if a.entry is not None:
+            add("ctrl", keys, a.entry)
     return found
 
 
-def find_drive(m: Any, a: int) -> tuple[str, dict[int, float], int | None, float]:
-    """Return where an actuator acts: its name, joints with coefficients, straight tendon, gear."""
-    name, kind = m.actuator(a).name or f"number {a + 1}", int(m.actuator_trntype[a])
-    target, gear = int(m.actuator_trnid[a, 0]), float(m.actuator_gear[a, 0])
-    if kind in _ON_JOINT:
-        return name, {target: 1.0}, None, gear
-    if kind != int(_TRN.mjTRN_TENDON):
-        return name, {}, None, gear
-    return name, find_arms(m, target) or {}, target if straight(m, target) else None, gear
+@frozen
+class Actuator:
+    """An actuator: along ``Σ cᵢ qᵢ`` it pulls by ``gear (gain ctrl + b₀ + b₁ length + b₂ speed)``.
 
-
-def driven_joints(m: Any) -> dict[int, tuple[int, float]]:
-    """Return which joint each actuator drives, and how many times its force acts there."""
-    found = {}
-    for a in range(len(m.actuator_trntype)):
-        _, arms, _, gear = find_drive(m, a)
-        if len(arms) == 1:
-            ((j, c),) = arms.items()
-            found[a] = j, gear * c
-    return found
-
-
-def find_servos(m: Any) -> dict[str, JointServo]:
-    """Return the servos that a compiled MJCF states, by joint.
-
-    Several at one joint add up, say one that holds a position and one that damps.
+    Attributes
+    ----------
+    name : str
+    arms : mapping
+        Joints that it drives to their coefficients; none where it drives no sum of joints.
+    tendon : str
+        On which it pulls; empty where it acts on a joint or site.
+    straight : bool
+        Whether that runs straight between sites.
+    gear : float
+    law : {"tau", "q_ref", "dq_ref", ""}
+        What its command is: a torque, a position or a speed to hold; nothing of any other.
+    gain : float
+    bias : (3,)
+    force, command : (2,)
+        Between which ends its force and its command are; infinite where they have none.
+    numbers : mapping
+        Armature and damping of its own.
     """
-    found: dict[str, JointServo] = {}
-    motors: set[str] = set()
-    for a, (j, gear) in driven_joints(m).items():
-        name, bias = m.joint(j).name, m.actuator_biasprm[a]
-        if _law(m, a) not in ("q_ref", "dq_ref") or bias[0] or not gear:
-            motors.add(name)
-            continue
-        low, high = -np.inf, np.inf
-        if m.actuator_forcelimited[a]:
-            low, high = sorted(m.actuator_forcerange[a] * gear)
-        before = found.get(name, JointServo(0.0, 0.0, 0.0, 0.0))
-        found[name] = JointServo(
-            before.kp - float(gear**2 * bias[1]),
-            before.kv - float(gear**2 * bias[2]),
-            before.low + float(low),
-            before.high + float(high),
+
+    name: str
+    arms: Mapping[str, float]
+    tendon: str
+    straight: bool
+    gear: float
+    law: str
+    gain: float
+    bias: Array
+    force: Array
+    command: Array
+    numbers: Mapping[str, float]
+
+    @property
+    def joint(self) -> str:
+        """The joint that it drives alone; empty where it drives several, or none."""
+        return next(iter(self.arms)) if len(self.arms) == 1 else ""
+
+    @property
+    def owner(self) -> str:
+        """The joint, or else the straight tendon, that it drives alone."""
+        return self.tendon if self.straight else self.joint
+
+    @property
+    def factor(self) -> float:
+        """How many times its force acts there."""
+        return self.gear * (self.arms[self.joint] if self.joint else 1.0)
+
+    @property
+    def offset(self) -> float:
+        """Torque that its command has too much, as a constant one acts against it [N·m or N]."""
+        return -self.factor * float(self.bias[0])
+
+    @property
+    def entry(self) -> Entry | None:
+        """What ``ctrl`` is, of a motor or servo that drives one joint."""
+        low, high = self.command
+        if self.law in ("q_ref", "dq_ref"):
+            return Entry(f"{self.joint}.{self.law}", 1.0 / self.factor, float(low), float(high))
+        if self.law != "tau":
+            return None
+        ends = np.sort((self.force - self.bias[0]) / self.gain)
+        low, high = max(low, ends[0]), min(high, ends[1])
+        return Entry(f"{self.joint}.tau", self.factor * self.gain, float(low), float(high))
+
+
+def read_actuators(m: Any) -> list[Actuator]:
+    """Return the actuators of a compiled MJCF, in its order."""
+    found, endless = [], np.array([-np.inf, np.inf])
+    for a in range(len(m.actuator_trntype)):
+        kind, target = int(m.actuator_trntype[a]), int(m.actuator_trnid[a, 0])
+        pulls = kind == int(_TRN.mjTRN_TENDON)
+        arms = {target: 1.0} if kind in _ON_JOINT else find_arms(m, target) if pulls else None
+        affine = int(m.actuator_biastype[a]) == int(mujoco.mjtBias.mjBIAS_AFFINE)
+        found.append(
+            Actuator(
+                name=m.actuator(a).name or f"number {a + 1}",
+                arms={m.joint(j).name: c for j, c in (arms or {}).items()},
+                tendon=cable_name(m, target) if pulls else "",
+                straight=pulls and straight(m, target),
+                gear=float(m.actuator_gear[a, 0]),
+                law=_law(m, a),
+                gain=float(m.actuator_gainprm[a, 0]),
+                bias=m.actuator_biasprm[a, :3] * affine,
+                force=np.array(m.actuator_forcerange[a] if m.actuator_forcelimited[a] else endless),
+                command=np.array(m.actuator_ctrlrange[a] if m.actuator_ctrllimited[a] else endless),
+                numbers=_numbers(m, "actuator", a),
+            )
         )
-    return {name: servo for name, servo in found.items() if name not in motors}
+    return found
 
 
 def _law(m: Any, a: int) -> str:
     """Return what an actuator holds: a position, a speed or a torque; nothing of any other."""
-    gain, bias = m.actuator_gainprm[a], m.actuator_biasprm[a]
+    gain, bias = float(m.actuator_gainprm[a, 0]), m.actuator_biasprm[a]
     fixed = int(m.actuator_gaintype[a]) == int(mujoco.mjtGain.mjGAIN_FIXED)
     plain = int(m.actuator_dyntype[a]) == int(mujoco.mjtDyn.mjDYN_NONE)
     kind = int(m.actuator_biastype[a])
-    if not (fixed and plain and gain[0]):
+    if not (fixed and plain and gain):
         return ""
     if kind == int(mujoco.mjtBias.mjBIAS_NONE):
         return "tau"
-    if kind != int(mujoco.mjtBias.mjBIAS_AFFINE) or gain[0] < 0:
+    if kind != int(mujoco.mjtBias.mjBIAS_AFFINE):
         return ""
-    if bias[1] == -gain[0]:
+    if not bias[1:3].any():
+        return "tau"
+    if gain > 0 and bias[1] == -gain:
         return "q_ref"
-    return "dq_ref" if not bias[1] and bias[2] == -gain[0] else ""
+    return "dq_ref" if gain > 0 and not bias[1] and bias[2] == -gain else ""
 
 
-def _command(m: Any, a: int, gear: float) -> tuple[str, float, float, float] | None:
-    """Return what ``ctrl`` is of a motor or servo: channel, factor, and its least and largest."""
-    law, gain = _law(m, a), float(m.actuator_gainprm[a, 0])
-    low, high = m.actuator_ctrlrange[a] if m.actuator_ctrllimited[a] else (-np.inf, np.inf)
-    if not law:
-        return None
-    if law != "tau":
-        return law, 1.0 / gear, float(low), float(high)
-    if m.actuator_forcelimited[a]:
-        ends = sorted(m.actuator_forcerange[a] / gain)
-        low, high = max(low, ends[0]), min(high, ends[1])
-    return "tau", gear * gain, float(low), float(high)
+def find_offsets(actuators: Sequence[Actuator]) -> dict[str, float]:
+    """Return the constant torque of commands by what they drive, where an actuator can hold one."""
+    found: dict[str, float] = {}
+    for actuator in actuators:
+        if actuator.law and actuator.owner and actuator.factor:
+            found[actuator.owner] = found.get(actuator.owner, 0.0) + actuator.offset
+    return found
+
+
+def find_servos(actuators: Sequence[Actuator]) -> dict[str, JointServo]:
+    """Return the servos among actuators, by joint.
+
+    Several at one joint add up, say one that holds a position and one that damps.
+    """
+    found: dict[str, JointServo] = {}
+    motors = {a.joint for a in actuators if a.law not in ("q_ref", "dq_ref") or not a.gear}
+    for a in actuators:
+        if not a.joint or a.joint in motors:
+            continue
+        low, high = np.sort(a.force * a.factor) + a.offset
+        before = found.get(a.joint, JointServo(0.0, 0.0, 0.0, 0.0))
+        found[a.joint] = JointServo(
+            before.kp - float(a.factor**2 * a.bias[1]),
+            before.kv - float(a.factor**2 * a.bias[2]),
+            before.low + float(low),
+            before.high + float(high),
+        )
+    return found
+
+
+def write_offsets(top: ET.Element, path: Path, offsets: Mapping[str, float]) -> None:
+    """Write constant torque of commands into the actuators of an MJCF, as their bias.
+
+    Parameters
+    ----------
+    top : Element
+        What is written.
+    path : Path
+        The file that it is the content of, as it still is.
+    offsets : mapping
+        By what an actuator drives [N·m or N].
+    """
+    elements = [e for part in top.findall("actuator") for e in part if isinstance(e.tag, str)]
+    left = dict(offsets)
+    for e, a in zip(elements, read_actuators(compile_mjcf(path, read_markup(path))), strict=True):
+        if a.owner not in offsets or not a.law or not a.factor:
+            continue
+        constant = -left.pop(a.owner, 0.0) / a.factor  # the first of several has it all
+        if constant != a.bias[0]:
+            for word in ("kp", "kv", "dampratio", "timeconst", "inheritrange"):
+                e.attrib.pop(word, None)
+            e.attrib |= affine_law(a.gain, np.array([constant, *a.bias[1:]]))
+            e.tag = "general"
+            ends = {"ctrl": a.command, "force": a.force + constant - a.bias[0]}
+            for word, span in ends.items():
+                if np.isfinite(span).all():
+                    e.attrib |= {f"{word}limited": "true", f"{word}range": numbers(span)}
 
 
 # Damping, dry friction, rotors and springs of a compiled MJCF, joint by joint.
@@ -719,18 +820,13 @@ def _lines(m: Any) -> Iterator[Line]:
         cable = t if straight(m, t) else None
         rest = float(m.tendon_lengthspring[t, 0])
         yield Line(cable_name(m, t), find_arms(m, t) or {}, cable, _numbers(m, "tendon", t), rest)
-    for a in range(len(m.actuator_trntype)):
-        name, arms, cable, gear = find_drive(m, a)
-        numbers = {
-            word: value * abs(gear) ** _POWERS[word]
-            for word, value in _numbers(m, "actuator", a).items()
-        }
-        if m.actuator_trntype[a] == int(_TRN.mjTRN_TENDON):
-            pulled = int(m.actuator_trnid[a, 0])
-            rest = float(m.tendon_lengthspring[pulled, 0])
-            yield Line(cable_name(m, pulled), arms, cable, numbers, rest)
-        else:
-            yield Line(name, arms, cable, numbers)
+    tendons = {cable_name(m, t): t for t in range(m.ntendon)}
+    for a in read_actuators(m):
+        numbers = {word: x * abs(a.gear) ** _POWERS[word] for word, x in a.numbers.items()}
+        arms = {int(m.joint(j).id): c for j, c in a.arms.items()}
+        pulled = tendons.get(a.tendon)
+        rest = 0.0 if pulled is None else float(m.tendon_lengthspring[pulled, 0])
+        yield Line(a.tendon or a.name, arms, pulled if a.straight else None, numbers, rest)
 
 
 def _numbers(m: Any, kind: str, k: int) -> dict[str, float]:
@@ -739,19 +835,17 @@ def _numbers(m: Any, kind: str, k: int) -> dict[str, float]:
     return {word: float(x[k]) for word, x in arrays.items() if x is not None and x[k]}
 
 
-def find_drives(m: Any, locked: Collection[str]) -> list[str] | None:
+def find_drives(actuators: Sequence[Actuator], locked: Collection[str]) -> list[str] | None:
     """Return the joints that actuators drive, None without actuators.
 
     A joint may have several actuators, say one that holds a position and one that damps. One that
     pulls at several joints that move drives none of them alone.
     """
     names: list[str] = []
-    every = range(len(m.actuator_trntype))
-    for a in every:
-        _, arms, cable, _ = find_drive(m, a)
-        moving = [name for name in (m.joint(j).name for j in arms) if name not in locked]
-        names += [cable_name(m, cable)] if cable is not None else moving if len(moving) == 1 else []
-    return list(dict.fromkeys(names)) if every else None
+    for a in actuators:
+        moving = [joint for joint in a.arms if joint not in locked]
+        names += [a.tendon] if a.straight else moving if len(moving) == 1 else []
+    return list(dict.fromkeys(names)) if actuators else None
 
 
 def _refuse_fields(path: Path, m: Any) -> None:
@@ -827,7 +921,8 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     off, home = int(m.opt.disableflags), _home(m)
     joints = [m.joint(j) for j in np.flatnonzero(np.isin(m.jnt_type, [HINGE, SLIDE]))]
     at_home = {j.name: extra.home.get(j.name, float(home[j.qposadr[0]])) for j in joints}
-    driven = extra.actuated or find_drives(m, ()) or ()
+    actuators = read_actuators(m)
+    driven = extra.actuated or find_drives(actuators, ()) or ()
     couplings = add_couplings(_couplings(path, m, driven), extra.couplings)
     locked, couplings = settle_locks(path, read_locks(extra.locked), at_home, couplings)
     model, welded = weld(_build_tree(m), locked)
@@ -861,7 +956,7 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         last=last,
         loops=_loops(path, m, places, last),
         couplings=couplings,
-        actuated=find_drives(m, locked),
+        actuated=find_drives(actuators, locked),
         home=np.append(home[kept], np.zeros(len(cables))),
         posed=m.nkey > 0,
         springs=forces.springs,
@@ -872,7 +967,8 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         outside=outside,
         meshes=_mesh_files(path, _parse(path, root)),
         entries=read_entries(scene, compile_mjcf(path, root) if fixed else None),
-        servos=find_servos(m),
+        servos=find_servos(actuators),
+        offsets=find_offsets(actuators),
         **_floating(scene, which, gravity),
         radii=_name_frames(model, m, places),
         drawn=_drawn(m),

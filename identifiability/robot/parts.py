@@ -261,6 +261,9 @@ class Stated:
         Of arrays that MuJoCo keeps, by array, then index or name.
     servos : mapping
         Of joints, by name.
+    offsets : mapping
+        Constant torque of commands [N·m or N], by every joint and straight tendon whose actuator
+        can hold one.
     floating : str or None
         What the file calls the joint on which the robot floats, of which six joints stand first
         in the tree; None where it stands.
@@ -293,6 +296,7 @@ class Stated:
     meshes: tuple[Path, ...] = ()
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
     servos: Mapping[str, JointServo] = field(default_factory=dict)
+    offsets: Mapping[str, float] = field(default_factory=dict)
     floating: str | None = None
     gravity: Array | None = None
     at: tuple[int, int] | None = None
@@ -313,6 +317,7 @@ def name_numbers(
         "frictionloss": ("Fc", "Fc+", "Fc-"),
         "armature": inertia_parts[:1],
         "stiffness": ("K",),
+        "offset": ("off",),
     }
     return {f"{joint}.{kind}": value for word, value in numbers.items() for kind in kinds[word]}
 

@@ -138,6 +138,8 @@ def write_robot(
     elements = {e.get("name"): e for e in _joints(top)}
     degrees = robot.mjcf and not in_radians(top)
     slides = {cable.name for cable in robot.cables}
+    offsets = {name: x for name, own in joints.items() for w, x in own.items() if w == "offset"}
+    joints = {name: {w: x for w, x in own.items() if w != "offset"} for name, own in joints.items()}
     for name, stated in joints.items():
         if name not in robot.tendon_axes and name not in (*slides, *BASE_JOINTS):
             _write_joint(elements[name], robot, name, stated, degrees=degrees)
@@ -145,10 +147,14 @@ def write_robot(
         clear_mjcf(top)
         write_axes(top, robot, joints)
         write_gravity(top, robot.gravity)
+        if offsets:
+            from identifiability.robot.mjcf import write_offsets  # noqa: PLC0415 - imports MuJoCo
+
+            write_offsets(top, robot.path, offsets)
         servo = robot.servo
         told = servo is not None and (servo.source in (SIDECAR, FOUND))
         if servo is not None and told and not servo.unknown.any():
-            write_servos(top, robot.joints, servo)
+            write_servos(top, robot.joints, servo, offsets)
     else:
         _turn_base(top, robot)
     cables = {e.get("name"): e for e in top.iter("spatial")}
