@@ -12,7 +12,7 @@ from identifiability.effects.friction import settle_directions
 from identifiability.effects.registry import FAMILIES
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Parameter
 from identifiability.robot import Robot
-from identifiability.robot.parts import name_numbers
+from identifiability.robot.description import name_numbers
 
 # What a robot file holds of a model's parameters, as their effects say it.
 #

@@ -6,26 +6,34 @@ combinations of joints; what a sidecar says of masses.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import numpy as np
 import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Renames
+from identifiability.foundation.options import Expected
 from identifiability.robot import closure
-from identifiability.robot.cables import stretch_home
-from identifiability.robot.closure import ACCEPTED, HOPELESS, invert, newton
-from identifiability.robot.description import ENDLESS, Bound, Description
+from identifiability.robot.closure import ACCEPTED, HOPELESS, invert, newton, stretch_home
+from identifiability.robot.description import (
+    ENDLESS,
+    Bound,
+    Combination,
+    Coupling,
+    Description,
+    Loop,
+    Stated,
+    Transmission,
+    name_numbers,
+)
 from identifiability.robot.floating import BASE_JOINTS, Base, Contact, Imu, Wrench
 from identifiability.robot.kinematics import Point, body_names
-from identifiability.robot.markup import check_nominal
-from identifiability.robot.measured_torque import MeasuredTorque
-from identifiability.robot.parts import Combination, Loop, Stated, Transmission, name_numbers
+from identifiability.robot.locate import LARGEST
 from identifiability.robot.rules import RULES
 from identifiability.robot.servo import read_servo
 from identifiability.robot.sidecar import (
@@ -33,6 +41,7 @@ from identifiability.robot.sidecar import (
     ImuEntry,
     LimitEntry,
     LoopEntry,
+    MeasuredTorque,
     Owners,
     Sidecar,
     by_name,
@@ -40,6 +49,165 @@ from identifiability.robot.sidecar import (
     renaming,
     settle_names,
 )
+
+#: Joints by name; a number is where one is held, none is its home position.
+Locks = Mapping[str, float | None]
+
+LockOption = Annotated[
+    Sequence[str] | Mapping[str, Any],
+    Expected("a list of joints, each 'NAME' or 'NAME=POSITION', or a table of positions by joint"),
+]
+
+
+def read_locks(given: LockOption | None) -> dict[str, float | None]:
+    """Return the joints to lock, as an option or a sidecar gives them.
+
+    Raises
+    ------
+    RobotError
+        If a position is no finite number.
+    """
+    words = [given] if isinstance(given, str) else given or ()
+    if isinstance(given, Mapping):
+        pairs: Iterable[tuple[str, Any]] = given.items()
+    else:
+        pairs = [(w.partition("=")[0].strip(), w.partition("=")[2] or None) for w in words]
+    out: dict[str, float | None] = {}
+    for name, value in pairs:
+        try:
+            out[name] = None if value is None else float(value)
+        except (TypeError, ValueError):
+            out[name] = np.nan
+        if not np.isfinite(out[name] or 0.0):
+            raise RobotError(
+                f"The joint '{name}' cannot be locked at '{value}'; give its position in rad or m, "
+                f"as {name}=0.5, or none for its home position."
+            )
+    return out
+
+
+def settle_locks(
+    path: Path, wanted: Locks, home: Mapping[str, float], couplings: Sequence[Coupling]
+) -> tuple[dict[str, float], list[Coupling]]:
+    """Return where every locked joint is held, and the couplings that are left.
+
+    Parameters
+    ----------
+    path : Path
+        Of the robot file, for sentences.
+    wanted : mapping
+        Joints that are to be locked, or patterns of their names.
+    home : mapping
+        Home positions of the joints with one axis.
+    couplings : sequence of Coupling
+        What is coupled to a locked joint is locked too.
+
+    Raises
+    ------
+    RobotError
+        If a joint cannot be locked, or couplings put it elsewhere.
+    """
+    wanted = by_name(path, "locked or --lock", wanted, home)
+    follow = {c.joint: c for c in couplings if c.terms or c.joint in wanted}
+    locked = {
+        name: home[name] if at is None else at for name, at in wanted.items() if name not in follow
+    }
+    left = list(couplings)
+    while True:
+        left = [c.held(locked) for c in left]
+        still = [c for c in left if not c.terms and c.joint in follow]
+        if not still:
+            break
+        for c in still:
+            if abs(locked.setdefault(c.joint, c.constant) - c.constant) > NEARLY:
+                raise RobotError(
+                    f"{path}: couplings put the locked joint '{c.joint}' at two places."
+                )
+        left = [c for c in left if c not in still]
+    for name, at in wanted.items():
+        others = listing(follow[name].terms) if name in follow else ""
+        if name not in locked:
+            raise RobotError(
+                f"{path}: the joint '{name}' cannot be locked, as it follows {others}; lock that."
+            )
+        if at is not None and abs(locked[name] - at) > NEARLY * (1 + abs(at)):
+            raise RobotError(
+                f"{path}: the joint '{name}' is locked at {at:g}, but its coupling to {others} "
+                f"puts it at {locked[name]:g}; lock one of them, the other follows."
+            )
+    return locked, left
+
+
+def add_couplings(stated: Iterable[Coupling], entries: Sequence[Any]) -> list[Coupling]:
+    """Return a file's couplings and those of its sidecar, which go before it joint by joint."""
+    more = []
+    for c in entries:
+        first = {} if c.of is None else {c.of: c.polynomial}
+        constant = 0.0 if first else c.polynomial[0]
+        more.append(Coupling.of(c.name or c.joint, c.joint, {**first, **c.terms}, constant))
+    own = {c.joint for c in more}
+    return [*(c for c in stated if c.joint not in own), *more]
+
+
+# Refuse robots whose numbers no arithmetic holds, or of more joints than can be worked on.
+
+
+#: Degrees of freedom of the joints that move; memory grows faster than their number.
+MOST_JOINTS = 100
+
+
+def check_magnitudes(path: Path, model: Any) -> None:
+    """Refuse a model (pinocchio.Model) that is too large in number or size.
+
+    Parameters
+    ----------
+    path : Path
+    model : pinocchio.Model
+
+    Raises
+    ------
+    RobotError
+    """
+    if model.nv > MOST_JOINTS:
+        raise RobotError(
+            f"{path} has {model.nv} degrees of freedom; robots of up to {MOST_JOINTS} are read: "
+            "lock joints that do not move ([locked] in the sidecar, or --lock)."
+        )
+    places = [model.jointPlacements[k].translation for k in range(model.njoints)]
+    if not np.all(np.abs([model.gravity.linear, *places]) < LARGEST):
+        raise RobotError(f"{path}: gravity, or the place of a joint, is no number of a robot.")
+
+
+#: Kinds of parameters that are not negative, beside those of rotors.
+_NOT_NEGATIVE = ("m", "Ixx", "Iyy", "Izz", "Fv", "Fc", "Fc+", "Fc-", "K")
+
+
+def check_nominal(path: Path, values: Mapping[str, float], rotor: str) -> None:
+    """Refuse values that files state and no robot has.
+
+    Parameters
+    ----------
+    path : Path
+    values : mapping
+        By name of the parameter.
+    rotor : str
+        The kind of parameter that the inertia of an actuator is.
+
+    Raises
+    ------
+    RobotError
+    """
+    for name, value in values.items():
+        owner, _, kind = name.rpartition(".")
+        if not abs(value) < LARGEST:
+            raise RobotError(f"{path}: {name} = {value:g} is no number of a robot; give SI units.")
+        if value < 0 and kind in (*_NOT_NEGATIVE, rotor):
+            raise RobotError(
+                f"{path}: the file, or its sidecar, states {name} = {value:g}; stiffness, damping, "
+                "friction, armature, mass and moments of inertia are not negative: correct "
+                f"'{owner}'."
+            )
+
 
 # Axes that are combinations of joints: stated in the sidecar, or tendons of the robot file.
 

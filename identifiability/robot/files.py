@@ -23,21 +23,24 @@ import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.rules import Tolerance
-from identifiability.robot.assembly import assemble
-from identifiability.robot.description import Description
-from identifiability.robot.floating import BASE_JOINTS
-from identifiability.robot.kinematics import body_names, read_tree
-from identifiability.robot.locate import find_sidecar, locate_robot
-from identifiability.robot.locking import (
+from identifiability.robot.assembly import (
     LockOption,
     add_couplings,
-    merge_axes,
+    assemble,
+    check_magnitudes,
     read_locks,
     settle_locks,
-    weld,
 )
-from identifiability.robot.markup import check_magnitudes, check_regular, check_weight, read_markup
-from identifiability.robot.parts import Coupling, Stated
+from identifiability.robot.description import Coupling, Description, Stated
+from identifiability.robot.floating import BASE_JOINTS
+from identifiability.robot.kinematics import body_names, merge_axes, read_tree, weld
+from identifiability.robot.locate import (
+    check_regular,
+    check_weight,
+    find_sidecar,
+    locate_robot,
+    read_markup,
+)
 from identifiability.robot.sidecar import Sidecar, check_known, read_sidecar
 
 #: Simulators refuse links without any mass: this one is none [kg].

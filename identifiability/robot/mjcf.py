@@ -10,7 +10,7 @@ import re
 import warnings
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,29 +24,117 @@ from numpy.polynomial import Polynomial
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.robot.cables import add_slides, cable_name, read_cables
-from identifiability.robot.floating import BASE_JOINTS, SIX
-from identifiability.robot.kinematics import Point, read_tree
-from identifiability.robot.locking import add_couplings, merge_axes, read_locks, settle_locks, weld
-from identifiability.robot.markup import (
-    affine_law,
-    check_regular,
-    check_weight,
-    file_text,
-    numbers,
-    read_markup,
-)
-from identifiability.robot.parts import (
+from identifiability.robot.assembly import add_couplings, read_locks, settle_locks
+from identifiability.robot.description import (
+    Cable,
     Combination,
     Coupling,
     Entry,
     Loop,
+    Segment,
     Stated,
-    straight,
-    tendon_parts,
 )
+from identifiability.robot.floating import BASE_JOINTS, SIX
+from identifiability.robot.kinematics import WORLD, Joint, Point, Tree, merge_axes, read_tree, weld
+from identifiability.robot.locate import check_regular, check_weight, file_text
 from identifiability.robot.servo import JointServo
 from identifiability.robot.sidecar import Sidecar
+
+#: How a compiled model (mjtWrap) numbers what a tendon runs through.
+PULLEY, SITE = 2, 3
+
+
+def straight(m: Any, t: int) -> bool:
+    """Whether a tendon of a compiled model runs straight between sites."""
+    kinds = {int(m.wrap_type[w]) for w in tendon_parts(m, t)}
+    return SITE in kinds and kinds <= {SITE, PULLEY}
+
+
+def tendon_parts(m: Any, t: int) -> range:
+    """Return what a tendon of a compiled model runs through, by index."""
+    start = int(m.tendon_adr[t])
+    return range(start, start + int(m.tendon_num[t]))
+
+
+#: How a compiled model (mjtTrn) numbers motors that drive tendons.
+_ON_TENDON = 3
+
+
+def cable_name(m: Any, t: int) -> str:
+    """Return the name of a tendon, its number if it has none."""
+    return str(m.tendon(t).name or f"tendon{t + 1}")
+
+
+def read_cables(
+    path: Path,
+    m: Any,
+    numbers: Mapping[int, Mapping[str, float]],
+    point: Callable[[int, Array], Point],
+    taken: Sequence[str],
+) -> tuple[Cable, ...]:
+    """Return the straight tendons that have a force or a motor.
+
+    Parameters
+    ----------
+    path : Path
+    m : mujoco.MjModel
+    numbers : mapping
+        Numbers of tendons (damping, friction, armature, stiffness) by index.
+    point : callable(body, position) -> Point
+        Where the point of a body is in the tree.
+    taken : sequence of str
+        Names of the degrees of freedom.
+
+    Raises
+    ------
+    RobotError
+        If one has the name of a joint.
+    """
+    driven = {
+        int(i)
+        for i, kind in zip(m.actuator_trnid[:, 0], m.actuator_trntype, strict=True)
+        if int(kind) == _ON_TENDON
+    }
+    out: list[Cable] = []
+    for t in sorted({*driven, *numbers}):
+        if not straight(m, t):
+            continue
+        name = cable_name(m, t)
+        if name in (*taken, *(other.name for other in out)):
+            raise RobotError(
+                f"{path}: the tendon '{name}' has the name of a joint or another tendon; give it "
+                "one of its own."
+            )
+        low, high = m.tendon_range[t] if m.tendon_limited[t] else (-np.inf, np.inf)
+        limits = (float(low), float(high))
+        out.append(Cable(name, _segments(m, t, point), numbers.get(t, {}), limits))
+    return tuple(out)
+
+
+def _segments(m: Any, t: int, point: Callable[[int, Array], Point]) -> tuple[Segment, ...]:
+    """Return what runs from site to site; behind a pulley a length counts as a part of itself."""
+    out: list[Segment] = []
+    part, before = 1.0, None
+    for w in tendon_parts(m, t):
+        if int(m.wrap_type[w]) == PULLEY:
+            part, before = 1.0 / float(m.wrap_prm[w]), None
+            continue
+        site = int(m.wrap_objid[w])
+        here = point(int(m.site_bodyid[site]), np.array(m.site_pos[site]))
+        if before is not None:
+            out.append(Segment(before, here, part))
+        before = here
+    return tuple(out)
+
+
+def add_slides(tree: Tree, cables: Sequence[Cable], nq: int) -> Tree:
+    """Return a tree with a slide that carries nothing for each tendon, after its own joints."""
+    slides = [
+        Joint((t.name,), "prismatic", WORLD, np.eye(3), np.zeros(3), np.eye(3)[2], nq + k, iv)
+        for k, (t, iv) in enumerate(zip(cables, range(tree.nv, tree.nv + len(cables)), strict=True))
+    ]
+    return Tree((*tree.joints, *slides))
+
 
 # Compile an MJCF with MuJoCo, whose reading of the file is the reference.
 #
@@ -638,35 +726,6 @@ def find_servos(actuators: Sequence[Actuator]) -> dict[str, JointServo]:
             before.high + float(high),
         )
     return found
-
-
-def write_offsets(top: ET.Element, path: Path, offsets: Mapping[str, float]) -> None:
-    """Write constant torque of commands into the actuators of an MJCF, as their bias.
-
-    Parameters
-    ----------
-    top : Element
-        What is written.
-    path : Path
-        The file that it is the content of, as it still is.
-    offsets : mapping
-        By what an actuator drives [N·m or N].
-    """
-    elements = [e for part in top.findall("actuator") for e in part if isinstance(e.tag, str)]
-    left = dict(offsets)
-    for e, a in zip(elements, read_actuators(compile_mjcf(path, read_markup(path))), strict=True):
-        if a.owner not in offsets or not a.law or not a.factor:
-            continue
-        constant = -left.pop(a.owner, 0.0) / a.factor  # the first of several has it all
-        if constant != a.bias[0]:
-            for word in ("kp", "kv", "dampratio", "timeconst", "inheritrange"):
-                e.attrib.pop(word, None)
-            e.attrib |= affine_law(a.gain, np.array([constant, *a.bias[1:]]))
-            e.tag = "general"
-            ends = {"ctrl": a.command, "force": a.force + constant - a.bias[0]}
-            for word, span in ends.items():
-                if np.isfinite(span).all():
-                    e.attrib |= {f"{word}limited": "true", f"{word}range": numbers(span)}
 
 
 # Damping, dry friction, rotors and springs of a compiled MJCF, joint by joint.

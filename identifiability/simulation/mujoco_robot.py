@@ -20,7 +20,7 @@ from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.files import release_root
 from identifiability.robot.floating import BASE_JOINTS
-from identifiability.robot.markup import drop_repeated, read_markup
+from identifiability.robot.locate import drop_repeated, read_markup
 from identifiability.robot.mjcf import AXES, quiet, read_spec
 
 # A robot file as MuJoCo compiles it, and its loops and couplings in MuJoCo's terms.

@@ -51,7 +51,7 @@ from identifiability.quality.torque import flat_share, measure_factors
 from identifiability.regression.reduction import ModelLike, choose_model, find_ladder, ladder_model
 from identifiability.regression.structure import OfStructure, Structure, group_columns
 from identifiability.robot import Robot, RobotLike
-from identifiability.robot.parts import Coupling
+from identifiability.robot.description import Coupling
 from identifiability.robot.sidecar import read_sidecar
 from identifiability.workflows.alternatives import find_alternative
 from identifiability.workflows.answers import answer_next, with_hints

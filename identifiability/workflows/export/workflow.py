@@ -41,10 +41,9 @@ from identifiability.physical.pseudo_inertia import check_body
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.robot.markup import LARGEST, SMALLEST
-from identifiability.robot.other_format import write_converted
+from identifiability.robot.locate import LARGEST, SMALLEST
 from identifiability.robot.servo import state_delay
-from identifiability.robot.write import write_robot
+from identifiability.robot.write import write_converted, write_robot
 from identifiability.workflows.opening import Logs, list_logs
 from identifiability.workflows.predict import Entry, FitEntry, RealEntry, ResultEntry, state_missing
 from identifiability.workflows.session import Session
