@@ -56,10 +56,6 @@ def tendon_parts(m: Any, t: int) -> range:
     return range(start, start + int(m.tendon_num[t]))
 
 
-#: How a compiled model (mjtTrn) numbers motors that drive tendons.
-_ON_TENDON = 3
-
-
 def cable_name(m: Any, t: int) -> str:
     """Return the name of a tendon, its number if it has none."""
     return str(m.tendon(t).name or f"tendon{t + 1}")
@@ -68,8 +64,8 @@ def cable_name(m: Any, t: int) -> str:
 def read_cables(
     path: Path,
     m: Any,
-    numbers: Mapping[int, Mapping[str, float]],
-    point: Callable[[int, Array], Point],
+    numbers: Mapping[str, Mapping[str, float]],
+    point: Callable[..., Point],
     taken: Sequence[str],
 ) -> tuple[Cable, ...]:
     """Return the straight tendons that have a force or a motor.
@@ -79,7 +75,7 @@ def read_cables(
     path : Path
     m : mujoco.MjModel
     numbers : mapping
-        Numbers of tendons (damping, friction, armature, stiffness) by index.
+        Their numbers (damping, friction, armature, stiffness) by name, of motors alone none.
     point : callable(body, position) -> Point
         Where the point of a body is in the tree.
     taken : sequence of str
@@ -90,24 +86,18 @@ def read_cables(
     RobotError
         If one has the name of a joint.
     """
-    driven = {
-        int(i)
-        for i, kind in zip(m.actuator_trnid[:, 0], m.actuator_trntype, strict=True)
-        if int(kind) == _ON_TENDON
-    }
     out: list[Cable] = []
-    for t in sorted({*driven, *numbers}):
-        if not straight(m, t):
-            continue
+    for t in range(m.ntendon):
         name = cable_name(m, t)
+        if name not in numbers or not straight(m, t):
+            continue
         if name in (*taken, *(other.name for other in out)):
             raise RobotError(
                 f"{path}: the tendon '{name}' has the name of a joint or another tendon; give it "
                 "one of its own."
             )
         low, high = m.tendon_range[t] if m.tendon_limited[t] else (-np.inf, np.inf)
-        limits = (float(low), float(high))
-        out.append(Cable(name, _segments(m, t, point), numbers.get(t, {}), limits))
+        out.append(Cable(name, _segments(m, t, point), numbers[name], (float(low), float(high))))
     return tuple(out)
 
 
@@ -754,53 +744,30 @@ _BENT = (
 
 
 @dataclass
-class Line:
-    """What acts along joints, or along a straight tendon: a spring, a tendon, an actuator.
-
-    Attributes
-    ----------
-    name : str
-    arms : mapping
-        Joint to its coefficient.
-    cable : int or None
-        The straight tendon.
-    numbers : mapping
-        ``stiffness``, ``damping``, ``frictionloss`` and ``armature``, as far as they are not zero.
-    rest : float
-        Where a spring is relaxed.
-    """
-
-    name: str
-    arms: Mapping[int, float]
-    cable: int | None
-    numbers: Mapping[str, float]
-    rest: float = 0.0
-
-
-@dataclass
 class Forces:
     """Forces along the degrees of freedom of a tree.
 
     Attributes
     ----------
-    damping, frictionloss, armature : (nv,)
+    total : mapping
+        Damping, dry friction and armature by word, (nv,) each.
     springs : mapping
         By name of the joint or straight tendon.
     combinations : mapping
         Tendons along several joints, by name.
     cables : mapping
-        Numbers of straight tendons, by index.
+        Numbers of straight tendons, by name.
     """
 
-    damping: Array
-    frictionloss: Array
-    armature: Array
-    springs: Mapping[str, Spring] = field(default_factory=dict)
+    total: dict[str, Array]
+    springs: dict[str, Spring] = field(default_factory=dict)
     combinations: dict[str, Combination] = field(default_factory=dict)
-    cables: dict[int, dict[str, float]] = field(default_factory=dict)
+    cables: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
-def read_forces(path: Path, m: Any, locked: Mapping[str, float]) -> Forces:
+def read_forces(
+    path: Path, m: Any, actuators: Sequence[Actuator], locked: Mapping[str, float]
+) -> Forces:
     """Return the forces along the joints of a compiled model; none moves a locked joint.
 
     Raises
@@ -810,53 +777,50 @@ def read_forces(path: Path, m: Any, locked: Mapping[str, float]) -> Forces:
     """
     _refuse_fields(path, m)
     idle = _switched_off(m)
-    total = {word: np.zeros(m.nv) for word in _POWERS}
+    found = Forces({word: np.zeros(m.nv) for word in _POWERS})
+    total, pull = found.total, np.zeros(m.nv)
     for word in ("damping", "frictionloss", "armature"):
         total[word] += 0.0 if word in idle else getattr(m, f"dof_{word}")
-    pull, springs = np.zeros(m.nv), dict[str, Spring]()
-    beside: dict[str, dict[str, float]] = {}
-    combinations: dict[str, Combination] = {}
-    cables: dict[int, dict[str, float]] = {}
-    locks = {int(m.joint(name).id): at for name, at in locked.items()}
-    for line in _lines(m):
+    found.cables.update({a.tendon: dict.fromkeys(_POWERS, 0.0) for a in actuators if a.straight})
+    beside = found.cables.copy()
+    for name, bends, line in _lines(m, actuators):
         numbers = {word: x for word, x in line.numbers.items() if word not in idle}
-        moving = {j: c for j, c in line.arms.items() if j not in locks}
-        if not numbers or (line.arms and not moving):
+        moving = {j: c for j, c in line.weights.items() if j not in locked}
+        if not numbers or (line.weights and not moving):
             continue
-        rest = line.rest - sum(c * locks[j] for j, c in line.arms.items() if j in locks)
+        rest = (line.rest or 0.0) - sum(c * locked.get(j, 0.0) for j, c in line.weights.items())
         if len(moving) == 1:
-            ((j, c),) = moving.items()
-            dof = int(m.jnt_dofadr[j])
+            ((joint, c),) = moving.items()
+            dof = int(m.joint(joint).dofadr[0])
             for word, value in numbers.items():
                 total[word][dof] += value * abs(c) ** _POWERS[word]
             pull[dof] += numbers.get("stiffness", 0.0) * c * rest
             continue
-        own = beside.setdefault(line.name, dict.fromkeys(_POWERS, 0.0))
+        own = beside.setdefault(name, dict.fromkeys(_POWERS, 0.0))
         own.update({word: own[word] + x for word, x in numbers.items()})
-        if line.cable is not None:
-            cables[line.cable] = own
-            springs |= {line.name: (own["stiffness"], rest)} if own["stiffness"] else {}
+        if not bends:
+            found.cables[name] = own
+            found.springs |= {name: (own["stiffness"], rest)} if own["stiffness"] else {}
         elif moving:
-            weights = {m.joint(j).name: c for j, c in moving.items()}
-            combinations[line.name] = Combination(weights, own, rest)
+            found.combinations[name] = Combination(moving, own, rest)
         else:
-            what = ", ".join(numbers)
             raise _refusal(
                 path,
-                f"the tendon or actuator '{line.name}' has {what} and bends, or drives no joint",
+                f"the tendon or actuator '{name}' has {', '.join(numbers)} and bends, or drives no "
+                "joint",
             )
-    _refuse_on_balls(path, m, total)
+    for word, values in total.items():
+        for d in np.flatnonzero(values):
+            if int(m.jnt_type[m.dof_jntid[d]]) not in _ALIGNED:
+                ball = m.joint(m.dof_jntid[d]).name
+                raise _refusal(path, f"the ball or free joint '{ball}' has {word}")
     stiff = total.pop("stiffness")
     for d in np.flatnonzero(stiff):
-        springs[m.joint(int(m.dof_jntid[d])).name] = float(stiff[d]), float(pull[d] / stiff[d])
-    return Forces(**total, springs=springs, combinations=combinations, cables=cables)
-
-
-def _refuse_on_balls(path: Path, m: Any, total: Mapping[str, Array]) -> None:
-    for d, j in enumerate(m.dof_jntid):
-        wrong = [word for word, values in total.items() if values[d]]
-        if wrong and int(m.jnt_type[j]) not in _ALIGNED:
-            raise _refusal(path, f"the ball or free joint '{m.joint(j).name}' has {wrong[0]}")
+        found.springs[m.joint(int(m.dof_jntid[d])).name] = (
+            float(stiff[d]),
+            float(pull[d] / stiff[d]),
+        )
+    return found
 
 
 def _switched_off(m: Any) -> set[str]:
@@ -870,22 +834,20 @@ def _switched_off(m: Any) -> set[str]:
     return {word for word, flag in flags.items() if off & int(flag)}
 
 
-def _lines(m: Any) -> Iterator[Line]:
-    """Yield the springs of joints, the tendons and the actuators of a compiled model."""
+def _lines(m: Any, actuators: Sequence[Actuator]) -> Iterator[tuple[str, bool, Combination]]:
+    """Yield springs of joints, tendons and actuators: name, whether one bends, what acts along."""
     for j in range(m.njnt):
-        rest = float(m.qpos_spring[m.jnt_qposadr[j]])
-        yield Line(m.joint(j).name, {j: 1.0}, None, _numbers(m, "jnt", j), rest)
+        rest, name = float(m.qpos_spring[m.jnt_qposadr[j]]), m.joint(j).name
+        yield name, True, Combination({name: 1.0}, _numbers(m, "jnt", j), rest)
+    rests = {"": 0.0}
     for t in range(m.ntendon):
-        cable = t if straight(m, t) else None
-        rest = float(m.tendon_lengthspring[t, 0])
-        yield Line(cable_name(m, t), find_arms(m, t) or {}, cable, _numbers(m, "tendon", t), rest)
-    tendons = {cable_name(m, t): t for t in range(m.ntendon)}
-    for a in read_actuators(m):
+        name, rest = cable_name(m, t), float(m.tendon_lengthspring[t, 0])
+        rests[name], along = rest, find_arms(m, t) or {}
+        arms = {m.joint(j).name: c for j, c in along.items()}
+        yield name, not straight(m, t), Combination(arms, _numbers(m, "tendon", t), rest)
+    for a in actuators:
         numbers = {word: x * abs(a.gear) ** _POWERS[word] for word, x in a.numbers.items()}
-        arms = {int(m.joint(j).id): c for j, c in a.arms.items()}
-        pulled = tendons.get(a.tendon)
-        rest = 0.0 if pulled is None else float(m.tendon_lengthspring[pulled, 0])
-        yield Line(a.tendon or a.name, arms, pulled if a.straight else None, numbers, rest)
+        yield a.tendon or a.name, not a.straight, Combination(a.arms, numbers, rests[a.tendon])
 
 
 def _numbers(m: Any, kind: str, k: int) -> dict[str, float]:
@@ -998,15 +960,16 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     # Of a base that floats the proper acceleration is known, of which gravity is a part.
     model.gravity.linear = gravity if which is None else np.zeros(3)
     free = np.array([m.joint(int(j)).name not in locked for j in m.dof_jntid], bool)
-    forces = read_forces(path, m, locked)
+    forces = read_forces(path, m, actuators, locked)
     dofs = [d for j in tree.joints for d in j.dofs]
     cables = read_cables(
         path, m, forces.cables, lambda body, at: _point(places, last, body, at), dofs
     )
     tree = add_slides(tree, cables, model.nq)
-    model.damping, model.armature = forces.damping[free], forces.armature[free]
-    model.upperDryFrictionLimit = forces.frictionloss[free]
-    model.lowerDryFrictionLimit = -forces.frictionloss[free]
+    model.damping, model.armature, dry = (
+        forces.total[word][free] for word in ("damping", "armature", "frictionloss")
+    )
+    model.upperDryFrictionLimit, model.lowerDryFrictionLimit = dry, -dry
     kept = np.ones(m.nq, bool)
     kept[[int(m.joint(name).qposadr[0]) for name in locked]] = False
     return Stated(
