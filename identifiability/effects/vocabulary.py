@@ -41,7 +41,7 @@ def biased_places(robot: Robot, kind: Kind) -> tuple[str, ...]:
     """Return what has an actuator in a file of a format that can hold a torque offset."""
     if kind == "urdf":
         return ()
-    return robot.biased if robot.mjcf else robot.motor_joints
+    return tuple(robot.offsets) if robot.mjcf else robot.motor_joints
 
 
 @lru_cache(maxsize=8)

@@ -325,7 +325,7 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     ------
     RobotError
     """
-    names = extra.actuated if extra.actuated is not None else stated.actuated
+    names = extra.actuated if extra.actuated is not None else stated.driven
     if names is not None and stated.floating is not None:
         names = [*BASE_JOINTS, *(n for n in names if n not in BASE_JOINTS)]
     pulling = {cable.name for cable in robot.cables}
@@ -515,55 +515,44 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     extra = settle_names(path, extra, owners)
     loops = stated.loops
     if extra.loops is not None:
-        loops = [_sidecar_loop(path, entry, stated) for entry in extra.loops]
-    loops = [x for x in loops if x.first.joint != x.second.joint]  # locked, it says nothing
+        loops = tuple(_sidecar_loop(path, entry, stated) for entry in extra.loops)
     named = tuple(body for body in extra.base_parameters.bodies if body in bodies)
     name = path.resolve().parent.name if path.stem == "robot" else path.stem
-    robot = Description(
-        name=name,
-        title=extra.name or model.name or name,
-        path=path,
-        sidecar=sidecar,
-        model=model,
-        tree=stated.tree,
-        bodies=bodies,
-        body_symbols={b: extra.symbols.get(b, b) for b in bodies},
-        joint_symbols=dict(extra.symbols),
-        loops=tuple(loops),
-        couplings=tuple(stated.couplings),
-        home=np.array(pin.neutral(model)) if stated.home is None else stated.home,
-        rest={name: relaxed for name, (_, relaxed) in stated.springs.items()}
+    own: dict[str, Any] = {
+        "name": name,
+        "title": extra.name or model.name or name,
+        "path": path,
+        "sidecar": sidecar,
+        "bodies": bodies,
+        "body_symbols": {b: extra.symbols.get(b, b) for b in bodies},
+        "joint_symbols": dict(extra.symbols),
+        "loops": tuple(x for x in loops if x.first.joint != x.second.joint),  # else locked
+        "rest": {name: relaxed for name, (_, relaxed) in stated.springs.items()}
         | {name: axis.rest for name, axis in axes.items() if axis.rest is not None}
         | {name: at for name, at in extra.rest.items() if name not in stated.locked},
-        combinations={name: axis.weights for name, axis in axes.items()},
-        placed=tuple(extra.effects),
-        tendons=tuple(name for name, axis in axes.items() if axis.numbers),
-        body_order=named + tuple(b for b in bodies if b not in named),
-        guessed=tuple(extra.guessed),
-        inertia_parts=tuple(extra.inertia_parts),
-        prior_relative=extra.prior_relative,
-        prior={name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
-        prior_share=dict(extra.prior_share),
-        ties=tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
-        shapes=extra.shapes,
-        reference=extra.reference,
-        columns=Renames.of(renaming(extra.columns)),
-        scales=_scales(path, extra, stated),
-        time_unit=extra.time.unit or "",
-        torque=_measured_torque(extra, stated),
-        known_torque=tuple(k for k in extra.known_torque if k.along not in stated.locked),
-        angles=extra.angles,
-        locked=dict(stated.locked),
-        welded=dict(stated.welded),
-        bounds=read_bounds(path, extra, bodies, stated),
-        cables=stated.cables,
-        outside=stated.outside,
-        meshes=stated.meshes,
-        entries=stated.entries,
-        biased=tuple(stated.offsets),
-        bolted=extra.base == "fixed",
-        base=_read_base(path, extra, stated, bodies),
-    )
+        "combinations": axes,
+        "placed": tuple(extra.effects),
+        "tendons": tuple(name for name, axis in axes.items() if axis.numbers),
+        "body_order": named + tuple(b for b in bodies if b not in named),
+        "guessed": tuple(extra.guessed),
+        "inertia_parts": tuple(extra.inertia_parts),
+        "prior_relative": extra.prior_relative,
+        "prior": {name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
+        "prior_share": dict(extra.prior_share),
+        "ties": tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
+        "shapes": extra.shapes,
+        "reference": extra.reference,
+        "columns": Renames.of(renaming(extra.columns)),
+        "scales": _scales(path, extra, stated),
+        "time_unit": extra.time.unit or "",
+        "torque": _measured_torque(extra, stated),
+        "known_torque": tuple(k for k in extra.known_torque if k.along not in stated.locked),
+        "angles": extra.angles,
+        "bounds": read_bounds(path, extra, bodies, stated),
+        "bolted": extra.base == "fixed",
+        "base": _read_base(path, extra, stated, bodies),
+    }
+    robot = Description(**{**vars(stated), **own})
     robot = choose_joints(robot, extra, stated)
     for key in ("gain", "ratio", "sign"):
         check_known(path, f"torque.{key}", getattr(robot.torque, key), ("", *robot.joints, *motors))
@@ -613,7 +602,7 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ..
                 'stands; take it out, or say base = "floating" if nothing holds its root link.'
             )
         return None
-    assert stated.gravity is not None
+    assert stated.world_gravity is not None
     imu = extra.imu or ImuEntry()
     contacts = []
     for entry in extra.contacts:
@@ -635,7 +624,7 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ..
     R = pin.rpy.rpyToMatrix(np.array(imu.rotation, float)).T
     place, acc, gyro = (np.array(x, float) for x in (imu.place, imu.acc_bias, imu.gyro_bias))
     mount = Imu(R, place, acc, gyro, tuple(dict.fromkeys(imu.fit)))
-    what = bodies[0], stated.floating, stated.gravity, tuple(contacts), tuple(wrenches), mount
+    what = bodies[0], stated.floating, stated.world_gravity, tuple(contacts), tuple(wrenches), mount
     return Base(*what, stated.at, stated.which)
 
 

@@ -237,7 +237,7 @@ class Entry:
     high: float = np.inf
 
 
-@frozen
+@frozen(kw_only=True)
 class Stated:
     """What a robot file states.
 
@@ -247,11 +247,11 @@ class Stated:
     tree : Tree
     last : mapping
         Where each Pinocchio joint ends in the tree.
-    loops, couplings : list
-    actuated : list of str or None
-        None where the file names no actuator.
-    home : (nq,) or None
-        None is the zero configuration.
+    loops, couplings : tuple
+    driven : list of str or None
+        Joints with actuators; None where the file names none.
+    home : (nq,)
+        The configuration that selects the assembly of a closed chain.
     posed : bool
         Whether a keyframe states `home`.
     springs : mapping
@@ -278,7 +278,7 @@ class Stated:
     floating : str or None
         What the file calls the joint on which the robot floats, of which six joints stand first
         in the tree; None where it stands.
-    gravity : (3,) or None [m/s²]
+    world_gravity : (3,) or None [m/s²]
         Of a robot that floats: its model has none.
     at : (int, int) or None
         Where MuJoCo keeps pose and twist of the base.
@@ -293,10 +293,10 @@ class Stated:
     model: Any
     tree: Tree
     last: Mapping[int, int]
-    loops: list[Loop]
-    couplings: list[Coupling]
-    actuated: list[str] | None
-    home: Array | None = None
+    loops: tuple[Loop, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
+    driven: list[str] | None
+    home: Array
     posed: bool = False
     springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     locked: Mapping[str, float] = field(default_factory=dict)
@@ -309,7 +309,7 @@ class Stated:
     servos: Mapping[str, JointServo] = field(default_factory=dict)
     offsets: Mapping[str, float] = field(default_factory=dict)
     floating: str | None = None
-    gravity: Array | None = None
+    world_gravity: Array | None = None
     at: tuple[int, int] | None = None
     which: int | None = None
     radii: Mapping[str, float] = field(default_factory=dict)
@@ -400,9 +400,9 @@ class Tilt:
         return {"direction": self.direction.tolist(), "degrees": self.degrees}
 
 
-@frozen
-class Description:
-    """What is known of a robot; read from a file it is a `Robot`.
+@frozen(kw_only=True)
+class Description(Stated):
+    """What is known of a robot beside what its file states; read from one it is a `Robot`.
 
     Attributes
     ----------
@@ -410,19 +410,12 @@ class Description:
         Short name and title for reports.
     path : Path
         The robot file; `sidecar` is the TOML beside it, if any.
-    model : pinocchio.Model
-    tree : Tree
-        The same kinematics for batches.
     bodies : tuple of str
         Names of the moving bodies, one for each Pinocchio joint, in its order.
     body_symbols, joint_symbols : mapping
         Short forms for labels.
     actuated, dependent : (n,), (n_e,) int
         Indices of degrees of freedom in ``v``.
-    loops, couplings
-        The closures.
-    home : (nq,)
-        The configuration that selects the assembly of a closed chain.
     assembled : bool
         Whether the loops were closed to find `home`, of which the files say nothing.
     nominal : mapping
@@ -460,30 +453,14 @@ class Description:
         Torque as a function of a position that is taken off what logs hold before anything else.
     angles : {"rad", "deg"} or None
         Unit of the angles in its logs; None where nothing was said: rad, unless they cannot be.
-    locked : mapping
-        Locked joint to the position at which it is held [rad or m]; it is none of the tree's.
-    welded : mapping
-        Body behind a locked joint to its ten parameters, as the file states them, in the frame of
-        the joint that it now hangs on; they are part of that joint's body, or of the ground.
     lock_option : tuple of str
         Joints that were locked when the robot was loaded, of which its files say nothing.
     bounds : tuple of Bound
         What is known of masses and centres of mass.
-    combinations : mapping
-        Stated axis to the coefficient of each joint in it; `tendons` are those that the robot
-        file itself holds.
+    tendons : tuple of str
+        Of the `combinations` those that the robot file itself holds.
     placed : tuple of str
         Effects of default models that are at some places only, as a ladder file writes them.
-    cables : tuple of Cable
-        Straight tendons with a force or a motor, slides of `tree` that Pinocchio does not have.
-    outside : tuple of str
-        Bodies of a scene that no actuated joint reaches; they and what they carry are left out.
-    meshes : tuple of Path
-        From which the file takes inertias.
-    entries : mapping
-        Entries of arrays that MuJoCo keeps of its joints, by array, then index or name.
-    biased : tuple of str
-        Joints and straight tendons whose actuators in the file can hold a torque offset.
     upright : (3,) [m/s²] or None
         Gravity as the file states it, where it was found to be another one (`turned`).
     servo : Servo or None
@@ -500,14 +477,9 @@ class Description:
     title: str
     path: Path
     sidecar: Path | None
-    model: Any
-    tree: Tree
     bodies: tuple[str, ...]
     body_symbols: Mapping[str, str]
     joint_symbols: Mapping[str, str]
-    loops: tuple[Loop, ...]
-    couplings: tuple[Coupling, ...]
-    home: Array
     body_order: tuple[str, ...]
     actuated: np.ndarray = field(default_factory=_none)
     dependent: np.ndarray = field(default_factory=_none)
@@ -531,19 +503,11 @@ class Description:
     torque: MeasuredTorque = MeasuredTorque()
     known_torque: tuple[KnownTorque, ...] = ()
     angles: str | None = None
-    locked: Mapping[str, float] = field(default_factory=dict)
-    welded: Mapping[str, Array] = field(default_factory=dict)
     lock_option: tuple[str, ...] = ()
     bounds: tuple[Bound, ...] = ()
-    combinations: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     tendons: tuple[str, ...] = ()
     placed: tuple[str, ...] = ()
-    cables: tuple[Cable, ...] = ()
-    outside: tuple[str, ...] = ()
     assembled: bool = False
-    meshes: tuple[Path, ...] = ()
-    entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
-    biased: tuple[str, ...] = ()
     upright: Array | None = None
     servo: Servo | None = None
     bolted: bool = False
@@ -750,7 +714,7 @@ class Description:
         return tuple(dict.fromkeys((*self.tendons, *own)))
 
     def _stated_axis(self, name: str) -> Axis:
-        weights, joints = self.combinations[name], self.joints
+        weights, joints = self.combinations[name].weights, self.joints
         inside = all(joint in joints for joint in weights)
         row = np.array([weights.get(joint, 0.0) for joint in joints]) if inside else None
         slides = all(self.is_prismatic(self.dof_index(joint)) for joint in weights)

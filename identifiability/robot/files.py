@@ -154,13 +154,13 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         model=model,
         tree=tree,
         last=last,
-        loops=[],
-        couplings=couplings,
-        actuated=[name for name in tree.single if name not in coupled],
+        couplings=tuple(couplings),
+        home=np.array(pin.neutral(model)),
+        driven=[name for name in tree.single if name not in coupled],
         locked=locked,
         welded=welded,
         floating=top or None,
-        gravity=gravity,
+        world_gravity=gravity,
     )
 
 

@@ -976,9 +976,9 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         model=model,
         tree=tree,
         last=last,
-        loops=_loops(path, m, places, last),
-        couplings=couplings,
-        actuated=find_drives(actuators, locked),
+        loops=tuple(_loops(path, m, places, last)),
+        couplings=tuple(couplings),
+        driven=find_drives(actuators, locked),
         home=np.append(home[kept], np.zeros(len(cables))),
         posed=m.nkey > 0,
         springs=forces.springs,
@@ -1012,7 +1012,7 @@ def _floating(scene: Any, which: int | None, gravity: Array) -> dict[str, Any]:
         return {}
     j = int(np.flatnonzero(scene.jnt_type == FREE)[which])
     at = int(scene.jnt_qposadr[j]), int(scene.jnt_dofadr[j])
-    return {"floating": scene.joint(j).name, "gravity": gravity, "at": at, "which": which}
+    return {"floating": scene.joint(j).name, "world_gravity": gravity, "at": at, "which": which}
 
 
 def _name_frames(model: Any, m: Any, places: list[Place]) -> dict[str, float]:

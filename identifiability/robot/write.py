@@ -748,9 +748,9 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
         {"joint": c.joint, "polynomial": [c.constant], "terms": dict(c.terms)} for c in left
     ]
     new["axes"] = [
-        {"name": name, "joints": dict(weights)}
+        {"name": name, "joints": dict(axis.weights)}
         | ({"rest": robot.rest[name]} if name in robot.rest else {})
-        for name, weights in robot.combinations.items()
+        for name, axis in robot.combinations.items()
     ]
     if "bounds" in given:
         given["bounds"] = {**given["bounds"], "bodies": _bounds(robot)}

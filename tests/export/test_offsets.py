@@ -11,7 +11,7 @@ from identifiability.robot.locate import shipped_robots
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.workflows.export import export, write_parameters
 
-DRIVEN = [n for n in shipped_robots() if Robot.load(n).biased]
+DRIVEN = [n for n in shipped_robots() if Robot.load(n).offsets]
 AGREE = 1e-9
 
 
@@ -34,7 +34,7 @@ def accelerations(path, commands, rng):
 def test_an_actuator_needs_as_much_more_as_the_offset_is(name, tmp_path):
     """A command that is too large by the offset moves the exported robot as it moved before."""
     robot, rng = Robot.load(name), np.random.default_rng(4)
-    offsets = {f"{joint}.off": rng.uniform(-0.2, 0.2) for joint in robot.biased}
+    offsets = {f"{joint}.off": rng.uniform(-0.2, 0.2) for joint in robot.offsets}
     plain = write_parameters(robot, robot.nominal, tmp_path / "plain.xml").robot
     held = write_parameters(robot, {**robot.nominal, **offsets}, tmp_path / "held.xml")
     assert held.beside == ()
@@ -46,7 +46,7 @@ def test_an_actuator_needs_as_much_more_as_the_offset_is(name, tmp_path):
         tendon = kind == mujoco.mjtTrn.mjTRN_TENDON
         place = model.tendon(target).name if tendon else model.joint(target).name
         factor = own.gear[0] * own.gainprm[0]
-        if place not in robot.biased:  # a fixed tendon along one joint
+        if place not in robot.offsets:  # a fixed tendon along one joint
             (w,) = range(model.tendon_adr[target], model.tendon_adr[target] + 1)
             place = model.joint(model.wrap_objid[w]).name
             factor *= model.wrap_prm[w]
