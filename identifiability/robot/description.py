@@ -21,7 +21,7 @@ from identifiability.foundation.names import GROUPED_KINDS, Array, Renames
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot.floating import SIX, Base
-from identifiability.robot.kinematics import Point, Tree, shortest_turn
+from identifiability.robot.kinematics import WORLD, Point, Tree, shortest_turn
 from identifiability.robot.locate import included_files
 from identifiability.robot.servo import JointServo, Servo
 from identifiability.robot.sidecar import KnownTorque, MeasuredTorque
@@ -63,6 +63,23 @@ class Transmission:
         square = len(R) == R.shape[1]
         out = np.linalg.solve(R, rate.T) if square else np.linalg.lstsq(R, rate.T, rcond=None)[0]
         return np.asarray(out.T)
+
+
+@frozen
+class Link:
+    """A body and the joint that carries it, which may turn about several axes at one point.
+
+    Attributes
+    ----------
+    first, last : int
+        Its joint's axes in the robot's tree.
+    parent : int
+        The body that carries it, or `WORLD`.
+    """
+
+    first: int
+    last: int
+    parent: int
 
 
 @frozen
@@ -706,6 +723,20 @@ class Description(Stated):
             for name, row in rows
         )
         return (*own, *(self._stated_axis(name) for name in self.combinations))
+
+    @cached_property
+    def links(self) -> tuple[Link, ...]:
+        """How each of its bodies hangs on the one before it."""
+        links: list[Link] = []
+        at, owner = 0, {WORLD: WORLD}
+        for k in range(1, self.model.njoints):
+            first, freedoms = at, 0
+            while freedoms < self.model.joints[k].nv:
+                freedoms += self.tree.joints[at].nv
+                owner[at] = len(links)
+                at += 1
+            links.append(Link(first, at - 1, owner[self.tree.joints[first].parent]))
+        return tuple(links)
 
     @cached_property
     def tendon_axes(self) -> tuple[str, ...]:

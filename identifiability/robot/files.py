@@ -33,7 +33,7 @@ from identifiability.robot.assembly import (
 )
 from identifiability.robot.description import Coupling, Description, Stated
 from identifiability.robot.floating import BASE_JOINTS
-from identifiability.robot.kinematics import body_names, merge_axes, read_tree, weld
+from identifiability.robot.kinematics import WORLD, body_names, merge_axes, read_tree, weld
 from identifiability.robot.locate import (
     check_regular,
     check_weight,
@@ -359,13 +359,9 @@ def _neighbours(robot: Description) -> set[frozenset[int]]:
     """Return pairs of joints whose bodies touch because they are joined."""
     model = robot.model
     near = {frozenset((k, int(model.parents[k]))) for k in range(1, model.njoints)}
-    axes = np.repeat(np.arange(1, model.njoints), list(model.nvs)[1:])
-    whole = [0, *(int(axes[j.iv]) for j in robot.tree.joints if j.iv < len(axes))]
-    for loop in robot.loops:
-        ends = [p.joint + 1 for p in (loop.first, loop.second)]
-        if max(ends) < len(whole):
-            near.add(frozenset(whole[e] for e in ends))
-    return near
+    behind = {link.last: k for k, link in enumerate(robot.links, 1)} | {WORLD: 0}
+    ends = (frozenset((loop.first.joint, loop.second.joint)) for loop in robot.loops)
+    return near | {frozenset(behind[joint] for joint in pair) for pair in ends}
 
 
 def _of_urdf(robot: Description, root: Any) -> Iterator[tuple[str, Any, Any, tuple[int, int]]]:

@@ -550,26 +550,19 @@ def share_out(robot: Description, bodies: Mapping[str, Array]) -> dict[str, Arra
 # What both formats of a robot are written from.
 
 
-def body_joints(robot: Description) -> Iterator[tuple[str, list[Joint]]]:
-    """Yield every body and the joints that move it on the body before, in their order."""
-    joints = {j.iv: j for j in robot.tree.joints}
-    for k, body in enumerate(robot.bodies):
-        whole = robot.model.joints[k + 1]
-        yield body, [joints[iv] for iv in range(whole.idx_v, whole.idx_v + whole.nv)]
-
-
-def body_of(robot: Description, joint: int, ground: str) -> str:
-    """Return the body behind a joint of the tree; `ground` is what stands still."""
-    if joint == WORLD:
-        return ground
-    last = robot.tree.joints[joint]
-    return next(body for body, joints in body_joints(robot) if joints[-1] is last)
+def body_joints(robot: Description, ground: str) -> Iterator[tuple[str, str, list[Joint]]]:
+    """Yield every body, what it hangs on, and the joints that move it there, in their order."""
+    for body, link in zip(robot.bodies, robot.links, strict=True):
+        above = ground if link.parent == WORLD else robot.bodies[link.parent]
+        yield body, above, list(robot.tree.joints[link.first : link.last + 1])
 
 
 def ends_of(robot: Description, ground: str) -> list[list[tuple[str, Array]]]:
     """Return of every loop its two bodies and the points in the frames of their joints."""
+    behind = {link.last: body for body, link in zip(robot.bodies, robot.links, strict=True)}
+    behind[WORLD] = ground
     points: list[tuple[Point, Point]] = [(loop.first, loop.second) for loop in robot.loops]
-    return [[(body_of(robot, p.joint, ground), p.position) for p in pair] for pair in points]
+    return [[(behind[p.joint], p.position) for p in pair] for pair in points]
 
 
 def placement(joint: Joint) -> pin.SE3:
@@ -598,8 +591,7 @@ def converted_mjcf(robot: Description) -> ET.Element:
     ET.SubElement(top, "compiler", angle="radian")
     ET.SubElement(top, "option", gravity=numbers(np.array(robot.model.gravity.linear)))
     bodies = {GROUND: ET.SubElement(top, "worldbody")}
-    for name, joints in body_joints(robot):
-        above = body_of(robot, joints[0].parent, GROUND)
+    for name, above, joints in body_joints(robot, GROUND):
         seen = [pin.SE3.Identity()]  # of the joints in the last one, where all of them are at zero
         for joint in joints[:0:-1]:
             seen.insert(0, placement(joint).inverse() * seen[0])
@@ -663,7 +655,7 @@ def links_between(robot: Description) -> dict[str, str]:
     """Return the links without mass between the axes of one joint, by the axis before them."""
     taken = {*robot.bodies, ground_of(robot)}
     out = {}
-    for body, joints in body_joints(robot):
+    for body, _, joints in body_joints(robot, ""):
         for joint in joints[:-1]:
             name = f"{body}_behind_{joint.dofs[0]}"
             while name in taken:
@@ -682,8 +674,8 @@ def converted_urdf(robot: Description) -> ET.Element:
         size = 1.0 if name in robot.bodies else PLACEHOLDER
         urdf_inertial(ET.SubElement(top, "link", name=name), size, np.zeros(3), size * np.eye(3))
     coupled = {c.joint: c for c in robot.couplings if stated_in_file(c, MOST_URDF)}
-    for body, joints in body_joints(robot):
-        above = body_of(robot, joints[0].parent, ground)
+    for body, parent, joints in body_joints(robot, ground):
+        above = parent
         for joint in joints:
             name, span = joint.dofs[0], position_limits(robot, joint.dofs, {})[0]
             limited = np.isfinite(span).all()
@@ -721,11 +713,12 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
     Raises
     ------
     RobotError
-        If it cannot say a coupling or a bound.
+        If it cannot say a coupling.
     """
     text = robot.sidecar.read_text(encoding="utf-8-sig") if robot.sidecar is not None else ""
     given = {k: v for k, v in tomllib.loads(text).items() if k not in _ANEW}
     given = _without(given, {*robot.locked, *robot.welded})
+    given["bounds"] = {k: v for k, v in given.get("bounds", {}).items() if k != "bodies"}
     new: dict[str, Any] = {}
     mjcf = path.suffix == ".xml"
     if not mjcf:
@@ -752,9 +745,7 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
         | ({"rest": robot.rest[name]} if name in robot.rest else {})
         for name, axis in robot.combinations.items()
     ]
-    if "bounds" in given:
-        given["bounds"] = {**given["bounds"], "bodies": _bounds(robot)}
-    return {**{k: v for k, v in new.items() if v}, **given}
+    return {k: v for k, v in (new | given).items() if v}
 
 
 def _servo(robot: Description) -> dict[str, Any]:
@@ -785,24 +776,6 @@ def _is_of(text: Any, gone: Collection[str]) -> bool:
     if not isinstance(text, str):
         return False
     return bool({text, text.rpartition(".")[0], text.partition("@")[2]} & {*gone})
-
-
-def _bounds(robot: Description) -> dict[str, Any]:
-    """Return what is known of bodies in the frames of their joints, which are the new file's."""
-    out: dict[str, Any] = {}
-    for bound in (b for b in robot.bounds if len(b.bodies) == 1):
-        entry: dict[str, Any] = {} if bound.mass is None else {"mass": list(bound.mass)}
-        turned = not np.allclose(bound.rotation, np.eye(3), atol=1e-9)
-        if turned and bound.box is not None:
-            raise RobotError(
-                f"The frame of '{bound.bodies[0]}' in {robot.path} is turned against its joint, so "
-                "what [bounds] says of its centre cannot be said in the other format: take it out."
-            )
-        if bound.box is not None:
-            spans = zip(bound.box, bound.origin.tolist(), strict=True)
-            entry["box"] = [[low + at, high + at] for (low, high), at in spans]
-        out[bound.bodies[0]] = entry
-    return out
 
 
 # The same robot in the other format: an MJCF of a URDF, a URDF of an MJCF.
