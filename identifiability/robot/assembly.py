@@ -523,6 +523,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         "title": extra.name or model.name or name,
         "path": path,
         "sidecar": sidecar,
+        "said": extra,
         "bodies": bodies,
         "body_symbols": {b: extra.symbols.get(b, b) for b in bodies},
         "joint_symbols": dict(extra.symbols),
@@ -531,14 +532,11 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         | {name: axis.rest for name, axis in axes.items() if axis.rest is not None}
         | {name: at for name, at in extra.rest.items() if name not in stated.locked},
         "combinations": axes,
-        "placed": tuple(extra.effects),
         "tendons": tuple(name for name, axis in axes.items() if axis.numbers),
         "body_order": named + tuple(b for b in bodies if b not in named),
         "guessed": tuple(extra.guessed),
         "inertia_parts": tuple(extra.inertia_parts),
-        "prior_relative": extra.prior_relative,
         "prior": {name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
-        "prior_share": dict(extra.prior_share),
         "ties": tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
         "shapes": extra.shapes,
         "reference": extra.reference,
@@ -549,16 +547,15 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         "known_torque": tuple(k for k in extra.known_torque if k.along not in stated.locked),
         "angles": extra.angles,
         "bounds": read_bounds(path, extra, bodies, stated),
-        "bolted": extra.base == "fixed",
         "base": _read_base(path, extra, stated, bodies),
     }
     robot = Description(**{**vars(stated), **own})
     robot = choose_joints(robot, extra, stated)
     for key in ("gain", "ratio", "sign"):
-        check_known(path, f"torque.{key}", getattr(robot.torque, key), ("", *robot.joints, *motors))
+        check_known(path, f"torque.{key}", robot.torque.table(key), ("", *robot.joints, *motors))
     lifted = robot.torque.compensated
     check_known(
-        path, "torque.compensated", lifted if isinstance(lifted, tuple) else (), robot.joints
+        path, "torque.compensated", lifted if isinstance(lifted, list) else (), robot.joints
     )
     limits = [extra.limits.get(joint, LimitEntry()) for joint in robot.joints]
     robot = replace(
@@ -688,22 +685,13 @@ def _servo_tables(path: Path, extra: Sidecar, joints: tuple[str, ...]) -> dict[s
 
 
 def _measured_torque(extra: Sidecar, stated: Stated) -> MeasuredTorque:
-    """Return what torque columns hold; a number is for all joints.
-
-    Before the gears, those that an MJCF states are the ratios that nobody gives.
-    """
-    entry = extra.torque
-    tables = {
-        key: dict(value) if isinstance(value, dict) else {"": float(value)}
-        for key in ("gain", "ratio", "sign")
-        if (value := getattr(entry, key)) is not None
-    }
-    if entry.side == "motor" and "ratio" not in tables:
-        forces = stated.entries.get("actuator_force", {}).values()
-        tables["ratio"] = {e.column.removesuffix(".tau"): e.factor for e in forces}
-    some = entry.compensated
-    return MeasuredTorque(
-        entry.side, **tables, compensated=tuple(some) if isinstance(some, list) else some
+    """Return what torque columns hold; motors have the gears of an MJCF where nobody states any."""
+    said = extra.torque
+    if said.side != "motor" or said.ratio is not None:
+        return said
+    forces = stated.entries.get("actuator_force", {}).values()
+    return said.model_copy(
+        update={"ratio": {e.column.removesuffix(".tau"): e.factor for e in forces}}
     )
 
 

@@ -24,7 +24,7 @@ from identifiability.robot.floating import SIX, Base
 from identifiability.robot.kinematics import WORLD, Point, Tree, shortest_turn
 from identifiability.robot.locate import included_files
 from identifiability.robot.servo import JointServo, Servo
-from identifiability.robot.sidecar import KnownTorque, MeasuredTorque
+from identifiability.robot.sidecar import KnownTorque, MeasuredTorque, Sidecar
 
 # Parts of a robot: closures, axes, how motors drive joints, and what its file states of them.
 
@@ -427,6 +427,8 @@ class Description(Stated):
         Short name and title for reports.
     path : Path
         The robot file; `sidecar` is the TOML beside it, if any.
+    said : Sidecar
+        Its keys, with every name written out that a pattern stands for.
     bodies : tuple of str
         Names of the moving bodies, one for each Pinocchio joint, in its order.
     body_symbols, joint_symbols : mapping
@@ -445,10 +447,8 @@ class Description(Stated):
         The same of their velocity and acceleration.
     rest : mapping
         Positions at which the springs that the file states are relaxed; others are so at home.
-    prior_relative, prior
-        Width of the default priors relative to the nominal robot, and stated (mean, sd) by name.
-    prior_share : mapping
-        Bodies to the share within which they are the file's, where the sidecar says it.
+    prior : mapping
+        Stated (mean, sd) by name.
     guessed : tuple of str
         Bodies whose masses the file does not know.
     inertia_parts : tuple of str
@@ -476,14 +476,10 @@ class Description(Stated):
         What is known of masses and centres of mass.
     tendons : tuple of str
         Of the `combinations` those that the robot file itself holds.
-    placed : tuple of str
-        Effects of default models that are at some places only, as a ladder file writes them.
     upright : (3,) [m/s²] or None
         Gravity as the file states it, where it was found to be another one (`turned`).
     servo : Servo or None
         Position servos of the actuated joints, where the files state some.
-    bolted : bool
-        Whether what floats by the robot file is said to stand.
     base : Base or None
         Of a robot that floats: the first six of its joints stand for it.
     base_option : {"fixed", "floating"} or None
@@ -494,6 +490,7 @@ class Description(Stated):
     title: str
     path: Path
     sidecar: Path | None
+    said: Sidecar
     bodies: tuple[str, ...]
     body_symbols: Mapping[str, str]
     joint_symbols: Mapping[str, str]
@@ -507,9 +504,7 @@ class Description(Stated):
     transmission: Transmission | None = None
     guessed: tuple[str, ...] = ()
     inertia_parts: tuple[str, ...] = ("Ia",)
-    prior_relative: float = 1.0
     prior: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    prior_share: Mapping[str, float] = field(default_factory=dict)
     ties: tuple[Mapping[str, tuple[str, ...]], ...] = ()
     rest: Mapping[str, float] = field(default_factory=dict)
     shapes: Mapping[str, float] = field(default_factory=dict)
@@ -523,11 +518,9 @@ class Description(Stated):
     lock_option: tuple[str, ...] = ()
     bounds: tuple[Bound, ...] = ()
     tendons: tuple[str, ...] = ()
-    placed: tuple[str, ...] = ()
     assembled: bool = False
     upright: Array | None = None
     servo: Servo | None = None
-    bolted: bool = False
     base: Base | None = None
     base_option: str | None = None
 

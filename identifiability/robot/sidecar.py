@@ -9,8 +9,8 @@ stands last.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
@@ -43,71 +43,6 @@ from identifiability.robot.locate import LARGEST, LONGEST_NAME, find_sidecar, lo
 
 #: Where torque is measured: at the joint with all that drives it, behind the gears, or before them.
 Side = Literal["joint", "link", "motor"]
-
-
-@frozen
-class MeasuredTorque:
-    """From what a log holds to torque at the joints: ``τ = sign · gain · ratio · value``.
-
-    Attributes
-    ----------
-    side : {"joint", "link", "motor"}
-        ``joint``: what drives the joint, rotor inertia and gear friction included, however it was
-        measured. ``link``: a sensor behind the gear, which no rotor inertia reaches. ``motor``: at
-        the rotor; it is multiplied by the ratio of the gear.
-    gain : mapping of str to float
-        By joint (or motor); what one unit of the log is: K_t [N·m/A] for currents. One under
-        ``""`` is for all joints.
-    ratio : mapping of str to float
-        Of the gear, by joint; turns of the rotor for one of the joint.
-    sign : mapping of str to int
-        1 or −1, by joint.
-    compensated : bool, tuple of str or None
-        Whether torque that holds the weight was taken off, or at which joints: the file's is added
-        again. None where nobody said.
-    """
-
-    side: Side = "joint"
-    gain: Mapping[str, float] = field(default_factory=dict)
-    ratio: Mapping[str, float] = field(default_factory=dict)
-    sign: Mapping[str, float] = field(default_factory=dict)
-    compensated: bool | tuple[str, ...] | None = None
-
-    def is_compensated(self, joint: str) -> bool:
-        """Return whether the torque of a joint lacks what holds the weight."""
-        said = self.compensated
-        return said if isinstance(said, bool) else joint in (said or ())
-
-    def has_gain(self, joint: str) -> bool:
-        """Return whether it is known what one unit of the log is at a joint."""
-        return joint in self.gain or "" in self.gain
-
-    def has_ratio(self, joint: str) -> bool:
-        """Return whether the ratio of a joint's gear is known."""
-        return joint in self.ratio or "" in self.ratio
-
-    def factor(self, joint: str) -> float:
-        """Return what a log's values are multiplied by [N·m or N per unit of the log]."""
-        out = 1.0
-        for table in (self.gain, self.ratio, self.sign):
-            out *= table.get(joint, table.get("", 1.0))
-        return out
-
-    def with_gains(self) -> MeasuredTorque:
-        """Return the same with 1 for each gain and ratio that is not known, in the log's unit."""
-        return replace(self, gain={"": 1.0, **self.gain}, ratio={"": 1.0, **self.ratio})
-
-    @property
-    def text(self) -> str:
-        """What was said, in one line; nothing if nothing was."""
-        said = [f"side = {self.side}"] if self.side != "joint" else []
-        for name in ("gain", "ratio", "sign"):
-            pairs = (f"{j or 'all'} = {v:g}" for j, v in getattr(self, name).items())
-            said += [f"{name}: {', '.join(pairs)}"] if getattr(self, name) else []
-        if self.compensated:
-            which = "all" if isinstance(self.compensated, bool) else ", ".join(self.compensated)
-            said.append(f"compensated for gravity: {which}")
-        return "; ".join(said)
 
 
 # `KnownTorque`: torque that is known beforehand as a function of a position.
@@ -325,18 +260,57 @@ class _TimeEntry(_Strict):
     unit: Literal["s", "ms", "us", "ns"] | None = key("Of `t`; else what can only be meant.", None)
 
 
-class _TorqueEntry(_Strict):
+class MeasuredTorque(_Strict):
     """What torque columns hold: τ = sign · gain · ratio · value.
 
     Measured at the `joint` with all of its rotor, at the `motor`'s rotor, or at the `link` behind
     the gear, where no rotor inertia is seen. One number is of all joints, a table by joint.
     """
 
+    model_config = ConfigDict(frozen=True)
+
     side: Side = key("Where it was measured.", "joint")
     gain: ByJoint[Factor] = key("Torque constants of currents [N·m/A].", None, {"joint1": 0.11})
     ratio: ByJoint[Factor] = key("Of the gears.", None, {"joint1": 100})
     sign: ByJoint[Literal[1, -1]] = key("−1 where a column counts the other way.", None, -1)
     compensated: bool | Names | None = key("Whether (where) drivers took the weight off.", None)
+
+    def table(self, name: str) -> dict[str, float]:
+        """Return the gains, ratios or signs by joint; one under ``""`` is for all others."""
+        said = getattr(self, name)
+        return dict(said) if isinstance(said, dict) else {} if said is None else {"": said}
+
+    def at(self, name: str, joint: str) -> float | None:
+        """Return the gain, ratio or sign of a joint; None where nobody stated it."""
+        table = self.table(name)
+        return table.get(joint, table.get(""))
+
+    def is_compensated(self, joint: str) -> bool:
+        """Return whether the torque of a joint lacks what holds the weight."""
+        said = self.compensated
+        return said if isinstance(said, bool) else joint in (said or ())
+
+    def factor(self, joint: str) -> float:
+        """Return what a log's values are multiplied by [N·m or N per unit of the log]."""
+        parts = (self.at(name, joint) for name in ("gain", "ratio", "sign"))
+        return math.prod(1.0 if part is None else part for part in parts)
+
+    def with_gains(self) -> MeasuredTorque:
+        """Return the same with 1 for each gain and ratio that is not known, in the log's unit."""
+        known = {name: {"": 1.0, **self.table(name)} for name in ("gain", "ratio")}
+        return self.model_copy(update=known)
+
+    @property
+    def text(self) -> str:
+        """What was said, in one line; nothing if nothing was."""
+        said = [f"side = {self.side}"] if self.side != "joint" else []
+        for name in ("gain", "ratio", "sign"):
+            pairs = [f"{j or 'all'} = {v:g}" for j, v in self.table(name).items()]
+            said += [f"{name}: {', '.join(pairs)}"] if pairs else []
+        if self.compensated:
+            which = "all" if isinstance(self.compensated, bool) else ", ".join(self.compensated)
+            said.append(f"compensated for gravity: {which}")
+        return "; ".join(said)
 
 
 class ServoEntry(_Strict):
@@ -465,7 +439,7 @@ class Sidecar(_Strict):
         {"fer_joint(\\d)": "panda_joint\\1", "elbow": {"scale": 0.00153, "offset": -3.14}},
     )
     time: _TimeEntry = _TimeEntry()
-    torque: _TorqueEntry = _TorqueEntry()
+    torque: MeasuredTorque = MeasuredTorque()
     servo: ServoEntry | None = None
     known_torque: list[KnownTorque] = []
     imu: ImuEntry | None = None
