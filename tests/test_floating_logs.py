@@ -9,10 +9,6 @@ from scipy.spatial.transform import Rotation
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.prepare.dataset import prepare_log
-from identifiability.quality import MeasuredLogs, find_always
-from identifiability.regression.regression import Model
-from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation.motion import find_motion
 from identifiability.workflows.analyze import analyze
@@ -225,36 +221,6 @@ def walker(tmp_path, contacts):
     path.write_text(text)
     path.with_suffix(".toml").write_text(contacts)
     return Robot.load(path)
-
-
-def steps():
-    """Feet that step in turn while the trunk stands; the flags say when each is on the ground."""
-    t = np.linspace(0, 8, 1600)
-    frame = pd.DataFrame({"t": t})
-    for k, leg in enumerate(("left", "right")):
-        swing = np.maximum(np.sin(2 * np.pi * (0.5 * t + 0.5 * k)), 0.0) ** 3
-        for a in "xyz":
-            frame[f"{leg}_{a}.q"] = 0.1 * swing
-            frame[f"{leg}_{a}.tau"] = np.sin(t)
-        frame[f"{leg}_flag"] = (swing <= 0).astype(float)
-    frame[axes("base.acc.")], frame[axes("base.gyro.")] = [0.0, 0.0, 9.81], 0.0
-    return frame
-
-
-def test_contacts_that_contradict_the_motion_are_told(tmp_path):
-    told = "[[contacts]]\nframe = '{0}_foot'\n{1}\n"
-    legs = ("left", "right")
-    flags = "".join(told.format(leg, f"flag = '{leg}_flag'") for leg in legs)
-    always = "".join(told.format(leg, "schedule = [[0, 9]]") for leg in legs)
-    for text, wrong in ((flags, False), (always, True)):
-        hints = find_always(looked_at(walker(tmp_path, text), steps()))
-        assert any("against the other closed contacts" in hint for hint in hints) == wrong
-
-
-def looked_at(robot, frame):
-    log = read(robot, frame)
-    structure = Structure.of(robot, Model.of("rigid_body"))
-    return MeasuredLogs(structure, (log,), (prepare_log(robot, log),))
 
 
 def test_what_does_not_know_bases_that_move_says_so(body, tmp_path):

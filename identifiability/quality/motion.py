@@ -161,3 +161,26 @@ def find_still(logs: MeasuredLogs) -> list[Finding]:
     columns = tuple(f"{j}.tau" for j in still)
     locks = f" ({locks})" if locks else ""
     return [Finding("still", joints=still, locks=locks, rows="all", columns=columns)]
+
+
+@check("unheld", Does.MISREADS)
+def find_unheld(logs: MeasuredLogs) -> list[Finding]:
+    """Return what measured forces carry where no contact is closed; nothing if it is the robot."""
+    robot, some = logs.robot, logs.motion
+    fall = 0.0 if robot.base is None else float(np.linalg.norm(robot.base.gravity))
+    if robot.base is None or not (fall and logs.weighs):
+        return []
+    closed = np.zeros((len(some), 0)) if some.touch is None else some.touch[:, 3:]
+    open_ = ~(closed > 0.5).any(1)
+    # Fewest samples at which it is looked at whether the robot is held.
+    held = open_ & (np.linalg.norm(some.a[:, :3], axis=1) > fall / 2)
+    if held.sum() < max(32, open_.sum() / 2):
+        return []
+    needed = logs.predicted[held, :3]
+    share = float((logs.torque[held, :3] * needed).sum() / (needed**2).sum())
+    if share > 0.5:
+        return []
+    which = "wrenches" if robot.base.wrenches else "closed" if robot.base.contacts else "nothing"
+    cause = phrase("unheld", "opposite" if share < -0.5 else "less")
+    told = {"name": robot.name, "share": 100 * held.mean(), "held": 100 * share, "cause": cause}
+    return [Finding("unheld", why=phrase("unheld", which, **told))]
