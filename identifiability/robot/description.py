@@ -23,7 +23,7 @@ from identifiability.foundation.values import frozen
 from identifiability.robot.floating import SIX, Base
 from identifiability.robot.kinematics import WORLD, Point, Tree, shortest_turn
 from identifiability.robot.locate import included_files
-from identifiability.robot.servo import JointServo, Servo
+from identifiability.robot.servo import Servo
 from identifiability.robot.sidecar import KnownTorque, MeasuredTorque, Sidecar
 
 # Parts of a robot: closures, axes, how motors drive joints, and what its file states of them.
@@ -288,7 +288,7 @@ class Stated:
     entries : mapping
         Of arrays that MuJoCo keeps, by array, then index or name.
     servos : mapping
-        Of joints, by name.
+        Of joints, by name: kp, kv, and least and largest torque, (4,).
     offsets : mapping
         Constant torque of commands [N·m or N], by every joint and straight tendon whose actuator
         can hold one.
@@ -323,7 +323,7 @@ class Stated:
     outside: tuple[str, ...] = ()
     meshes: tuple[Path, ...] = ()
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
-    servos: Mapping[str, JointServo] = field(default_factory=dict)
+    servos: Mapping[str, Array] = field(default_factory=dict)
     offsets: Mapping[str, float] = field(default_factory=dict)
     floating: str | None = None
     world_gravity: Array | None = None

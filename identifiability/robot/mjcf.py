@@ -37,7 +37,6 @@ from identifiability.robot.description import (
 from identifiability.robot.floating import BASE_JOINTS, SIX
 from identifiability.robot.kinematics import WORLD, Joint, Point, Tree, merge_axes, read_tree, weld
 from identifiability.robot.locate import check_regular, check_weight, file_text
-from identifiability.robot.servo import JointServo
 from identifiability.robot.sidecar import Sidecar
 
 #: How a compiled model (mjtWrap) numbers what a tendon runs through.
@@ -697,24 +696,19 @@ def find_offsets(actuators: Sequence[Actuator]) -> dict[str, float]:
     return found
 
 
-def find_servos(actuators: Sequence[Actuator]) -> dict[str, JointServo]:
-    """Return the servos among actuators, by joint.
+def find_servos(actuators: Sequence[Actuator]) -> dict[str, Array]:
+    """Return kp, kv, least and largest torque of the servos among actuators, (4,) by joint.
 
     Several at one joint add up, say one that holds a position and one that damps.
     """
-    found: dict[str, JointServo] = {}
+    found: dict[str, Array] = {}
     motors = {a.joint for a in actuators if a.law not in ("q_ref", "dq_ref") or not a.gear}
     for a in actuators:
         if not a.joint or a.joint in motors:
             continue
         low, high = np.sort(a.force * a.factor) + a.offset
-        before = found.get(a.joint, JointServo(0.0, 0.0, 0.0, 0.0))
-        found[a.joint] = JointServo(
-            before.kp - float(a.factor**2 * a.bias[1]),
-            before.kv - float(a.factor**2 * a.bias[2]),
-            before.low + float(low),
-            before.high + float(high),
-        )
+        gains = -(a.factor**2) * a.bias[1:]
+        found[a.joint] = found.get(a.joint, np.zeros(4)) + np.array([*gains, low, high])
     return found
 
 
