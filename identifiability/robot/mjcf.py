@@ -493,14 +493,12 @@ def _trees(m: Any) -> tuple[np.ndarray, dict[str, int]]:
 
 
 def _moved_by(m: Any, a: int) -> list[int]:
-    """Return the bodies that an actuator acts on."""
+    """Return the bodies that an actuator acts on; adhesion acts on contacts alone."""
     kind, target = int(m.actuator_trntype[a]), int(m.actuator_trnid[a, 0])
-    if kind in _ON_JOINT:
-        return [int(m.jnt_bodyid[target])]
     if kind == int(_TRN.mjTRN_TENDON):
         return _along(m, target)
-    if kind == int(_TRN.mjTRN_BODY):  # adhesion, which acts on contacts alone
-        return []
+    if kind in (*_ON_JOINT, int(_TRN.mjTRN_BODY)):
+        return [int(m.jnt_bodyid[target])] if kind in _ON_JOINT else []
     return [int(m.site_bodyid[s]) for s in m.actuator_trnid[a] if s >= 0]
 
 
@@ -518,16 +516,17 @@ def _along(m: Any, t: int) -> list[int]:
 
 def _tied(m: Any) -> Iterator[list[int]]:
     """Yield the bodies that each equality ties together, and each tendon."""
+    bodies = {
+        int(mujoco.mjtObj.mjOBJ_BODY): np.arange(m.nbody),
+        int(mujoco.mjtObj.mjOBJ_SITE): m.site_bodyid,
+        int(mujoco.mjtObj.mjOBJ_JOINT): m.jnt_bodyid,
+    }
     for k in np.flatnonzero(m.eq_active0):
-        kind = int(m.eq_type[k])
         ends = [int(x) for x in (m.eq_obj1id[k], m.eq_obj2id[k]) if x >= 0]
-        if kind == int(_EQ.mjEQ_JOINT):
-            yield [int(m.jnt_bodyid[j]) for j in ends]
-        elif kind == int(_EQ.mjEQ_TENDON):
+        if int(m.eq_type[k]) == int(_EQ.mjEQ_TENDON):
             yield [b for t in ends for b in _along(m, t)]
-        elif kind in (int(_EQ.mjEQ_CONNECT), int(_EQ.mjEQ_WELD)):
-            sites = int(m.eq_objtype[k]) == int(mujoco.mjtObj.mjOBJ_SITE)
-            yield [int(m.site_bodyid[x]) if sites else x for x in ends]
+        elif int(m.eq_objtype[k]) in bodies:
+            yield [int(bodies[int(m.eq_objtype[k])][x]) for x in ends]
     for t in range(m.ntendon):
         yield _along(m, t)
 
