@@ -1,7 +1,7 @@
 """Put a `Description` together from model, closures and sidecar: do they determine the motion?
 
-Which joints move the robot, which follow, and whether its home position says so; axes that are
-combinations of joints; what a sidecar says of masses.
+Which joints move the robot, which are locked, which follow, and whether its home position says so;
+axes that are combinations of joints; what a sidecar says of masses.
 """
 
 from __future__ import annotations
@@ -326,7 +326,7 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     RobotError
     """
     names = extra.actuated if extra.actuated is not None else stated.driven
-    if names is not None and stated.floating is not None:
+    if names is not None and stated.base is not None:
         names = [*BASE_JOINTS, *(n for n in names if n not in BASE_JOINTS)]
     pulling = {cable.name for cable in robot.cables}
     names = [n for n in robot.tree.single if n not in pulling] if names is None else names
@@ -591,7 +591,7 @@ def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
 
 def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ...]) -> Base | None:
     """Return the base of a robot that floats, with what touches it and measures it."""
-    if stated.floating is None:
+    if stated.base is None:
         given = [k for k in ("imu", "contacts", "wrench") if getattr(extra, k)]
         if given and extra.base != "fixed":
             raise RobotError(
@@ -599,7 +599,6 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ..
                 'stands; take it out, or say base = "floating" if nothing holds its root link.'
             )
         return None
-    assert stated.world_gravity is not None
     imu = extra.imu or ImuEntry()
     contacts = []
     for entry in extra.contacts:
@@ -621,8 +620,12 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ..
     R = pin.rpy.rpyToMatrix(np.array(imu.rotation, float)).T
     place, acc, gyro = (np.array(x, float) for x in (imu.place, imu.acc_bias, imu.gyro_bias))
     mount = Imu(R, place, acc, gyro, tuple(dict.fromkeys(imu.fit)))
-    what = bodies[0], stated.floating, stated.world_gravity, tuple(contacts), tuple(wrenches), mount
-    return Base(*what, stated.at, stated.which)
+    touched: dict[str, Any] = {
+        "contacts": tuple(contacts),
+        "wrenches": tuple(wrenches),
+        "imu": mount,
+    }
+    return replace(stated.base, body=bodies[0], **touched)
 
 
 def _find_frame(

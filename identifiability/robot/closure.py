@@ -1,7 +1,7 @@
 """Full motion of a robot from the motion of its actuated joints: loops closed by Newton steps.
 
-The equations of closures are errors, Jacobians and bias for batches of samples; they are solved
-for the dependent joints of each.
+The equations of closures, straight tendons among them, are errors, Jacobians and bias for batches
+of samples; they are solved for the dependent joints of each.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """`Description`: what the rest of the library needs to know of a robot file.
 
-Among it what is known of the masses of bodies and where their centres are, and limits of speed.
+Its parts (closures, couplings, axes, tendons, how motors drive joints), what a file states of them,
+and what is known of masses, centres and limits.
 """
 
 from __future__ import annotations
@@ -292,15 +293,9 @@ class Stated:
     offsets : mapping
         Constant torque of commands [N·m or N], by every joint and straight tendon whose actuator
         can hold one.
-    floating : str or None
-        What the file calls the joint on which the robot floats, of which six joints stand first
-        in the tree; None where it stands.
-    world_gravity : (3,) or None [m/s²]
-        Of a robot that floats: its model has none.
-    at : (int, int) or None
-        Where MuJoCo keeps pose and twist of the base.
-    which : int or None
-        Of the free joints of an MJCF the one on which the robot floats.
+    base : Base or None
+        Of a robot that floats: the first six of its joints stand for it, and its model has no
+        gravity.
     radii : mapping
         Of spheres, by the name of the geom [m].
     drawn : (3, 3)
@@ -325,10 +320,7 @@ class Stated:
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
     servos: Mapping[str, Array] = field(default_factory=dict)
     offsets: Mapping[str, float] = field(default_factory=dict)
-    floating: str | None = None
-    world_gravity: Array | None = None
-    at: tuple[int, int] | None = None
-    which: int | None = None
+    base: Base | None = None
     radii: Mapping[str, float] = field(default_factory=dict)
     drawn: Array = field(default_factory=lambda: np.eye(3))
 
@@ -480,8 +472,6 @@ class Description(Stated):
         Gravity as the file states it, where it was found to be another one (`turned`).
     servo : Servo or None
         Position servos of the actuated joints, where the files state some.
-    base : Base or None
-        Of a robot that floats: the first six of its joints stand for it.
     base_option : {"fixed", "floating"} or None
         What was said of the base when the robot was loaded, of which its files say nothing.
     """
@@ -521,7 +511,6 @@ class Description(Stated):
     assembled: bool = False
     upright: Array | None = None
     servo: Servo | None = None
-    base: Base | None = None
     base_option: str | None = None
 
     def __getstate__(self) -> dict[str, Any]:

@@ -32,7 +32,7 @@ from identifiability.robot.assembly import (
     settle_locks,
 )
 from identifiability.robot.description import Coupling, Description, Stated
-from identifiability.robot.floating import BASE_JOINTS
+from identifiability.robot.floating import BASE_JOINTS, Base
 from identifiability.robot.kinematics import WORLD, body_names, merge_axes, read_tree, weld
 from identifiability.robot.locate import (
     check_regular,
@@ -159,8 +159,7 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         driven=[name for name in tree.single if name not in coupled],
         locked=locked,
         welded=welded,
-        floating=top or None,
-        world_gravity=gravity,
+        base=Base("", top, gravity) if top else None,
     )
 
 

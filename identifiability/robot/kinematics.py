@@ -1,7 +1,7 @@
 """Kinematics of a tree, batched over samples: frames, point Jacobians, bias accelerations.
 
-Joints are taken off a Pinocchio model once; vectors and turns of many samples have the samples
-last.
+Joints are taken off a Pinocchio model once, in which what is locked is welded and several axes of
+one joint are one; vectors and turns of many samples have the samples last.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Where a robot file is: a path, or a shipped robot's name; and which sidecar belongs to it."""
+"""Where a robot file is, which sidecar belongs to it, and its XML, with includes in their places.
+
+It is parsed as far as its size allows: what has no end is refused at once.
+"""
 
 from __future__ import annotations
 

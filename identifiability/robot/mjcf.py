@@ -34,7 +34,7 @@ from identifiability.robot.description import (
     Segment,
     Stated,
 )
-from identifiability.robot.floating import BASE_JOINTS, SIX
+from identifiability.robot.floating import BASE_JOINTS, SIX, Base
 from identifiability.robot.kinematics import WORLD, Joint, Point, Tree, merge_axes, read_tree, weld
 from identifiability.robot.locate import check_regular, check_weight, file_text
 from identifiability.robot.sidecar import Sidecar
@@ -984,7 +984,7 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         entries=read_entries(scene, compile_mjcf(path, root) if fixed else None),
         servos=find_servos(actuators),
         offsets=find_offsets(actuators),
-        **_floating(scene, which, gravity),
+        base=None if which is None else _base(scene, which, gravity),
         radii=_name_frames(model, m, places),
         drawn=_drawn(m),
     )
@@ -999,13 +999,11 @@ def _drawn(m: Any) -> Array:
     return np.array(pin.Quaternion(w, x, y, z).toRotationMatrix())
 
 
-def _floating(scene: Any, which: int | None, gravity: Array) -> dict[str, Any]:
-    """Return what is stated of a robot that floats on one of the free joints of a scene."""
-    if which is None:
-        return {}
+def _base(scene: Any, which: int, gravity: Array) -> Base:
+    """Return the base of a robot that floats on one of the free joints of a scene."""
     j = int(np.flatnonzero(scene.jnt_type == FREE)[which])
     at = int(scene.jnt_qposadr[j]), int(scene.jnt_dofadr[j])
-    return {"floating": scene.joint(j).name, "world_gravity": gravity, "at": at, "which": which}
+    return Base("", scene.joint(j).name, gravity, at=at, which=which)
 
 
 def _name_frames(model: Any, m: Any, places: list[Place]) -> dict[str, float]:

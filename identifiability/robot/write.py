@@ -1,4 +1,8 @@
-"""Write parameters back into a robot file: inertials, friction, rotors, springs, fixed tendons."""
+"""Write parameters back into a robot file, or into one of the other format.
+
+Inertials, friction, rotors, springs, fixed tendons, servos, and torque offsets as what actuators
+pull by always.
+"""
 
 from __future__ import annotations
 
