@@ -304,6 +304,7 @@ def export(
     out: Annotated[Path, Option(), options.Writes(*EXPORTED)],
     draws: kinds.Count | None = None,
     form: Annotated[kinds.ExportFormat | None, Option("--format")] = None,
+    validate: options.MoreLogs = (),
     force: Annotated[bool, Option("--force")] = False,
     prior: kinds.NotNegative | None = None,
     seed: kinds.Seed = 0,
@@ -322,7 +323,7 @@ def export(
         return
     if prior is not None:
         raise kinds.OptionError(Finding("prior.draws"))
-    exported = run(robot, result, out, form, force=force)
+    exported = run(robot, result, out, form, validate=validate, force=force)
     for text in filter(None, (exported.mass, exported.statement)):
         typer.echo(text)
     for text in unused_ladder(robot):

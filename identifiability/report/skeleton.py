@@ -114,10 +114,11 @@ def _trace(robot: Robot, poses: Array) -> tuple[dict[str, Array], Array]:
 
     at = np.stack([each(frames.origin[k]) for k in range(len(tree.joints))])
     limbs: dict[str, Array] = {}
-    for body, k in _carriers(robot).items():
+    closing = [p for loop in robot.loops for p in (loop.first, loop.second)]
+    for body, link in zip(robot.bodies, robot.links, strict=True):
+        k = link.last
         ends = [at[c] for c, j in enumerate(tree.joints) if j.parent == k]
-        for loop in robot.loops:
-            ends += [each(tree.world_point(frames, p)) for p in _points(loop, k)]
+        ends += [each(tree.world_point(frames, p)) for p in closing if p.joint == k]
         if not ends:
             mass = robot.nominal.get(f"{body}.m", 0.0)
             first = np.array([robot.nominal.get(f"{body}.{x}", 0.0) for x in ("mx", "my", "mz")])
@@ -168,10 +169,9 @@ def move_skeletons(
         return None
     place = _look(traced[0].reshape(-1, 3), robot)
     lines, start = [], len(robot.tree.joints)
-    carriers = _carriers(robot)
-    for body, own in limbs.items():
+    for link, own in zip(robot.links, limbs.values(), strict=True):
         count = len(own) // 2
-        lines += [(carriers[body], start + i) for i in range(count)]
+        lines += [(link.last, start + i) for i in range(count)]
         start += count
     said = tuple(
         tuple("diverged" if np.isnan(x) else f"{name} {x:.3g} {unit}" for x in error[rows])
@@ -187,19 +187,6 @@ def move_skeletons(
         size=(WIDTH, HEIGHT),
         caption=caption,
     )
-
-
-def _carriers(robot: Robot) -> dict[str, int]:
-    """Return the last joint of the tree before each body; of a ball's three hinges the third."""
-    model = robot.model
-    ends = {j.iv + j.nv: k for k, j in enumerate(robot.tree.joints)}
-    places = (int(model.idx_vs[k] + model.nvs[k]) for k in range(1, model.njoints))
-    return {b: ends[at] for b, at in zip(robot.bodies, places, strict=True) if at in ends}
-
-
-def _points(loop: object, joint: int) -> list[Point]:
-    found = (getattr(loop, "first", None), getattr(loop, "second", None))
-    return [p for p in found if p is not None and p.joint == joint]
 
 
 def _look(points: Array, robot: Robot) -> Callable[[Array], Array]:

@@ -18,10 +18,9 @@ from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Robot
 from identifiability.robot.closure import rest_along
-from identifiability.robot.locking import share_out
 from identifiability.robot.mjcf import quiet
 from identifiability.robot.servo import UNLIMITED, Servo
-from identifiability.robot.write import own_inertial
+from identifiability.robot.write import own_inertial, share_out
 from identifiability.simulation.forces import JointTerms, both_directions
 from identifiability.simulation.mujoco_robot import MujocoRobot, compile_robot, robot_spec
 from identifiability.simulation.rules import RULES

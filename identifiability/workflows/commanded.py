@@ -443,7 +443,7 @@ class Bodies:
     @property
     def shares(self) -> Array:
         """Within which each body is the file's, (nb,)."""
-        return np.array([self.robot.prior_share.get(b, self.share) for b in self.names])
+        return np.array([self.robot.said.prior_share.get(b, self.share) for b in self.names])
 
     def values(self, e: Array) -> dict[str, float]:
         """Return standard parameters at some coordinates, ten of each body (m,)."""

@@ -290,7 +290,7 @@ def find_gains(
         by = {c.kind: c for c in rows.causes}
         if "load" in by:
             # Torque that was read by a gain is that of the load by this over the right one.
-            read = robot.torque.gain.get(joint, robot.torque.gain.get("", 1.0))
+            read = robot.torque.at("gain", joint) or 1.0
             unit = replace(by["gain"], torque={0: read * by["load"].torque[0] @ theta[:, None]})
             friction = (c for c in rows.causes if c.kind == "friction")
             rows = replace(rows, causes=(unit, *friction))

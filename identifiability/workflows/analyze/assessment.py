@@ -409,7 +409,7 @@ def tell_with_file(
     thresholds : Thresholds
     """
     robot = models[0].structure.robot
-    if not (share or robot.prior or robot.prior_share) or not models[0].estimate.kept:
+    if not (share or robot.prior or robot.said.prior_share) or not models[0].estimate.kept:
         return tuple(results), ("",) * len(results)
     both = [_add_file(m, r, share, thresholds) for m, r in zip(models, results, strict=True)]
     reported, hints = zip(*both, strict=True)

@@ -490,7 +490,7 @@ def state_prior(model: FittedModel, share: float = 0.0) -> Prior:
     # torque.
     floor = np.where(reach > 0, 10.0 * size / np.where(reach > 0, reach, 1.0), 1.0)
     prior = Prior.around(
-        structure.nominal, structure.inertial, share or robot.prior_relative, floor
+        structure.nominal, structure.inertial, share or robot.said.prior_relative, floor
     )
     return add_stated(structure, prior)
 
@@ -506,7 +506,7 @@ def add_stated(structure: Structure, prior: Prior) -> Prior:
     robot, names = structure.robot, structure.columns
     mean, sd = np.array(prior.mean), np.array(prior.sd)
     for stem, columns in zip(structure.bodies, structure.inertial, strict=True):
-        own = robot.prior_share.get(stem.removesuffix("."))
+        own = robot.said.prior_share.get(stem.removesuffix("."))
         if own:
             known = Prior.around(structure.nominal, columns[None], own, sd)
             mean[columns], sd[columns] = known.mean[columns], known.sd[columns]
