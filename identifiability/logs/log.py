@@ -419,8 +419,11 @@ class Log:
                 continue
             parts, end = [kept[low - origin :]], origin + len(kept)
             while end < high:
-                parts.append(next(arrays))
-                end += len(parts[-1])
+                part = next(arrays, None)
+                if part is None:
+                    raise changed(file.table.path)
+                parts.append(part)
+                end += len(part)
             kept, origin = np.concatenate(parts) if len(parts) > 1 else parts[0], low
             yield first, last, origin, self._made(kept[: high - low], low)
 

@@ -66,19 +66,32 @@ def drop_still(logs: Reading) -> Reading:
 
 def drop_stuck(log: Log) -> tuple[Log, list[Finding]]:
     """Return a log without rows and torque that stand still in mid-motion, and what was found."""
-    if log.long:
-        tau = np.concatenate([w.tau for w in _windows(log)])
-        never = np.ptp(tau, axis=0) == 0
-        if not never.any() or never.all():
-            return log, []
-        stuck = {j: float(x) for j, x, n in zip(log.joints, tau[0], never, strict=True) if n}
-        silenced = log.changed(partial(_silence, joints=tuple(stuck)))
-        return silenced, [_state_never(log, stuck)]
     if log.motion_alone or log.commanded or len(log) < RULES.stuck:
         return log, []
-    left, hung = _drop_hung(log)
-    left, silent = _silence_stuck(left)
-    return left, hung + silent
+    if log.long:  # of which no row is dropped, nor any stretch
+        return _silence_constant(log)
+    log, hung = _drop_hung(log)
+    log, constant = _silence_constant(log)
+    log, stuck = _silence_stuck(log)
+    return log, [*hung, *constant, *stuck]
+
+
+def _silence_constant(log: Log) -> tuple[Log, list[Finding]]:
+    """Leave out torque that never changes, of joints that anything drives."""
+    rows = join_logs(_windows(log))
+    never = np.ptp(rows.tau, axis=0) == 0
+    if never.all() or not np.ptp(rows.q, axis=0).any():
+        return log, []
+    known = np.zeros(len(never), bool) if rows.unmeasured is None else rows.unmeasured.all(0)
+    never &= ~known & ~np.isin(log.joints, BASE_JOINTS)
+    values = dict(zip(log.joints, rows.tau[0].tolist(), strict=True))
+    stuck = tuple(j for j, n in zip(log.joints, never, strict=True) if n)
+    if not stuck:
+        return log, []
+    where = [f"'{joint}.tau' = {values[joint]:.4g}" for joint in stuck]
+    columns = [f"{joint}.tau" for joint in stuck]
+    found = Finding("unmeasured", log.name, where=where, columns=columns, rows=len(log))
+    return log.changed(partial(_silence, joints=stuck)), [found]
 
 
 def _silence(log: Log, _: int, joints: tuple[str, ...]) -> Log:
@@ -104,33 +117,22 @@ def _drop_hung(log: Log) -> tuple[Log, list[Finding]]:
 
 
 def _silence_stuck(log: Log) -> tuple[Log, list[Finding]]:
+    """Leave out stretches in which torque stands still, but at a limit or with the joint."""
     low, high = log.tau.min(0), log.tau.max(0)
-    never = low == high
-    if never.all() or not np.ptp(log.q, axis=0).any():
-        return log, []
     gone = np.zeros(log.tau.shape, bool) if log.unmeasured is None else log.unmeasured.copy()
-    never &= ~gone.all(0) & ~np.isin(log.joints, BASE_JOINTS)  # which nothing drives
-    gone[:, never] = True
-    stuck = {j: float(x) for j, x, n in zip(log.joints, low, never, strict=True) if n}
-    found = [_state_never(log, stuck)] if stuck else []
-    for k in np.flatnonzero(~never & (low < high)):
+    found = []
+    for k in np.flatnonzero((low < high) & np.ptp(log.q, axis=0).any()):
+        joint = log.joints[k]
         for a, b in find_runs(log.tau[:, [k]]):
-            at_limit = log.tau[a, k] in (low[k], high[k])
+            value = float(log.tau[a, k])
             rests = np.ptp(log.q[a:b, k]) <= RULES.moving * np.ptp(log.q[:, k])
-            if at_limit or rests or gone[a, k]:
+            if value in (low[k], high[k]) or rests or gone[a, k]:
                 continue
             gone[a:b, k] = True
-            joint, value = log.joints[k], float(log.tau[a, k])
             where = phrase("stuck", "stands", joint=joint, value=value, first=a + 1, last=b)
             columns = (f"{joint}.tau",)
             found.append(Finding("stuck", log.name, where=[where], rows=b - a, columns=columns))
     return (replace(log, unmeasured=gone), found) if found else (log, [])
-
-
-def _state_never(log: Log, stuck: dict[str, float]) -> Finding:
-    where = [f"'{joint}.tau' = {x:.4g}" for joint, x in stuck.items()]
-    columns = [f"{joint}.tau" for joint in stuck]
-    return Finding("unmeasured", log.name, where=where, columns=columns, rows=len(log))
 
 
 def find_runs(x: Array) -> list[tuple[int, int]]:
