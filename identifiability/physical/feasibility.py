@@ -180,6 +180,8 @@ def choose_prior(
         return None
     G, wider = structure.G, float(np.sqrt(fit.memory))  # a log counts as its independent samples
     with one_thread():
+        if len(weights) > 1:
+            weights = _within_reach(model, projection, weights)
         ways = []
         for row in held_out.folds.train:
             rest = model.whole.take(row)
@@ -199,6 +201,24 @@ def choose_prior(
     at = int(np.argmax(np.array(total) >= max(total) - LEVELS.nats))
     good = Evidence.of(scores[at], free).level is not Level.WORSE
     return PriorChoice(weights[at], values[at], scores[at], good)
+
+
+def _within_reach(
+    model: FittedModel, projection: Projection, weights: Sequence[float]
+) -> Sequence[float]:
+    """Return the weights without those that are surely too heavy.
+
+    With the next lighter one the log likelihood of what is fitted rises by more than a nat a
+    parameter, and no more than that is a prior worth on what is not fitted.
+    """
+    data, before = _believe(model, weights[-1]), np.inf
+    nat = 2.0 * data.unit**2 * model.estimate.memory
+    for k, (phi, _) in enumerate(projection.follow(data, weights)):
+        misfit = float(data.rss(phi)) / nat
+        if before - misfit <= len(model.estimate.kept):
+            return weights[k - 1 :]
+        before = misfit
+    return weights  # the lightest that pays is not reached, and others only on the way to it
 
 
 def _projection(model: FittedModel, cad_weight: float) -> Projection:
