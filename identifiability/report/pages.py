@@ -673,8 +673,9 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
     """Return the sections of the page."""
     from identifiability.report.analysis import mass_table, section_correlated  # noqa: PLC0415
 
-    masses = mass_table(ladder.robot, ladder.result.physical.parameters())
-    said = filter(None, (ladder.result.physical.sentence, ladder.mass_statement))
+    masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
+    real = ladder.chosen.physical
+    said = filter(None, ("" if real is None else real.sentence, ladder.mass_statement))
     settings = {"method": ladder.method, "seed": ladder.seed}
     text = words("pruning.how", effects=", ".join(ladder.effects), **settings)
     some = not ladder.nothing

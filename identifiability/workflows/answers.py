@@ -170,7 +170,9 @@ def answer_next(commands: Sequence[tuple[str, str]]) -> Answer:
     return Answer("What next?", short, commands=tuple(commands))
 
 
-def answer_quality(error: float, joints: Sequence[str], each: Array, kind: str) -> Answer:
+def answer_quality(
+    error: float, joints: Sequence[str], each: Array, kind: str, more: str = ""
+) -> Answer:
     """Return how good the predictions are, in words, and where they are best and worst.
 
     Parameters
@@ -182,13 +184,16 @@ def answer_quality(error: float, joints: Sequence[str], each: Array, kind: str) 
         The same of each joint over its own scale.
     kind : str
         What it was measured on.
+    more : str
+        What the error leaves out.
     """
     if not np.isfinite(error):
         return Answer("How good is it?", "There is no error to tell.", tone="grey")
     judged, short, spread = state_error(error, joints, each)
     use = sentence("decision.uses", grade_of(judged))
     text = sentence("decision.quality", use=use, spread=spread)
-    return Answer("How good is it?", short, f"{text} Measured on {kind}.", tone_of(judged))
+    text = " ".join(filter(None, (f"{text} Measured on {kind}.", more)))
+    return Answer("How good is it?", short, text, tone_of(judged))
 
 
 def state_error(error: float, joints: Sequence[str], each: Array) -> tuple[float, str, str]:
