@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -261,17 +262,25 @@ class ModelResult:
         """Name of the model."""
         return self.submodel.name
 
+    @cached_property
+    def real(self) -> Submodel | None:
+        """The model as the nearest real robot has it, if that predicts as well as the estimate.
+
+        What its bodies cannot do without although the model leaves it out is held. None where they
+        cannot have alike what the model ties.
+        """
+        real, M = self.physical, self.submodel.M
+        if real is None or not real.as_good:
+            return None
+        apart = real.base - M @ real.value
+        fixed = np.where(M.any(axis=1), self.submodel.fixed, apart)
+        reach = ROUNDOFF * np.abs(real.base).max(initial=0.0)
+        return replace(self.submodel, fixed=fixed) if np.abs(apart - fixed).max() <= reach else None
+
     @property
     def physical_used(self) -> bool:
-        """Whether the values to use are those of the nearest real robot.
-
-        They are where it predicts as well as the estimate, if the model's parameters say all of it.
-        """
-        real = self.physical
-        if real is None or not real.as_good:
-            return False
-        reach = ROUNDOFF * np.abs(real.base).max(initial=0.0)
-        return bool(np.abs(self.submodel.expand(real.value) - real.base).max() <= reach)
+        """Whether the values to use are those of the nearest real robot."""
+        return self.real is not None
 
     @property
     def recommended(self) -> Array:

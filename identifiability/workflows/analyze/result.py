@@ -209,7 +209,7 @@ class Laddered(Result, Opening, Predicts):
         covariance, unknown = measure_errors(unpruned, whole.estimate, wider)
         return predict.Fit(
             structure=self.structure,
-            submodel=used.submodel,
+            submodel=used.real or used.submodel,
             values=used.recommended,
             spread=measure_spread(part, used.estimate, used.fit, own, unseen),
             preparation=settled(self.settings.get("preparation"), self.samples),
