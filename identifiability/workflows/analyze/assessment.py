@@ -27,7 +27,7 @@ from identifiability.estimation.prediction import (
     widening,
 )
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class, Verdict, judge_model, withdraw
+from identifiability.estimation.verdict import Class, Flag, Verdict, judge_model, withdraw
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
@@ -114,7 +114,7 @@ class JudgedModel:
     @property
     def contradicted(self) -> str:
         """What has for certain a sign that physics forbids, for after "because", if any has."""
-        sure = [v for v in self.verdicts if v.verdict is Class.IN_DOUBT and v.interval95[1] < 0]
+        sure = [v for v in self.verdicts if Flag.IN_DOUBT in v.flags and v.interval95[1] < 0]
         wrong = [v.name for v in sure if v.name in self.infeasible]
         return f"{listing(wrong, 4)} would have a sign that physics forbids" if wrong else ""
 
@@ -132,17 +132,17 @@ class JudgedModel:
     @property
     def unjudged(self) -> str:
         """Why none of its parameters is judged; nothing if some are."""
-        whole = self.count(Class.NOT_JUDGED) >= self.estimate.determined.sum()
+        whole = self.count(Flag.NOT_JUDGED) >= self.estimate.determined.sum()
         return self.some_unjudged if whole else ""
 
     @property
     def some_unjudged(self) -> str:
         """Why some of its parameters are not judged, the first reason; nothing if all are."""
-        return next((v.reason for v in self.verdicts if v.verdict is Class.NOT_JUDGED), "")
+        return next((v.reason for v in self.verdicts if Flag.NOT_JUDGED in v.flags), "")
 
-    def count(self, kind: Class) -> int:
-        """Return how many parameters got a verdict."""
-        return sum(v.verdict is kind for v in self.verdicts)
+    def count(self, kind: Class | Flag) -> int:
+        """Return how many parameters got a verdict, or a flag."""
+        return sum(kind in (v.verdict, *v.flags) for v in self.verdicts)
 
     def withdraw(self, why: str) -> Self:
         """Return the model with no parameter believed, for one reason."""
@@ -155,7 +155,7 @@ class JudgedModel:
             "parameters": len(self.submodel),
             "paper_identified": self.paper_identified,
             "identifiable": self.count(Class.IDENTIFIABLE),
-            "not_judged": self.count(Class.NOT_JUDGED),
+            "not_judged": self.count(Flag.NOT_JUDGED),
             "error_ra": self.error_ra,
             "error_ra_validation": self.error_ra_validation,
             "infeasible": list(self.infeasible),
@@ -442,8 +442,7 @@ def _add_file(
         return result, ""
     verdicts = []
     for v, mean, sd in zip(result.verdicts, both.mean, both.sd, strict=True):
-        open_ = v.verdict in (Class.WEAK, Class.NOT_IDENTIFIABLE)
-        if not open_ or not sd**2 < thresholds.constraint_variance * v.sigma_robust**2:
+        if not v.open or not sd**2 < thresholds.constraint_variance * v.sigma_robust**2:
             verdicts.append(v)
             continue
         low, high = float(mean - REACH * sd), float(mean + REACH * sd)
@@ -451,9 +450,7 @@ def _add_file(
             f"Who believes {both.words} is left with {low:.3g} … {high:.3g} (95 %); the file "
             "narrows it, not the log."
         )
-        verdicts.append(
-            replace(v, verdict=Class.PRIOR, reason=f"{v.reason} {text}", believed=(low, high))
-        )
+        verdicts.append(v.narrowed(Flag.BY_PRIOR, text, (low, high)))
     return replace(result, verdicts=tuple(verdicts)), both.hint
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class, Verdict
+from identifiability.estimation.verdict import Flag, Verdict
 from identifiability.foundation.errors import (
     IdentifiabilityError,
     ModelError,
@@ -254,13 +254,12 @@ def refine_verdicts(
     prior_sd, data_sd = belief.model_prior_sd, belief.model_data_sd
     out = []
     for k, v in enumerate(result.verdicts):
-        open_ = v.verdict in (Class.WEAK, Class.NOT_IDENTIFIABLE)
         narrowed = physical.sd[k] ** 2 < rules.constraint_variance * v.sigma_robust**2
-        if not (open_ and narrowed):
+        if not (v.open and narrowed):
             out.append(v)
             continue
         low, high = (float(x) for x in physical.interval[k])
-        span, believed, kind = f"{low:.3g} … {high:.3g} (95 %)", (low, high), Class.PRIOR
+        span, believed, kind = f"{low:.3g} … {high:.3g} (95 %)", (low, high), Flag.BY_PRIOR
         # Like with like: the same data and prior, with and without bodies that can exist.
         by_bodies = physical.sd[k] ** 2 < rules.constraint_variance * data_sd[k] ** 2
         learned = 1 - physical.sd[k] / prior_sd[k] if prior_sd[k] > 0 else 0.0
@@ -269,15 +268,15 @@ def refine_verdicts(
             "narrows it, and another prior would say otherwise."
         )
         if not physical.stated[k]:
-            out.append(replace(v, verdict=kind, reason=f"{v.reason} {UP_TO_THE_PRIOR}"))
+            out.append(v.narrowed(kind, UP_TO_THE_PRIOR, v.believed))
             continue
         if by_bodies and learned >= rules.contraction:
-            kind = Class.CONSTRAINT
+            kind = Flag.BY_CONE
             text = (
                 f"Bodies that can exist, with the prior around the robot file, narrow it to {span} "
                 "far inside what data and prior alone allow."
             )
-        out.append(replace(v, verdict=kind, reason=f"{v.reason} {text}", believed=believed))
+        out.append(v.narrowed(kind, text, believed))
     return tuple(out)
 
 

@@ -17,7 +17,7 @@ from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import loaded_joints
-from identifiability.estimation.verdict import Class, Verdict, percent_of
+from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
@@ -215,7 +215,7 @@ def state_mounting(robot: Robot, verdicts: Sequence[Verdict]) -> str:
 
     Corrections are linear where they are small: what is left of a large one is found from there.
     """
-    sure = {v.name: v.value for v in verdicts if v.verdict in (Class.IDENTIFIABLE, Class.WEAK)}
+    sure = {v.name: v.value for v in verdicts if v.sure}
     entry = move_mounting(robot, sure)
     if not entry:
         return ""
@@ -563,7 +563,7 @@ def _fit_notes(analysis: Analysis) -> Iterator[Note]:
     if chosen.unjudged:
         yield note("unjudged", why=chosen.unjudged)
     elif chosen.some_unjudged:
-        count, size = chosen.count(Class.NOT_JUDGED), len(chosen.submodel)
+        count, size = chosen.count(Flag.NOT_JUDGED), len(chosen.submodel)
         yield note("some_unjudged", count=str(count), size=str(size), why=chosen.some_unjudged)
     if full.unjudged and full is not chosen:
         title = f"The unpruned {model_title(full)} is not judged."
