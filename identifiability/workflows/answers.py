@@ -16,14 +16,7 @@ import numpy as np
 
 from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.verdict import Verdict
-from identifiability.foundation.answers import (
-    Answer,
-    Column,
-    Note,
-    Table,
-    badge_cell,
-    measured_cells,
-)
+from identifiability.foundation.answers import Answer, Cell, Column, Note, Table, measured_cells
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import NONE, error_text, format_count, format_number
 from identifiability.foundation.rules import RuleTable
@@ -138,7 +131,7 @@ SIGMA = Column("± σ", "error", lambda v: measured_cells(v.value, v.sigma_robus
 UNIT = Column("unit", get="unit")
 
 
-VERDICT = Column("verdict", "badge", lambda v: badge_cell(v.verdict.value, v.reason), quiet=True)
+VERDICT = Column("verdict", "badge", lambda v: Cell(v.word, v.word, v.reason, v.look), quiet=True)
 
 
 def tone_of(error: float) -> str:

@@ -25,7 +25,7 @@ from identifiability.estimation.fit import Fit, find_left_out
 from identifiability.estimation.prediction import Prediction, Task, widening
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import take_turns
-from identifiability.estimation.verdict import Class, Verdict, judge_model, withdraw
+from identifiability.estimation.verdict import Class, Flag, Verdict, judge_model, withdraw
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
@@ -332,7 +332,7 @@ class ModelResult:
     @property
     def contradicted(self) -> str:
         """What has for certain a sign that physics forbids, for after "because", if any has."""
-        sure = [v for v in self.verdicts if v.verdict is Class.IN_DOUBT and v.interval95[1] < 0]
+        sure = [v for v in self.verdicts if Flag.IN_DOUBT in v.flags and v.interval95[1] < 0]
         wrong = [v.name for v in sure if v.name in self.infeasible]
         return f"{listing(wrong, 4)} would have a sign that physics forbids" if wrong else ""
 
@@ -350,12 +350,12 @@ class ModelResult:
     @property
     def unjudged(self) -> str:
         """Why none of its parameters is judged; nothing if some are."""
-        reasons = [v.reason for v in self.verdicts if v.verdict is Class.NOT_JUDGED]
+        reasons = [v.reason for v in self.verdicts if Flag.NOT_JUDGED in v.flags]
         return reasons[0] if reasons and len(reasons) >= self.estimate.determined.sum() else ""
 
-    def count(self, kind: Class) -> int:
-        """Return how many parameters got a verdict."""
-        return sum(v.verdict is kind for v in self.verdicts)
+    def count(self, kind: Class | Flag) -> int:
+        """Return how many parameters got a verdict, or a flag."""
+        return sum(kind in (v.verdict, *v.flags) for v in self.verdicts)
 
     def withdraw(self, why: str) -> Self:
         """Return the model with no parameter believed, for one reason."""
@@ -369,7 +369,7 @@ class ModelResult:
             "parameters": len(self.submodel),
             "paper_identified": self.paper_identified,
             "identifiable": self.count(Class.IDENTIFIABLE),
-            "not_judged": self.count(Class.NOT_JUDGED),
+            "not_judged": self.count(Flag.NOT_JUDGED),
             "error_ra": self.error_ra,
             "error_ra_validation": self.error_ra_validation,
             "error_ra_validation_se": self.error_se,
@@ -550,20 +550,16 @@ def tell_with_file(
         both = combine_with_file(model.structure, A, b, model.to_x, share)
     except ValueError:  # bodies that no prior can be around are said elsewhere
         return result, ""
-    verdicts = []
-    for v, mean, sd in zip(result.verdicts, both.mean, both.sd, strict=True):
-        narrowed = sd**2 < thresholds.constraint_variance * v.sigma_robust**2
-        if v.verdict not in (Class.WEAK, Class.NOT_IDENTIFIABLE) or not narrowed:
-            verdicts.append(v)
+    verdicts = list(result.verdicts)
+    for k, (v, mean, sd) in enumerate(zip(verdicts, both.mean, both.sd, strict=True)):
+        if not (v.open and sd**2 < thresholds.constraint_variance * v.sigma_robust**2):
             continue
         low, high = float(mean - REACH * sd), float(mean + REACH * sd)
         text = (
             f"Who believes {both.words} is left with {low:.3g} … {high:.3g} (95 %); the file "
             "narrows it, not the log."
         )
-        verdicts.append(
-            replace(v, verdict=Class.PRIOR, reason=f"{v.reason} {text}", believed=(low, high))
-        )
+        verdicts[k] = v.narrowed(Flag.BY_PRIOR, text, (low, high))
     return replace(result, verdicts=tuple(verdicts)), both.hint
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class, Verdict
+from identifiability.estimation.verdict import Flag, Verdict
 from identifiability.foundation.errors import (
     IdentifiabilityError,
     ModelError,
@@ -232,25 +232,23 @@ def refine_verdicts(
     if physical is None or not physical.trustworthy or belief.standard is None:
         return result.verdicts
     prior_sd, data_sd = belief.model_prior_sd, belief.model_data_sd
-    out = []
-    for k, v in enumerate(result.verdicts):
-        open_ = v.verdict in (Class.WEAK, Class.NOT_IDENTIFIABLE)
-        narrowed = physical.sd[k] ** 2 < rules.constraint_variance * v.sigma_robust**2
-        if not (open_ and narrowed):
-            out.append(v)
+    out = list(result.verdicts)
+    for k, v in enumerate(out):
+        # Like with like: the data alone, and data and prior, with and without bodies.
+        alone, variance = rules.constraint_variance * v.sigma_robust**2, physical.sd[k] ** 2
+        if not (v.open and variance < alone):
             continue
         low, high = (float(x) for x in physical.interval[k])
-        kind, part = Class.PRIOR, "prior"
-        believed: tuple[float, float] | None = (low, high)
-        # Like with like: the same data and prior, with and without bodies that can exist.
-        by_bodies = physical.sd[k] ** 2 < rules.constraint_variance * data_sd[k] ** 2
+        by_bodies = variance < rules.constraint_variance * data_sd[k] ** 2
         learned = 1 - physical.sd[k] / prior_sd[k] if prior_sd[k] > 0 else 0.0
-        if physical.stated[k] and by_bodies and learned >= rules.contraction:
-            kind, part = Class.CONSTRAINT, "bodies"
-        text = sentence("decision.narrowed", part, span=f"{low:.3g} … {high:.3g} (95 %)")
+        flag, part = Flag.BY_PRIOR, "prior"
+        if by_bodies and learned >= rules.contraction:
+            flag, part = Flag.BY_CONE, "bodies"
         if not physical.stated[k]:
-            believed, text = None, sentence("decision.narrowed", "edge")
-        out.append(replace(v, verdict=kind, reason=f"{v.reason} {text}", believed=believed))
+            out[k] = v.narrowed(Flag.BY_PRIOR, sentence("decision.narrowed", "edge"), v.believed)
+            continue
+        text = sentence("decision.narrowed", part, span=f"{low:.3g} … {high:.3g} (95 %)")
+        out[k] = v.narrowed(flag, text, (low, high))
     return tuple(out)
 
 

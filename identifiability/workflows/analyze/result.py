@@ -29,7 +29,7 @@ from identifiability.estimation.prediction import (
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import loaded_joints
-from identifiability.estimation.verdict import Class, Verdict, percent_of
+from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import Array
@@ -402,7 +402,7 @@ class Laddered(Result, Opening, Predicts):
             yield note("poor", rank=base.rank, excited=len(full.estimate.kept))
         if base.ambiguous:
             yield note("ambiguous")
-        unjudged = chosen.count(Class.NOT_JUDGED)
+        unjudged = chosen.count(Flag.NOT_JUDGED)
         if chosen.unjudged:
             yield note("unjudged", why=chosen.unjudged)
         elif unjudged:

@@ -14,7 +14,6 @@ from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import Turns
-from identifiability.estimation.verdict import Class
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import Finding, phrase
@@ -173,9 +172,7 @@ def say_of_fit(session: Session, samples: Sequence[Dataset], result: ModelResult
     Corrections of a mounting are linear where they are small: what is left of a large one is found
     from there.
     """
-    sure = {
-        v.name: v.value for v in result.verdicts if v.verdict in (Class.IDENTIFIABLE, Class.WEAK)
-    }
+    sure = {v.name: v.value for v in result.verdicts if v.sure}
     entry = move_mounting(session.structure.robot, sure)
     said, disagree = compare_logs(samples, result)
     found = [Finding("imu_moved", entry=entry)] if entry else []

@@ -12,7 +12,7 @@ from identifiability.estimation.evidence import Evidence, HeldOut
 from identifiability.estimation.fit import column_noise, column_rms, merge_blocks
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class
+from identifiability.estimation.verdict import Class, Flag
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import Submodel
 from identifiability.workflows.analyze.assessment import assess_ladder, select_model
@@ -179,7 +179,7 @@ def test_signs_that_physics_forbids_are_named_and_make_a_model_impossible(ladder
 def test_verdicts_say_what_a_column_cannot_be_told_from(ladder):
     found = {v.name: v for v in ladder[-1][0].verdicts}
     assert found["a"].verdict is Class.IDENTIFIABLE
-    assert found["b"].verdict is Class.IN_DOUBT  # physics forbids its sign
+    assert found["b"].flags == (Flag.IN_DOUBT,)  # physics forbids its sign
     assert found["c"].verdict is found["d"].verdict is Class.NOT_IDENTIFIABLE
     assert "determines only its combination with d" in found["c"].reason
     assert "determines only its combination with c" in found["d"].reason
