@@ -337,17 +337,6 @@ class ModelResult:
         return f"{listing(wrong, 4)} would have a sign that physics forbids" if wrong else ""
 
     @property
-    def warning(self) -> str:
-        """One sentence on what is surely impossible in it, or nothing."""
-        if not self.contradicted:
-            return ""
-        return (
-            f"{self.name} is not worth using as it stands: {self.contradicted}, and the logs are "
-            "sure of it: look for what the model misses (diagnose), or for an axis or a torque "
-            "with the wrong sign."
-        )
-
-    @property
     def unjudged(self) -> str:
         """Why none of its parameters is judged; nothing if some are."""
         reasons = [v.reason for v in self.verdicts if Flag.NOT_JUDGED in v.flags]

@@ -6,7 +6,6 @@ draw.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal
@@ -40,7 +39,6 @@ from identifiability.posterior.ensemble import Posterior, sample_posterior
 from identifiability.posterior.exact import Progress
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.target import Prior, Target
-from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
 from identifiability.workflows.analyze.assessment import ModelResult
@@ -371,37 +369,6 @@ def _walkers(chains: Array, of: str) -> tuple[tuple[str, ...], Array]:
 
 
 # Sample what is believed: two posteriors of one model, and where each parameter comes from.
-
-
-def believe(
-    structure: Structure,
-    information: Information,
-    results: tuple[ModelResult, ...],
-    at: int,
-    rng: np.random.Generator,
-    say: Callable[[str, float], None],
-    silence: str,
-    share: float = 0.0,
-) -> tuple[tuple[ModelResult, ...], Belief]:
-    """Sample the posteriors of one model and let its verdicts know.
-
-    Where there is nothing to explain nothing is sampled: the posterior of a robot that never moved
-    is the prior along a handful of exact equations, which no chain walks.
-    """
-    if silence:
-        return results, Belief(None, None, None, silence)
-    chosen = results[at]
-    part = chosen.submodel.reduce(information)
-    model = FittedModel(structure, chosen.submodel, information, part, chosen.estimate)
-    belief = form_belief(
-        model,
-        rng,
-        share=share,
-        progress=lambda done, total: say("sampling the posterior", 0.9 + 0.09 * done / total),
-    )
-    verdicts = refine_verdicts(chosen, belief)
-    updated = replace(chosen, verdicts=verdicts)
-    return (*results[:at], updated, *results[at + 1 :]), belief
 
 
 def form_belief(

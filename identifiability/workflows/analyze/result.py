@@ -29,7 +29,7 @@ from identifiability.estimation.prediction import (
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import loaded_joints
-from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of
+from identifiability.estimation.verdict import Class, Verdict, percent_of
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import Array
@@ -46,7 +46,7 @@ from identifiability.foundation.rounding import (
     stated_text,
     time_text,
 )
-from identifiability.foundation.rules import RuleTable
+from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare.dataset import Dataset
@@ -177,9 +177,45 @@ class Laddered(Result, Opening, Predicts):
     def _answer_use(self) -> Answer:
         """Return which model to use, and what the logs determine of it."""
 
-    @abstractmethod
-    def _next(self) -> list[tuple[str, str]]:
-        """Return lines for the terminal, the most useful first."""
+    @property
+    def commands_next(self) -> list[tuple[str, str]]:
+        """At most three lines for the terminal, the most useful first."""
+        robot, verb = source_name(self.robot), self.schema.split("/")[1]
+        verb = "prune" if verb == "pruning" else "analyze"
+        names, how = given_paths(self.samples), self.settings.get("preparation")
+        logs, held = name_logs(self.robot, names, how=how), held_back(self.validation)
+        if self.nothing:
+            return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
+        chosen, given = self.chosen, ladder_option(self.robot, self.source)
+        again = f"identifiability {verb} {robot} {logs}{held}{given}"
+        text = "Find out what the model misses:"
+        find = f"identifiability diagnose {robot} {logs}{held} --report missing.html"
+        if verb == "prune":
+            find = find.replace(" --report", " --model {file} --report")
+            find = on_file(self, "model", "pruned.toml", f"{again} --out", find)
+        missing, out = (text, find), []
+        suspect = bool(self.missing.functions or chosen.contradicted)
+        if suspect or grade_of(chosen.error_ra_validation) != "very-good":
+            out.append(missing)
+        if verb == "analyze" and chosen.count(Class.IDENTIFIABLE) < len(chosen.submodel):
+            text = "Drop what noise decides, and keep a model that a real robot can have:"
+            more = f"{given} --report pruned.html --json prune.json"
+            out.append((text, f"identifiability prune {robot} {logs}{held}{more}"))
+            begun = name_logs(self.robot, names, "--start-from", how)
+            line = f"identifiability excite {robot} {begun} --out next.json"
+            out.append(("Or measure what these logs leave open:", line))
+        text, name = name_export(self.robot, *self.exported)
+        unseen = name_logs(self.robot, given_paths(self.validation or self.samples))
+        uses = {
+            text: f"export {robot} {{file}} --out {name}",
+            "Predict torque, of this log or another:": (
+                f"predict {robot} {{file}} {unseen} --out torque.csv"
+            ),
+        }
+        for what, use in uses.items():
+            line = f"identifiability {use}"
+            out.append((what, on_file(self, "json", f"{verb}.json", f"{again} --json", line)))
+        return [*out, *([] if missing in out else [missing])][:3]
 
     @cached_property
     def provenance(self) -> dict[str, str]:
@@ -301,7 +337,7 @@ class Laddered(Result, Opening, Predicts):
                 len(chosen.submodel),
                 self.missing.statement,
             ),
-            answer_next(self._next()),
+            answer_next(self.commands_next),
         )
 
     @property
@@ -384,7 +420,7 @@ class Laddered(Result, Opening, Predicts):
 
     def _notes(self) -> Iterator[Note]:
         """Say what physics, the motion, its samples and the fit speak against."""
-        chosen, full, base = self.chosen, self.full, self.base
+        chosen, base, kept = self.chosen, self.base, self.full.estimate.kept
         for s in (*self.samples, *self.validation):
             if s.survey.dropped:
                 yield note("dropped", log=s.name, samples=s.survey.dropped)
@@ -393,20 +429,15 @@ class Laddered(Result, Opening, Predicts):
                 yield note("singular", log=s.name, samples=s.survey.singular, condition=condition)
         if not np.isfinite(chosen.error_ra_validation):
             return
-        if self.mass_warning:
-            yield note("mass", warning=self.mass_warning)
         if chosen.infeasible and not self.nothing and not chosen.physical_used:
             near = f"the nearest real robot errs by {error_text(chosen.unseen_by(1))}"
             yield note("impossible", names=join(chosen.infeasible), near=near)
-        if len(full.estimate.kept) < base.rank:
-            yield note("poor", rank=base.rank, excited=len(full.estimate.kept))
+        if len(kept) < base.rank:
+            yield note("poor", rank=base.rank, excited=len(kept))
         if base.ambiguous:
             yield note("ambiguous")
-        unjudged = chosen.count(Flag.NOT_JUDGED)
         if chosen.unjudged:
             yield note("unjudged", why=chosen.unjudged)
-        elif unjudged:
-            yield note("some_unjudged", count=unjudged, size=len(chosen.submodel))
         if not self.validation:
             yield note("inside", kind=self.validation_kind)
 
@@ -478,7 +509,7 @@ class Laddered(Result, Opening, Predicts):
 
 
 #: From which share on a robot file's error is another than that of the values to use.
-DIFFERS = 0.05
+DIFFERS: Tolerance = 0.05
 
 
 def state_physics(chosen: ModelResult) -> str:
@@ -487,18 +518,12 @@ def state_physics(chosen: ModelResult) -> str:
     if real is None or real.nearest is None:
         return "" if real is None else real.sentence
     if chosen.physical_used:
-        free = chosen.unseen_by(0)
-        cost = f" (as estimated {percent(free)})" if math.isfinite(free) else ""
-        return (
-            "Its values are those of the nearest real robot, which predictions and exports have"
-            f"{cost}."
-        )
+        return sentence("decision.physics", "used", free=error_text(chosen.unseen_by(0)))
     if math.isnan(error):  # folds of few samples
-        return "These logs are too short to say how much the nearest real robot errs."
-    held = "A real robot can have its values" if chosen.feasible else "It is no real robot"
-    if chosen.infeasible:
-        held = f"Physics forbids the sign of {listing(chosen.infeasible, 4)}"
-    return f"{held}; exports have those of the nearest real robot, which errs by {percent(error)}."
+        return sentence("decision.physics", "short")
+    part = "signs" if chosen.infeasible else "yes" if chosen.feasible else "no"
+    held = sentence("decision.physics", part, names=listing(chosen.infeasible, 4))
+    return f"{held} {sentence('decision.physics', 'near', error=percent(error))}"
 
 
 # What logs say of each other.
@@ -633,9 +658,6 @@ class Analysis(Laddered):
         text = " ".join(filter(None, (*told, state_physics(chosen))))
         return Answer(question, short, text, "blue" if chosen.feasible else "amber")
 
-    def _next(self) -> list[tuple[str, str]]:
-        return next_commands(self)
-
 
 def say_unjudged(chosen: ModelResult) -> str:
     """Return what is known of values of which none is judged, and why none is; else nothing."""
@@ -666,35 +688,6 @@ def doubt(
     if not why and not chosen.error_ra_validation < chosen.unseen.constant_error():
         why = WORSE
     return (tuple(r.withdraw(why) for r in results) if why else results), why
-
-
-def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
-    """Return at most three lines for the terminal, the most useful first."""
-    robot, how = source_name(analysis.robot), analysis.settings.get("preparation")
-    names = given_paths(analysis.samples)
-    logs = name_logs(analysis.robot, names, how=how)
-    held = held_back(analysis.validation)
-    if analysis.nothing:
-        return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
-    chosen, out = analysis.chosen, []
-    suspect = analysis.missing.functions or chosen.contradicted
-    if suspect or grade_of(chosen.error_ra_validation) != "very-good":
-        page = "--report missing.html"
-        text = "Find out what the model misses:"
-        out.append((text, f"identifiability diagnose {robot} {logs}{held} {page}"))
-    if chosen.count(Class.IDENTIFIABLE) < len(chosen.submodel):
-        text = "Drop what noise decides, and keep a model that a real robot can have:"
-        more = f"{ladder_option(analysis.robot, analysis.source)} --report pruned.html"
-        out.append((text, f"identifiability prune {robot} {logs}{held}{more} --json prune.json"))
-        text = "Or measure what these logs leave open:"
-        begun = name_logs(analysis.robot, names, "--start-from", how)
-        out.append((text, f"identifiability excite {robot} {begun} --out next.json"))
-    again = f"identifiability analyze {robot} {logs}{held}"
-    again += f"{ladder_option(analysis.robot, analysis.source)} --json"
-    text, name = name_export(analysis.robot, *analysis.exported)
-    use = f"identifiability export {robot} {{file}} --out {name}"
-    out.append((text, on_file(analysis, "json", "analyze.json", again, use)))
-    return out[:3]
 
 
 def model_title(result: ModelResult) -> str:

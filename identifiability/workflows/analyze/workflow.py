@@ -33,6 +33,7 @@ from identifiability.logs.prepare.instruments import noise_again
 from identifiability.logs.prepare.preparation import SettledPreparation, settle_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Band
+from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import (
@@ -51,7 +52,7 @@ from identifiability.workflows.analyze.assessment import (
     select_model,
     tell_with_file,
 )
-from identifiability.workflows.analyze.belief import believe
+from identifiability.workflows.analyze.belief import Belief, form_belief, refine_verdicts
 from identifiability.workflows.analyze.result import Analysis, compare_logs, doubt
 from identifiability.workflows.opening import Logs, Progress, quiet, running, share
 from identifiability.workflows.session import Session, Weighed, find_missing, settle_prior
@@ -167,7 +168,7 @@ def _say_cut(band: Band, whose: Sequence[str]) -> tuple[str, ...]:
 
 
 def say_of_fit(session: Session, samples: Sequence[Dataset], result: ModelResult) -> list[str]:
-    """Return what a fit says of its logs: a mounting to correct, logs that disagree, a wrong sign.
+    """Return what a fit says of its logs: a mounting to correct, logs that disagree.
 
     Corrections of a mounting are linear where they are small: what is left of a large one is found
     from there.
@@ -176,7 +177,7 @@ def say_of_fit(session: Session, samples: Sequence[Dataset], result: ModelResult
     entry = move_mounting(session.structure.robot, sure)
     said, disagree = compare_logs(samples, result)
     found = [Finding("imu_moved", entry=entry)] if entry else []
-    return [*found, *([said] if disagree else []), result.warning]
+    return [*found, said] if disagree else [*found]
 
 
 def predict_everywhere(
@@ -318,15 +319,27 @@ def analyze(
             session.structure.robot, found.real_robot["parameters"]
         )
         found = replace(found, source=source, moved=moved)
-        return _sample(found, streams[2], say, share_) if posterior else found
+        return believe(found, streams[2], say, share_) if posterior else found
 
 
-def _sample(found: Analysis, rng: np.random.Generator, say: Progress, within: float) -> Analysis:
-    """Return the analysis with the posteriors of the selected model, bodies within a share."""
-    known = found.structure, found.information, found.models, found.selected
-    models, belief = believe(*known, rng, say, found.silence or found.misread, within)
-    hint = (belief.hint,) if belief and belief.hint else ()
-    return replace(found, models=models, belief=belief, hints=(*found.hints, *hint))
+def believe(found: Analysis, rng: np.random.Generator, say: Progress, within: float) -> Analysis:
+    """Return the analysis with the posteriors of the selected model, bodies within a share.
+
+    Where there is nothing to explain nothing is sampled: the posterior of a robot that never moved
+    is the prior along a handful of exact equations, which no chain walks.
+    """
+    silence = found.silence or found.misread
+    if silence:
+        return replace(found, belief=Belief(None, None, None, silence))
+    chosen, at = found.chosen, found.selected
+    part = chosen.submodel.reduce(found.information)
+    what = found.structure, chosen.submodel, found.information, part, chosen.estimate
+    sampling = share(say, "sampling the posterior", 0.9, 0.99)
+    belief = form_belief(FittedModel(*what), rng, share=within, progress=sampling)
+    models = list(found.models)
+    models[at] = replace(chosen, verdicts=refine_verdicts(chosen, belief))
+    hints = tuple(filter(None, (*found.hints, belief.hint)))
+    return replace(found, models=tuple(models), belief=belief, hints=hints)
 
 
 def _conclude(

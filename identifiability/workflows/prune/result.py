@@ -31,14 +31,6 @@ from identifiability.workflows.analyze.result import (
     state_physics,
 )
 from identifiability.workflows.answers import note, with_hints
-from identifiability.workflows.commands import (
-    given_paths,
-    held_back,
-    name_export,
-    name_logs,
-    on_file,
-    source_name,
-)
 from identifiability.workflows.prune.elimination import Refusal, Step
 
 # The models of the ladder: models on the way down, with what is said of each.
@@ -239,31 +231,6 @@ class Ladder(Laddered):
         yield from super()._notes()
         kind = "stable" if self.chosen.weight > 0.5 else "unstable"
         yield note(kind, weight=percent(self.chosen.weight, 2))
-
-    def _next(self) -> list[tuple[str, str]]:
-        robot, how = source_name(self.robot), self.settings.get("preparation")
-        logs = name_logs(self.robot, given_paths(self.samples), how=how)
-        held = held_back(self.validation)
-        if self.nothing:
-            return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
-        again = f"identifiability prune {robot} {logs}{held}"
-        another = name_logs(self.robot, given_paths(self.validation or self.samples))
-        text, name = name_export(self.robot, *self.exported)
-        export = f"identifiability export {robot} {{file}} --out {name}"
-        predict = f"identifiability predict {robot} {{file}} {another} --out torque.csv"
-        diagnose = (
-            f"identifiability diagnose {robot} {logs}{held} --model {{file}} --report missing.html"
-        )
-        model = on_file(self, "model", "pruned.toml", f"{again} --out", diagnose)
-        commands = [
-            (text, on_file(self, "json", "prune.json", f"{again} --json", export)),
-            (
-                "Predict torque, of this log or another:",
-                on_file(self, "json", "prune.json", f"{again} --json", predict),
-            ),
-            ("Find out what even this model misses:", model),
-        ]
-        return [*commands[-1:], *commands[:-1]] if self.missing.functions else commands
 
 
 def _move_cell(r: PrunedModel) -> Cell:

@@ -30,7 +30,7 @@ def summary(sd, reasons=(), prior_sensitivity=0.0):
     one = np.ones(1)
     return Summary(
         mean=3.0 * one, sd=np.array([sd]), interval=np.array([[2.5, 3.5]]),
-        draws=np.zeros((5, 1)), chains=np.zeros((1, 1, 5, 1)), at_edge=0 * one,
+        chains=np.zeros((1, 1, 5, 1)),
         prior_sensitivity=prior_sensitivity * one,
         convergence=Convergence(one, one, one, one, 0.5, tuple(reasons)),
     )  # fmt: skip
@@ -40,7 +40,7 @@ def standard():
     one = np.ones(1)
     return StandardBelief(
         names=("x",), prior_mean=one, prior_sd=one, data_sd=one, mean=one, sd=one, source=(),
-        chains=np.zeros((1, 1, 5, 1)), root=np.eye(1),
+        chains=np.zeros((1, 1, 5, 1)),
     )  # fmt: skip
 
 
