@@ -108,11 +108,6 @@ class FittedLadder:
     short: str = ""
 
     @property
-    def models(self) -> tuple[FittedModel, ...]:
-        """The m models."""
-        return tuple(one.model for one in self.settled)
-
-    @property
     def values(self) -> Array:
         """Base parameters (b, 4m) of them, as `Settled.values` has them one by one."""
         return np.concatenate([one.values for one in self.settled], axis=1)
@@ -394,8 +389,7 @@ class ModelResult:
 
 
 def assess_ladder(
-    models: Sequence[FittedModel],
-    physical: Sequence[PhysicalResult],
+    settled: Sequence[Settled],
     fitted: Prediction,
     unseen: Prediction,
     thresholds: Thresholds,
@@ -409,9 +403,7 @@ def assess_ladder(
 
     Parameters
     ----------
-    models : sequence of FittedModel
-    physical : sequence of PhysicalResult
-        Of each model.
+    settled : sequence of Settled
     fitted, unseen : Prediction
         By the four accounts of each (`Settled.values`), on the logs that were fitted and on others.
     thresholds : Thresholds
@@ -426,9 +418,10 @@ def assess_ladder(
         Of each model against the best, on folds.
     """
     torque, results = float(np.sqrt(np.mean(fitted.rms**2))), []
-    spoken = bool(models) and bool(models[0].estimate.kept)
-    full = fit_whole(models[0].estimate.estimator, models[0].whole) if spoken else None
-    for k, (model, real) in enumerate(zip(models, physical, strict=True)):
+    first = settled[0].model
+    full = fit_whole(first.estimate.estimator, first.whole) if first.estimate.kept else None
+    for k, one in enumerate(settled):
+        model, real = one.model, one.robot
         own = Fit.of(model.information, model.estimate, rng, replicates)
         own = complete_fit(model, own, full, missing, late, real)
         at = range(4 * k, 4 * k + 4)

@@ -206,12 +206,9 @@ class Laddered(Result, Opening, Predicts):
             out.append(("Or measure what these logs leave open:", line))
         text, name = name_export(self.robot, *self.exported)
         unseen = name_logs(self.robot, given_paths(self.validation or self.samples))
-        uses = {
-            text: f"export {robot} {{file}} --out {name}",
-            "Predict torque, of this log or another:": (
-                f"predict {robot} {{file}} {unseen} --out torque.csv"
-            ),
-        }
+        what = "Predict torque, of this log or another:"
+        uses = {text: f"export {robot} {{file}} --out {name}"}
+        uses |= {what: f"predict {robot} {{file}} {unseen} --out torque.csv"}
         for what, use in uses.items():
             line = f"identifiability {use}"
             out.append((what, on_file(self, "json", f"{verb}.json", f"{again} --json", line)))

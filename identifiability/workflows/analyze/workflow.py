@@ -47,6 +47,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.assessment import (
     ModelResult,
+    Settled,
     assess_ladder,
     fit_ladder,
     select_model,
@@ -181,7 +182,7 @@ def say_of_fit(session: Session, samples: Sequence[Dataset], result: ModelResult
 
 
 def predict_everywhere(
-    session: Session, rows: Weighed, values: Array, turns: Turns | None
+    session: Session, rows: Weighed, own: Settled, which: int, turns: Turns | None
 ) -> Prediction | None:
     """Return torque along unseen motion where joints stand, too; None where none does.
 
@@ -189,10 +190,11 @@ def predict_everywhere(
     ----------
     session : Session
     rows : Weighed
-    values : (F, b)
-        Base parameters; with `turns`, one set for each fold.
+    own : Settled
+    which : int
+        Of its accounts.
     turns : Turns or None
-        Which set predicts a sample.
+        Which fold's predicts a sample, where no logs are held out.
     """
     opening, known = rows.opening, session.recordings
     samples, logs = opening.samples, known.fitted
@@ -203,7 +205,8 @@ def predict_everywhere(
     if opening.silence or hidden or not stand:
         return None
     regression = replace(opening.unseen or opening.regression, dwelling=True, memory=None)
-    task = Task(values[:, :, None], turns, kept=False)
+    values = own.values[None] if turns is None else own.turned
+    task = Task(values[:, :, [which]], turns, kept=False)
     return predict_all(regression, [task], engine=session.engine)[0]
 
 
@@ -385,34 +388,21 @@ def _conclude(
         others = [predict(opening.unseen, ladder.values, engine=engine)]
     unseen, recordings = (others or [fitted])[0], session.recordings
     thresholds, missing = Thresholds(), find_missing(opening)
-    results = assess_ladder(
-        ladder.models,
-        [one.robot for one in ladder.settled],
-        fitted,
-        unseen,
-        thresholds,
-        rng,
-        draws,
-        missing,
-        late=shared.move,
-        judged=ladder.judged,
-    )
+    what = ladder.settled, fitted, unseen, thresholds, rng, draws, missing
+    results = assess_ladder(*what, late=shared.move, judged=ladder.judged)
     at = select_model(results, ladder.near)
     both = [
-        tell_with_file(model, one, within, thresholds)
-        for model, one in zip(ladder.models, results, strict=True)
+        tell_with_file(own.model, one, within, thresholds)
+        for own, one in zip(ladder.settled, results, strict=True)
     ]
     results, contradicted = tuple(one for one, _ in both), both[at][1]
     results, nothing = doubt(opening.silence or opening.misread, results, at)
-    own, used = ladder.settled[at], int(results[at].physical_used)
-    values, turns = own.values[None, :, used], None
-    if len(tasks) > 1:
-        values, turns = own.turned[:, :, used], tasks[1].turns
+    used = ladder.settled[at], int(results[at].physical_used)
     hints = [*opening.hints, rows.burst, contradicted, ladder.short]
     hints += () if recordings.commanded else (*say_band(session.how), *say_unseen(session))
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest
         hints += say_of_fit(session, opening.samples, results[at])
-    whole = ladder.models[0].submodel
+    whole = ladder.settled[0].model.submodel
     return Analysis(
         structure=opening.structure,
         samples=opening.samples,
@@ -422,7 +412,7 @@ def _conclude(
         folds=ladder.folds,
         models=results,
         selected=at,
-        everywhere=predict_everywhere(session, rows, values, turns),
+        everywhere=predict_everywhere(session, rows, *used, tasks[-1].turns),
         **how,
         thresholds=thresholds,
         nothing=nothing,

@@ -443,10 +443,8 @@ def measure_models(
         models = [pruned.withdraw(nothing) for pruned in models]
     else:
         models[chosen], hint = tell_with_file(model, result, within, thresholds)
-    own, used = settled.values[None], int(result.physical_used)
-    own = own if opening.validation else settled.turned
-    where = None if opening.validation else turns
-    everywhere = predict_everywhere(session, rows, own[:, :, used], where)
+    used, where = int(result.physical_used), None if opening.validation else turns
+    everywhere = predict_everywhere(session, rows, settled, used, where)
     return Measured(
         models=tuple(models),
         everywhere=everywhere,

@@ -16,7 +16,7 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, Flag
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import Submodel
-from identifiability.workflows.analyze.assessment import assess_ladder, select_model
+from identifiability.workflows.analyze.assessment import Settled, assess_ladder, select_model
 
 from .made import gather
 
@@ -146,7 +146,9 @@ def ladder():
     scores = [held_out.score_fit(f, r.M) for r, f in zip(submodels, fits, strict=True)]
     judged = [Evidence.of(score, scores[0]) for score in scores]
     rng, physics = np.random.default_rng(0), [Physics(0.1), Physics(-0.1)]
-    what = models, physics, *made, Thresholds(), rng, 50, NO_ALTERNATIVES
+    pairs = zip(models, physics, strict=True)
+    settled = [Settled(model, real, None, None, np.empty(0)) for model, real in pairs]
+    what = settled, *made, Thresholds(), rng, 50, NO_ALTERNATIVES
     results = assess_ladder(*what, judged=judged)
     return W, tau, every, fits, made, results
 
