@@ -134,15 +134,7 @@ def say_band(how: Preparation | None) -> tuple[str, ...]:
     band = how.band if isinstance(how, SettledPreparation) else None
     if band is None:
         return ()
-    found = [*_say_cut(band, ["the logs"])]
-    # On one period of a motion intervals hold up to three tenths.
-    if band.noise > 0.2:
-        lower = (
-            phrase("cutoff_noisy", "lower", limit=band.limit) if band.limit < band.cutoff else ""
-        )
-        share = min(band.noise, 1.0)
-        found.append(Finding("cutoff_noisy", cutoff=band.cutoff, share=share, lower=lower))
-    return tuple(found)
+    return (*_say_cut(band, ["the logs"]), *_say_noise(band))
 
 
 def say_unseen(session: Session) -> tuple[str, ...]:
@@ -166,6 +158,16 @@ def _say_cut(band: Band, whose: Sequence[str]) -> tuple[str, ...]:
     reach = {"cutoff": band.cutoff, "bandwidth": band.bandwidth}
     remedy = phrase("cutoff_low", remedy, **numbers)
     return (Finding("cutoff_low", whose=list(whose), remedy=remedy, **reach),)
+
+
+def _say_noise(band: Band) -> tuple[str, ...]:
+    """Return what to say of noise below the cut-off, if there is much."""
+    # On one period of a motion intervals hold up to three tenths.
+    if band.noise <= 0.2:
+        return ()
+    lower = phrase("cutoff_noisy", "lower", limit=band.limit) if band.limit < band.cutoff else ""
+    numbers = {"cutoff": band.cutoff, "share": min(band.noise, 1.0)}
+    return (Finding("cutoff_noisy", lower=lower, **numbers),)
 
 
 def say_of_fit(session: Session, samples: Sequence[Dataset], result: ModelResult) -> list[str]:

@@ -37,10 +37,7 @@ from identifiability.workflows.prune.elimination import Refusal, Step
 
 
 #: What earlier releases said of each step, null in JSON until the next one.
-GONE = (
-    *("p_value", "either", "error_squares", "error_squares_se"),
-    *("error_joints", "error_joints_validation", "error_joints_unseen"),
-)
+GONE = (*("p_value", "either", "error_squares", "error_squares_se", "error_joints_unseen"),)
 
 
 @frozen(kw_only=True)
