@@ -38,6 +38,8 @@ def test_table_json_statement_and_page_say_the_same(analysis, tmp_path):
     assert [m["identifiable"] for m in content["models"]] == [0] * len(analysis.models)
     assert all(m["not_judged"] for m in content["models"])
     assert analysis.statement.startswith("Nothing is")
+    assert "What is known all the same" in analysis.statement
+    assert "validation error" in analysis.statement
     page = analysis.write_report(tmp_path / "a.html").read_text()
     assert "No parameter is judged." in page
     assert "not judged" in page

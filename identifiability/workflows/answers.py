@@ -185,7 +185,7 @@ def answer_quality(
     judged, short, spread = state_error(error, joints, each)
     use = sentence("decision.uses", grade_of(judged))
     text = sentence("decision.quality", use=use, spread=spread)
-    text = " ".join(filter(None, (f"{text} Measured on {kind}.", more)))
+    text = " ".join(f"{text} Measured on {kind}. {more}".split())
     return Answer("How good is it?", short, text, tone_of(judged))
 
 
