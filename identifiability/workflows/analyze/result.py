@@ -394,7 +394,7 @@ class Laddered(Result, Opening, Predicts):
         """Return which values to use are no parameter's own, and what they stand for."""
         chosen = self.chosen
         told = [
-            f"{v.name} ({format_number(x, 4)} {v.unit} there: {text})"
+            f"{v.name} ({format_number(x, 4)} {v.unit}: {text})"
             for v, x, text in zip(chosen.verdicts, chosen.recommended, chosen.meanings, strict=True)
             if text
         ]
