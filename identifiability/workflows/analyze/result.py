@@ -32,8 +32,9 @@ from identifiability.estimation.torque_errors import loaded_joints
 from identifiability.estimation.verdict import Class, Verdict, percent_of
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import percent
+from identifiability.foundation.numbers import REACH, percent
 from identifiability.foundation.options import check_choice
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import (
@@ -345,7 +346,26 @@ class Laddered(Result, Opening, Predicts):
         tilt = self.robot.tilt
         about = "" if tilt is None else f"In this model gravity {tilt.text}."
         moved = "" if self.moved is None else self.moved.statement
-        return " ".join(filter(None, (self.mass_warning, told, moved, about, *self.hints)))
+        parts = self.mass_warning, self.weight, told, moved, about, *self.hints
+        return " ".join(filter(None, parts))
+
+    @property
+    def weight(self) -> str:
+        """What a robot that floats weighs by its logs, beside its file; nothing of others.
+
+        The mass of all its bodies is one of its base parameters: gravity acts on the whole of it.
+        """
+        structure = self.structure
+        if self.robot.base is None or self.nothing:
+            return ""
+        masses = np.array([p.kind == "m" for p in structure.parameters], float)
+        pairs = zip(structure.base.names, structure.G, strict=True)
+        total = [name for name, row in pairs if np.allclose(row, masses, atol=1e-6)]
+        for v in self.full.verdicts:
+            if v.name in total and np.isfinite(half := REACH * v.sigma_label):
+                told = {"title": self.robot.title, "file": float(structure.nominal @ masses)}
+                return sentence("decision.weight", value=v.value, half=half, **told)
+        return ""
 
     def _answer_quality(self) -> Answer:
         """Return how well the values to use predict, and beside it what that leaves out."""
@@ -418,12 +438,8 @@ class Laddered(Result, Opening, Predicts):
     def _notes(self) -> Iterator[Note]:
         """Say what physics, the motion, its samples and the fit speak against."""
         chosen, base, kept = self.chosen, self.base, self.full.estimate.kept
-        for s in (*self.samples, *self.validation):
-            if s.survey.dropped:
-                yield note("dropped", log=s.name, samples=s.survey.dropped)
-            if s.survey.singular:
-                condition = format_number(s.survey.condition, 2)
-                yield note("singular", log=s.name, samples=s.survey.singular, condition=condition)
+        for found in of_key(self.findings, "unclosed", "singular"):
+            yield note(found.key, log=found.subject, text=found)
         if not np.isfinite(chosen.error_ra_validation):
             return
         if chosen.infeasible and not self.nothing and not chosen.physical_used:
