@@ -292,7 +292,7 @@ class ModelResult:
         real = self.physical
         return real.value if real is not None and self.physical_used else self.estimate.value
 
-    @property
+    @cached_property
     def used(self) -> tuple[Prediction, Prediction]:
         """By the values to use alone: along the fitted logs, and along unseen motion."""
         at = [int(self.physical_used)]

@@ -525,11 +525,11 @@ def _sample(
         target, start, rng, enough=enough, progress=progress, **vars(effort)
     )
     chains = posterior.draws @ to_x.T
-    sway = measure_prior_sensitivity(chains, log_distances(target.region, posterior.draws))
+    moved = measure_prior_sensitivity(chains, log_distances(target.region, posterior.draws))
     draws, signed = chains.reshape(-1, len(submodel)), submodel.nonnegative
     sd = draws.std(0, ddof=1)
-    interval = widen_interval(believed_interval(draws, signed), signed, sway * sd)
-    summary = Summary(draws.mean(0), sd, interval, chains, sway, judge(posterior))
+    interval = widen_interval(believed_interval(draws, signed), signed, moved * sd)
+    summary = Summary(draws.mean(0), sd, interval, chains, moved, judge(posterior))
     return summary, posterior
 
 
