@@ -26,7 +26,6 @@ from identifiability.foundation.rounding import (
     format_number,
     join,
     percent,
-    percent_text,
     rough_percent,
 )
 from identifiability.report import plot
@@ -57,11 +56,6 @@ from identifiability.report.figures import (
 )
 from identifiability.report.skeleton import Part, move_skeletons, sketch_parts, sketch_verdicts
 from identifiability.workflows.answers import (
-    SIGMA,
-    UNIT,
-    VALUE,
-    VERDICT,
-    bias_columns,
     count_joints,
     level_table,
     note,
@@ -700,22 +694,12 @@ def section_ladder(ladder: Ladder) -> Section:
 def section_survivors(ladder: Ladder) -> Section:
     """Return the parameters of the model to use."""
     from identifiability.report.analysis import fold_verdicts  # noqa: PLC0415
-    from identifiability.workflows.analyze.result import label_note  # noqa: PLC0415
+    from identifiability.workflows.analyze.result import parameter_table  # noqa: PLC0415
 
-    own = with_hints(
-        "survivors",
-        Column("parameter", get=lambda v: Cell(v.name, note=label_note(v))),
-        VALUE,
-        SIGMA,
-        UNIT,
-        Column("σ%", percent_text, "sigma_label_percent"),
-        *bias_columns(ladder.verdicts),
-        VERDICT,
-    )
-    table = Table.of("", own, ladder.verdicts, filter_by=-1)
-    size = format_count(len(ladder.chosen), "parameter")
+    table, size = parameter_table(ladder, ladder.chosen), len(ladder.chosen)
     tables = fold_verdicts(table, ladder.verdicts)
-    return section("pruning.survivors", *tables, *ladder.tables()[1:], size=size)
+    said = format_count(size, "parameter")
+    return section("pruning.survivors", *tables, *ladder.tables()[1:], size=said)
 
 
 def _refused(ladder: Ladder) -> Section | None:

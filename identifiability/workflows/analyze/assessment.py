@@ -27,7 +27,7 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import take_turns
 from identifiability.estimation.verdict import Class, Flag, Verdict, judge_model, withdraw
 from identifiability.foundation.errors import LogError, listing
-from identifiability.foundation.linalg import NEARLY, ROUNDOFF
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.values import frozen
@@ -278,7 +278,7 @@ class ModelResult:
             return None
         apart = real.base - M @ real.value
         fixed = np.where(M.any(axis=1), self.submodel.fixed, apart)
-        reach = ROUNDOFF * np.abs(real.base).max(initial=0.0)
+        reach = NEARLY * np.abs(real.base).max(initial=0.0)
         return replace(self.submodel, fixed=fixed) if np.abs(apart - fixed).max() <= reach else None
 
     @property
