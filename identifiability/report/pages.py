@@ -25,7 +25,6 @@ from identifiability.foundation.rounding import (
     format_number,
     join,
     percent,
-    percent_text,
     rough_percent,
 )
 from identifiability.report import plot
@@ -55,19 +54,7 @@ from identifiability.report.figures import (
     draw_residual,
 )
 from identifiability.report.skeleton import Part, move_skeletons, sketch_parts, sketch_verdicts
-from identifiability.workflows.answers import (
-    SIGMA,
-    UNIT,
-    VALUE,
-    VERDICT,
-    bias_columns,
-    count_joints,
-    level_table,
-    note,
-    sentence,
-    with_hints,
-    words,
-)
+from identifiability.workflows.answers import count_joints, level_table, note, sentence, words
 
 if TYPE_CHECKING:
     from identifiability.workflows.calibrate.calibration import Calibration
@@ -627,8 +614,9 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
     """Return the sections of the page."""
     from identifiability.report.analysis import mass_table, section_correlated  # noqa: PLC0415
 
-    masses = mass_table(ladder.robot, ladder.result.physical.parameters())
-    said = filter(None, (ladder.result.physical.sentence, ladder.mass_statement))
+    masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
+    real = ladder.chosen.physical
+    said = filter(None, ("" if real is None else real.sentence, ladder.mass_statement))
     settings = {"method": ladder.method, "seed": ladder.seed}
     text = words("pruning.how", effects=", ".join(ladder.effects), **settings)
     some = not ladder.nothing
@@ -653,22 +641,12 @@ def section_ladder(ladder: Ladder) -> Section:
 def section_survivors(ladder: Ladder) -> Section:
     """Return the parameters of the model to use."""
     from identifiability.report.analysis import fold_verdicts  # noqa: PLC0415
-    from identifiability.workflows.analyze.result import label_note  # noqa: PLC0415
+    from identifiability.workflows.analyze.result import parameter_table  # noqa: PLC0415
 
-    own = with_hints(
-        "survivors",
-        Column("parameter", get=lambda v: Cell(v.name, note=label_note(v))),
-        VALUE,
-        SIGMA,
-        UNIT,
-        Column("σ%", percent_text, "sigma_label_percent"),
-        *bias_columns(ladder.verdicts),
-        VERDICT,
-    )
-    table = Table.of("", own, ladder.verdicts, filter_by=-1)
-    size = format_count(len(ladder.chosen), "parameter")
+    table, size = parameter_table(ladder, ladder.chosen), len(ladder.chosen)
     tables = fold_verdicts(table, ladder.verdicts)
-    return section("pruning.survivors", *tables, *ladder.tables()[1:], size=size)
+    said = format_count(size, "parameter")
+    return section("pruning.survivors", *tables, *ladder.tables()[1:], size=said)
 
 
 def _refused(ladder: Ladder) -> Section | None:

@@ -407,7 +407,7 @@ class TrueRobots:
         bodies = np.where(stated, structure.nominal, 0.0)
         of_others = np.any(structure.G[:, ~stated], axis=1)
         span, others = _free(result.submodel, full, of_others, structure.G @ bodies)
-        noise = full.estimate.variance * np.maximum(full.autocorrelation_time, 1.0)
+        noise = full.estimate.variance * np.maximum(full.estimate.times, 1.0)
         torque = analysis.information.torque.sum() / max(analysis.information.rows, 1)
         factor = analysis.information.factor(1.0 / np.maximum(noise, ROUNDING * torque + 1e-300))
         R = factor[:, :-1]

@@ -32,7 +32,7 @@ from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
 from identifiability.regression.structure import Structure
-from identifiability.workflows.analyze.workflow import hold_folds, settle_robot
+from identifiability.workflows.analyze.assessment import hold_folds, settle_robot
 from identifiability.workflows.answers import (
     after_mass,
     answer_next,
