@@ -11,11 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.special import chdtri, polygamma
 
 from identifiability.estimation.instrumental import combine, correct_leverage
-from identifiability.estimation.noise import RESIDUAL_ROUNDING
-from identifiability.estimation.rules import RULES, Thresholds
+from identifiability.estimation.noise import RESIDUAL_ROUNDING, Noise
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.linalg import (
     NEARLY,
     RANK_TOLERANCE,
@@ -171,23 +170,8 @@ def settle_signs(information: Information, fit: Estimate, nonnegative: np.ndarra
 LEFT: Tolerance = 0.25
 
 
-@frozen
-class Noise:
-    """The noise of n actuators.
-
-    Attributes
-    ----------
-    variance : (n,) [torque²]
-    times : (n,)
-        Integrated autocorrelation times [samples].
-    """
-
-    variance: Array
-    times: Array
-
-
-def measure_memory(information: Information, fit: Estimate) -> tuple[Array, Array]:
-    """Return variance [torque²] and autocorrelation time [samples, at least 1] of noise, (n,) each.
+def measure_memory(information: Information, fit: Estimate) -> Noise:
+    """Return the noise of actuators, their autocorrelation times at least 1.
 
     Parameters
     ----------
@@ -198,10 +182,11 @@ def measure_memory(information: Information, fit: Estimate) -> tuple[Array, Arra
     k, N, B = len(fit.kept), information.samples, len(information.counts)
     own_rows = information.rows_each
     part = information.select(fit.kept)
-    turn, taken = _take(part, fit.weights)
+    turn = np.vstack([unit_coordinates(part.factor(fit.weights)[:k, :k]), np.zeros((1, k))])
+    taken = fit.weights * part.squares(turn).sum(1)  # of noise of variance 1
     change = np.column_stack([turn, np.append(-fit.value[list(fit.kept)], 1.0)])
     rounding = RESIDUAL_ROUNDING**2 * part.torque
-    slow, known = fit.rss / own_rows, np.full(information.actuators, np.inf)
+    slow = fit.rss / own_rows
     for a, ((own, turned), rss) in enumerate(zip(part.of_actuators(change), fit.rss, strict=True)):
         if rss <= rounding[a]:
             continue  # what rounding left has no memory to speak of
@@ -214,40 +199,10 @@ def measure_memory(information: Information, fit: Estimate) -> tuple[Array, Arra
         enough = apart >= RULES.memories * scatter / rss
         summed = int(enough.argmax()) + 1 if enough.any() else B
         # The largest on the way: what a fit swallowed makes later lags negative.
-        slow[a], known[a] = ratio[:summed].max(), B / (2 * summed - 1)
+        slow[a] = ratio[:summed].max()
     variance = (fit.rss + slow * taken) / own_rows
-    raw = np.divide(slow, variance, out=np.ones_like(slow), where=variance > 0)
-    return variance, np.maximum(_share(raw, known, B, N / B), 1.0)
-
-
-def _take(part: Information, weights: Array) -> tuple[Array, Array]:
-    """Return unit coordinates (k + 1, k), and what columns take of noise of variance 1, (n,)."""
-    k = part.size
-    turn = np.vstack([unit_coordinates(part.factor(weights)[:k, :k]), np.zeros((1, k))])
-    return turn, weights * part.squares(turn).sum(1)
-
-
-def _share(times: Array, known: Array, blocks: int, block: float) -> Array:
-    """Return one time for all actuators where theirs do not differ more than can be told, (n,).
-
-    Parameters
-    ----------
-    times : (n,) [samples]
-    known : (n,)
-        Independent squares of which each is made; infinite where it is certain.
-    blocks : int
-    block : float [samples]
-    """
-    open_ = np.isfinite(known) & (times > 0)
-    if open_.sum() < 2:
-        return times
-    same = float(np.average(times[open_], weights=known[open_]))
-    # How far such times would be apart: of squares so many the logarithm has this variance.
-    lags = np.ceil(max(RULES.memories * same / block - 0.5, 0.0))
-    spread = polygamma(1, 0.5 * blocks / (2.0 * lags + 1.0))
-    apart = float(np.log(times[open_]).var(ddof=0) * open_.sum() / spread)
-    different = apart > chdtri(open_.sum() - 1, Thresholds.sign_level)
-    return times if different else np.where(open_, same, times)
+    times = np.divide(slow, variance, out=np.ones_like(slow), where=variance > 0)
+    return Noise.of(variance, np.maximum(times, 1.0))
 
 
 def _sum_lags(x: Array, log: np.ndarray) -> Array:
@@ -363,7 +318,7 @@ class Estimator:
         if not self.weighted:
             return replace(equal, variance=noise.variance, times=noise.times)
         left = np.maximum(noise.variance, equal.rss / information.rows_each)
-        weights = weigh(information, replace(noise, variance=left))
+        weights = weigh(information, left * noise.times)
         return replace(_solve(information, weights, plain, noise.times), variance=left)
 
     def refit(self, information: Information, fit: Estimate, counts: Array) -> Array:
@@ -452,20 +407,18 @@ def measure_noise(information: Information, plain: Estimate) -> Noise:
     What is large or slow at one actuator leaks into what a fit leaves of the others, so it is
     measured beside weights by variance, and once more beside those by both.
     """
-    noise = Noise(plain.variance, plain.times)
+    noise = Noise.of(plain.variance, plain.times)
     enough = len(information.counts) >= RULES.blocks_fewest
-    for _ in range(ROUNDS if enough and noise.variance.any() else 0):
-        fit = _solve(information, weigh(information, noise), plain.estimator)
-        noise = Noise(*measure_memory(information, fit))
+    for _ in range(ROUNDS if enough and plain.variance.any() else 0):
+        weights = weigh(information, noise.variance * noise.times)
+        noise = measure_memory(information, _solve(information, weights, plain.estimator))
     return noise
 
 
-def weigh(information: Information, noise: Noise) -> Array:
-    """Return the weight of each actuator by variance times memory of its noise, (n,)."""
-    floor = 1e-12 * float(np.max(noise.variance, initial=0.0))
-    density = np.maximum(
-        noise.variance * noise.times, max(floor, ROUNDING**2 * _mean_square(information))
-    )
+def weigh(information: Information, density: Array) -> Array:
+    """Return the weight of each actuator by variance times memory of its noise (n,), (n,)."""
+    floor = 1e-12 * float(np.max(density, initial=0.0))
+    density = np.maximum(density, max(floor, ROUNDING**2 * _mean_square(information)))
     return float(np.mean(density)) / density if density.all() else np.ones(information.actuators)
 
 

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.estimate import Kind, Method, find_estimator, settle_noise
-from identifiability.estimation.estimator import Estimator, Noise, leave_open
+from identifiability.estimation.estimator import Estimator, leave_open
 from identifiability.estimation.evidence import Evidence, Folds, HeldOut, Score, near_best
+from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Task, predict, predict_all
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import take_turns
@@ -231,7 +232,7 @@ def fit_ladder(
 def hold_folds(information: Information, estimator: Estimator) -> tuple[HeldOut, str]:
     """Return folds of the fitted logs; those of logs too short for a choice, and why they are."""
     fit = estimator.fit(information)
-    noise = Noise(fit.variance, fit.times)
+    noise = Noise.of(fit.variance, fit.times)
     try:
         return HeldOut.of(information, noise), ""
     except LogError as error:

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import pandas as pd
 
-from identifiability.estimation.noise import ResidualNoise
+from identifiability.estimation.noise import Noise
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Column, Table
@@ -77,7 +77,7 @@ class Calibration(Result):
     model : str
     cell : Cell
         What was counted, with all causes.
-    noise : ResidualNoise
+    noise : Noise
         Of the torque in the repetitions.
     false_names : FalseNames or None
         Names that a diagnosis gives where nothing is missing, where that was asked for.
@@ -92,7 +92,7 @@ class Calibration(Result):
     analysis: Analysis
     model: str
     cell: Cell
-    noise: ResidualNoise
+    noise: Noise
     false_names: FalseNames | None
     hints: tuple[str, ...]
     provenance: Mapping[str, str]
@@ -131,7 +131,8 @@ class Calibration(Result):
     def noise_rows(self) -> list[dict[str, Any]]:
         """Return the noise of the repetitions, one row a joint."""
         own, joints = self.noise, self.analysis.robot.joints
-        columns = zip(joints, own.orders, own.sd, own.times, strict=True)
+        orders = [len(joint.pacf) for joint in own.joints]
+        columns = zip(joints, orders, np.sqrt(own.variance), own.times, strict=True)
         names = ("joint", "order", "sd", "autocorrelation_time")
         return [dict(zip(names, row, strict=True)) for row in columns]
 

@@ -13,13 +13,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.fit import body_scatter
-from identifiability.estimation.noise import (
-    JointRuns,
-    ResidualNoise,
-    Runs,
-    find_runs,
-    fit_residual_noise,
-)
+from identifiability.estimation.noise import JointRuns, Noise, Runs, find_runs, fit_residual_noise
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -290,7 +284,7 @@ class World:
     robots : TrueRobots
     motion : tuple of MotionErrors
         Of each log.
-    noise : ResidualNoise
+    noise : Noise
         Of the torque; with what the errors of the motion add it is like the residual.
     runs : Runs
         Stretches of time without gaps, between which noise remembers nothing.
@@ -299,7 +293,7 @@ class World:
     experiment: Experiment
     robots: TrueRobots
     motion: tuple[MotionErrors, ...]
-    noise: ResidualNoise
+    noise: Noise
     runs: Runs
 
     @staticmethod
@@ -343,7 +337,7 @@ class World:
             motion = tuple(replace(m, sd=worst**-0.5 * m.sd) for m in motion)
             if not all(m.exact for m in motion):  # beside an exact motion it is all there is
                 rest = np.sqrt(np.maximum(1.0 - made / worst, LEAST))
-                noise = replace(noise, innovation=rest * noise.innovation)
+                noise = noise.scaled(rest)
         return World(experiment, robots, motion, noise, runs)
 
     def repeat(self, seed: np.random.SeedSequence) -> tuple[Outcome, Array]:

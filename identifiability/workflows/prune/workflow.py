@@ -15,7 +15,7 @@ from identifiability.estimation.estimate import (
     fit_whole,
     settle_noise,
 )
-from identifiability.estimation.estimator import Estimate, Estimator, Noise
+from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import (
     Evidence,
     HeldOut,
@@ -25,6 +25,7 @@ from identifiability.estimation.evidence import (
     weigh_models,
 )
 from identifiability.estimation.fit import Fit
+from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Task, predict_all
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import take_turns
@@ -265,7 +266,7 @@ def _choose(
     model whose values a real robot has stands for it if these two predict alike.
     """
     steps, tried = search.steps, []
-    noise = Noise(search.full.variance, search.full.times)
+    noise = Noise.of(search.full.variance, search.full.times)
     held_out = HeldOut.of(question.rows.information, noise, search.whitened.folds)
     for k in range(good_steps(steps)[0], len(steps))[: 1 + CERTIFIED]:
         model = question.fit(steps[k])
