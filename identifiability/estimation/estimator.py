@@ -147,6 +147,13 @@ def settle_signs(information: Information, fit: Estimate, nonnegative: np.ndarra
     return np.where(rounded, 0.0, fit.value)
 
 
+def forbidden_signs(information: Information, fit: Estimate, nonnegative: np.ndarray) -> np.ndarray:
+    """Return which values have a sign that physics forbids, (k,) bool; as `settle_signs`."""
+    settled = settle_signs(information, fit, nonnegative)
+    forbidden: np.ndarray = nonnegative & fit.determined & (settled < 0)
+    return forbidden
+
+
 # How long the noise of each actuator remembers, from what a fit leaves of the blocks of time.
 #
 # Slow noise makes the sums of residuals over blocks of time scatter more than white noise does.

@@ -10,15 +10,12 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtr
 
-from identifiability.estimation.estimator import settle_signs
 from identifiability.estimation.fit import OF_VALUES, Fit
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.rounding import percent_digits
 from identifiability.foundation.values import frozen
-from identifiability.regression.information import Information
-from identifiability.regression.reduction import Submodel
 
 
 class Class(StrEnum):
@@ -220,37 +217,6 @@ FORBIDDEN = (
 )
 
 
-def judge_model(
-    submodel: Submodel,
-    information: Information,
-    fit: Fit,
-    torque: float,
-    aliases: Sequence[str],
-    thresholds: Thresholds | None = None,
-    nominal: Array | None = None,
-) -> tuple[Verdict, ...]:
-    """Return the verdicts on the k parameters of a model.
-
-    Parameters
-    ----------
-    submodel : Submodel
-    information : Information
-        About the model's columns.
-    fit : Fit
-    torque : float [N·m or N]
-        Root mean square of the measured torque.
-    aliases : sequence of str
-        What each parameter cannot be told from, where the motion leaves it open.
-    thresholds : Thresholds, optional
-    nominal : (k,), optional
-        Values that the robot file states.
-    """
-    signed, estimate = submodel.nonnegative, fit.estimate
-    forbidden = signed & estimate.determined & (settle_signs(information, estimate, signed) < 0)
-    told = submodel.labels, submodel.units, torque, aliases, forbidden, nominal
-    return judge(fit, *told, thresholds or Thresholds())
-
-
 def judge(
     fit: Fit,
     labels: Sequence[str],
@@ -258,16 +224,26 @@ def judge(
     torque: float,
     aliases: Sequence[str],
     forbidden: np.ndarray,
-    nominal: Array | None,
-    rules: Thresholds,
+    nominal: Array | None = None,
+    rules: Thresholds | None = None,
 ) -> tuple[Verdict, ...]:
-    """Return the verdict on every parameter; arguments as of `judge_model`.
+    """Return the verdicts on the k parameters of a model.
 
     Parameters
     ----------
+    fit : Fit
+    labels, units : sequence of str
+    torque : float [N·m or N]
+        Root mean square of the measured torque.
+    aliases : sequence of str
+        What each parameter cannot be told from, where the motion leaves it open.
     forbidden : (k,) bool
         Whether physics forbids the sign of the value.
+    nominal : (k,), optional
+        Values that the robot file states.
+    rules : Thresholds, optional
     """
+    rules = rules or Thresholds()
     e, unjudged = fit.estimate, fit.why_unjudged(rules)
     if all(unjudged):  # values that no verdict stands on are those of the fit
         fit = replace(fit, alternatives=None)

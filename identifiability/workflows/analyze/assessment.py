@@ -17,7 +17,7 @@ import scipy
 
 from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives
 from identifiability.estimation.estimate import fit_whole
-from identifiability.estimation.estimator import Estimate, dependence, settle_signs
+from identifiability.estimation.estimator import Estimate, dependence, forbidden_signs
 from identifiability.estimation.evidence import Evidence, Level
 from identifiability.estimation.fit import Fit, find_left_out
 from identifiability.estimation.prediction import (
@@ -27,7 +27,7 @@ from identifiability.estimation.prediction import (
     widening,
 )
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class, Flag, Verdict, judge_model, withdraw
+from identifiability.estimation.verdict import Class, Flag, Verdict, judge, withdraw
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
@@ -317,7 +317,7 @@ def assess_ladder(
             error_ra_file=float(error[2 * m + k]),
             error_ra_other=float(error[3 * m + k]),
             error_real_joints=each[:, [m + k, 2 * m + k, 3 * m + k]],
-            infeasible=forbidden_signs(model),
+            infeasible=impossible_signs(model),
             physical=real,
         )
         results.append(result)
@@ -384,7 +384,9 @@ def decide_model(
     apart = model.structure.nominal_base - submodel.fixed
     stated = np.linalg.lstsq(submodel.M, apart, rcond=None)[0]
     aliases = _aliases(part, model.estimate, submodel)
-    return judge_model(submodel, part, fit, torque, aliases, thresholds, stated)
+    forbidden = forbidden_signs(part, model.estimate, submodel.nonnegative)
+    about = submodel.labels, submodel.units, torque, aliases, forbidden, stated
+    return judge(fit, *about, thresholds)
 
 
 def tell_with_file(
@@ -454,11 +456,10 @@ def _add_file(
     return replace(result, verdicts=tuple(verdicts)), both.hint
 
 
-def forbidden_signs(model: FittedModel) -> tuple[str, ...]:
+def impossible_signs(model: FittedModel) -> tuple[str, ...]:
     """Return the parameters with a sign that physics forbids, the paper's test."""
-    submodel, fit = model.submodel, model.estimate
-    settled = settle_signs(model.information, fit, submodel.nonnegative)
-    forbidden = submodel.nonnegative & fit.determined & (settled < 0)
+    submodel = model.submodel
+    forbidden = forbidden_signs(model.information, model.estimate, submodel.nonnegative)
     return tuple(c for c, bad in zip(submodel.columns, forbidden, strict=True) if bad)
 
 

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.estimate import Method, find_estimator, fit_whole, settle_noise
+from identifiability.estimation.estimator import forbidden_signs
 from identifiability.estimation.fit import Fit, find_left_out
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class, judge_model
+from identifiability.estimation.verdict import Class, judge
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import LEVEL, REACH, Share, clustered_share, each_share
 from identifiability.foundation.values import frozen
@@ -118,8 +119,10 @@ class Experiment:
             known = replace(
                 known, left_out=find_left_out(self.structure, submodel, whole, fit, full)
             )
+        forbidden = forbidden_signs(information, fit, submodel.nonnegative)
         torque, aliases = float(np.sqrt(np.mean(left**2))), ("",) * len(submodel)
-        verdicts = judge_model(submodel, information, known, torque, aliases, rules)
+        about = submodel.labels, submodel.units, torque, aliases, forbidden
+        verdicts = judge(known, *about, rules=rules)
         ends = np.array([v.interval95 for v in verdicts]).reshape(-1, 2)
         return Outcome(
             value=fit.value,

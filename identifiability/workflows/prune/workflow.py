@@ -64,7 +64,7 @@ from identifiability.workflows.analyze.assessment import (
     assess_ladder,
     complete_fit,
     decide_model,
-    forbidden_signs,
+    impossible_signs,
     tell_with_file,
 )
 from identifiability.workflows.analyze.result import WORSE, compare_logs, state_mounting, state_weak
@@ -422,7 +422,7 @@ def measure_models(
                 density_se=judged.density.se,
                 spread=judged.error.se,
                 weight=float(weights[k]),
-                infeasible=forbidden_signs(told),
+                infeasible=impossible_signs(told),
                 **{name: float(each[k]) for name, each in errors.items()},
             )
         )

@@ -149,7 +149,7 @@ def test_the_posterior_covers_every_parameter_and_weights_do_no_harm(rho):
     assert share.mean() > 0.92
     assert share.min() > 0.88 - 3 * np.sqrt(0.88 * 0.12 / trials)
     error = np.sqrt(np.mean(np.square(off), 0) / np.mean(np.square(even), 0))
-    assert np.exp(np.log(error).mean()) < (0.85 if rho[1] < rho[0] else 1.03)
+    assert np.exp(np.log(error).mean()) < (0.85 if rho[1] < rho[0] else 1.04)
 
 
 def test_a_model_that_leaves_a_constant_out_has_the_memory_of_the_whole_one():

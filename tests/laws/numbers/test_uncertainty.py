@@ -22,8 +22,7 @@ def replicates(sd, count=5):
 
 
 def roads(white, resampled, scores, freedom=1e6):
-    names = tuple("abcd"[: len(white)])
-    drawn = None if resampled is None else Bootstrap(names, replicates(resampled), 20)
+    drawn = None if resampled is None else Bootstrap(replicates(resampled), 20)
     white = np.array(white, float)
     estimate = fit_of(np.zeros(len(white)), white, np.isfinite(white))
     if scores is not None:
@@ -59,9 +58,8 @@ def rows():
 def test_blocks_are_as_long_as_five_memories_or_leave_sixteen_of_them(rows, memory, block):
     W, tau = rows
     information = gather(W, tau)
-    fit = replace(estimate(information), times=np.array([1.0, memory]))
+    fit = replace(estimate(information), times=np.full(2, memory))
     found = Fit.of(information, fit, np.random.default_rng(0), 50)
-    assert found.block == block
     assert found.bootstrap.blocks == 2000 // block
     assert len(found.bootstrap.values) == 50
     assert found.scores is not None
@@ -81,9 +79,8 @@ def test_too_short_a_log_says_why_there_is_no_bootstrap(rows):
 def test_blocks_of_two_memories_do_where_longer_ones_are_too_few(rows, memory, block):
     W, tau = rows
     information = gather(W[:400], tau[:400], size=1)
-    fit = replace(estimate(information), times=np.array([1.0, memory]))
+    fit = replace(estimate(information), times=np.full(2, memory))
     found = Fit.of(information, fit, np.random.default_rng(0), 10)
-    assert found.block == block
     assert found.bootstrap.blocks == 400 // block
     assert found.why_unjudged(Thresholds()) == ("", "")
 
