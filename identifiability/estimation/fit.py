@@ -174,7 +174,8 @@ def scatter_scores(information: Information, fit: Estimate, time: float) -> Scor
     B = len(merged.counts)
     if not fit.kept or RULES.stretches_fewest > B:
         return None
-    sd = np.sqrt((fit.estimator.influence(merged, fit) ** 2).sum(0))
+    variance = (fit.estimator.influence(merged, fit) ** 2).sum(0)
+    sd = np.sqrt(variance * longer(variance, fit, merged.samples / B))
     return ScoreScatter(np.where(fit.determined, sd, np.inf), B, count_freedom(merged, fit))
 
 
@@ -203,6 +204,27 @@ def count_freedom(information: Information, fit: Estimate) -> Array:
     freedom = np.ones(information.size)
     freedom[kept] = np.maximum(mean**2 / np.maximum(variance, 1e-300), 1.0)
     return freedom
+
+
+def longer(variance: Array, fit: Estimate, length: float) -> Array:
+    """Return by how much the variance of longer stretches would be larger, (k,).
+
+    Parameters
+    ----------
+    variance : (k,)
+        Of the values of a fit, from the scatter over stretches.
+    fit : Estimate
+    length : float [samples]
+        Of the stretches.
+
+    Of scores with autocorrelation time τ, sums over stretches of length L have τ (1 - τ/2L) times
+    the variance of white ones; beyond that, stretches are too short to say.
+    """
+    square = np.diag(fit.covariance)
+    white = np.where(np.isfinite(square) & (square > 0), square, np.inf)
+    share = np.clip(variance / white / length, 1e-12, 0.5)
+    factor: Array = (1.0 - np.sqrt(1.0 - 2.0 * share)) / share
+    return factor
 
 
 # Do several logs give the same values? What scatters between them enters every interval.

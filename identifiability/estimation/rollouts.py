@@ -61,14 +61,11 @@ NEARER: tuple[Tolerance, ...] = (0.6, 1.0, 1.7)
 
 #: A step is taken again, more damped, so often; and the search ends where one promises less than
 #: these shares of the error and of what noise makes of one number (σ²), or after so many
-#: derivatives, which are used again while steps gain this share of what they promise; and at its
-#: end the error is no less than this share of theirs.
+#: derivatives.
 TRIED = 6
 GAIN: Tolerance = 5e-3
 CLOSE: Tolerance = 0.1
 STEPS = 8
-KEPT: Tolerance = 0.5
-FAR: Tolerance = 0.5
 
 
 @frozen
@@ -340,32 +337,23 @@ def _descend(
         weights, memory = problem.weights(q)
         J, r = problem.linearise(x, weights), problem.residual(q, weights, x)
         Q, R = np.linalg.qr(J)
-        size = np.sqrt((R**2).sum(0)) + 1e-12
-        failed, fresh, more, begun = 0, True, True, float(r @ r)
-        # Derivatives cost many rollouts, and are used as long as steps gain what they promise.
-        while failed < TRIED and more:
-            low, high = problem.bounds(x)
-            rows, right = np.vstack([R, np.sqrt(damping) * np.diag(size)]), Q.T @ r
+        size, right = np.sqrt((R**2).sum(0)) + 1e-12, Q.T @ r
+        least = min(GAIN, CLOSE * memory / len(r)) * float(r @ r)
+        for _ in range(TRIED):
+            rows = np.vstack([R, np.sqrt(damping) * np.diag(size)])
             wanted = np.concatenate([-right, np.zeros(len(size))])
-            step = scipy.optimize.lsq_linear(rows, wanted, (low, high), method="bvls").x
-            cost, left = float(r @ r), right + R @ step
-            promised = float(right @ right - left @ left)
-            if promised <= min(GAIN, CLOSE * memory / len(r)) * cost:
-                if fresh or cost > FAR * begun:
-                    return x, problem.errors(q), taken, J, r
-                break  # derivatives are those of another place
+            step = scipy.optimize.lsq_linear(rows, wanted, problem.bounds(x), method="bvls").x
+            left = right + R @ step
+            if right @ right - left @ left <= least:
+                return x, problem.errors(q), taken, J, r
             moved = problem.roll([x + step], width)[0]
             found = problem.residual(moved, weights, x + step)
-            gained = cost - float(found @ found)
-            if gained > 0:
+            if found @ found < r @ r:
                 x, q, r = x + step, moved, found
-                taken, damping, failed = taken + 1, max(damping / 10, 1e-8), 0
-                more, fresh = gained > KEPT * promised, False
-            elif fresh:
-                damping, failed = 10 * damping, failed + 1
-            else:
-                more = False
-        if failed:
+                taken, damping = taken + 1, max(damping / 10, 1e-8)
+                break
+            damping = 10 * damping
+        else:
             break
     return x, problem.errors(q), taken, J, r
 
