@@ -89,12 +89,30 @@ def merge_blocks(information: Information, length: float) -> Information:
     return information.merge(np.concatenate(starts))
 
 
+def merge_stretches(information: Information, time: float) -> Information:
+    """Return the information in stretches of several memories, or as many as tell a scatter.
+
+    Parameters
+    ----------
+    information : Information
+    time : float [samples]
+        Autocorrelation time of the residual.
+    """
+    least = min(RULES.memories * time, information.samples / RULES.stretches_fewest)
+    merged = merge_blocks(information, least)
+    fewest = min(RULES.stretches_fewest, len(information.counts))
+    while len(merged.counts) < fewest:  # logs cut stretches short
+        # By how much stretches get shorter while there are too few.
+        least *= 0.9
+        merged = merge_blocks(information, least)
+    return merged
+
+
 def bootstrap(
     information: Information,
     estimate: Estimate,
     rng: np.random.Generator,
     replicates: int,
-    length: float = 1.0,
 ) -> Bootstrap:
     """Refit on resampled blocks.
 
@@ -106,13 +124,10 @@ def bootstrap(
         Its estimator refits the columns that it kept.
     rng : numpy.random.Generator
     replicates : int
-    length : float
-        Samples a block.
     """
-    merged = merge_blocks(information, length)
-    blocks = len(merged.counts)
+    blocks = len(information.counts)
     counts = rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), size=replicates)
-    values = estimate.estimator.refit(merged, estimate, counts.astype(float))
+    values = estimate.estimator.refit(information, estimate, counts.astype(float))
     return Bootstrap(values[np.isfinite(values).all(1)], blocks)
 
 
@@ -164,13 +179,7 @@ def scatter_scores(information: Information, fit: Estimate, time: float) -> Scor
     time : float [samples]
         Autocorrelation time of the residual.
     """
-    least = min(RULES.memories * time, information.samples / RULES.stretches_fewest)
-    merged = merge_blocks(information, least)
-    fewest = min(RULES.stretches_fewest, len(information.counts))
-    while len(merged.counts) < fewest:  # logs cut stretches short
-        # By how much stretches get shorter while there are too few.
-        least *= 0.9
-        merged = merge_blocks(information, least)
+    merged = merge_stretches(information, time)
     B = len(merged.counts)
     if not fit.kept or RULES.stretches_fewest > B:
         return None
@@ -236,7 +245,7 @@ def longer(variance: Array, fit: Estimate, length: float) -> Array:
 # each friction, offsets …): model errors, like noise, move most what a motion shows least.
 
 
-#: Blocks may be so many autocorrelation times short where longer ones would be too few.
+#: Blocks that are independent are no shorter than so many autocorrelation times.
 LEAST_MEMORIES: Tolerance = 2.0
 
 #: Stretches over which the scores of one log scatter, at most: more say little and cost.
@@ -599,25 +608,24 @@ class Fit:
         replicates : int
             Of the bootstrap; 0 for none.
         """
-        memory, short = fit.memory, information.samples / (2 * RULES.blocks_fewest)
-        length = RULES.memories * memory
-        if information.samples < RULES.blocks_fewest * length:
-            length = max(LEAST_MEMORIES * memory, short)
-        blocks, note = len(merge_blocks(information, length).counts), ""
+        stretches, note, drawn = merge_stretches(information, fit.memory), "", None
+        apart = information.samples / max(LEAST_MEMORIES * fit.memory, 1.0)
+        blocks = min(int(apart), len(stretches.counts))
         if fit.kept and blocks < RULES.blocks_fewest:
             note = (
-                f"The residual is correlated over {length:.0f} samples, so {information.samples} "
+                f"The residual remembers {fit.memory:.0f} samples, so {information.samples} "
                 f"samples make only {blocks} independent blocks; to judge takes "
                 f"{RULES.blocks_fewest}: give longer or more logs, or a higher cut-off."
             )
-        ask = replicates if fit.kept and not note else 0
+        elif replicates and fit.kept:
+            drawn = bootstrap(stretches, fit, rng, replicates)
         mended = fit.correction
         return Fit(
             estimate=fit,
             column_rms=column_rms(information),
             column_noise=column_noise(information, fit),
             scores=scatter_scores(information, fit, fit.memory),
-            bootstrap=bootstrap(information, fit, rng, ask, length) if ask else None,
+            bootstrap=drawn,
             note=note,
             motions=compare_motions(information, fit, fit.memory),
             shared={} if mended is None else {"bias": mended.bias},

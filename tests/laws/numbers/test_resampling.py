@@ -79,9 +79,10 @@ def test_the_bootstrap_refits_with_the_weights_of_the_fit():
     information = gather(*rows(), size=8)
     fit = estimate(information, "wls")
     assert fit.weights[0] > 20 * fit.weights[1]
-    found = bootstrap(information, fit, np.random.default_rng(3), replicates=40, length=16)
+    merged = merge_blocks(information, 16)
+    found = bootstrap(merged, fit, np.random.default_rng(3), replicates=40)
     counts = np.random.default_rng(3).multinomial(12, np.full(12, 1 / 12), size=40)
-    expected = fit.estimator.refit(merge_blocks(information, 16), fit, counts)
+    expected = fit.estimator.refit(merged, fit, counts)
     np.testing.assert_allclose(found.values, expected, rtol=1e-12)
     assert found.blocks == 12
 
@@ -100,11 +101,12 @@ def test_seven_blocks_say_nothing_and_eight_do():
     information = gather(*rows(), size=8)
     fit, rng = estimate(information), np.random.default_rng(0)
     few, enough = (
-        Fit.of(information, replace(fit, times=np.full(2, 192 / n / 2)), rng, 20) for n in (7, 8)
+        Fit.of(information, replace(fit, times=np.full(2, 95.9 / n)), rng, 20) for n in (7, 8)
     )
     assert "make only 7 independent blocks; to judge takes 8" in few.note
     assert few.bootstrap is None
-    assert enough.bootstrap.blocks == 8
+    assert enough.note == ""
+    assert enough.bootstrap.blocks == 12
 
 
 def test_percentiles_and_deviations_are_those_of_the_replicates():
