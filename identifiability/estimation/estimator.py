@@ -11,9 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.special import chdtri, polygamma
 
 from identifiability.estimation.noise import RESIDUAL_ROUNDING, Noise
-from identifiability.estimation.rules import RULES
+from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import (
     NEARLY,
     RANK_TOLERANCE,
@@ -325,7 +326,7 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
     taken = fit.weights * part.squares(turn).sum(1)  # of noise of variance 1
     change = np.column_stack([turn, np.append(-fit.value[list(fit.kept)], 1.0)])
     rounding = RESIDUAL_ROUNDING**2 * part.torque
-    slow = fit.rss / own_rows
+    slow, known = fit.rss / own_rows, np.full(information.actuators, np.inf)
     for a, ((own, turned), rss) in enumerate(zip(part.of_actuators(change), fit.rss, strict=True)):
         if rss <= rounding[a]:
             continue  # what rounding left has no memory to speak of
@@ -338,10 +339,33 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
         enough = apart >= RULES.memories * scatter / rss
         summed = int(enough.argmax()) + 1 if enough.any() else B
         # The largest on the way: what a fit swallowed makes later lags negative.
-        slow[a] = ratio[:summed].max()
+        slow[a], known[a] = ratio[:summed].max(), B / (2 * summed - 1)
     variance = (fit.rss + slow * taken) / own_rows
     times = np.divide(slow, variance, out=np.ones_like(slow), where=variance > 0)
-    return Noise.of(variance, np.maximum(times, 1.0))
+    return Noise.of(variance, np.maximum(_share(times, known, B, N / B), 1.0))
+
+
+def _share(times: Array, known: Array, blocks: int, block: float) -> Array:
+    """Return one time for all actuators where theirs do not differ more than can be told, (n,).
+
+    Parameters
+    ----------
+    times : (n,) [samples]
+    known : (n,)
+        Independent squares of which each is made; infinite where it is certain.
+    blocks : int
+    block : float [samples]
+    """
+    open_ = np.isfinite(known) & (times > 0)
+    if open_.sum() < 2:
+        return times
+    same = float(np.average(times[open_], weights=known[open_]))
+    # How far such times would be apart: of squares so many the logarithm has this variance.
+    lags = np.ceil(max(RULES.memories * same / block - 0.5, 0.0))
+    spread = polygamma(1, 0.5 * blocks / (2.0 * lags + 1.0))
+    apart = float(np.log(times[open_]).var(ddof=0) * open_.sum() / spread)
+    different = apart > chdtri(open_.sum() - 1, Thresholds.sign_level)
+    return times if different else np.where(open_, same, times)
 
 
 def _sum_lags(x: Array, log: np.ndarray) -> Array:

@@ -79,6 +79,17 @@ def test_what_rounding_left_remembers_nothing():
     np.testing.assert_array_equal(noise.times, 1.0)
 
 
+def test_times_that_do_not_differ_are_one_and_leave_the_weights_to_the_variances():
+    rng = np.random.default_rng(7)
+    W = slow_columns(rng, 1500, 4, 3)
+    same = W @ np.ones(4) + noise_of(rng, 1500, 0.8, 0.8, 0.8) * [1.0, 2.0, 3.0]
+    apart = W @ np.ones(4) + noise_of(rng, 1500, 0.8, 0.0, 0.0) * [1.0, 2.0, 3.0]
+    one, own = estimate(gather(W, same, 6)), estimate(gather(W, apart, 6))
+    assert one.times[0] == one.times[1] == one.times[2] == pytest.approx(9.0, rel=0.4)
+    np.testing.assert_allclose(one.weights * one.variance, one.weights[0] * one.variance[0])
+    assert own.times[0] > 5 > 2 > own.times[1:].max()
+
+
 def test_white_deviations_stay_those_of_independent_residuals():
     """Weights by memory are not those of white noise: the covariance is the sandwich's."""
     rng = np.random.default_rng(4)
@@ -149,7 +160,7 @@ def test_the_posterior_covers_every_parameter_and_weights_do_no_harm(rho):
     assert share.mean() > 0.92
     assert share.min() > 0.88 - 3 * np.sqrt(0.88 * 0.12 / trials)
     error = np.sqrt(np.mean(np.square(off), 0) / np.mean(np.square(even), 0))
-    assert np.exp(np.log(error).mean()) < (0.85 if rho[1] < rho[0] else 1.04)
+    assert np.exp(np.log(error).mean()) < (0.85 if rho[1] < rho[0] else 1.03)
 
 
 def test_a_model_that_leaves_a_constant_out_has_the_memory_of_the_whole_one():
