@@ -122,19 +122,9 @@ class Verdict:
         return self.verdict is not Class.NOT_IDENTIFIABLE and not self.flags
 
     @property
-    def settled(self) -> bool:
-        """Whether its sign is certain, or it is known to be about zero."""
-        return self.sure or self.flags == (Flag.NEGLIGIBLE,)
-
-    @property
     def open(self) -> bool:
         """Whether the data leave open what bodies that can exist, or a prior, may narrow."""
         return self.verdict is not Class.IDENTIFIABLE and set(self.flags) <= {Flag.STRUCTURAL}
-
-    def narrowed(self, flag: Flag, text: str, ends: tuple[float, float] | None) -> Verdict:
-        """Return it with what else narrows the value, and the interval that is believed then."""
-        flags, reason = (flag, *self.flags), f"{self.reason} {text}"
-        return replace(self, flags=flags, reason=reason, believed=ends)
 
     @property
     def interval95(self) -> tuple[float, float]:
@@ -194,6 +184,11 @@ class Verdict:
         row["sigma_models"] = float(np.hypot(self.sigma_robust, more)) if more else None
         row |= {"sigma_omit": omitted, "sigma_alternatives": alternatives}
         return row | {"sigma_doubt": alternatives}
+
+
+def narrow(v: Verdict, flag: Flag, text: str, ends: tuple[float, float] | None) -> Verdict:
+    """Return a verdict with what else narrows the value, and the interval that is believed then."""
+    return replace(v, flags=(flag, *v.flags), reason=f"{v.reason} {text}", believed=ends)
 
 
 def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:
@@ -272,9 +267,10 @@ def judge(
             effect = float(reach * fit.column_noise[k])
             kind, flags, reason = _decide(bool(certain[k]), percent, effect, rules)
         clean = without[k] if without else None
+        lost = clean and (clean.sure or clean.flags == (Flag.NEGLIGIBLE,))
         if kind is not Class.NOT_IDENTIFIABLE and forbidden[k]:
             kind, flags, reason = Class.NOT_IDENTIFIABLE, (Flag.IN_DOUBT,), FORBIDDEN
-        elif clean and clean.settled and (kind, flags) != (clean.verdict, clean.flags):
+        elif clean and lost and (kind, flags) != (clean.verdict, clean.flags):
             kind = max(kind, clean.verdict, key=list(Class).index)
             flags, reason = (Flag.IN_DOUBT,), _say_missing(fit, k, clean, percent)
         if e.determined[k] and not {Flag.NOT_JUDGED, Flag.NEGLIGIBLE} & set(flags):

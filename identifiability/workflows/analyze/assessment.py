@@ -27,7 +27,7 @@ from identifiability.estimation.prediction import (
     widening,
 )
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class, Flag, Verdict, judge, withdraw
+from identifiability.estimation.verdict import Class, Flag, Verdict, judge, narrow, withdraw
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
@@ -452,7 +452,7 @@ def _add_file(
             f"Who believes {both.words} is left with {low:.3g} … {high:.3g} (95 %); the file "
             "narrows it, not the log."
         )
-        verdicts.append(v.narrowed(Flag.BY_PRIOR, text, (low, high)))
+        verdicts.append(narrow(v, Flag.BY_PRIOR, text, (low, high)))
     return replace(result, verdicts=tuple(verdicts)), both.hint
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Flag, Verdict
+from identifiability.estimation.verdict import Flag, Verdict, narrow
 from identifiability.foundation.errors import (
     IdentifiabilityError,
     ModelError,
@@ -268,7 +268,7 @@ def refine_verdicts(
             "narrows it, and another prior would say otherwise."
         )
         if not physical.stated[k]:
-            out.append(v.narrowed(kind, UP_TO_THE_PRIOR, v.believed))
+            out.append(narrow(v, kind, UP_TO_THE_PRIOR, v.believed))
             continue
         if by_bodies and learned >= rules.contraction:
             kind = Flag.BY_CONE
@@ -276,7 +276,7 @@ def refine_verdicts(
                 f"Bodies that can exist, with the prior around the robot file, narrow it to {span} "
                 "far inside what data and prior alone allow."
             )
-        out.append(v.narrowed(kind, text, believed))
+        out.append(narrow(v, kind, text, believed))
     return tuple(out)
 
 
