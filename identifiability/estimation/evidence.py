@@ -43,7 +43,8 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import stdtrit
 
-from identifiability.estimation.estimator import Estimate, Noise
+from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.noise import Noise
 from identifiability.estimation.refits import RIDGE
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array

@@ -10,15 +10,12 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtr
 
-from identifiability.estimation.estimator import settle_signs
 from identifiability.estimation.fit import OF_VALUES, Fit
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.rounding import percent_digits
 from identifiability.foundation.values import frozen
-from identifiability.regression.information import Information
-from identifiability.regression.reduction import Submodel
 
 
 class Class(StrEnum):
@@ -125,19 +122,9 @@ class Verdict:
         return self.verdict is not Class.NOT_IDENTIFIABLE and not self.flags
 
     @property
-    def settled(self) -> bool:
-        """Whether its sign is certain, or it is known to be about zero."""
-        return self.sure or self.flags == (Flag.NEGLIGIBLE,)
-
-    @property
     def open(self) -> bool:
         """Whether the data leave open what bodies that can exist, or a prior, may narrow."""
         return self.verdict is not Class.IDENTIFIABLE and set(self.flags) <= {Flag.STRUCTURAL}
-
-    def narrowed(self, flag: Flag, text: str, ends: tuple[float, float] | None) -> Verdict:
-        """Return it with what else narrows the value, and the interval that is believed then."""
-        flags, reason = (flag, *self.flags), f"{self.reason} {text}"
-        return replace(self, flags=flags, reason=reason, believed=ends)
 
     @property
     def interval95(self) -> tuple[float, float]:
@@ -199,6 +186,11 @@ class Verdict:
         return row | {"sigma_doubt": alternatives}
 
 
+def narrow(v: Verdict, flag: Flag, text: str, ends: tuple[float, float] | None) -> Verdict:
+    """Return a verdict with what else narrows the value, and the interval that is believed then."""
+    return replace(v, flags=(flag, *v.flags), reason=f"{v.reason} {text}", believed=ends)
+
+
 def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:
     """Return verdicts that believe no parameter, for a reason that holds for all of them."""
     none, reason = Class.NOT_IDENTIFIABLE, f"{why[0].upper()}{why[1:]}."
@@ -220,37 +212,6 @@ FORBIDDEN = (
 )
 
 
-def judge_model(
-    submodel: Submodel,
-    information: Information,
-    fit: Fit,
-    torque: float,
-    aliases: Sequence[str],
-    thresholds: Thresholds | None = None,
-    nominal: Array | None = None,
-) -> tuple[Verdict, ...]:
-    """Return the verdicts on the k parameters of a model.
-
-    Parameters
-    ----------
-    submodel : Submodel
-    information : Information
-        About the model's columns.
-    fit : Fit
-    torque : float [N·m or N]
-        Root mean square of the measured torque.
-    aliases : sequence of str
-        What each parameter cannot be told from, where the motion leaves it open.
-    thresholds : Thresholds, optional
-    nominal : (k,), optional
-        Values that the robot file states.
-    """
-    signed, estimate = submodel.nonnegative, fit.estimate
-    forbidden = signed & estimate.determined & (settle_signs(information, estimate, signed) < 0)
-    told = submodel.labels, submodel.units, torque, aliases, forbidden, nominal
-    return judge(fit, *told, thresholds or Thresholds())
-
-
 def judge(
     fit: Fit,
     labels: Sequence[str],
@@ -258,16 +219,26 @@ def judge(
     torque: float,
     aliases: Sequence[str],
     forbidden: np.ndarray,
-    nominal: Array | None,
-    rules: Thresholds,
+    nominal: Array | None = None,
+    rules: Thresholds | None = None,
 ) -> tuple[Verdict, ...]:
-    """Return the verdict on every parameter; arguments as of `judge_model`.
+    """Return the verdicts on the k parameters of a model.
 
     Parameters
     ----------
+    fit : Fit
+    labels, units : sequence of str
+    torque : float [N·m or N]
+        Root mean square of the measured torque.
+    aliases : sequence of str
+        What each parameter cannot be told from, where the motion leaves it open.
     forbidden : (k,) bool
         Whether physics forbids the sign of the value.
+    nominal : (k,), optional
+        Values that the robot file states.
+    rules : Thresholds, optional
     """
+    rules = rules or Thresholds()
     e, unjudged = fit.estimate, fit.why_unjudged(rules)
     if all(unjudged):  # values that no verdict stands on are those of the fit
         fit = replace(fit, alternatives=None)
@@ -296,9 +267,10 @@ def judge(
             effect = float(reach * fit.column_noise[k])
             kind, flags, reason = _decide(bool(certain[k]), percent, effect, rules)
         clean = without[k] if without else None
+        lost = clean and (clean.sure or clean.flags == (Flag.NEGLIGIBLE,))
         if kind is not Class.NOT_IDENTIFIABLE and forbidden[k]:
             kind, flags, reason = Class.NOT_IDENTIFIABLE, (Flag.IN_DOUBT,), FORBIDDEN
-        elif clean and clean.settled and (kind, flags) != (clean.verdict, clean.flags):
+        elif clean and lost and (kind, flags) != (clean.verdict, clean.flags):
             kind = max(kind, clean.verdict, key=list(Class).index)
             flags, reason = (Flag.IN_DOUBT,), _say_missing(fit, k, clean, percent)
         if e.determined[k] and not {Flag.NOT_JUDGED, Flag.NEGLIGIBLE} & set(flags):

@@ -15,17 +15,17 @@ from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import (
     Estimate,
     Estimator,
-    Noise,
     dependence,
+    forbidden_signs,
     leave_open,
-    settle_signs,
 )
 from identifiability.estimation.evidence import Evidence, Folds, HeldOut, Score, near_best
 from identifiability.estimation.fit import Fit, find_left_out
+from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Prediction, Task, widening
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import take_turns
-from identifiability.estimation.verdict import Class, Flag, Verdict, judge_model, withdraw
+from identifiability.estimation.verdict import Class, Flag, Verdict, judge, narrow, withdraw
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
@@ -163,7 +163,7 @@ def fit_ladder(
 def hold_folds(information: Information, estimator: Estimator) -> tuple[HeldOut, str]:
     """Return folds of the fitted logs; those of logs too short for a choice, and why they are."""
     fit = estimator.fit(information)
-    noise = Noise(fit.variance, fit.times)
+    noise = Noise.of(fit.variance, fit.times)
     try:
         return HeldOut.of(information, noise), ""
     except LogError as error:
@@ -440,7 +440,7 @@ def assess_ladder(
             estimate=model.estimate,
             fit=own,
             verdicts=decide_model(model, own, torque, thresholds),
-            infeasible=forbidden_signs(model),
+            infeasible=impossible_signs(model),
             physical=real,
             fitted=fitted.select(at),
             unseen=unseen.select(at),
@@ -505,7 +505,9 @@ def decide_model(
     apart = model.structure.nominal_base - submodel.fixed
     stated = np.linalg.lstsq(submodel.M, apart, rcond=None)[0]
     aliases = _aliases(part, model.estimate, submodel)
-    return judge_model(submodel, part, fit, torque, aliases, thresholds, stated)
+    forbidden = forbidden_signs(part, model.estimate, submodel.nonnegative)
+    about = submodel.labels, submodel.units, torque, aliases, forbidden, stated
+    return judge(fit, *about, thresholds)
 
 
 Judged = TypeVar("Judged", bound=ModelResult)
@@ -551,15 +553,14 @@ def tell_with_file(
             f"Who believes {both.words} is left with {low:.3g} … {high:.3g} (95 %); the file "
             "narrows it, not the log."
         )
-        verdicts[k] = v.narrowed(Flag.BY_PRIOR, text, (low, high))
+        verdicts[k] = narrow(v, Flag.BY_PRIOR, text, (low, high))
     return replace(result, verdicts=tuple(verdicts)), both.hint
 
 
-def forbidden_signs(model: FittedModel) -> tuple[str, ...]:
+def impossible_signs(model: FittedModel) -> tuple[str, ...]:
     """Return the parameters with a sign that physics forbids, the paper's test."""
-    submodel, fit = model.submodel, model.estimate
-    settled = settle_signs(model.information, fit, submodel.nonnegative)
-    forbidden = submodel.nonnegative & fit.determined & (settled < 0)
+    submodel = model.submodel
+    forbidden = forbidden_signs(model.information, model.estimate, submodel.nonnegative)
     return tuple(c for c, bad in zip(submodel.columns, forbidden, strict=True) if bad)
 
 

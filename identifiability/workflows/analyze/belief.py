@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Flag, Verdict
+from identifiability.estimation.verdict import Flag, Verdict, narrow
 from identifiability.foundation.errors import (
     IdentifiabilityError,
     ModelError,
@@ -242,10 +242,10 @@ def refine_verdicts(
         if by_bodies and learned >= rules.contraction:
             flag, part = Flag.BY_CONE, "bodies"
         if not physical.stated[k]:
-            out[k] = v.narrowed(Flag.BY_PRIOR, sentence("decision.narrowed", "edge"), v.believed)
+            out[k] = narrow(v, Flag.BY_PRIOR, sentence("decision.narrowed", "edge"), v.believed)
             continue
         text = sentence("decision.narrowed", part, span=f"{low:.3g} … {high:.3g} (95 %)")
-        out[k] = v.narrowed(flag, text, (low, high))
+        out[k] = narrow(v, flag, text, (low, high))
     return tuple(out)
 
 

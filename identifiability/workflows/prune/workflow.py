@@ -16,7 +16,7 @@ from identifiability.estimation.estimate import (
     fit_whole,
     settle_noise,
 )
-from identifiability.estimation.estimator import Estimate, Estimator, Noise
+from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import (
     Evidence,
     HeldOut,
@@ -26,6 +26,7 @@ from identifiability.estimation.evidence import (
     weigh_models,
 )
 from identifiability.estimation.fit import Fit
+from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import take_turns
@@ -65,7 +66,7 @@ from identifiability.workflows.analyze.assessment import (
     Settled,
     complete_fit,
     decide_model,
-    forbidden_signs,
+    impossible_signs,
     settle_robot,
     tell_with_file,
 )
@@ -272,7 +273,7 @@ def _choose(question: Question, search: Search, cad_prior: float | None) -> tupl
     model whose values a real robot has stands for it if these two predict alike.
     """
     steps, tried = search.steps, []
-    noise = Noise(search.full.variance, search.full.times)
+    noise = Noise.of(search.full.variance, search.full.times)
     held_out = HeldOut.of(question.rows.information, noise, search.whitened.folds)
     for k in range(good_steps(steps)[0], len(steps))[: 1 + CERTIFIED]:
         model = question.fit(steps[k])
@@ -421,7 +422,7 @@ def measure_models(
                 estimate=known[1],
                 fit=fit,
                 verdicts=decide_model(model, fit, torque, thresholds),
-                infeasible=forbidden_signs(model),
+                infeasible=impossible_signs(model),
                 physical=real,
                 fitted=fitted.select(at),
                 unseen=unseen.select(at),

@@ -103,7 +103,7 @@ def test_without_a_bootstrap_verdicts_are_those_of_scores():
 def test_a_log_of_few_memories_is_not_judged_with_a_bootstrap_or_without():
     for replicates in (0, 50):
         fit, found = assess(200, size=50, replicates=replicates)
-        assert "the bootstrap needs 8" in found.note
+        assert "to judge takes 8" in found.note
         assert kinds(judged(fit, found)) == {Flag.NOT_JUDGED}
 
 
@@ -114,7 +114,7 @@ def test_without_bootstrap_and_scores_the_robust_deviation_is_not_the_white_one(
     assert np.isinf(found.robust).all()
     verdicts = judged(fit, found)
     assert kinds(verdicts) == {Flag.NOT_JUDGED}
-    assert "the bootstrap needs 8" in verdicts[0].reason
+    assert "to judge takes 8" in verdicts[0].reason
 
 
 def test_values_that_no_verdict_stands_on_are_those_of_the_fit():

@@ -8,9 +8,9 @@ import pytest
 
 from identifiability.estimation.alternatives import NO_ALTERNATIVES
 from identifiability.estimation.estimate import find_estimator
-from identifiability.estimation.estimator import Noise
 from identifiability.estimation.evidence import Evidence, HeldOut
 from identifiability.estimation.fit import column_noise, column_rms, merge_blocks
+from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, Flag
@@ -142,7 +142,7 @@ def ladder():
     made = [
         Prediction.of([np.arange(960.0)], tau[h], W[h] @ values, np.zeros(960, int)) for h in half
     ]
-    held_out = HeldOut.of(every, Noise(fits[0].variance, fits[0].times))
+    held_out = HeldOut.of(every, Noise.of(fits[0].variance, fits[0].times))
     scores = [held_out.score_fit(f, r.M) for r, f in zip(submodels, fits, strict=True)]
     judged = [Evidence.of(score, scores[0]) for score in scores]
     rng, physics = np.random.default_rng(0), [Physics(0.1), Physics(-0.1)]
