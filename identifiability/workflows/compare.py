@@ -30,7 +30,6 @@ from identifiability.estimation.differences import (
     find_lacks,
     load_bodies,
     pooled_values,
-    relative_scale,
 )
 from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.mixed_model import Term, Terms
@@ -125,7 +124,6 @@ def find_differences(
         rows=subtract(structure, base, bodies, pairs)
         if pairs
         else LogRows.of(structure, seen, base, bodies),
-        logs=len(asked["patterns"][0]),
         lacks=None if pairs else find_lacks(structure, seen),
         # Those that share a log share its noise.
         shared=(max(serves.values(), default=1) + 1) / 2,
@@ -135,8 +133,8 @@ def find_differences(
 
 def find_patterns(asked: Array, count: int) -> tuple[Array, ...]:
     """Return in which logs a change may be: those asked about, or any one of the first so many."""
-    single = [x for x in np.eye(len(asked))[:count] if np.ptp(np.abs(x - asked))]
-    return (asked, *single)
+    single = [x[None] for x in np.eye(len(asked))[:count] if np.ptp(np.abs(x - asked))]
+    return (asked[None], *single)
 
 
 def subtract(
@@ -278,7 +276,7 @@ def find_changes(
         sizes, spread = value[at], covariance[np.ix_(at, at)]
         before = [unchanged.get(c.names[0]) or c.before[0] for c in parts]
         share, share_sd = _share(parts, np.array(before), sizes, spread)
-        family = parts[0].family if len({c.family for c in parts}) == 1 else kind
+        family = parts[0].title if len({c.family for c in parts}) == 1 else kind
         others = [
             _what(found, r, names) for k in which for r in model.rivals(terms, k) if r.odds > 0
         ]
@@ -307,12 +305,12 @@ def _what(found: Differences, term: Term, names: Sequence[str]) -> str:
     if not own:
         return f"{describe_term(term)} that the model lacks"
     where = f" in {_log(found, pattern, names)}" if pattern else ""
-    return f"{found.rows.causes[own[0]].family} of {place_of(term)}{where}"
+    return f"{found.rows.causes[own[0]].title} of {place_of(term)}{where}"
 
 
 def _log(found: Differences, pattern: int, names: Sequence[str]) -> str:
     """Return in which log alone a change is; nothing where it is in those that are asked about."""
-    return names[int(np.argmax(found.patterns[pattern]))] if pattern else ""
+    return names[int(np.argmax(found.patterns[pattern][0]))] if pattern else ""
 
 
 def _share(
@@ -555,8 +553,7 @@ def _compare_results(robot: Robot, before: Any, after: Any) -> Comparison:
     found = Differences(
         rows=rows_of_results(one, other),
         known=Known.nothing(base[:, None][:, :0], base),
-        logs=2,
-        patterns=(np.array([0.0, 1.0]),),
+        patterns=(np.array([[0.0, 1.0]]),),
         noise=(JointNoise(np.empty(0), 1.0),),
     )
     sides = {"before": names[0], "after": names[1]}
@@ -588,7 +585,7 @@ def rows_of_results(one: Fit, other: Fit) -> LogRows:
         found = np.linalg.lstsq(flat @ submodel.M, columns, rcond=SAME)[0]
         lost = np.linalg.norm(columns - flat @ submodel.M @ found) > SAME * np.linalg.norm(columns)
         own = {} if lost else {0: whiten @ found[known]}
-        causes.append(replace(c, torque=own, size=relative_scale(c, c.torque, rms)))
+        causes.append(replace(c, torque=own, size=c.scale(rms)))
     count = len(whiten)
     return LogRows(
         X=np.zeros((count, 1, len(one.base))),

@@ -116,14 +116,14 @@ def estimate_load(found: Differences, structure: Structure, names: Sequence[str]
     model = found.model
     terms = model.search()
     theta, spread = model.widened(terms, found.always_at()[ORDER])
-    (part,) = (p for p in found.parts if p.role == "always")
-    scale = part.scale[ORDER]
+    (load,) = (found.rows.causes[k] for k in found.always)
+    scale = load.scale(found.rows.size)[ORDER]
     square, turn = np.linalg.eigh(spread * np.outer(scale, scale))
     open_ = square > UNTOLD**2
     size = np.sqrt(np.maximum(square[~open_], np.finfo(float).tiny))
     told = turn[:, ~open_] * size / scale[:, None]
     unknown = np.linalg.qr(turn[:, open_] / scale[:, None])[0]
-    left = found.residual(terms)[found.patterns[0][found.rows.log] > 0]
+    left = found.residual(terms)[found.patterns[0][0, found.rows.log] > 0]
     return LoadEstimate(
         theta=theta,
         covariance=told @ told.T,
