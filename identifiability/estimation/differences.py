@@ -13,15 +13,17 @@ Rows are met once, as products by part: what acts in some parts is a sum of thes
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+import pandas as pd
 from scipy.special import logsumexp, softmax
 
 from identifiability.effects import FAMILIES, find_families, title_of
+from identifiability.estimation.alternatives import describe_term, place_of
 from identifiability.estimation.groups import LOAD, Excerpt, Missing
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
@@ -33,13 +35,17 @@ from identifiability.estimation.mixed_model import (
     Terms,
 )
 from identifiability.estimation.noise import THIN, ARNoise, JointNoise, JointRuns, rich_noise
-from identifiability.estimation.rules import Thresholds
+from identifiability.estimation.rules import RULES, Thresholds
+from identifiability.foundation.answers import Table, frame_table
+from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import GROUPED_KINDS, Array
+from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import list_candidates, number
 from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
 from identifiability.robot.kinematics import WORLD
 from identifiability.robot.robot import last_bodies
 
@@ -61,6 +67,8 @@ EXCERPT = (24_000, 12, 2_000)
 LACKS = ("function_of_velocity", "function_of_load", "function_of_position")
 #: Families of the friction that a model has, by the kind of its parameter.
 FRICTION = {"Fc": "coulomb_friction", "Fv": "viscous_friction"}
+#: What families are that are no friction.
+KIND_OF = {"payload": "load", "torque_offset": "offset"}
 #: Numbers of patterns up to which products of all columns are kept.
 FEW = 64
 
@@ -179,24 +187,37 @@ def _friction_name(kind: str) -> str:
     return FRICTION.get(kind.rstrip("+-"), f"friction {kind}")
 
 
-def _passive(structure: Structure, seen: Excerpt) -> list[Cause]:
-    """Return friction of passive joints that the model does not have: motors feel it."""
-    robot = structure.robot
-    places = {a.name for a in robot.passive_axes} - set(structure.friction)
-    if not places:
-        return []
+def find_further(
+    robot: Robot, seen: Excerpt, families: Collection[str], places: Collection[str] = ()
+) -> list[Cause]:
+    """Return what further families are at places, by default at all, one kind at a time.
+
+    A load is a mass with its first moments: small, and held somewhere.
+
+    Parameters
+    ----------
+    robot : Robot
+    seen : Excerpt
+    families, places : collection of str
+    """
     motions = [piece.motion for piece in seen.pieces]
-    families = find_families(["passive_joint_friction"])
-    listed = [
-        c for c in list_candidates(robot, families, (), motions, fixed=True)[0] if c.place in places
-    ]
+    every, _ = list_candidates(robot, find_families(families), (), motions, fixed=True)
+    listed = [c for c in every if not places or c.place in places]
     entries, out = seen.entries(listed), []
+    none = np.zeros(len(seen.y))
     for c in listed:
         units = {p.kind: p.unit for p in c.effect.parameters(robot) if p.owner == c.place}
-        for kind, column in zip(c.kinds, c.columns, strict=True):
-            torque = {j: x[:, None] for (j, k), x in entries.items() if k == column}
-            what = "friction", _friction_name(kind), c.place, (f"{c.place}.{kind}",)
-            out.append(Cause(*what, (units[kind],), np.full(1, np.nan), torque))
+        kind = KIND_OF.get(c.family.name, "friction")
+        load = kind == "load"
+        for at in [range(len(WEIGHT))] if load else [[k] for k in range(len(c.kinds))]:
+            kinds, columns = zip(*[(c.kinds[k], c.columns[k]) for k in at], strict=True)
+            joints = sorted({j for j, k in entries if k in columns})
+            each = {j: [entries.get((j, k), none) for k in columns] for j in joints}
+            torque = {j: np.stack(x, axis=1) for j, x in each.items()}
+            family = _friction_name(kinds[0]) if kind == "friction" else c.family.name
+            names = tuple(f"{c.place}.{k}" for k in kinds)
+            what = kind, family, c.place, names, tuple(units[k] for k in kinds)
+            out.append(Cause(*what, np.full(len(kinds), np.nan), torque))
     return out
 
 
@@ -211,9 +232,11 @@ class Known:
     @staticmethod
     def of(base: Array, M: Array, covariance: Array, unknown: Array) -> Known:
         """Return values base = M x of which x has a covariance, and directions that are open."""
-        size, turn = np.linalg.eigh(covariance)
+        sd = np.sqrt(np.diag(covariance))
+        unit = np.outer(sd, sd)
+        size, turn = np.linalg.eigh(np.divide(covariance, unit, where=unit > 0, out=0 * unit))
         good = size > np.finfo(float).eps * size.max(initial=0.0)
-        known = turn[:, good] * np.sqrt(size[good])
+        known = sd[:, None] * turn[:, good] * np.sqrt(size[good])
         directions = np.column_stack([M @ known, M @ unknown])
         return Known(
             base=base,
@@ -256,19 +279,21 @@ class LogRows:
     @staticmethod
     def of(structure: Structure, seen: Excerpt, base: Array, bodies: Sequence[str]) -> LogRows:
         """Return the rows of logs."""
+        causes = find_causes(structure, seen.X, seen.data, base, bodies)
+        # Friction of passive joints that the model does not have: motors feel it.
+        places = {a.name for a in structure.robot.passive_axes} - set(structure.friction)
+        if places:
+            causes += find_further(structure.robot, seen, ["passive_joint_friction"], places)
+        return LogRows.along(seen, seen.X, seen.log, causes)
+
+    @staticmethod
+    def along(seen: Excerpt, X: Array, log: np.ndarray, causes: Sequence[Cause]) -> LogRows:
+        """Return rows with columns (N, n, b), of logs or parts of them."""
         counts = np.maximum(seen.data.sum(0), 1)
-        return LogRows(
-            X=seen.X,
-            y=seen.y,
-            size=np.sqrt(np.sum(seen.raw**2 * seen.data, axis=0) / counts),
-            runs=seen.runs,
-            log=seen.log,
-            less=np.full(len(seen.log), -1),
-            causes=(
-                *find_causes(structure, seen.X, seen.data, base, bodies),
-                *_passive(structure, seen),
-            ),
-        )
+        size = np.sqrt(np.sum(seen.raw**2 * seen.data, axis=0) / counts)
+        none = np.full(len(log), -1)
+        causes = tuple(causes)
+        return LogRows(X=X, y=seen.y, size=size, runs=seen.runs, log=log, less=none, causes=causes)
 
     @cached_property
     def starts(self) -> np.ndarray:
@@ -580,7 +605,7 @@ class Differences:
     @cached_property
     def matrices(self) -> list[tuple[np.ndarray, Array]]:
         """Columns of each joint, and their rows (N, k): what patterns are of, the torque last."""
-        rows, lacks, p = self.rows, self.lacks, len(self.known.precision)
+        rows, lacks = self.rows, self.lacks
         X, y = rows.X @ self.known.directions, rows.y - rows.X @ self.known.base
         first, out = self._firsts, []
         for j in range(len(rows.size)):
@@ -624,14 +649,14 @@ class Differences:
         column.append(np.arange(first[-1], values.shape[1]))
         pattern.append(np.zeros(len(column[-1]), int))
         both = Patterned(values, np.concatenate(column), np.concatenate(pattern), self.weights)
-        may = [at.min() for part, at in zip(self.parts, self.spans, strict=True) if part.role == "may"]
-        fixed = int(may[0]) if may else self.start
+        every = list(zip(self.parts, self.spans, strict=True))
+        fixed = next((int(at.min()) for part, at in every if part.role == "may"), self.start)
         diagonal = np.diag(both.between(np.arange(fixed), np.arange(fixed)))
         scale = [np.sqrt(np.where(diagonal > 0, diagonal, 1.0))]
         prior = np.diag(np.concatenate([known.precision, np.zeros(fixed - p)]))
         prior[range(fixed), range(fixed)] += np.where(diagonal > 0, 0.0, OPEN**-4)  # does not act
         drift, usual = list[np.ndarray](), list[Array]()
-        for part, span in zip(self.parts, self.spans, strict=True):
+        for part, span in every:
             cause = rows.causes[part.cause]
             own = cause.scale(rows.size)
             if part.role == "drift":
@@ -658,13 +683,33 @@ class Differences:
         """Whether columns are those of logs that were taken off."""
         return bool(self.weights[part.weights].min() < 0)
 
+    def values_before(self, terms: Terms) -> Array:
+        """Return the values (b,) that did not change, beside some terms."""
+        _, value, _ = self.model.values(terms)
+        known = self.known
+        before: Array = known.base + known.directions @ value[: len(known.precision)]
+        return before
+
+    def log_of(self, pattern: int, names: Sequence[str]) -> str:
+        """Return in which log alone a pattern is; nothing where it is the one asked about."""
+        return names[int(np.argmax(self.patterns[pattern][0]))] if pattern else ""
+
+    def describe(self, term: Term, names: Sequence[str]) -> str:
+        """Return what a group is, in words."""
+        own, pattern = self.said[term.key][1]
+        if not own:
+            return f"{describe_term(term)} that the model lacks"
+        where = f" in {self.log_of(pattern, names)}" if pattern else ""
+        return f"{self.rows.causes[own[0]].title} of {place_of(term)}{where}"
+
     def residual(self, terms: Terms) -> Array:
         """Return what values beside some terms leave of the torque, (N, n)."""
         model, rows = self.model, self.rows
         columns, value, _ = model.values(terms)
-        both, width = model.products, model.products.values.shape[1]
-        held = np.zeros((len(rows.starts), width))  # of each block
-        np.add.at(held.T, both.column[columns], value[:, None] * both.weights[both.pattern[columns]])
+        both = model.products
+        held = np.zeros((len(rows.starts), both.values.shape[1]))  # of each block
+        for k, x in zip(columns, value, strict=True):
+            held[:, both.column[k]] += self.weights[both.pattern[k]] * x
         held[:, -1] = -1.0
         each = np.repeat(np.arange(len(held)), np.diff([*rows.starts, len(rows.log)]))
         left = [-np.einsum("nk,nk->n", x, held[each][:, at]) for at, x in self.matrices]
@@ -762,3 +807,189 @@ def pooled_values(X: Array, y: Array, M: Array, fixed: Array) -> Array:
     length = np.where(length > 0, length, 1.0)
     base: Array = fixed + M @ (np.linalg.lstsq(rows / length, aim, rcond=RIDGE)[0] / length)
     return base
+
+
+# `Change`: what differs, of which size, where and when; and what it may be instead.
+
+
+#: Where something is that is at all places.
+ALL_JOINTS = "all joints"
+#: What a change is called that cannot be told apart, and parameters, at most.
+NAMED = 6
+
+
+@frozen(kw_only=True)
+class Change:
+    """What changed between logs, or while one was recorded.
+
+    Attributes
+    ----------
+    kind : {"load", "friction", "offset", "gain"}
+    family, what, place : str
+        Its name; it in words; and the body or joint, ``all joints`` where it is everywhere.
+    log : str
+        In which alone it is; empty where it is in all of those that are asked about.
+    names, units : tuple of str
+        Of its q numbers.
+    sizes, sd : (q,)
+        Of these, beside all others that changed.
+    share, share_sd : float
+        Of its torque before; NaN where that is not known.
+    odds : float
+        Log odds, averaged over sizes and ways, less what families and places cost; those of its
+        surest part.
+    others : tuple of str
+        What else it may be,
+    rivals : tuple of (family, place)
+        and that by name.
+    start, stop : float [s]
+        When it began and ended; infinite where that was not logged.
+    began, ended : (float, float) [s]
+        Where these instants are in 95 % of what is likely.
+    weight : float
+        Its posterior probability among all that may have changed in part of a log.
+    """
+
+    kind: str
+    family: str
+    what: str
+    place: str
+    log: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    sizes: Array
+    sd: Array
+    share: float
+    share_sd: float
+    odds: float
+    others: tuple[str, ...]
+    rivals: tuple[tuple[str, str], ...] = ()
+    start: float = -np.inf
+    stop: float = np.inf
+    began: tuple[float, float] = (-np.inf, -np.inf)
+    ended: tuple[float, float] = (np.inf, np.inf)
+    weight: float = np.nan
+
+    @property
+    def whole(self) -> bool:
+        """Whether it lasted as long as the log."""
+        return bool(np.isinf(self.start) and np.isinf(self.stop))
+
+    @property
+    def when(self) -> str:
+        """In words: ``from 41 s (95 %: 40.5 … 41.5 s) of run2 on``."""
+        begin, end = (
+            f"{at:.3g} s (95 %: {low:.3g} … {high:.3g} s)"
+            for at, (low, high) in ((self.start, self.began), (self.stop, self.ended))
+        )
+        if self.whole:
+            return f"in {self.log}" if self.log else ""
+        if np.isinf(self.stop):
+            return f"from {begin} of {self.log} on"
+        if np.isinf(self.start):
+            return f"until {end} of {self.log}"
+        return f"from {begin} to {end} of {self.log}"
+
+    @property
+    def called(self) -> str:
+        """What it is, without a capital letter, and what it may be instead."""
+        text = " ".join(filter(None, (self._sized, self.when)))
+        if self.others:
+            text += f", or {' or '.join(self.others[:NAMED])}"
+        # As sure as what fitted and unseen rows together name.
+        return text if self.odds >= RULES.name + RULES.keep else f"perhaps {text}"
+
+    @property
+    def _sized(self) -> str:
+        """What it is; of one everywhere what is sure, where its sum is not."""
+        half = REACH * self.sd
+        size, reach, unit = 100 * self.share, 100 * REACH * self.share_sd, "%"
+        words = "rose", "fell"
+        if self.kind == "load":
+            size, reach, unit, words = self.sizes[0], half[0], "kg", ("grew", "shrank")
+        if abs(size) > reach:
+            return f"{self.what} {words[int(size < 0)]} by {measured(abs(size), reach, unit)}"
+        every = zip(self.names, self.sizes, half, self.units, strict=True)
+        parts = [f"{n} by {measured(x, h, u)}" for n, x, h, u in every if abs(x) > h]
+        return f"{self.what} changed{': ' if parts else ''}{listing(parts, NAMED)}"
+
+
+def frame_changes(changes: Sequence[Change]) -> pd.DataFrame:
+    """Return one row a number that changed: what, by how much, interval, log odds."""
+    rows = [
+        [c.what, c.kind, name, size, size - REACH * sd, size + REACH * sd, unit, *rest]
+        for c in changes
+        for rest in [(c.share, c.share_sd, c.odds, c.when, "; ".join(c.others))]
+        for name, size, sd, unit in zip(c.names, c.sizes, c.sd, c.units, strict=True)
+    ]
+    columns = "what kind change low high unit share share_sd log_odds logs or"
+    return pd.DataFrame(rows, columns=columns.split()).assign(p=np.nan)
+
+
+def table_changes(changes: Sequence[Change], caption: str) -> Table:
+    """Return the same as a table."""
+    own = frame_changes(changes).drop(columns=["kind", "share_sd", "p"])
+    return frame_table(own.rename(columns={"log_odds": "log odds", "logs": "in"}), caption)
+
+
+def find_changes(
+    found: Differences, terms: Terms, names: Sequence[str], before: Mapping[str, float]
+) -> tuple[Change, ...]:
+    """Return what terms say of logs, the surest first; kinds of friction at one place together.
+
+    Parameters
+    ----------
+    found : Differences
+    terms : tuple of Term
+    names : sequence of str
+        Of the logs, or of those that parts are of.
+    before : mapping
+        Values of parameters that did not change.
+    """
+    model, causes = found.model, found.rows.causes
+    columns, value, covariance = model.values(terms)
+    together: dict[tuple[str, str, int], list[int]] = {}
+    for k, term in enumerate(terms):
+        own, pattern = found.said[term.key][1]
+        if own:
+            together.setdefault((causes[own[0]].kind, place_of(term), pattern), []).append(k)
+    out = []
+    for (kind, place, pattern), which in together.items():
+        parts = [causes[c] for k in which for c in found.said[terms[k].key][1][0]]
+        at = [columns.tolist().index(c) for k in which for c in terms[k].columns]
+        sizes, spread = value[at], covariance[np.ix_(at, at)]
+        levels = np.array([before.get(c.names[0]) or c.before[0] for c in parts])
+        share, share_sd = _share(parts, levels, sizes, spread)
+        title = parts[0].title if len({c.family for c in parts}) == 1 else kind
+        others = [
+            found.describe(r, names) for k in which for r in model.rivals(terms, k) if r.odds > 0
+        ]
+        out.append(
+            Change(
+                kind=kind,
+                family=parts[0].family,
+                what=f"{title} of {place}",
+                place=place,
+                log=found.log_of(pattern, names),
+                names=tuple(n for c in parts for n in c.names)[: len(at)],
+                units=tuple(u for c in parts for u in c.units)[: len(at)],
+                sizes=sizes,
+                sd=np.sqrt(np.diag(spread)),
+                share=share,
+                share_sd=share_sd,
+                odds=max(terms[k].odds for k in which),
+                others=tuple(dict.fromkeys(others)),
+            )
+        )
+    return tuple(sorted(out, key=lambda c: -c.odds))
+
+
+def _share(
+    parts: Sequence[Cause], before: Array, sizes: Array, spread: Array
+) -> tuple[float, float]:
+    """Return by which share the torque of a change grew, and its standard deviation."""
+    if parts[0].kind == "offset" or not (np.abs(before) > 0).all():
+        return float("nan"), float("nan")
+    rms = np.array([np.sqrt(sum(np.mean(x**2) for x in c.torque.values())) for c in parts])
+    slope = rms * np.sign(before) / float(np.abs(before) @ rms)
+    return float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))

@@ -158,12 +158,12 @@ def comparison_heading(result: Comparison) -> tuple[str, str]:
 
 def comparison_sketch(result: Comparison) -> Sketch | None:
     """Return the robot with what was found drawn on it, if it can be drawn."""
-    from identifiability.workflows.compare import ALL_JOINTS, describe  # noqa: PLC0415
+    from identifiability.estimation.differences import ALL_JOINTS  # noqa: PLC0415
 
     parts = {name: Part("grey", "nothing changed for sure") for name in result.robot.joints}
     for change in result.changes:
         owners = result.robot.joints if change.place == ALL_JOINTS else (change.place,)
-        parts |= {owner: Part("vermilion", describe(change)) for owner in owners}
+        parts |= {owner: Part("vermilion", change.called) for owner in owners}
     return sketch_parts(result.robot, parts, "decision.changed")
 
 

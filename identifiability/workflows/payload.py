@@ -19,9 +19,11 @@ import pandas as pd
 from identifiability.estimation.differences import (
     KINDS,
     OPEN,
+    Change,
     Differences,
     Known,
     LogRows,
+    find_changes,
     pooled_values,
     tool_bodies,
 )
@@ -54,9 +56,6 @@ from identifiability.robot.robot import Point, body_of, ten_parameters
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.compare import (
-    Change,
-    describe,
-    find_changes,
     find_differences,
     find_pairs,
     find_patterns,
@@ -123,6 +122,7 @@ def estimate_load(found: Differences, structure: Structure, names: Sequence[str]
     size = np.sqrt(np.maximum(square[~open_], np.finfo(float).tiny))
     told = turn[:, ~open_] * size / scale[:, None]
     unknown = np.linalg.qr(turn[:, open_] / scale[:, None])[0]
+    before = dict(zip(structure.base.names, found.values_before(terms).tolist(), strict=True))
     left = found.residual(terms)[found.patterns[0][0, found.rows.log] > 0]
     return LoadEstimate(
         theta=theta,
@@ -130,7 +130,7 @@ def estimate_load(found: Differences, structure: Structure, names: Sequence[str]
         root=(turn[:, ~open_] / size).T * scale,
         unknown=unknown,
         rms=np.sqrt(np.mean(left**2, axis=0)),
-        changes=find_changes(structure, found, terms, names),
+        changes=find_changes(found, terms, names, before),
     )
 
 
@@ -629,7 +629,7 @@ def _trust(result: Load) -> Answer:
         text = "One motion cannot show what another would change."
     elif any(change.kind == "load" for change in result.estimate.changes):
         short, text, tone = "With care: the logs have different loads.", "", "amber"
-    if changes := [describe(change) for change in result.estimate.changes]:
+    if changes := [change.called for change in result.estimate.changes]:
         text += f" Found beside it: {listing(changes)}."
     if result.caveats:
         short, tone = "With care: the robot changed since.", "amber"
