@@ -194,7 +194,7 @@ def diagnosis_sketch(d: Diagnosis) -> Sketch | None:
         for p in e.placements:
             missing.setdefault(p.place, []).append(e.title)
     for c in d.changes:
-        missing.setdefault(c.place, []).append(f"{title_of(c.family)} {c.when}")
+        missing.setdefault(c.place, []).append(f"{c.what} {c.when}")
     parts = {joint: Part("grey", "nothing was found to be missing") for joint in d.robot.joints}
     parts |= {place: Part("vermilion", f"misses {join(t)}") for place, t in missing.items()}
     return sketch_parts(d.completed.robot, parts, "decision.missing")

@@ -284,6 +284,8 @@ class Findings(Setting):
         return "" if known is None else state_mass(self.robot, known.values, known.cad_weight)
 
 
+#: What became of rows of another robot.
+LEFT_OUT = "What was logged meanwhile was left out."
 #: Places that the headline lists of each effect.
 PLACES = 3
 #: An error below this share of the torque is rounding.
@@ -311,7 +313,8 @@ def headline(d: Findings) -> str:
     """Return the model, what changed, what is missing and how far the gap shrinks."""
     model = d.alternative.partition(":")[0]
     first = [f"{model}."] if model else []
-    return " ".join([*first, *(c.statement for c in d.changes), _state_named(d)])
+    changed = [f"{_capital(c.called)}. {LEFT_OUT}" for c in d.changes]
+    return " ".join([*first, *changed, _state_named(d)])
 
 
 def _state_named(d: Findings) -> str:

@@ -46,7 +46,7 @@ class Setting:
         Unseen motion, in words: it was not fitted.
     preparation : Preparation
         How logs were turned into motion, with one cut-off.
-    changes : tuple of changes.Change
+    changes : tuple of Change
         What changed in the middle of fitted logs: what was logged meanwhile was left out.
     commanded : bool
         Whether torque is what servos made of commands.

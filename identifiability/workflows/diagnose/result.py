@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects.vocabulary import file_kinds, values_in_file
+from identifiability.estimation.differences import Change, table_changes
 from identifiability.estimation.estimate import estimate, find_estimator
 from identifiability.estimation.fit import Fit as Known
 from identifiability.estimation.prediction import measure_spread, predict
@@ -48,7 +49,6 @@ from identifiability.workflows.commands import (
     on_file,
     source_name,
 )
-from identifiability.workflows.diagnose.changes import table_changes
 from identifiability.workflows.diagnose.findings import (
     PLACES,
     Findings,
@@ -130,7 +130,7 @@ class Diagnosis(Result, Findings, Predicts):
         named = Table.of("Effects that were missing", NAMED, self.effects)
         caption = "Each joint by itself on unseen motion, over its own scale"
         errors = Table.of(caption, ERRORS, self.error_frame().itertuples())
-        changed = (table_changes(self.changes),) if self.changes else ()
+        changed = (table_changes(self.changes, CHANGED),) if self.changes else ()
         return (*changed, *((named,) if self.effects else ()), errors)
 
     @property
@@ -185,7 +185,7 @@ class Diagnosis(Result, Findings, Predicts):
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
             "effects": [_effect_row(e) for e in self.effects],
             "refuted": [pick(x, "name", "place", "unseen", odds="before") for x in self.refuted],
-            "changes": [c.to_dict() for c in self.changes],
+            "changes": [_change_row(c) for c in self.changes],
             "after": pick(self, error_ra="error_after", error_ra_validation="held_after"),
             "errors": {"joints": self.error_frame().to_dict("records")},
             "earlier": {"source": "", "error_ra_validation": None, "turns": []},  # for one release
@@ -231,6 +231,21 @@ def _forward_row(gap: ForwardGap) -> dict[str, Any]:
 def _odds_row(x: Odds) -> dict[str, Any]:
     after = x.after if np.isfinite(x.after) else None
     return {"effect": x.name, "place": x.place, "log_odds": x.before, "log_odds_after": after}
+
+
+def _change_row(c: Change) -> dict[str, Any]:
+    """Return a change as JSON has it; no instant where it was not logged."""
+    ends = {"from": [c.start], "to": [c.stop], "from95": c.began, "to95": c.ended}
+    known = {name: [x if np.isfinite(x) else None for x in at] for name, at in ends.items()}
+    known |= {name: known[name][0] for name in ("from", "to")}
+    return {
+        **pick(c, "log", "weight", effect="family", joint="place", log_odds="odds"),
+        **known,
+        "or": [{"effect": family, "joint": place} for family, place in c.rivals],
+        "parameters": dict(zip(c.names, c.sizes.tolist(), strict=True)),
+        "errors": dict(zip(c.names, c.sd.tolist(), strict=True)),
+        "open": [],  # for one release
+    }
 
 
 def _effect_row(e: NamedEffect) -> dict[str, Any]:
@@ -307,7 +322,7 @@ def _what(d: Diagnosis) -> Answer:
     question = "What is missing?"
     if not d.effects and not d.changes:
         return Answer(question, "Nothing that can be named.", headline(d), "grey")
-    named = [f"{call(c.names)} in a part of {c.log}" for c in d.changes]
+    named = [f"{call([c.what, *c.others])} in a part of {c.log}" for c in d.changes]
     named += [f"{e.called} in {join(e.joints, PLACES)}" for e in d.effects]
     short = join(named)
     return Answer(question, f"{short[0].upper()}{short[1:]}.", headline(d), "vermilion")
@@ -335,6 +350,7 @@ def _left(d: Diagnosis) -> Answer:
 # What is missing and how large errors are, as tables.
 
 
+CHANGED = "What changed in the middle of a log, and was left out"
 NAMED = (
     Column("effect", "code", lambda e: " or ".join([e.name, *e.alternatives])),
     Column("where", get=lambda e: ", ".join(e.joints)),
