@@ -222,7 +222,7 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
     s, fixed = setting.structure, setting.fixed
     root = setting.known.root
     fitted = Rows.of(s, setting.samples, setting.known)
-    if not (fixed or len(root)):
+    if not (fixed or root.size):
         s = replace(s, robot=fit_loads(s, fitted.seen.X, fitted.seen.y, fitted.data))
         setting, fitted = replace(setting, structure=s), fitted.of_robot(s.robot)
     unseen = Rows.of(s, setting.validation, setting.known) if setting.validation else fitted

@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.linalg import orth
 
 from identifiability.effects.functions import has_session
+from identifiability.estimation.differences import Known
 from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.torque_errors import change_interval
@@ -69,48 +71,31 @@ Given = bool | float | str | Path | Fit | Predicts
 
 #: Shares of the largest variance below which a direction counts as known that well.
 LEAST: Tolerance = 1e-10
-#: Standard deviation of what may be anything, of the largest value there is.
-REACH: Tolerance = 100.0
 
 
-@frozen
-class KnownValues:
-    """Base parameters of which something is known beside the logs: a prior on them.
+@frozen(kw_only=True)
+class KnownValues(Known):
+    """Base parameters of which something is known beside the logs.
 
     Attributes
     ----------
-    values : (b,)
-        Likeliest without logs.
-    free : (f,) int
-        Which of them are not exact.
-    root : (d, f)
-        Rows about the differences of these from `values`, each of variance 1.
     words : str
         What they are, as the beginning of a sentence: "the values of fit.json, with their errors,".
     share : float
         Within which bodies are the file's; 0 where nothing says so.
     """
 
-    values: Array
-    free: np.ndarray
-    root: Array
     words: str
     share: float = 0.0
 
-    @staticmethod
-    def within(values: Array, covariance: Array, words: str, share: float = 0.0) -> KnownValues:
-        """Return values with their covariance, (b, b); zero where they are exact."""
-        free = np.flatnonzero(np.diag(covariance) > 0)
-        own = covariance[np.ix_(free, free)]
-        sd = np.sqrt(np.diag(own))
-        size, directions = np.linalg.eigh(own / np.outer(sd, sd))
-        size = np.maximum(size, LEAST * size.max(initial=0.0))
-        return KnownValues(values, free, (directions / np.sqrt(size)).T / sd, words, share)
+    @property
+    def root(self) -> Array:
+        """Rows about the coordinates of what is known, each of variance 1."""
+        return np.diag(np.sqrt(self.precision))[self.precision > 0]
 
     def moved(self, off: Array) -> Array:
-        """Return the values where those that are not exact differ by so much (f,)."""
-        values = self.values.copy()
-        values[self.free] += off
+        """Return the values whose coordinates are so much (s,)."""
+        values: Array = self.base + self.directions @ off
         return values
 
     @property
@@ -125,13 +110,15 @@ class KnownValues:
 def know_nothing(structure: Structure) -> KnownValues:
     """Return that nothing is known: values are those of the logs."""
     b = len(structure.base.names)
-    return KnownValues(np.zeros(b), np.arange(b), np.empty((0, b)), "the refitted model")
+    own = Known.nothing(np.eye(b), np.zeros(b))
+    return KnownValues(**vars(own), words="the refitted model")
 
 
 def know_file(structure: Structure) -> KnownValues:
     """Return the values of the robot file as exact."""
-    none, words = np.empty((0, 0)), "the robot file's own values"
-    return KnownValues(structure.nominal_base, np.empty(0, int), none, words)
+    base = structure.nominal_base
+    own = Known.nothing(np.empty((len(base), 0)), base)
+    return KnownValues(**vars(own), words="the robot file's own values")
 
 
 def know_share(share: float, structure: Structure, *, refitted: bool = False) -> KnownValues:
@@ -164,29 +151,17 @@ def know_share(share: float, structure: Structure, *, refitted: bool = False) ->
         rows = np.vstack([rows, np.eye(len(nominal))[own] / sd[:, None]])
         aim = np.append(aim, nominal[own] / sd)
     size = np.linalg.norm(rows, axis=0)
-    said = size > 0
-    size = np.where(said, size, 1.0)
+    size = np.where(size > 0, size, 1.0)
     _, s, Vt = np.linalg.svd(rows / size)
     rank = int(np.sum(s > LEAST * s.max(initial=0.0)))
     standard = structure.nominal + np.linalg.pinv(rows / size) @ (aim - rows @ structure.nominal)
     spread = (structure.G / size) @ (Vt[:rank].T / s[:rank])
-    free = (structure.G / size) @ Vt[rank:].T
-    covariance = spread @ spread.T + _anything(free, structure.G @ standard)
-    words = "the refitted model"
-    if not refitted:
-        words = f"the robot file's values, each within {percent(share)},"
-    return KnownValues.within(structure.G @ standard, covariance, words, share)
-
-
-def _anything(free: Array, values: Array) -> Array:
-    """Return the covariance (b, b) of what may be anything along some directions (b, d).
-
-    It is far beyond the largest value there is.
-    """
-    most = float(np.abs(free).max(initial=0.0))
-    reach = REACH * max(float(np.abs(values).max(initial=0.0)), 1e-12) / most if most else 0.0
-    covariance: Array = reach**2 * free @ free.T
-    return covariance
+    words = f"the robot file's values, each within {percent(share)},"
+    words = "the refitted model" if refitted else words
+    unknown = orth((structure.G / size) @ Vt[rank:].T)
+    base = structure.G @ standard
+    own = Known.of(base, np.eye(len(base)), spread @ spread.T, unknown)
+    return KnownValues(**vars(own), words=words, share=share)
 
 
 def read_given(given: Given, robot: Robot) -> tuple[Fit | None, str]:
@@ -221,8 +196,8 @@ def know_fit(fit: Fit, structure: Structure, name: str) -> KnownValues:
             f"The values of {name} are those of a model of {listing(fit.structure.model.texts)}, "
             f"and {listing(structure.model.texts)} is diagnosed; give that model, or no model."
         )
-    covariance = fit.base_covariance + _anything(fit.base_unknown, fit.base)
-    return KnownValues.within(fit.base, covariance, f"the values of {name}, with their errors,")
+    own = Known.of(fit.base, np.eye(len(fit.base)), fit.base_covariance, fit.base_unknown)
+    return KnownValues(**vars(own), words=f"the values of {name}, with their errors,")
 
 
 @frozen
@@ -258,7 +233,7 @@ class Rows:
         every = sum(s.outputs for s in samples)
         seen = Excerpt.of(regression, (every, 1, every))
         torque, X = seen.y, seen.X
-        seen = replace(seen, X=X[:, :, known.free], y=torque - X @ known.values)
+        seen = replace(seen, X=X @ known.directions, y=torque - X @ known.base)
         return Rows(seen, tuple(samples), torque)
 
     @property

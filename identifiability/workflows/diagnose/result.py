@@ -454,7 +454,7 @@ def real_robot(d: Findings, structure: Structure) -> Physical:
     IdentifiabilityError
         If the solver finds none.
     """
-    if len(d.known.free):
+    if len(d.known.precision):
         weight = share_weight(d.known.share) if d.known.share else None
         return fit_physical(structure, d.samples, d.validation, weight)
     values = {name: d.robot.nominal.get(name, 0.0) for name in d.structure.columns}

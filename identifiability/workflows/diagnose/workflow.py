@@ -395,7 +395,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
             Odds(t.group.family, place_of(t), t.odds, after.get(t.key, float("nan")))
             for t in naming.before
         ),
-        values=setting.known.moved(fits[-1][: len(setting.known.free)]),
+        values=setting.known.moved(fits[-1][: len(setting.known.precision)]),
         model=Model((*structure.model.effects, *added)),
     )
 
