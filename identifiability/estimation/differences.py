@@ -401,6 +401,7 @@ class LogModel(MixedModel):
         Which log each block of rows is of.
     """
 
+    products: Patterned  # type: ignore[assignment]
     nuisance: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     usual: Array = field(default_factory=lambda: np.empty(0))
     drifts: tuple[float, ...] = (1.0,)

@@ -74,9 +74,8 @@ from identifiability.workflows.answers import (
 if TYPE_CHECKING:
     from identifiability.workflows.calibrate.calibration import Calibration
     from identifiability.workflows.compare import Comparison
-    from identifiability.workflows.diagnose.findings import Curve
     from identifiability.workflows.diagnose.forward import ForwardGap
-    from identifiability.workflows.diagnose.result import Diagnosis
+    from identifiability.workflows.diagnose.result import Curve, Diagnosis
     from identifiability.workflows.excite.result import Excitation
     from identifiability.workflows.inspect import Inspection, Record
     from identifiability.workflows.payload import Load
@@ -213,13 +212,6 @@ def diagnosis_below(d: Diagnosis) -> Picture | None:
     return picture("named", figure, joint=joint, over=_over(c))
 
 
-def diagnosis_notes(d: Diagnosis) -> list[Note]:
-    """Return what should be known with the answer."""
-    from identifiability.workflows.diagnose.findings import remarks  # noqa: PLC0415
-
-    return remarks(d)
-
-
 def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
     """Return the sections of the page."""
     return [
@@ -347,7 +339,7 @@ THEN = Column("then", digits(3), "after", "Beside what was named as well.")
 
 def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
     """Return all that was asked with its evidence, what was not, and how."""
-    from identifiability.workflows.diagnose.findings import PLACES  # noqa: PLC0415
+    from identifiability.workflows.diagnose.result import PLACES  # noqa: PLC0415
 
     order = sorted(d.evidence, key=lambda x: -x.before)
     table = Table.of("The likeliest of all that was asked", (*GROUP, THEN), order[:LISTED])

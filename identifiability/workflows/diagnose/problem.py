@@ -160,8 +160,8 @@ def know_share(share: float, structure: Structure, *, refitted: bool = False) ->
     words = "the refitted model" if refitted else words
     unknown = orth((structure.G / size) @ Vt[rank:].T)
     base = structure.G @ standard
-    own = Known.of(base, np.eye(len(base)), spread @ spread.T, unknown)
-    return KnownValues(**vars(own), words=words, share=share)
+    both = Known.of(base, np.eye(len(base)), spread @ spread.T, unknown)
+    return KnownValues(**vars(both), words=words, share=share)
 
 
 def read_given(given: Given, robot: Robot) -> tuple[Fit | None, str]:

@@ -39,7 +39,6 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike, complete_motion
 from identifiability.workflows.analyze.workflow import say_band
 from identifiability.workflows.diagnose.changes import find_change, leave_out, without_outliers
-from identifiability.workflows.diagnose.findings import Curve, NamedEffect, Odds, Placement, Rival
 from identifiability.workflows.diagnose.motion import (
     MOST_IN_ALL,
     MOST_SAMPLES,
@@ -60,7 +59,15 @@ from identifiability.workflows.diagnose.problem import (
     know_share,
     read_given,
 )
-from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
+from identifiability.workflows.diagnose.result import (
+    Curve,
+    Diagnosis,
+    NamedEffect,
+    Odds,
+    Placement,
+    Rival,
+    simulate_forward,
+)
 from identifiability.workflows.opening import (
     Logs,
     Progress,
@@ -414,13 +421,11 @@ def _effect(
     places = family.places(naming.setting.structure.robot)
     return NamedEffect(
         name=family.name,
-        title=family.title,
         placements=tuple(placements),
         before=errors[n],
         after=errors[n + 1],
         interval=gap.interval(n, n + 1, rng),
         everywhere=1 < len(places) == len(placements),
-        unnamed=family.unnamed,
         nearest=tuple(dict.fromkeys(title_of(t.group.family) for p in parts for t in p.nearest)),
     )
 
