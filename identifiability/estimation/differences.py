@@ -361,7 +361,8 @@ class Patterned:
     def between(self, some: np.ndarray, others: np.ndarray) -> Array:
         """Return products of some columns (a,) with others (b,), (a, b)."""
         if len(self.weights) <= FEW:
-            return self._whole[np.ix_(some, others)]
+            whole: Array = self._whole[np.ix_(some, others)]
+            return whole
         if len(some) > len(others):
             return self.between(others, some).T
         out = np.zeros((len(some), len(others)))
@@ -414,7 +415,7 @@ class LogModel(MixedModel):
             prior = self.prior.copy()
             prior[self.nuisance, self.nuisance] += 1.0 / (size * self.usual) ** 2
             own = (self.products, self.fixed, self.groups, self.scale, prior, self.name, self.keep)
-            models.append(MixedModel(*own, self.sizes))
+            models.append(MixedModel(*own, self.sizes))  # type: ignore[arg-type]
             likelihood = models[-1].solve(terms).log_likelihood
             likely.append(likelihood - len(self.nuisance) * float(np.log(size)))
         return softmax(likely), models
@@ -627,7 +628,8 @@ class Differences:
     def _firsts(self) -> list[int]:
         """First column of each cause in rows that patterns are of, and behind the last one."""
         widths = [len(c.names) for c in (*self.rows.causes, *self.rows.off)]
-        return np.cumsum([len(self.known.precision), *widths]).tolist()
+        firsts: list[int] = np.cumsum([len(self.known.precision), *widths]).tolist()
+        return firsts
 
     @cached_property
     def model(self) -> LogModel:
@@ -703,19 +705,6 @@ class Differences:
         where = f" in {self.log_of(pattern, names)}" if pattern else ""
         return f"{self.rows.causes[own[0]].title} of {place_of(term)}{where}"
 
-    def residual(self, terms: Terms) -> Array:
-        """Return what values beside some terms leave of the torque, (N, n)."""
-        model, rows = self.model, self.rows
-        columns, value, _ = model.values(terms)
-        both = model.products
-        held = np.zeros((len(rows.starts), both.values.shape[1]))  # of each block
-        for k, x in zip(columns, value, strict=True):
-            held[:, both.column[k]] += self.weights[both.pattern[k]] * x
-        held[:, -1] = -1.0
-        each = np.repeat(np.arange(len(held)), np.diff([*rows.starts, len(rows.log)]))
-        left = [-np.einsum("nk,nk->n", x, held[each][:, at]) for at, x in self.matrices]
-        return np.stack(left, axis=1)
-
     def _noise(self, joint: int) -> JointNoise:
         """Return the noise of a joint beside columns; where there is none, that of rounding."""
         if self.noise:
@@ -751,11 +740,11 @@ class Differences:
                     for first, last in self.rows.runs.each[j]
                 )
                 own = np.flatnonzero(at < self._firsts[-1])
+                own = own[values[b][own, own] > 0]
                 size = np.sqrt(np.diag(values[b])[own])
-                own, size = own[size > 0], size[size > 0]
                 square, turn = np.linalg.eigh(values[b][np.ix_(own, own)] / np.outer(size, size))
                 told = square > THIN * square.max(initial=0.0)
-                left = (turn[:, told] / np.sqrt(square[told])).T @ (values[b][own, -1] / size)
+                left = (values[b][own, -1] / size) @ turn[:, told] / np.sqrt(square[told])
                 free = count - int(told.sum())
                 if free > Thresholds.outputs_per_parameter * told.sum():
                     out[j, b] = max(float(values[b][-1, -1] - left @ left) / free, THIN)
@@ -923,7 +912,7 @@ def frame_changes(changes: Sequence[Change]) -> pd.DataFrame:
         for rest in [(c.share, c.share_sd, c.odds, c.when, "; ".join(c.others))]
         for name, size, sd, unit in zip(c.names, c.sizes, c.sd, c.units, strict=True)
     ]
-    columns = "what kind change low high unit share share_sd log_odds logs or"
+    columns = "what kind name change low high unit share share_sd log_odds logs or"
     return pd.DataFrame(rows, columns=columns.split()).assign(p=np.nan)
 
 

@@ -7,7 +7,7 @@ from identifiability import diagnose
 from identifiability.logs import Log
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose import motion as motion_of
-from identifiability.workflows.diagnose.motion import prepare_rows
+from identifiability.workflows.diagnose.problem import prepare_rows
 
 MOST = 400
 

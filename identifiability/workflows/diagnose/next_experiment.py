@@ -32,7 +32,7 @@ from identifiability.regression.columns import list_candidates
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.simulation import Trajectory
-from identifiability.workflows.diagnose.motion import prepare_rows
+from identifiability.workflows.diagnose.problem import prepare_rows
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.excite import Excitation, find_limits
 from identifiability.workflows.excite.criteria import (

@@ -39,24 +39,22 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike, complete_motion
 from identifiability.workflows.analyze.workflow import say_band
 from identifiability.workflows.diagnose.changes import find_change, leave_out, without_outliers
-from identifiability.workflows.diagnose.motion import (
-    MOST_IN_ALL,
-    MOST_SAMPLES,
-    along_rollouts,
-    assign_roles,
-    prepare_rows,
-)
 from identifiability.workflows.diagnose.naming import WORSE, Naming, Part, look, name_missing
 from identifiability.workflows.diagnose.problem import (
+    MOST_IN_ALL,
+    MOST_SAMPLES,
     Gap,
     Given,
     KnownValues,
     Setting,
+    along_rollouts,
+    assign_roles,
     find_discrepancies,
     know_file,
     know_fit,
     know_nothing,
     know_share,
+    prepare_rows,
     read_given,
 )
 from identifiability.workflows.diagnose.result import (
