@@ -389,9 +389,9 @@ def explained_share(x: Array, r: Array) -> float:
 # What is fitted, what verifies, how much of it.
 #
 # An error that was minimised is no evidence: the motion on which the gap is quoted is not fitted.
-# Whole logs are kept apart where there are enough; else a log is divided into stretches of time, with
-# a pause between that nobody looks at. A diagnosis asks few rows many questions, so long logs are
-# looked at in evenly spaced stretches.
+# Whole logs are kept apart where there are enough; else a log is divided into stretches of time,
+# with a pause between that nobody looks at. A diagnosis asks few rows many questions, so long logs
+# are looked at in evenly spaced stretches.
 
 
 #: What follows the name of a log in that of a part of it.

@@ -38,8 +38,16 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike, complete_motion
 from identifiability.workflows.analyze.workflow import say_band
-from identifiability.workflows.diagnose.changes import find_change, leave_out, without_outliers
-from identifiability.workflows.diagnose.naming import WORSE, Naming, Part, look, name_missing
+from identifiability.workflows.diagnose.naming import (
+    WORSE,
+    Naming,
+    Part,
+    find_change,
+    leave_out,
+    look,
+    name_missing,
+    without_outliers,
+)
 from identifiability.workflows.diagnose.problem import (
     MOST_IN_ALL,
     MOST_SAMPLES,
