@@ -169,7 +169,6 @@ class Drives:
         self.model, self._lines = kinematics.model, kinematics.cables
         #: Where they are in velocities and positions, which lengths of tendons follow.
         self._dofs, self._at = kinematics.actuated, kinematics.positions
-        names = [cable.name for cable in kinematics.robot.cables]
 
     def forces(self, force: Array, bias: tuple[Array, Array]) -> tuple[Array, Array]:
         """Return forces (K, n) of K copies as the model takes them, at joints and actuators.
