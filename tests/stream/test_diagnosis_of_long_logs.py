@@ -6,7 +6,7 @@ import pytest
 from identifiability import diagnose
 from identifiability.logs import Log
 from identifiability.robot import Robot
-from identifiability.workflows.diagnose import motion as motion_of
+from identifiability.workflows.diagnose import problem as motion_of
 from identifiability.workflows.diagnose.problem import prepare_rows
 
 MOST = 400
