@@ -523,10 +523,11 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
     found = _differences(naming, families, np.diff(begins), patterns)
     if len(patterns) < 2 or not found.said:
         return None
-    every = found.model.gains()
+    places = [g for g, (own, _) in found.said.values() if len(own) == 1]
+    every = found.model.gains((), places)
     for _ in range(ROUNDS):  # what it adds is no noise: once it is roughly known, that is without
         found = replace(found, noise=_noise_without(naming, found, _surest(found, every)))
-        every = found.model.gains()
+        every = found.model.gains((), places)
     drift, likely = -np.inf, dict[tuple[str, str], float]()
     for t in every:
         (cause,), pattern = found.said[t.key][1]
