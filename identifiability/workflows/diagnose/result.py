@@ -25,7 +25,7 @@ from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import digits, error_text, join, percent
+from identifiability.foundation.rounding import digits, error_text, exact, join, percent
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
@@ -440,7 +440,7 @@ class Diagnosis(Result, Setting, Predicts):
             "robot": self.completed.robot.identity,
             "model": list(self.structure.model.texts),
             **pick(self, "fixed", "statement", "hints", "seed"),
-            "physical": self.fit.state_robot(self.physical),
+            "physical": exact(self.physical, "parameters", "shapes", "gravity"),
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
             "effects": [_effect_row(e) for e in self.effects],
             "refuted": [pick(x, "name", "place", "unseen", odds="before") for x in self.refuted],
