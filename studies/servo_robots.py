@@ -504,7 +504,7 @@ def hide(
         for e in found.effects
         for p in e.placements
     ]
-    named += [{(c.family, c.place), *c.others} for c in found.changes]
+    named += [{(c.family, c.place), *c.rivals} for c in found.changes]
     true = {(name, robot.joints[fault.joint]) for name in FAULTS[kind][0]}
     right = [bool(x & true) for x in named]
     place = robot.joints[fault.joint]

@@ -59,9 +59,8 @@ from identifiability.workflows.answers import count_joints, level_table, note, s
 if TYPE_CHECKING:
     from identifiability.workflows.calibrate.calibration import Calibration
     from identifiability.workflows.compare import Comparison
-    from identifiability.workflows.diagnose.findings import Curve
     from identifiability.workflows.diagnose.forward import ForwardGap
-    from identifiability.workflows.diagnose.result import Diagnosis
+    from identifiability.workflows.diagnose.result import Curve, Diagnosis
     from identifiability.workflows.excite.result import Excitation
     from identifiability.workflows.inspect import Inspection, Record
     from identifiability.workflows.payload import Load
@@ -113,12 +112,12 @@ def comparison_heading(result: Comparison) -> tuple[str, str]:
 
 def comparison_sketch(result: Comparison) -> Sketch | None:
     """Return the robot with what was found drawn on it, if it can be drawn."""
-    from identifiability.workflows.compare import ALL_JOINTS, describe  # noqa: PLC0415
+    from identifiability.estimation.differences import ALL_JOINTS  # noqa: PLC0415
 
     parts = {name: Part("grey", "nothing changed for sure") for name in result.robot.joints}
     for change in result.changes:
         owners = result.robot.joints if change.place == ALL_JOINTS else (change.place,)
-        parts |= {owner: Part("vermilion", describe(change)) for owner in owners}
+        parts |= {owner: Part("vermilion", change.called) for owner in owners}
     return sketch_parts(result.robot, parts, "decision.changed")
 
 
@@ -149,7 +148,7 @@ def diagnosis_sketch(d: Diagnosis) -> Sketch | None:
         for p in e.placements:
             missing.setdefault(p.place, []).append(e.title)
     for c in d.changes:
-        missing.setdefault(c.place, []).append(f"{title_of(c.family)} {c.when}")
+        missing.setdefault(c.place, []).append(f"{c.what} {c.when}")
     parts = {joint: Part("grey", "nothing was found to be missing") for joint in d.robot.joints}
     parts |= {place: Part("vermilion", f"misses {join(t)}") for place, t in missing.items()}
     return sketch_parts(d.completed.robot, parts, "decision.missing")
@@ -166,13 +165,6 @@ def diagnosis_below(d: Diagnosis) -> Picture | None:
     states = {"before": before, "after": after}
     figure = draw_residual(x, states, f"{joint} on unseen motion", _labels(d, c))
     return picture("named", figure, joint=joint, over=_over(c))
-
-
-def diagnosis_notes(d: Diagnosis) -> list[Note]:
-    """Return what should be known with the answer."""
-    from identifiability.workflows.diagnose.findings import remarks  # noqa: PLC0415
-
-    return remarks(d)
 
 
 def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
@@ -302,7 +294,7 @@ THEN = Column("then", digits(3), "after", "Beside what was named as well.")
 
 def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
     """Return all that was asked with its evidence, what was not, and how."""
-    from identifiability.workflows.diagnose.findings import PLACES  # noqa: PLC0415
+    from identifiability.workflows.diagnose.result import PLACES  # noqa: PLC0415
 
     order = sorted(d.evidence, key=lambda x: -x.before)
     table = Table.of("The likeliest of all that was asked", (*GROUP, THEN), order[:LISTED])
