@@ -26,9 +26,7 @@ def test_a_finding_is_its_sentence_and_what_it_was_made_of():
     again = pickle.loads(pickle.dumps(found))
     assert again == found
     assert (again.key, again.numbers) == (found.key, found.numbers)
-    other = found.of_log("b.csv")
-    assert other == f"b.csv: {found}"
-    assert of_key([found, "plain", other], "wraps") == [found, other]
+    assert of_key([found, "plain"], "wraps") == [found]
     assert of_key([found, "plain"], "spikes") == []
 
 

@@ -22,7 +22,6 @@ from scipy.linalg import block_diag
 
 from identifiability.effects import FAMILIES, Family
 from identifiability.effects.friction import REVERSALS, ReversalFriction
-from identifiability.effects.functions import FunctionOfSessionTime
 from identifiability.effects.nominal import has_masses, reference_values
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Products, Term
 from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, Runs, rich_noise
@@ -297,10 +296,10 @@ class Missing:
         session = [
             x
             for c in self._smooth
-            if c.family.name == FunctionOfSessionTime.name
+            if c.family.against == "session"
             for x in self._acting_in(joint, c.columns)
         ]
-        smooth = [c.columns for c in self._smooth if c.family.name != FunctionOfSessionTime.name]
+        smooth = [c.columns for c in self._smooth if c.family.against != "session"]
         random = [self._acting_in(joint, columns) for columns in (*named, *smooth)]
         blocks = [np.column_stack([X[:, X.any(0)], *session])]
         blocks += [np.stack(x, 1) for x in random if x]
@@ -376,7 +375,7 @@ class Missing:
         for name, places in found.items():
             every = list(places.values())
             out |= {(name, place): [[c] for c in own] for place, own in places.items()}
-            if len(every) > 1 and every[0][0].family.origin is None:
+            if len(every) > 1 and every[0][0].family.local:
                 shapes = range(len(every[0]))
                 out[name, EVERYWHERE] = [[x[k] for x in every if k < len(x)] for k in shapes]
         return out

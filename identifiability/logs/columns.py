@@ -292,10 +292,10 @@ def _settle_torque(
     """
     torque = known.torque
     given = {c.joint: c for c in columns if c.kind == "tau" and c.joint in joints}
-    unknown = [j for j, c in given.items() if c.current and not torque.has_gain(j)]
+    unknown = [j for j, c in given.items() if c.current and torque.at("gain", j) is None]
     if unknown:
         raise LogError(Finding("columns.gain", source, joints=[*unknown], first=unknown[0]))
-    loose = [j for j in given if j not in known.motors and not torque.has_ratio(j)]
+    loose = [j for j in given if j not in known.motors and torque.at("ratio", j) is None]
     if torque.side == "motor" and loose:
         raise LogError(Finding("columns.ratio", source, joints=[*loose], first=loose[0]))
     factors = {j: torque.factor(j) for j in given}

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.effects.transmission import split_runs
+from identifiability.effects.effect import split_runs
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.contradictions import check_units, contradictions
