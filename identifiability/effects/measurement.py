@@ -64,6 +64,7 @@ class TorqueOffset(AtMotors):
     name = "torque_offset"
     equation = "τ = off"
     units: tuple[tuple[str, str, str], ...] = (("off", "N·m", "N"),)
+    stated_as: tuple[str, ...] = ("offset",)
 
     def curves(self, at: Along) -> list[Array]:
         """Return one everywhere."""
@@ -91,6 +92,7 @@ class TorqueDrift(TorqueOffset):
     equation = "τ = o + d t"
     source = "a slow change to the first order in time"
     units = (("o", "N·m", "N"), ("d", "N·m/s", "N/s"))
+    stated_as = ()
     supersedes = ("torque_offset",)
 
     def curves(self, at: Along) -> list[Array]:

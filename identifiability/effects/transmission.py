@@ -246,9 +246,8 @@ def gear_ratio(robot: Robot, place: str) -> float:
             alone = robot.motor_joints[used[0]] == place if len(used) == 1 else False
             if (name == place or alone) and abs(ratio) != 1:
                 return float(abs(ratio) * (abs(row[used[0]]) if alone else 1.0))
-    if robot.torque.has_ratio(place):
-        return float(abs(robot.torque.ratio.get(place, robot.torque.ratio.get("", np.nan))))
-    return float("nan")
+    ratio = robot.torque.at("ratio", place)
+    return float("nan") if ratio is None else abs(ratio)
 
 
 def _turns(span: Span) -> tuple[float, ...]:

@@ -10,8 +10,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.instrumental import combine
+from identifiability.estimation.estimator import Estimate, combine
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen

@@ -210,7 +210,7 @@ def state_rows(
     nominal = draw_bodies(structure) if len(structure.inertial) else None
     rows, aim, of = [np.zeros((0, p))], [np.zeros(0)], [np.zeros(0, int)]
     for k, (stem, columns) in enumerate(zip(structure.bodies, structure.inertial, strict=True)):
-        own = robot.prior_share.get(stem.removesuffix("."), share)
+        own = robot.said.prior_share.get(stem.removesuffix("."), share)
         more = (share_weight(own) if own else 0.0) - weight
         if more <= 0 or nominal is None:
             continue

@@ -271,7 +271,7 @@ def _believe(model: FittedModel, cad_weight: float) -> LeastSquares:
     """
     data = model.data.beside(*model.left_out)
     robot = model.structure.robot
-    if not (robot.prior or robot.prior_share):
+    if not (robot.prior or robot.said.prior_share):
         return data
     rows, aim, _ = state_rows(model.structure, 0.0, cad_weight)
     return data.beside(data.unit * rows, data.unit * aim)

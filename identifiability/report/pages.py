@@ -15,6 +15,7 @@ import numpy as np
 
 from identifiability.effects import find_effect, title_of
 from identifiability.foundation.answers import Cell, Column, Note, Table
+from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.numbers import measured
 from identifiability.foundation.rounding import (
@@ -24,7 +25,6 @@ from identifiability.foundation.rounding import (
     format_number,
     join,
     percent,
-    percent_text,
     rough_percent,
 )
 from identifiability.report import plot
@@ -54,26 +54,13 @@ from identifiability.report.figures import (
     draw_residual,
 )
 from identifiability.report.skeleton import Part, move_skeletons, sketch_parts, sketch_verdicts
-from identifiability.workflows.answers import (
-    SIGMA,
-    UNIT,
-    VALUE,
-    VERDICT,
-    bias_columns,
-    count_joints,
-    level_table,
-    note,
-    sentence,
-    with_hints,
-    words,
-)
+from identifiability.workflows.answers import count_joints, level_table, note, sentence, words
 
 if TYPE_CHECKING:
     from identifiability.workflows.calibrate.calibration import Calibration
     from identifiability.workflows.compare import Comparison
-    from identifiability.workflows.diagnose.findings import Curve
     from identifiability.workflows.diagnose.forward import ForwardGap
-    from identifiability.workflows.diagnose.result import Diagnosis
+    from identifiability.workflows.diagnose.result import Curve, Diagnosis
     from identifiability.workflows.excite.result import Excitation
     from identifiability.workflows.inspect import Inspection, Record
     from identifiability.workflows.payload import Load
@@ -125,12 +112,12 @@ def comparison_heading(result: Comparison) -> tuple[str, str]:
 
 def comparison_sketch(result: Comparison) -> Sketch | None:
     """Return the robot with what was found drawn on it, if it can be drawn."""
-    from identifiability.workflows.compare import ALL_JOINTS, describe  # noqa: PLC0415
+    from identifiability.estimation.differences import ALL_JOINTS  # noqa: PLC0415
 
     parts = {name: Part("grey", "nothing changed for sure") for name in result.robot.joints}
     for change in result.changes:
         owners = result.robot.joints if change.place == ALL_JOINTS else (change.place,)
-        parts |= {owner: Part("vermilion", describe(change)) for owner in owners}
+        parts |= {owner: Part("vermilion", change.called) for owner in owners}
     return sketch_parts(result.robot, parts, "decision.changed")
 
 
@@ -161,7 +148,7 @@ def diagnosis_sketch(d: Diagnosis) -> Sketch | None:
         for p in e.placements:
             missing.setdefault(p.place, []).append(e.title)
     for c in d.changes:
-        missing.setdefault(c.place, []).append(f"{title_of(c.family)} {c.when}")
+        missing.setdefault(c.place, []).append(f"{c.what} {c.when}")
     parts = {joint: Part("grey", "nothing was found to be missing") for joint in d.robot.joints}
     parts |= {place: Part("vermilion", f"misses {join(t)}") for place, t in missing.items()}
     return sketch_parts(d.completed.robot, parts, "decision.missing")
@@ -178,13 +165,6 @@ def diagnosis_below(d: Diagnosis) -> Picture | None:
     states = {"before": before, "after": after}
     figure = draw_residual(x, states, f"{joint} on unseen motion", _labels(d, c))
     return picture("named", figure, joint=joint, over=_over(c))
-
-
-def diagnosis_notes(d: Diagnosis) -> list[Note]:
-    """Return what should be known with the answer."""
-    from identifiability.workflows.diagnose.findings import remarks  # noqa: PLC0415
-
-    return remarks(d)
 
 
 def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
@@ -314,7 +294,7 @@ THEN = Column("then", digits(3), "after", "Beside what was named as well.")
 
 def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
     """Return all that was asked with its evidence, what was not, and how."""
-    from identifiability.workflows.diagnose.findings import PLACES  # noqa: PLC0415
+    from identifiability.workflows.diagnose.result import PLACES  # noqa: PLC0415
 
     order = sorted(d.evidence, key=lambda x: -x.before)
     table = Table.of("The likeliest of all that was asked", (*GROUP, THEN), order[:LISTED])
@@ -460,7 +440,7 @@ def inspection_sections(result: Inspection) -> list[Section]:
         return own
     first, *others = [_recorded(result, r) for r in result.records]
     names = [record.name for record in result.records[1:]]
-    clock, motion, torque = result.tables()
+    clock, motion = result.tables()
     return [
         section(
             "inspection.traces",
@@ -468,7 +448,6 @@ def inspection_sections(result: Inspection) -> list[Section]:
             *(Fold(f"The same of {name}", g) for name, g in zip(names, others, strict=True)),
         ),
         section("inspection.motion", motion),
-        section("inspection.torque", torque),
         section("inspection.clock", clock, *map(_preparation, result.records)),
         section(
             "inspection.robot",
@@ -478,23 +457,20 @@ def inspection_sections(result: Inspection) -> list[Section]:
 
 
 def _recorded(result: Inspection, record: Record) -> tuple[Traces, ...]:
-    """Return position, velocity and torque of every joint of a log over time."""
-    trace, robot = record.trace, result.robot
-    start, rows = record.clock["start"], list(record.joints.itertuples())
-    t, motion_t = trace.t - start, trace.motion_t - start
+    """Return position and torque of every joint of a log over time."""
+    robot, t = result.robot, record.t - record.clock["start"]
+    rows = list(record.joints.itertuples())
     # Nobody measures position and force of a base that floats.
     at = [k for k, joint in enumerate(rows) if joint.joint in robot.motor_joints]
-    own = [rows[k] for k in at]
-    names = [str(joint.joint) for joint in own]
+    names = [str(rows[k].joint) for k in at]
     shown = (
-        ("position", t, trace.q, [str(j.unit) for j in own], robot.limits[at]),
-        ("velocity", motion_t, trace.dq, [f"{j.unit}/s" for j in own], None),
-        ("torque", t, trace.tau, [str(j.torque_unit) for j in own], None),
+        ("position", record.q, [str(rows[k].unit) for k in at], robot.limits[at]),
+        ("torque", record.tau, [str(rows[k].torque_unit) for k in at], None),
     )
     return tuple(
-        motion_traces(name, times, values[:, at], names, units, limits)
-        for name, times, values, units, limits in shown
-        if at and len(times)
+        motion_traces(name, t, values[:, at], names, units, limits)
+        for name, values, units, limits in shown
+        if at and len(t)
     )
 
 
@@ -522,7 +498,9 @@ def _robot(result: Inspection) -> list[Section]:
     groups = zip(base.names, base.units, base.labels, strict=True)
     grouped = (Column("parameter"), Column("unit"), Column("what it stands for", "code"))
     found = [
-        section("inspection.joints", result.naming, Table.of("", JOINTS, result.joints)),
+        section(
+            "inspection.joints", phrase("needs", "naming"), Table.of("", JOINTS, result.joints)
+        ),
         section(
             "inspection.columns",
             beside,
@@ -628,8 +606,9 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
     """Return the sections of the page."""
     from identifiability.report.analysis import mass_table, section_correlated  # noqa: PLC0415
 
-    masses = mass_table(ladder.robot, ladder.result.physical.parameters())
-    said = filter(None, (ladder.result.physical.sentence, ladder.mass_statement))
+    masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
+    real = ladder.chosen.physical
+    said = filter(None, ("" if real is None else real.sentence, ladder.mass_statement))
     settings = {"method": ladder.method, "seed": ladder.seed}
     text = words("pruning.how", effects=", ".join(ladder.effects), **settings)
     some = not ladder.nothing
@@ -654,22 +633,12 @@ def section_ladder(ladder: Ladder) -> Section:
 def section_survivors(ladder: Ladder) -> Section:
     """Return the parameters of the model to use."""
     from identifiability.report.analysis import fold_verdicts  # noqa: PLC0415
-    from identifiability.workflows.analyze.result import label_note  # noqa: PLC0415
+    from identifiability.workflows.analyze.result import parameter_table  # noqa: PLC0415
 
-    own = with_hints(
-        "survivors",
-        Column("parameter", get=lambda v: Cell(v.name, note=label_note(v))),
-        VALUE,
-        SIGMA,
-        UNIT,
-        Column("σ%", percent_text, "sigma_label_percent"),
-        *bias_columns(ladder.verdicts),
-        VERDICT,
-    )
-    table = Table.of("", own, ladder.verdicts, filter_by=-1)
-    size = format_count(len(ladder.chosen), "parameter")
+    table, size = parameter_table(ladder, ladder.chosen), len(ladder.chosen)
     tables = fold_verdicts(table, ladder.verdicts)
-    return section("pruning.survivors", *tables, *ladder.tables()[1:], size=size)
+    said = format_count(size, "parameter")
+    return section("pruning.survivors", *tables, *ladder.tables()[1:], size=said)
 
 
 def _refused(ladder: Ladder) -> Section | None:

@@ -39,7 +39,7 @@ from identifiability.report.figures import (
 if TYPE_CHECKING:  # every report loads this module, and few need what prunes or diagnoses
     from identifiability.workflows.analyze import Analysis
     from identifiability.workflows.diagnose import Diagnosis
-    from identifiability.workflows.predict import Covaries, TorquePrediction
+    from identifiability.workflows.predict import Predicts, TorquePrediction
     from identifiability.workflows.prune import Ladder
 
 __all__ = ["correlated", "missing", "models", "precision", "reduction_path", "torque"]
@@ -59,7 +59,7 @@ def precision(result: Analysis, model: str | None = None) -> Figure:
         [(v.sigma_percent, v.sigma_label_percent) for v in drawn.verdicts], float
     ).T
     names = [v.name for v in drawn.verdicts]
-    kinds = [v.verdict.value for v in drawn.verdicts]
+    kinds = [v.look for v in drawn.verdicts]
     limit = ESTIMATION_RULES.paper_factor * float(np.min(white, initial=np.inf))
     return draw_precision(names, white, known, kinds, result.thresholds.sigma_percent, limit)
 
@@ -78,7 +78,7 @@ def reduction_path(result: Ladder) -> Figure:
     return draw_ladder(sizes, fitted, unseen, spread, result.selected, result.least)
 
 
-def correlated(result: Covaries, most: int = 20) -> Figure:
+def correlated(result: Predicts, most: int = 20) -> Figure:
     """Draw the correlation of the parameters that are correlated with others.
 
     Parameters

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from markupsafe import Markup, escape
 
-from identifiability.estimation.verdict import Class, Verdict
+from identifiability.estimation.verdict import Class, Flag, Verdict
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import join, mark_of
 from identifiability.foundation.values import frozen
@@ -114,10 +114,11 @@ def _trace(robot: Robot, poses: Array) -> tuple[dict[str, Array], Array]:
 
     at = np.stack([each(frames.origin[k]) for k in range(len(tree.joints))])
     limbs: dict[str, Array] = {}
-    for body, k in _carriers(robot).items():
+    closing = [p for loop in robot.loops for p in (loop.first, loop.second)]
+    for body, link in zip(robot.bodies, robot.links, strict=True):
+        k = link.last
         ends = [at[c] for c, j in enumerate(tree.joints) if j.parent == k]
-        for loop in robot.loops:
-            ends += [each(tree.world_point(frames, p)) for p in _points(loop, k)]
+        ends += [each(tree.world_point(frames, p)) for p in closing if p.joint == k]
         if not ends:
             mass = robot.nominal.get(f"{body}.m", 0.0)
             first = np.array([robot.nominal.get(f"{body}.{x}", 0.0) for x in ("mx", "my", "mz")])
@@ -168,10 +169,9 @@ def move_skeletons(
         return None
     place = _look(traced[0].reshape(-1, 3), robot)
     lines, start = [], len(robot.tree.joints)
-    carriers = _carriers(robot)
-    for body, own in limbs.items():
+    for link, own in zip(robot.links, limbs.values(), strict=True):
         count = len(own) // 2
-        lines += [(carriers[body], start + i) for i in range(count)]
+        lines += [(link.last, start + i) for i in range(count)]
         start += count
     said = tuple(
         tuple("diverged" if np.isnan(x) else f"{name} {x:.3g} {unit}" for x in error[rows])
@@ -187,19 +187,6 @@ def move_skeletons(
         size=(WIDTH, HEIGHT),
         caption=caption,
     )
-
-
-def _carriers(robot: Robot) -> dict[str, int]:
-    """Return the last joint of the tree before each body; of a ball's three hinges the third."""
-    model = robot.model
-    ends = {j.iv + j.nv: k for k, j in enumerate(robot.tree.joints)}
-    places = (int(model.idx_vs[k] + model.nvs[k]) for k in range(1, model.njoints))
-    return {b: ends[at] for b, at in zip(robot.bodies, places, strict=True) if at in ends}
-
-
-def _points(loop: object, joint: int) -> list[Point]:
-    found = (getattr(loop, "first", None), getattr(loop, "second", None))
-    return [p for p in found if p is not None and p.joint == joint]
 
 
 def _look(points: Array, robot: Robot) -> Callable[[Array], Array]:
@@ -302,7 +289,7 @@ def _names(places: Mapping[str, Array], points: Array) -> list[str]:
 
 
 #: Verdicts by what the drawing prefers to show of a body that has several.
-BEST = (Class.IDENTIFIABLE, Class.WEAK, Class.NEGLIGIBLE, Class.NOT_JUDGED)
+BEST = (Class.IDENTIFIABLE, Class.SIGN_ONLY, Flag.NEGLIGIBLE, Flag.NOT_JUDGED)
 
 #: Poses that the drawn one is chosen from.
 POSES = 24
@@ -362,7 +349,7 @@ def typical_pose(robot: Robot) -> Array:
 
 
 def _part(verdicts: Sequence[Verdict]) -> Part:
-    kinds = [v.verdict for v in verdicts]
+    kinds = [v.look for v in verdicts]
     best = next((c for c in BEST if c in kinds), kinds[0])
-    counts = [f"{kinds.count(k)} {k.value}" for k in dict.fromkeys(kinds)]
-    return Part(mark_of(best.value).tone, join(counts))
+    counts = [f"{kinds.count(k)} {k}" for k in dict.fromkeys(kinds)]
+    return Part(mark_of(best).tone, join(counts))

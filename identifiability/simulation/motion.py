@@ -22,8 +22,8 @@ from identifiability.logs import Log, signals
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.logs.source import read_table
 from identifiability.logs.spectrum import Spectrum, choose_band
+from identifiability.logs.tables import read_table
 from identifiability.robot import Robot
 
 # Prescribed motion of the actuated joints: Fourier series, from a file or at random, or a table.

@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 
 from identifiability.estimation.estimate import Method, estimate
-from identifiability.estimation.estimator import Estimate, noise_scale
+from identifiability.estimation.estimator import Estimate, combine, noise_scale
 from identifiability.estimation.evidence import (
     LEVELS,
     Folds,
@@ -28,7 +28,6 @@ from identifiability.estimation.evidence import (
     may_stand,
     nested_density,
 )
-from identifiability.estimation.instrumental import combine
 from identifiability.estimation.refits import Equations, Refits
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
