@@ -34,16 +34,19 @@ UNITS = {"mN·m (or mN)": 1e3, "N·cm": 1e2, "N·mm": 1e3, "kN·m (or kN)": 1e-3
 
 @check("unit", Does.EXPLAINS)
 def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
-    """Return torque of all joints whose size contradicts the file.
-
-    What one joint alone contradicts is another model (`alternatives`), or bodies of other masses.
-    """
+    """Return torque whose size contradicts the file: at all joints, or far more at one of them."""
     if not logs.weighs:
         return []
     factors = measure_factors(logs)
     known = np.flatnonzero(np.isfinite(factors))
     share = factors[known]
     odd = np.abs(np.log(share)) > np.log(RULES.unit_factor)
+    # No other body makes the torque of one joint alone so much larger or smaller.
+    other = np.abs(np.log(share)) > 2.0 * np.log(RULES.unit_factor)
+    if other.any() and other.sum() < len(share) and (odd == other).all():
+        k = int(np.flatnonzero(other)[0])
+        how = phrase("unit", "one", joint=logs.joints[known[k]], name=_name_unit(share[k]))
+        return [Finding("unit", multiple=f"{share[k]:.2g} times", how=how, factors=share.tolist())]
     # Factors of two joints do not differ by more than this.
     apart = not odd.any() and len(share) > 1 and share.max() >= 8.0 * share.min()
     if not len(share) or not (odd.all() or apart):
@@ -74,19 +77,10 @@ def measure_factors(logs: MeasuredLogs) -> Array:
         if size[k] >= 0.02 * size[units == units[k]].max() > 0:
             factors[k] = _factor(logs.predicted[:, k], logs.torque[:, k], logs.ordinary(k))
         if np.isnan(factors[k]) and np.isfinite(logs.stated[:, k]).all():
-            factors[k] = _plain_factor(logs.stated[:, k], logs.torque[:, k])
+            # Where bodies look like a rotor the file's own rotor is beside them.
+            friction = logs.ordinary(k)[:, :3]
+            factors[k] = _factor(logs.stated[:, k], logs.torque[:, k], friction)
     return factors
-
-
-def _plain_factor(predicted: Array, measured: Array) -> float:
-    """Return the slope of measured on predicted torque, (N,) each, beside an offset; or NaN."""
-    p, m = predicted - predicted.mean(), measured - measured.mean()
-    lengths = float(np.linalg.norm(p)), float(np.linalg.norm(m))
-    # All that the file predicts agrees with the measured torque from this correlation on,
-    # where masses alone do not show.
-    if not min(lengths) > 0 or float(p @ m) < 0.9 * lengths[0] * lengths[1]:
-        return np.nan
-    return float(p @ m) / lengths[0] ** 2
 
 
 def _factor(predicted: Array, measured: Array, ordinary: Array) -> float:
