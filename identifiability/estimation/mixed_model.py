@@ -19,9 +19,9 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-import scipy
 from scipy.special import log_ndtr, logsumexp, softmax
 
+from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.noise import THIN, ARNoise, JointRuns, whiten
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.names import Array
@@ -218,30 +218,19 @@ Terms = tuple[Term, ...]
 
 
 @frozen
-class Solution:
+class Solution(Normal):
     """A model with some terms, by Henderson's equations.
 
     Attributes
     ----------
     columns : (c,) int
         Of the fixed model, then of the terms.
-    value : (c,)
-    root : (c, c)
-        Inverse of the triangular factor of the precision: the covariance is ``rootᵀ root``.
     log_likelihood : float
         Restricted, without what all models have in common.
     """
 
     columns: np.ndarray
-    value: Array
-    root: Array
     log_likelihood: float
-
-    @property
-    def covariance(self) -> Array:
-        """Of fixed effects and of errors in the random ones, (c, c)."""
-        both: Array = self.root.T @ self.root
-        return both
 
 
 @frozen
@@ -309,13 +298,9 @@ class MixedModel:
         P[range(first, len(P)), range(first, len(P))] += 1.0 / sizes
         if self.prior.size:
             P[:first, :first] += self.prior / np.outer(self.scale[:first], self.scale[:first])
-        if not len(P):
-            return Solution(columns, np.empty(0), np.empty((0, 0)), 0.0)
-        L = np.linalg.cholesky(P)
-        root, _ = scipy.linalg.lapack.dtrtri(L, lower=1)
-        half = root @ target
-        likelihood = 0.5 * half @ half - np.log(np.diag(L)).sum() - 0.5 * np.log(sizes).sum()
-        return Solution(columns, root.T @ half, root, float(likelihood))
+        x = Normal.of(P, target)
+        likelihood = x.evidence - 0.5 * float(np.log(sizes).sum())
+        return Solution(x.factor, x.half, columns, likelihood)
 
     def beside(self, terms: Terms) -> list[Group]:
         """Return the groups that may come beside some terms: what is everywhere has no place."""
@@ -344,7 +329,7 @@ class MixedModel:
         s = self.solve(terms)
         every = np.arange(self.products.width)
         along = s.root @ self._between(s.columns, every)
-        left = self.target - along.T @ (s.root @ self.target[s.columns])
+        left = self.target - along.T @ s.half
         flat = [(k, i, at) for k, g in enumerate(asked) for i, at in enumerate(g.members)]
         rise: dict[tuple[int, int], tuple[Array, Array]] = {}
         for width in sorted({len(at) for _, _, at in flat}):
@@ -371,9 +356,7 @@ class MixedModel:
     def information(self, terms: Terms, columns: np.ndarray) -> Array:
         """Return what rows say of columns (k,) beside the model with some terms, (k, k)."""
         s = self.solve(terms)
-        along = s.root @ self._between(s.columns, columns)
-        left: Array = self._between(columns, columns) - along.T @ along
-        return left
+        return s.beside(self._between(columns, columns), self._between(s.columns, columns))
 
     def _rise(self, sets: np.ndarray, along: Array, left: Array) -> tuple[Array, Array]:
         """Return the rise of the log-likelihood by sets of columns (s, k), and what signs add.

@@ -134,20 +134,15 @@ class ActuatorBlocks:
             vars(merged)["root"] = self.root
         return merged
 
-    def merge_weighted(self, group: np.ndarray, counts: Array) -> Array:
-        """Return ``Zᵀ Z`` of groups of blocks, each of them counted so often, (G, r, r).
-
-        Parameters
-        ----------
-        group : (B,) int
-            Ascending from 0.
-        counts : (B,)
-        """
-        out = []
-        for blocks, c in ((self.blocks[group == g], counts[group == g]) for g in np.unique(group)):
-            rows = (blocks * np.sqrt(c)[:, None, None]).reshape(-1, blocks.shape[2])
-            out.append(np.tensordot(c, blocks, 1) if self.squared else rows.T @ rows)
-        return np.stack(out)
+    def summed(self, members: Array) -> ActuatorBlocks:
+        """Return a block for each row of members (F, B): blocks counted so often, added up."""
+        if self.squared:
+            blocks = np.tensordot(members, self.blocks, 1)
+        else:
+            root, r = np.sqrt(members), self.blocks.shape[2]
+            rows = ((w[w > 0, None, None] * self.blocks[w > 0]).reshape(-1, r) for w in root)
+            blocks = np.stack([Z.T @ Z for Z in rows])
+        return replace(self, blocks=blocks, sums=members @ self.sums)
 
     def join(self, other: ActuatorBlocks) -> ActuatorBlocks:
         """Return the blocks of both, over the columns that either sees."""
@@ -417,17 +412,19 @@ class Information:
         return np.array([np.square(own).sum(0) for own in rows])
 
     def squares_of_blocks(self, change: Array) -> Array:
-        """Return each actuator's sum of squares of ``[W τ] change`` in each block, (n, B).
+        """Return each actuator's sum of squares of ``[W τ] x`` in each block, (…, B, n).
 
         Parameters
         ----------
-        change : (k + 1, q)
+        change : (…, B, k + 1) or (k + 1,)
+            x of each block, or of all.
         """
         out = []
-        for part, own in self.of_actuators(change):
+        for part, basis in self.of_actuators(np.eye(self.size + 1)):
+            own = (change @ basis.T)[..., None]
             Z = part.blocks @ own
-            out.append((Z * own if part.squared else Z * Z).sum((1, 2)))
-        return np.array(out)
+            out.append((Z * own if part.squared else Z * Z).sum((-2, -1)))
+        return np.stack(out, -1)
 
     def products(self, weights: Array, left: Array, right: Array) -> Array:
         """Return ``([W τ] left)ᵀ ([W τ] right)`` of each block, actuators weighted, (B, p, q).
@@ -554,6 +551,13 @@ class Information:
         weights = None if self.weights is None else self.weights[:, kept]
         what = {"counts": self.counts[kept], "data": self.data[kept], "log": self.log[kept]}
         return replace(self, parts=parts, weights=weights, within=None, **what)
+
+    def summed(self, members: Array) -> Information:
+        """Return a block for each row of members (F, B): blocks counted so often, added up."""
+        weights, every = np.asarray(members, float), np.arange(len(members))
+        parts = tuple(part.summed(weights) for part in self.parts)
+        what = {"counts": weights @ self.counts, "data": weights @ self.data, "log": every}
+        return replace(self, parts=parts, weights=None, within=None, **what)
 
     def weigh(self, weights: Array) -> Information:
         """Return the blocks with weights of their squares; their samples count as before.

@@ -256,8 +256,8 @@ def test_weights_stay_with_their_blocks():
     whole, *_ = loud(np.random.default_rng(4), (1.0, 3.0))
     found = whole.weigh(np.where(whole.log == 0, 2.0, 0.5))
     z = np.append(-np.ones(4), 1.0)
-    plain = whole.squares_of_blocks(z[:, None])
-    np.testing.assert_allclose(found.squares_of_blocks(z[:, None]), plain * found.weights)
+    plain = whole.squares_of_blocks(z).T
+    np.testing.assert_allclose(found.squares_of_blocks(z).T, plain * found.weights)
     np.testing.assert_allclose(plain.sum(1), whole.squares(z))
     both = found.take(found.log == 1) + whole.take(whole.log == 0)
     assert both.weights[:, :3].tolist() == [[0.5] * 3] * 2
