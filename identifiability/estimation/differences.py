@@ -25,9 +25,9 @@ from identifiability.estimation.mixed_model import (
     RIDGE,
     Group,
     MixedModel,
-    Products,
     Term,
     Terms,
+    whitened_information,
 )
 from identifiability.estimation.noise import THIN, JointNoise, JointRuns, rich_noise
 from identifiability.estimation.rules import Thresholds
@@ -36,6 +36,7 @@ from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import list_candidates, number
+from identifiability.regression.information import Information
 from identifiability.regression.structure import Structure
 from identifiability.robot.kinematics import WORLD
 from identifiability.robot.robot import last_bodies
@@ -458,7 +459,7 @@ class Differences:
     def residual(self, terms: Terms) -> Array:
         """Return what values beside some terms leave of the torque, (N, n)."""
         columns, value, _ = self.model.values(terms)
-        every = np.zeros(self.model.products.width)
+        every = np.zeros(self.model.products.size)
         every[columns] = value
         known, rows = self.known, self.rows
         left = rows.y - rows.X @ (known.base + known.directions @ every[: len(known.precision)])
@@ -543,12 +544,8 @@ class Differences:
             noise.append(self._noise(j, [must, *random], y[:, j]))
         starts = np.flatnonzero(np.diff(rows.log, prepend=-1)).tolist()
         edges, log = [*starts, len(rows.log)], rows.log[starts]
-        products = Products.of(columns, blocks, tuple(noise), rows.runs, edges)
-        level = self._levels(products, edges) * self.shared
-        values = tuple(
-            x / own[:, None, None] for x, own in zip(products.values, level, strict=True)
-        )
-        products = replace(products, values=values)
+        products = whitened_information(columns, blocks, tuple(noise), rows.runs, edges)
+        products = products.weigh(1.0 / (self._levels(products, edges) * self.shared))
         fixed = next(
             (int(at[0]) for part, at in zip(parts, spans, strict=True) if part.role == "may"), start
         )
@@ -586,19 +583,20 @@ class Differences:
             return found
         return JointNoise(np.empty(0), ROUNDOFF * float(self.rows.size[joint]))
 
-    def _levels(self, products: Products, edges: Sequence[int]) -> Array:
+    def _levels(self, products: Information, edges: Sequence[int]) -> Array:
         """Return the noise variance of each joint (n,) in each log (B,), over that of all logs.
 
         It is what each log leaves of itself, whatever changed in it.
         """
-        out = np.ones((len(products.values), products.blocks))
-        for j, (at, values) in enumerate(zip(products.columns, products.values, strict=True)):
+        out = np.ones((products.actuators, len(products.counts)))
+        for j, part in enumerate(products.parts):
+            values = part.blocks
             for b, (start, stop) in enumerate(pairwise(edges)):
                 count = sum(
                     max(min(last, stop) - max(first, start), 0)
                     for first, last in self.rows.runs.each[j]
                 )
-                own = np.flatnonzero(at[:-1] < self.start)
+                own = np.flatnonzero(part.columns < self.start)
                 size = np.sqrt(np.diag(values[b])[own])
                 own, size = own[size > 0], size[size > 0]
                 square, turn = np.linalg.eigh(values[b][np.ix_(own, own)] / np.outer(size, size))

@@ -63,7 +63,7 @@ class Level(StrEnum):
 
 @frozen
 class Levels:
-    """What evidence is called; reports print it under "how it was judged".
+    """What evidence is called; `workflows/words.toml` says it in words.
 
     Attributes
     ----------
@@ -87,33 +87,6 @@ class Levels:
     folds: int = 10
     fewest: int = 5
     draws: int = 1000
-
-    def rows(self) -> tuple[tuple[str, str], ...]:
-        """Return each level, and what a choice rests on, in words."""
-        sure, rise = f"{100 * self.confidence:g} %", f"{100 * self.rise:g} %"
-        return (
-            (Level.BETTER.value, f"the lower {sure} limit of the gain on unseen motion is above 0"),
-            (Level.WORSE.value, "its upper limit is below 0"),
-            (Level.AS_GOOD.value, f"neither, and the error surely rises by less than {rise}"),
-            (Level.OPEN.value, "otherwise"),
-            (
-                "the model to use",
-                f"the smallest within {self.nats:g} nats of the best predictive log density of "
-                f"{self.fewest} to {self.folds} blocked folds, or as good as the best; where no "
-                "real robot has its values, a smaller one that one has, if the real robots nearest "
-                "to both predict alike",
-            ),
-            (
-                "the prior to the robot file",
-                f"the heaviest within {self.nats:g} nats of the best predictive log density",
-            ),
-            (
-                "the values to use",
-                "those of the nearest real robot, unless the ones that were estimated are better; "
-                "and where these differ from them over the range of the robot by no more "
-                "than twice their own squared errors there",
-            ),
-        )
 
 
 LEVELS = Levels()

@@ -24,7 +24,13 @@ from identifiability.effects import FAMILIES, Family
 from identifiability.effects.friction import REVERSALS, ReversalFriction
 from identifiability.effects.functions import FunctionOfSessionTime
 from identifiability.effects.nominal import has_masses, reference_values
-from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Products, Term
+from identifiability.estimation.mixed_model import (
+    EVERYWHERE,
+    Group,
+    MixedModel,
+    Term,
+    whitened_information,
+)
 from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, Runs, rich_noise
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.linalg import triangular_factor
@@ -42,6 +48,7 @@ from identifiability.regression.columns import (
     list_candidates,
     number,
 )
+from identifiability.regression.information import Information
 from identifiability.regression.regression import Chunk, Regression, choose_within, inside
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -340,8 +347,8 @@ class Missing:
         of: Excerpt | None = None,
         edges: Sequence[int] | None = None,
         noise: ARNoise | None = None,
-    ) -> Products:
-        """Return products of whitened rows: fitted ones, or others with the same columns.
+    ) -> Information:
+        """Return the information of whitened rows: fitted ones, or others with the same columns.
 
         Parameters
         ----------
@@ -362,7 +369,7 @@ class Missing:
             Z = [entries.get((j, k), none) for k in acting.tolist()]
             blocks.append(np.column_stack([rows.X[:, j, model], *Z, rows.y[:, j]]))
         usual = np.ceil(np.linspace(0, len(rows.y), BLOCKS + 1)).astype(int).tolist()
-        return Products.of(columns, blocks, noise or self.noise, rows.runs, edges or usual)
+        return whitened_information(columns, blocks, noise or self.noise, rows.runs, edges or usual)
 
     @cached_property
     def sets(self) -> dict[tuple[str, str], list[list[Candidate]]]:
@@ -392,7 +399,7 @@ class Missing:
             out.append(Group(name, place, _members(sets, self.fixed), price, positive))
         return tuple(out)
 
-    def model(self, products: Products | None = None) -> MixedModel:
+    def model(self, products: Information | None = None) -> MixedModel:
         """Return the mixed model of the fitted rows.
 
         What every hypothesis has, friction at reversals, is a part of its fixed columns, with the

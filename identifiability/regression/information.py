@@ -39,8 +39,8 @@ class ActuatorBlocks:
     ----------
     columns : (v,) int
         Columns that it can see, ascending; all others are zero in its rows.
-    basis : (r, v + 1)
-        ``[W τ] = Z basis`` over these columns and the torque.
+    basis : (r, v + 1) or None
+        ``[W τ] = Z basis`` over these columns and the torque; None where Z are these themselves.
     blocks : (B, m, r) or (B, r, r)
         Rows Z of each block where there are m < r (filled up with zeros), else ``Zᵀ Z``.
     sums : (B, r)
@@ -48,9 +48,22 @@ class ActuatorBlocks:
     """
 
     columns: np.ndarray
-    basis: Array
+    basis: Array | None
     blocks: Array
     sums: Array
+
+    @cached_property
+    def coordinates(self) -> Array:
+        """The basis, also where it is the unit matrix, (r, v + 1)."""
+        return np.eye(len(self.columns) + 1) if self.basis is None else self.basis
+
+    @cached_property
+    def total(self) -> Array:
+        """Products of the columns and the torque over all blocks, (v + 1, v + 1)."""
+        if self.squared and self.basis is None:
+            return np.asarray(self.blocks.sum(0))
+        rows = self.root @ self.coordinates
+        return np.asarray(rows.T @ rows)
 
     @property
     def squared(self) -> bool:
@@ -86,15 +99,15 @@ class ActuatorBlocks:
 
     def widen(self, size: int) -> Array:
         """Return the basis over all `size` columns and the torque, (r, size + 1)."""
-        wide = np.zeros((len(self.basis), size + 1))
-        wide[:, [*self.columns, size]] = self.basis
+        wide = np.zeros((len(self.coordinates), size + 1))
+        wide[:, [*self.columns, size]] = self.coordinates
         return wide
 
     def reduce(self, map_: Array) -> ActuatorBlocks:
         """Return the blocks of ``[W τ] map_``, for a map (k + 1, m + 1) that keeps the torque."""
         k, m = np.subtract(map_.shape, 1)
         columns = np.flatnonzero(map_[self.columns, :m].any(0))
-        basis = self.basis @ map_[np.ix_([*self.columns, k], [*columns, m])]
+        basis = self.coordinates @ map_[np.ix_([*self.columns, k], [*columns, m])]
         # Blocks stay in a basis that is larger than what is asked of them by up to this
         # factor: to turn all of them costs more than to look at them many times.
         if len(basis) > 1.25 * basis.shape[1]:
@@ -262,10 +275,6 @@ class Information:
         Whether the parts hold ``[V W τ]``, with instruments V that stand for the k columns of W.
     weights : (n, B) or None
         By which the squares of each actuator's blocks were weighed; None where they were not.
-    within : (Information, (K + 1, k + 1)) or None
-        The information of the same blocks about more columns, and these among them: ``[W τ]`` is
-        that of more times this. A factor of all blocks is taken from there, as many reduced models
-        have it in common.
     """
 
     columns: tuple[str, ...]
@@ -275,7 +284,6 @@ class Information:
     log: np.ndarray
     instrumented: bool = False
     weights: Array | None = None
-    within: tuple[Information, Array] | None = None
 
     @staticmethod
     def of_rows(
@@ -349,7 +357,7 @@ class Information:
     @property
     def nbytes(self) -> int:
         """Size of what is held [bytes]."""
-        return sum(p.blocks.nbytes + p.basis.nbytes for p in self.parts)
+        return sum(p.blocks.nbytes for p in self.parts)
 
     @cached_property
     def _made(self) -> dict[Any, Any]:
@@ -366,7 +374,7 @@ class Information:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return its fields: what follows from them is neither sent to workers nor part of keys."""
-        return {f.name: getattr(self, f.name) for f in fields(self)} | {"within": None}
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @cached_property
     def joint(self) -> Information:
@@ -400,6 +408,37 @@ class Information:
         for part in self.parts:
             own, columns = self._own(part)
             yield part, own @ change[[*columns, self.size]]
+
+    @cached_property
+    def _places(self) -> list[np.ndarray]:
+        """Where each column, and the torque, is among those of an actuator; else -1, (k + 1,)."""
+        places = [np.full(self.size + 1, -1) for _ in self.parts]
+        for place, part in zip(places, self.parts, strict=True):
+            place[[*part.columns, self.size]] = np.arange(len(part.columns) + 1)
+        return places
+
+    def between(self, some: np.ndarray, others: np.ndarray) -> Array:
+        """Return products of some columns (a,) with others (b,) over all rows; k is the torque."""
+        out = np.zeros((len(some), len(others)))
+        for place, part in zip(self._places, self.parts, strict=True):
+            a, b = place[some], place[others]
+            here, there = np.flatnonzero(a >= 0), np.flatnonzero(b >= 0)
+            if len(here) and len(there):
+                out[np.ix_(here, there)] += part.total[np.ix_(a[here], b[there])]
+        return out
+
+    def within(self, sets: np.ndarray) -> Array:
+        """Return products of sets of columns (s, k) among themselves, (s, k, k)."""
+        out = np.zeros((*sets.shape, sets.shape[1]))
+        for place, part in zip(self._places, self.parts, strict=True):
+            at = place[sets]
+            act = np.flatnonzero((at >= 0).any(1))
+            if len(act):
+                at = at[act]
+                on = (at >= 0).astype(float)
+                own = part.total[np.maximum(at, 0)[:, :, None], np.maximum(at, 0)[:, None, :]]
+                out[act] += own * on[:, :, None] * on[:, None, :]
+        return out
 
     def squares(self, change: Array) -> Array:
         """Return each actuator's sum of squares of ``[W τ] change``, (n,) or (n, m).
@@ -460,10 +499,6 @@ class Information:
         return found
 
     def _factor(self, weights: Array) -> Array:
-        if self.within is not None and self.within[0]._grams is not None:
-            more, own = self.within
-            R: Array = more.factor(weights) @ own
-            return triangular_factor(np.pad(R, ((0, max(0, R.shape[1] - len(R))), (0, 0))))
         if self._grams is not None:
             before, root, grams = self._grams
             ratio = weights / before
@@ -514,7 +549,7 @@ class Information:
         """Return an actuator's basis of the columns W that it can see, and which these are."""
         instruments = self._width - self.size
         seen = part.columns >= instruments
-        return part.basis[:, np.append(seen, True)], part.columns[seen] - instruments
+        return part.coordinates[:, np.append(seen, True)], part.columns[seen] - instruments
 
     def reduce(self, M: Array, columns: Sequence[str], held: Array | None = None) -> Information:
         """Return the information of the columns ``W M``, with torque ``τ - W held``.
@@ -536,7 +571,7 @@ class Information:
             own[:k, m] = -held
         map_ = block_diag(M, own) if self.instrumented else own
         parts = tuple(part.reduce(map_) for part in self.parts)
-        return replace(self, columns=tuple(columns), parts=parts, within=(self, own))
+        return replace(self, columns=tuple(columns), parts=parts)
 
     def select(self, columns: Sequence[int]) -> Information:
         """Return the information about some columns, the others held at zero."""
@@ -550,14 +585,14 @@ class Information:
         parts = tuple(part.take(kept) for part in self.parts)
         weights = None if self.weights is None else self.weights[:, kept]
         what = {"counts": self.counts[kept], "data": self.data[kept], "log": self.log[kept]}
-        return replace(self, parts=parts, weights=weights, within=None, **what)
+        return replace(self, parts=parts, weights=weights, **what)
 
     def summed(self, members: Array) -> Information:
         """Return a block for each row of members (F, B): blocks counted so often, added up."""
         weights, every = np.asarray(members, float), np.arange(len(members))
         parts = tuple(part.summed(weights) for part in self.parts)
         what = {"counts": weights @ self.counts, "data": weights @ self.data, "log": every}
-        return replace(self, parts=parts, weights=None, within=None, **what)
+        return replace(self, parts=parts, weights=None, **what)
 
     def weigh(self, weights: Array) -> Information:
         """Return the blocks with weights of their squares; their samples count as before.
@@ -570,7 +605,7 @@ class Information:
         each = np.broadcast_to(weights, (self.actuators, len(self.counts)))
         parts = tuple(part.weigh(w) for part, w in zip(self.parts, each, strict=True))
         all_ = each if self.weights is None else self.weights * each
-        return replace(self, parts=parts, weights=all_, within=None)
+        return replace(self, parts=parts, weights=all_)
 
     def merge(self, at: np.ndarray) -> Information:
         """Return blocks that each hold those from one of `at` up to the next."""

@@ -292,11 +292,11 @@ class Scan:
         model, own, stays = missing.model(products), self.candidates, len(self.first)
         s = model.solve()
         at = np.concatenate([c.columns for c in own]) + missing.fixed
-        columns = np.concatenate([at, s.columns, [products.width]])
+        columns = np.concatenate([at, s.columns, [products.size]])
         scale = np.append(model.scale, 1.0)[columns]
         each = np.array([
-            products.take([b]).between(at, columns) / np.outer(scale[: len(at)], scale)
-            for b in range(products.blocks)
+            products.take(np.array([b])).between(at, columns) / np.outer(scale[: len(at)], scale)
+            for b in range(len(products.counts))
         ])  # fmt: skip
         half, out = s.root @ model.target[s.columns], []
         ends = np.cumsum([len(c.columns) for c in own])[:-1]
