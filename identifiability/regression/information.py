@@ -273,8 +273,6 @@ class Information:
         Which log a block comes from.
     instrumented : bool
         Whether the parts hold ``[V W τ]``, with instruments V that stand for the k columns of W.
-    weights : (n, B) or None
-        By which the squares of each actuator's blocks were weighed; None where they were not.
     """
 
     columns: tuple[str, ...]
@@ -283,7 +281,6 @@ class Information:
     data: np.ndarray
     log: np.ndarray
     instrumented: bool = False
-    weights: Array | None = None
 
     @staticmethod
     def of_rows(
@@ -353,11 +350,6 @@ class Information:
         """Number of rows of each actuator that are data, one at least, (n,)."""
         rows: np.ndarray = np.maximum(self.data.sum(0), 1)
         return rows
-
-    @property
-    def nbytes(self) -> int:
-        """Size of what is held [bytes]."""
-        return sum(p.blocks.nbytes for p in self.parts)
 
     @cached_property
     def _made(self) -> dict[Any, Any]:
@@ -583,16 +575,15 @@ class Information:
     def take(self, kept: np.ndarray) -> Information:
         """Return some of the blocks."""
         parts = tuple(part.take(kept) for part in self.parts)
-        weights = None if self.weights is None else self.weights[:, kept]
         what = {"counts": self.counts[kept], "data": self.data[kept], "log": self.log[kept]}
-        return replace(self, parts=parts, weights=weights, **what)
+        return replace(self, parts=parts, **what)
 
     def summed(self, members: Array) -> Information:
         """Return a block for each row of members (F, B): blocks counted so often, added up."""
         weights, every = np.asarray(members, float), np.arange(len(members))
         parts = tuple(part.summed(weights) for part in self.parts)
         what = {"counts": weights @ self.counts, "data": weights @ self.data, "log": every}
-        return replace(self, parts=parts, weights=None, **what)
+        return replace(self, parts=parts, **what)
 
     def weigh(self, weights: Array) -> Information:
         """Return the blocks with weights of their squares; their samples count as before.
@@ -604,18 +595,14 @@ class Information:
         """
         each = np.broadcast_to(weights, (self.actuators, len(self.counts)))
         parts = tuple(part.weigh(w) for part, w in zip(self.parts, each, strict=True))
-        all_ = each if self.weights is None else self.weights * each
-        return replace(self, parts=parts, weights=all_)
+        return replace(self, parts=parts)
 
     def merge(self, at: np.ndarray) -> Information:
         """Return blocks that each hold those from one of `at` up to the next."""
         parts = tuple(part.merge(at) for part in self.parts)
         counts = np.add.reduceat(self.counts, at)
-        data, weights = np.add.reduceat(self.data, at, axis=0), self.weights
-        if weights is not None:
-            weights = np.add.reduceat(weights * self.counts, at, axis=1) / counts
-        what = {"counts": counts, "data": data, "log": self.log[at]}
-        merged = replace(self, parts=parts, weights=weights, **what)
+        data = np.add.reduceat(self.data, at, axis=0)
+        merged = replace(self, parts=parts, counts=counts, data=data, log=self.log[at])
         for one, like in ((merged, self), *([(merged.joint, self.joint)] * self.instrumented)):
             # Sums over all are the same.
             vars(one).update(_made=like._made, _factors=like._factors, _grams=like._grams)
@@ -626,11 +613,6 @@ class Information:
         if (self.columns, self.instrumented) != (other.columns, other.instrumented):
             raise ValueError("only information about the same columns can be added")
         later = other.log + (self.log.max(initial=-1) + 1)
-        weights = None
-        if self.weights is not None or other.weights is not None:
-            ones = (np.ones((self.actuators, len(one.counts))) for one in (self, other))
-            pairs = zip((self.weights, other.weights), ones, strict=True)
-            weights = np.concatenate([one if w is None else w for w, one in pairs], axis=1)
         return Information(
             self.columns,
             tuple(a.join(b) for a, b in zip(self.parts, other.parts, strict=True)),
@@ -638,7 +620,6 @@ class Information:
             np.concatenate([self.data, other.data]),
             np.concatenate([self.log, later]),
             self.instrumented,
-            weights,
         )
 
 

@@ -19,7 +19,6 @@ import numpy as np
 import pandas as pd
 from scipy.interpolate import CubicSpline
 
-from identifiability.estimation.alternatives import describe_term, place_of
 from identifiability.estimation.differences import (
     EXCERPT,
     Cause,
@@ -32,7 +31,7 @@ from identifiability.estimation.differences import (
     pooled_values,
     relative_scale,
 )
-from identifiability.estimation.groups import Excerpt
+from identifiability.estimation.groups import Excerpt, describe_term, place_of
 from identifiability.estimation.mixed_model import Term, Terms
 from identifiability.estimation.noise import JointNoise, JointRuns
 from identifiability.estimation.rules import RULES, Thresholds

@@ -66,9 +66,9 @@ def test_what_is_kept_ends_with_its_log_and_is_not_sent_about(made):
     structure, samples = made
     samples = replace(samples)
     list(structure.regression([samples], keep=True).chunks())
-    chunk = weakref.ref(structure.memory.of(samples).chunks[0])
+    chunk = weakref.ref(structure.memory.of(samples)[0])
     assert chunk() is not None
-    assert pickle.loads(pickle.dumps(structure.memory)).of(samples).chunks is None
+    assert pickle.loads(pickle.dumps(structure.memory)).of(samples) == []
     del samples
     gc.collect()
     assert chunk() is None

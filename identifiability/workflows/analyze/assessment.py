@@ -15,11 +15,11 @@ import numpy as np
 import pandas as pd
 import scipy
 
-from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives
 from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import Estimate, dependence, settle_signs
 from identifiability.estimation.evidence import Evidence, Level
 from identifiability.estimation.fit import Fit, find_left_out
+from identifiability.estimation.groups import NO_ALTERNATIVES, Alternatives
 from identifiability.estimation.prediction import (
     Prediction,
     measure_errors,

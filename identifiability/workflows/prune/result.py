@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives
+from identifiability.estimation.groups import NO_ALTERNATIVES, Alternatives
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
