@@ -495,11 +495,6 @@ class Regression:
         """Number of samples after decimation, over all logs."""
         return sum(s.outputs for s in self.samples)
 
-    @property
-    def rows(self) -> int:
-        """Number of rows: samples (after decimation) × actuators."""
-        return self.outputs * len(self.robot.actuated)
-
     @cached_property
     def windows(self) -> tuple[np.ndarray, ...]:
         """Samples [start, stop) of each log that are looked at one by one, (w, 2) each."""
@@ -522,22 +517,18 @@ class Regression:
         whole : bool
             Do not divide any log.
         """
-        what = self.robot, self.model, self.columns
-        found = (
-            LogPart(*what, k, start, one, beside, self.windows[k], self._find_kept(k, start, one))
-            for k, start, one, beside in self._divided(whole=whole)
-        )
-        return [replace(part, dwelling=True) if self.dwelling else part for part in found]
-
-    def _divided(self, *, whole: bool) -> Iterator[tuple[int, int, Dataset, Dataset | None]]:
-        """Yield log and first output of each part, its samples and its instruments."""
+        what, out = (self.robot, self.model, self.columns), []
         for k, samples in enumerate(self.samples):
             other = None if self.instruments is None else self.instruments[k]
-            start, parts = 0, [samples] if whole else samples.divided()
-            beside = [None] * len(parts) if other is None else [other] if whole else other.divided()
-            for part, instruments in zip(parts, beside, strict=True):
-                yield k, start, part, instruments
-                start += part.outputs
+            own = [samples] if whole else samples.divided()
+            beside = [None] * len(own) if other is None else [other] if whole else other.divided()
+            start = 0
+            for one, two in zip(own, beside, strict=True):
+                kept = self._find_kept(k, start, one)
+                rest = self.windows[k], kept, self.dwelling
+                out.append(LogPart(*what, k, start, one, two, *rest))
+                start += one.outputs
+        return out
 
     def thin(self, step: int) -> Regression:
         """Return the regression of every `step`-th sample, without decimation."""

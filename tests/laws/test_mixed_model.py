@@ -320,12 +320,10 @@ def test_what_unseen_motion_does_not_have_is_not_kept(arm):
     assert model.confirm(terms, found.products(missing_in(arm, 4, 0.6).seen)) == ()
 
 
-def test_weights_of_rows_multiply_products_and_blocks_add_up():
+def test_weights_of_rows_multiply_products():
     Z, y = draw_rows(5)
     whole, weights, every = products_of(Z, y), np.array([4.0, 0.25]), np.arange(FIXED + RANDOM + 1)
     root = np.sqrt(weights)
     heavier = products_of(Z * root[:, None], y * root)
     found = whole.weigh(weights[:, None]).between(every, every)
     np.testing.assert_allclose(found, heavier.between(every, every), atol=1e-12)
-    both = whole.take(np.array([0])) + whole.take(np.array([1]))
-    np.testing.assert_allclose(both.between(every, every), whole.between(every, every), atol=1e-12)
