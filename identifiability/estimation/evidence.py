@@ -238,12 +238,6 @@ class Score:
         acts = max(int((self.variation > 0).sum()), 1)
         return float(np.sqrt(self.shares.sum() / acts))
 
-    @property
-    def joint_error(self) -> Array:
-        """The same of each joint, (n,)."""
-        found: Array = np.sqrt(self.shares.sum(0))
-        return found
-
     def gain(self, other: Score) -> Gain:
         """Return the gain of its predictive log density over another's of the same folds [nats]."""
         return _sum_gain(self.density - other.density, max(self.ratio, other.ratio))
