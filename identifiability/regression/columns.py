@@ -150,6 +150,8 @@ def _at_place(robot: Robot, family: Family, span: Span, column: int, free: bool)
         there = {p.kind: p.nonnegative for p in effect.parameters(robot) if p.owner == place}
         reached = there if family.reached is None else family.reached(effect, robot, span)
         kinds = tuple(kind for kind in there if kind in reached)[: 1 if family.alike else None]
+        if not kinds:  # the motion lies where the shape has no place
+            continue
         for chosen in _apart(kinds) if family.separate else [kinds]:
             at = tuple(range(column, column + len(chosen)))
             positive = not free and all(there[kind] for kind in chosen)
