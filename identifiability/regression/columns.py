@@ -207,9 +207,10 @@ def compute_entries(
             acts: np.ndarray = np.einsum("jkt,jkt->jk", W, W) != 0  # quicker than to ask each
             found = [(j, k, c) for k, c in columns for j in np.flatnonzero(acts[:, k]).tolist()]
             if found:
-                own = np.stack([piece.silenced(W[j, k], j) for j, k, _ in found], 1)
+                own = np.stack([piece.silenced(W[j, k], j) for j, k, _ in found]).T
                 for (j, _, c), values in zip(found, piece.down(own).T, strict=True):
-                    entries.setdefault((j, c), np.zeros(rows))
+                    if (j, c) not in entries:
+                        entries[j, c] = np.zeros(rows)
                     entries[j, c][start:stop] = piece.weighed(values, j)
             W[acts] = 0.0
         start = stop
