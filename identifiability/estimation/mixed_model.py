@@ -275,7 +275,8 @@ class MixedModel:
             )
             member, size = np.unravel_index(int(np.argmax(each)), each.shape)
             out.append(Term(g, int(member), float(self.sizes[size] ** 2), odds))
-        return sorted(out, key=lambda t: -t.odds)
+        # What is as likely stands as it came, whatever rounding says.
+        return sorted(out, key=lambda t: -round(t.odds, 6))
 
     def information(self, terms: Terms, columns: np.ndarray) -> Array:
         """Return what rows say of columns (k,) beside the model with some terms, (k, k)."""
