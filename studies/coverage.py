@@ -47,8 +47,7 @@ from identifiability.simulation import (
     simulate,
 )
 from identifiability.workflows.analyze import Analysis, analyze
-from identifiability.workflows.calibrate.outcome import Experiment, Outcome, count_outcomes
-from identifiability.workflows.calibrate.world import World
+from identifiability.workflows.calibrate.world import Experiment, Outcome, World, count_outcomes
 
 #: The checkout.
 ROOT = Path(__file__).resolve().parents[1]

@@ -29,7 +29,7 @@ from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.analyze.belief import Effort, form_belief
-from identifiability.workflows.calibrate.outcome import Experiment
+from identifiability.workflows.calibrate.world import Experiment
 
 #: The checkout.
 ROOT = Path(__file__).resolve().parents[1]

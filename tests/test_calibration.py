@@ -15,8 +15,7 @@ from identifiability.estimation.noise import JointRuns, ResidualNoise, fit_resid
 from identifiability.foundation.numbers import REACH
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import find_base_parameters
-from identifiability.workflows.calibrate.outcome import Experiment, count_outcomes
-from identifiability.workflows.calibrate.world import World
+from identifiability.workflows.calibrate.world import Experiment, World, count_outcomes
 
 from .posterior.ranking import build_target, calibrate_posterior
 

@@ -8,7 +8,7 @@ import pytest
 
 from identifiability import analyze
 from identifiability.foundation.numbers import Share
-from identifiability.logs.prepare.plan import noise_size
+from identifiability.logs.spectrum import noise_size
 from identifiability.physical.pseudo_inertia import margin, natural_scale
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.simulation import Noise

@@ -15,6 +15,7 @@ from identifiability import Log, Robot, analyze, diagnose, predict, prune
 from identifiability.estimation.rollouts import fit_gains, fit_rollouts, roll_late
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import IdentifiabilityError, LogError, RobotError
+from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.foundation.options import OptionError
 from identifiability.logs.commands import held_mean, servo_log
@@ -27,7 +28,7 @@ from identifiability.regression.reduction import find_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.robot.servo import FOUND, Servo
 from identifiability.simulation.rollout import CommandedRobot
-from identifiability.workflows.servo_gains import Bodies, state_gains
+from identifiability.workflows.commanded import Bodies, state_gains
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 sys.path.insert(0, str(MODELS.parent / "studies"))
@@ -265,10 +266,10 @@ def test_robots_with_loops_are_not_rolled_out(frames):
 
 def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, frames, tmp_path):
     result = analyze(arm, frames[0], frames[1], quick=True)
-    assert "holds commands and no torque" in result.commands
-    assert result.commands in result.hints
+    (said,) = of_key(result.hints, "commands")
+    assert "holds commands and no torque" in said
     told = {n.text: n.level for n in result.cautions()}
-    assert told[result.commands] == "note"  # it speaks against nothing
+    assert told[said] == "note"  # it speaks against nothing
     table = result.to_frame().set_index("name")
     structure = result.structure
     phi = np.array([{**arm.nominal, **TRUTH}.get(n, 0.0) for n in structure.columns])

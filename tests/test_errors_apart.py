@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
-from identifiability.cli.verbs import print_analysis
+from identifiability.cli.common import print_result
 from identifiability.foundation.rounding import error_text
 from identifiability.simulation import Noise
 
@@ -69,7 +69,7 @@ def test_without_held_out_logs_each_log_has_its_turn(logs):
 
 
 def test_the_terminal_lists_them(result, capsys):
-    print_analysis(result, [])
+    print_result(result)
     text = capsys.readouterr().out
     for name in (*result.robot.joints, "good", "bad", "unseen"):
         assert name in text

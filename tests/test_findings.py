@@ -26,15 +26,13 @@ def test_a_finding_is_its_sentence_and_what_it_was_made_of():
     again = pickle.loads(pickle.dumps(found))
     assert again == found
     assert (again.key, again.numbers) == (found.key, found.numbers)
-    other = found.of_log("b.csv")
-    assert other == f"b.csv: {found}"
-    assert of_key([found, "plain", other], "wraps") == [found, other]
+    assert of_key([found, "plain"], "wraps") == [found]
     assert of_key([found, "plain"], "spikes") == []
 
 
 def test_holes_take_lists_shares_and_go_by_numbers():
-    assert phrase("soles", "says", contacts=["a"]).startswith("a stays flat on the ground while i")
-    assert phrase("soles", "says", contacts=["a", "b"]).startswith("a, b stay flat")
+    assert phrase("reading", "says", names=["a"], text="x").startswith("How a was read")
+    assert phrase("reading", "says", names=["a", "b"], text="x").startswith("How a, b were read")
     assert phrase("repeated", "part", name="torque", share=0.0123) == "torque in 1.2 %"
 
 

@@ -10,7 +10,7 @@ from identifiability.foundation.errors import LogError, RobotError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare.dataset import prepare_log
-from identifiability.quality import MeasuredLogs, find_always
+from identifiability.quality import MeasuredLogs
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -160,12 +160,6 @@ def test_a_mounting_that_is_known_roughly_is_corrected_in_the_fit(thrown, body):
     np.testing.assert_allclose(again.base.imu.place, place, atol=2e-3)
 
 
-def test_the_order_of_a_quaternion_is_asked_for(thrown, body):
-    quat = {"q": ([f"base.quat[{k}]" for k in range(4)], thrown["quat"])}
-    with pytest.raises(LogError, match=r"which of the four numbers .* call its columns 'base.qw'"):
-        read(body, table(thrown, **quat, p=(axes("base."), thrown["pos"])))
-
-
 def test_a_base_stands_as_the_sidecar_says_it_was_hung_up(tmp_path):
     robot, tilt = walker(tmp_path, ""), (0.3, -0.2, 0.5)
     text = robot.path.read_text().replace('name="trunk"', 'name="trunk" euler="10 20 30"', 1)
@@ -225,30 +219,6 @@ def walker(tmp_path, contacts):
     path.write_text(text)
     path.with_suffix(".toml").write_text(contacts)
     return Robot.load(path)
-
-
-def steps():
-    """Feet that step in turn while the trunk stands; the flags say when each is on the ground."""
-    t = np.linspace(0, 8, 1600)
-    frame = pd.DataFrame({"t": t})
-    for k, leg in enumerate(("left", "right")):
-        swing = np.maximum(np.sin(2 * np.pi * (0.5 * t + 0.5 * k)), 0.0) ** 3
-        for a in "xyz":
-            frame[f"{leg}_{a}.q"] = 0.1 * swing
-            frame[f"{leg}_{a}.tau"] = np.sin(t)
-        frame[f"{leg}_flag"] = (swing <= 0).astype(float)
-    frame[axes("base.acc.")], frame[axes("base.gyro.")] = [0.0, 0.0, 9.81], 0.0
-    return frame
-
-
-def test_contacts_that_contradict_the_motion_are_told(tmp_path):
-    told = "[[contacts]]\nframe = '{0}_foot'\n{1}\n"
-    legs = ("left", "right")
-    flags = "".join(told.format(leg, f"flag = '{leg}_flag'") for leg in legs)
-    always = "".join(told.format(leg, "schedule = [[0, 9]]") for leg in legs)
-    for text, wrong in ((flags, False), (always, True)):
-        hints = find_always(looked_at(walker(tmp_path, text), steps()))
-        assert any("against the other closed contacts" in hint for hint in hints) == wrong
 
 
 def looked_at(robot, frame):

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from identifiability import analyze_many
 from identifiability.cli import app
-from identifiability.foundation.engines.local import Processes, Resumed, Serial
+from identifiability.foundation.engines.mapping import Processes, Resumed, Serial
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.workflows import many as module
 
@@ -107,7 +107,7 @@ def test_what_goes_wrong_with_one_robot_is_the_sentence_of_its_row(start, tmp_pa
         raise ZeroDivisionError("by zero")
 
     monkeypatch.setattr(module, "_check_options", lambda verb, given: None)
-    monkeypatch.setattr(module, "_function", lambda verb: broken)
+    monkeypatch.setitem(module.VERBS, "analyze", broken)
     robots = [start / "a", tmp_path / "nowhere", tmp_path / "two"]
     told = [r.failed for r in analyze_many(robots, tmp_path / "out", engine=Serial()).rows]
     assert told[0].endswith("please report it: ZeroDivisionError: by zero.")

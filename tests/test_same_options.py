@@ -1,21 +1,17 @@
 """The same preparation, engine and progress options in every verb; `--quick` overrides nothing."""
 
-import importlib
 import inspect
-import io
 import re
-from dataclasses import fields
 from types import SimpleNamespace
 from typing import Literal, get_origin, get_type_hints
 
 import pytest
 import typer
-from rich.console import Console
 from typer.testing import CliRunner
 
 import identifiability
-from identifiability.cli import app, common, options, verbs
-from identifiability.foundation.engines.local import choose_engine
+from identifiability.cli import app, options, verbs
+from identifiability.foundation.engines.cluster import choose_engine
 
 #: Verbs that take logs, and options and settings that mean the same in each.
 VERBS = ("analyze", "prune", "diagnose", "calibrate", "excite", "inspect")
@@ -83,40 +79,24 @@ def test_the_sidecar_sets_what_no_option_does(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("verb", "names"),
+    ("holder", "function"),
     [
-        ("analyze", "validate ladder posterior replicates seed quick"),
-        ("prune", "validate ladder forbid force replicates seed quick"),
-        ("diagnose", "validate model seed quick"),
-        ("calibrate", "model seed quick"),
-        ("payload", "without body"),
-        ("inspect", "model"),
-        ("compare", "ladder"),
-    ],
-)
-def test_options_have_names_and_defaults_of_the_library(verb, names, commands):
-    known = {p.name: p for p in commands[verb].params}
-    library = inspect.signature(getattr(identifiability, verb)).parameters
-    for name in names.split():
-        assert (known[name].default or None) == (library[name].default or None)
-
-
-@pytest.mark.parametrize(
-    ("group", "function"),
-    [
-        *((getattr(verbs, f"{verb.capitalize()}Options"), getattr(identifiability, verb))
-          for verb in OPTIONS),
+        *((getattr(verbs, verb).function, getattr(identifiability, verb)) for verb in OPTIONS),
         (options.Fitted, identifiability.analyze),
         (options.Fitted, identifiability.prune),
         (options.Derived, identifiability.Preparation),
         (options.Place, choose_engine),
     ],
-)  # fmt: skip
-def test_a_group_of_options_is_what_its_function_takes(group, function):
-    library, kinds = inspect.signature(function).parameters, get_type_hints(group)
+)
+def test_options_are_what_their_function_takes(holder, function):
+    library, kinds = inspect.signature(function).parameters, get_type_hints(holder)
     theirs = get_type_hints(inspect.unwrap(function) if inspect.isfunction(function) else function)
-    for field in fields(group):
-        assert field.default == library[field.name].default
+    known = [f for f in options.options_of(holder) if f.name in library and f.name != "logs"]
+    assert known
+    for field in known:
+        assert (field.default or None) == (library[field.name].default or None) or (
+            field.default is inspect.Parameter.empty
+        )
         if get_origin(kinds[field.name]) is Literal:
             assert kinds[field.name] == theirs[field.name]
 
@@ -135,15 +115,10 @@ def arguments_of(verb, monkeypatch, *words):
     robot = SimpleNamespace(check_stands=lambda _what: None)
     monkeypatch.setattr(options.Machine, "load", lambda *_: robot)
     monkeypatch.setattr("identifiability.logs.formats.reader.check_there", lambda _path: None)
-    module, name = {
-        "analyze": ("identifiability.workflows.analyze", "analyze"),
-        "diagnose": ("identifiability.workflows.diagnose", "diagnose"),
-        "calibrate": ("identifiability.workflows.calibrate.calibration", "calibrate"),
-    }[verb]
     if verb == "calibrate":
-        first = importlib.import_module("identifiability.workflows.analyze")
-        monkeypatch.setattr(first, "analyze", lambda *_a, **o: seen.update(analysis=o))
-    monkeypatch.setattr(importlib.import_module(module), name, called)
+        first = lambda *_a, **o: seen.update(analysis=o)  # noqa: E731
+        monkeypatch.setattr(identifiability, "analyze", first)
+    monkeypatch.setattr(identifiability, verb, called)
     with pytest.raises(StoppedError):
         typer.main.get_command(app)([verb, "two-link", "run.pq", *words], standalone_mode=False)
     return seen
@@ -171,41 +146,6 @@ def test_preparation_and_workers_reach_the_library(verb, monkeypatch):
     assert how.cutoff == 7.0
     assert type(seen["engine"]).__name__ == "Processes"
     assert arguments_of(verb, monkeypatch).get("preparation") is None
-
-
-def test_progress_is_plain_lines_where_there_is_no_terminal():
-    now, lines = [0.0], []
-    say = common.Lines(lines.append, lambda: now[0])
-    for at, text, share in (
-        (0.5, "reading logs", 0.0),
-        (1.5, "preparing", 0.2),  # what takes no seconds needs no line
-        (2.0, "fitting", 0.3),
-        (2.2, "fitting", 0.35),
-        (2.5, "judging", 0.9),
-        (16.0, "judging", 0.95),
-        (17.6, "judging", 0.97),
-    ):
-        now[0] = at
-        say(text, share)
-    assert lines == [" 30 %  fitting\n", " 90 %  judging\n", " 97 %  judging\n"]
-
-
-def test_a_pipe_gets_lines_and_a_terminal_a_bar(monkeypatch):
-    stream = io.StringIO()
-    monkeypatch.setattr("sys.stderr", stream)
-    monkeypatch.setattr(common, "QUIET", 0.0)
-    with common.progress() as say:
-        say("reading logs", 0.0)  # refusals come here, and have one line
-        say("fitting [all]", 0.1)
-    assert stream.getvalue() == " 10 %  fitting [all]\n"
-    with common.progress(show=False) as say:
-        say("reading logs", 0.0)
-        say("fitting", 0.2)
-    assert "20 %" not in stream.getvalue()
-    console = Console(file=stream, force_terminal=True)
-    monkeypatch.setattr("rich.console.Console", lambda **_: console)
-    with common.progress() as say:
-        assert not isinstance(say, common.Lines)
 
 
 @pytest.mark.parametrize(

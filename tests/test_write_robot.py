@@ -63,15 +63,8 @@ def test_a_body_without_mass_is_refused_by_name(rps, tmp_path):
     assert not (tmp_path / "copy.xml").exists()
 
 
-def test_asymmetric_friction_goes_to_the_sidecar_and_its_mean_to_the_file(rps, tmp_path):
-    write_parameters(rps, {"slider1.Fc+": 300.0, "slider1.Fc-": 200.0}, tmp_path / "copy.xml")
-    copy = Robot.load(tmp_path / "copy.xml")
-    assert copy.nominal["slider1.Fc"] == 250.0
-    assert (copy.nominal["slider1.Fc+"], copy.nominal["slider1.Fc-"]) == (300.0, 200.0)
-
-
 def test_what_a_robot_file_cannot_hold_stands_in_the_sidecar_and_is_listed(rps, tmp_path):
-    values = {"slider1.off": 3.0, "slider2.Fs": 4.0, "slider3.Fq": 0.01}
+    values = {"slider2.Fs": 4.0, "slider3.Fq": 0.01}
     shapes = {"slider2.stribeck_friction": 0.02}
     written = write_parameters(
         rps, values, tmp_path / "copy.xml", shapes=shapes, reference={"platform.m": 7.0}
@@ -82,7 +75,7 @@ def test_what_a_robot_file_cannot_hold_stands_in_the_sidecar_and_is_listed(rps, 
     assert copy.shapes == shapes
     assert copy.reference == {"platform.m": 7.0}
     again = write_parameters(copy, {}, tmp_path / "again.xml", shapes={}, reference={})
-    assert Robot.load(tmp_path / "again.xml").nominal["slider1.off"] == 3.0
+    assert Robot.load(tmp_path / "again.xml").nominal["slider2.Fs"] == 4.0
     assert not Robot.load(tmp_path / "again.xml").shapes
     assert set(again.beside) == set(values)
 

@@ -8,19 +8,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from shutil import rmtree
 from tempfile import mkdtemp
-from time import monotonic
 from typing import TYPE_CHECKING, Literal, NoReturn
 from unicodedata import category
 
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, legible
+from identifiability.foundation.findings import Finding
 
 if TYPE_CHECKING:
     from identifiability.foundation.answers import Table
     from identifiability.foundation.result import Result
-
-
-#: No plain line of progress in the first seconds; one for the same stage after so many [s].
-QUIET, AGAIN = 2.0, 15.0
 
 
 @contextmanager
@@ -36,11 +32,7 @@ def sentences() -> Iterator[None]:
         what = f"'{error.filename}' cannot be used" if error.filename else "The system refused"
         _fail(legible(f"{what}: {error.strerror or error}."))
     except MemoryError:
-        _fail(
-            "There is not enough memory for this. Joints and effects take it, and logs that are "
-            "held as a whole: lock joints that are not asked about (--lock), name fewer effects, "
-            "give shorter stretches, or a CSV or Parquet file, which is read piece by piece."
-        )
+        _fail(Finding("memory"))
     except KeyboardInterrupt:
         sys.stderr.write("Stopped; no file was left half-written.\n")
         raise SystemExit(130) from None
@@ -70,59 +62,18 @@ def harmless(text: str) -> str:
     )
 
 
-class Lines:
-    """Progress for who reads a file or a pipe: a line for every stage after the first seconds.
-
-    What is refused is refused while logs are read: of the first stage there is no line.
-
-    Parameters
-    ----------
-    write : callable(str)
-    clock : callable() -> float [s], optional
-    """
-
-    def __init__(
-        self, write: Callable[[str], object], clock: Callable[[], float] = monotonic
-    ) -> None:
-        self._write, self._clock = write, clock
-        self._start = self._told = clock()
-        self._first, self._text = "", ""
-
-    def __call__(self, text: str, share: float) -> None:
-        """Say how far a stage is, if it is another one or long was silence."""
-        now = self._clock()
-        self._first = self._first or text
-        if (
-            text == self._first
-            or now - self._start < QUIET
-            or (text == self._text and now - self._told < AGAIN)
-        ):
-            return
-        self._text, self._told = text, now
-        self._write(f"{100 * min(max(share, 0.0), 1.0):3.0f} %  {text}\n")
-
-
 @contextmanager
 def progress(*, show: bool = True) -> Iterator[Callable[[str, float], None]]:
-    """Show a progress bar on a terminal, and plain lines elsewhere; give a callback (what, share).
-
-    Both go to standard error.
-    """
+    """Show a progress bar on a terminal, on standard error; give a callback (what, share)."""
     from rich.console import Console  # noqa: PLC0415
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415
 
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    if show and not console.is_terminal:
-        yield Lines(sys.stderr.write)
-        return
-    with Progress(*columns, console=console, transient=True, disable=not show) as bar:
+    hidden = not (show and console.is_terminal)
+    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
         task = bar.add_task("starting", total=1.0)
-
-        def say(text: str, share: float) -> None:
-            bar.update(task, description=text, completed=share)
-
-        yield say
+        yield lambda text, share: bar.update(task, description=text, completed=share)
 
 
 def check_outputs(*paths: Path | None, inputs: Iterable[str | Path | None] = ()) -> None:
@@ -137,62 +88,55 @@ def check_outputs(*paths: Path | None, inputs: Iterable[str | Path | None] = ())
 LISTED = 12
 
 
-def print_table(title: str, shown: Table) -> None:
-    """Print a table of a result under its title."""
+def print_table(shown: Table, rows: int, title: str) -> None:
+    """Print a table of a result, with at most so many rows, under its caption or a title."""
     from rich.console import Console  # noqa: PLC0415
     from rich.table import Table as Grid  # noqa: PLC0415
 
     console, grid = Console(), Grid()  # a title of its own would be wrapped to its width
-    for column in shown.columns:
+    own = shown.brief(rows)
+    for column in own.columns:
         side: Literal["left", "right"] = "right" if column.kind in ("number", "bar") else "left"
         grid.add_column(column.title, justify=side, overflow="fold")  # no name is cut
-    for at, row in enumerate(shown.rows):
-        first = "▸ " if at == shown.marked else ""
+    for at, row in enumerate(own.rows):
+        first = "▸ " if at == own.marked else ""
         grid.add_row(*(escaped(f"{first * (not k)}{cell.text}") for k, cell in enumerate(row)))
     if not console.is_terminal:  # a file, or another program, has no width
         console.width = 10_000
-    console.print(f"[italic]{escaped(title)}[/italic]", soft_wrap=True)
+    marks = " (▸ use this one)" if own.marked is not None else ""
+    console.print(f"[italic]{escaped(own.caption or title)}{marks}[/italic]", soft_wrap=True)
     console.print(grid)
 
 
-def print_result(
-    result: Result,
-    texts: Iterable[str] = (),
-    written: Sequence[Path] = (),
-    title: str = "",
-    most: int | None = None,
-) -> None:
-    """Print the tables of a result, sentences, what to do next, and the paths of what was written.
+def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[str] = ()) -> None:
+    """Print the answer, the tables of a result, hints, what to do next, and what was written.
 
     Parameters
     ----------
     result : Result
-    texts : iterable of str
     written : sequence of Path
-    title : str
-        Of the first table; others have their captions.
-    most : int, optional
-        Rows of the first table.
+    more : iterable of str
+        What else is said, below the statement.
     """
     from identifiability.foundation.rounding import format_count  # noqa: PLC0415
 
-    tables = (*result.tables(), *result.ledger())
-    for at, table in enumerate(t for t in tables if not t.long):
-        caption = title if title and not at else table.caption
-        shown = LISTED if at or most is None else most
-        print_table(caption, table.brief(shown))
-        if (more := len(table.rows) - shown) > 0:
+    hints, mass = getattr(result, "hints", ()), getattr(result, "mass_statement", "")
+    said, robot = result.statement, getattr(result, "robot", None)
+    for hint in hints:  # each by itself
+        said = said.replace(hint, "").rstrip()
+    print_end([*filter(None, [said, mass]), *more])
+    for table in (*result.tables(), *result.ledger()):
+        if table.long:
+            continue
+        shown = max(LISTED, (table.marked or 0) + 4)
+        print_table(table, shown, getattr(robot, "title", ""))
+        if (left := len(table.rows) - shown) > 0:
             which = "with smaller errors" if table.worst is not None else "below them"
             where = "the page" if any(p.suffix == ".html" for p in written) else "--report"
-            print_end([f"{format_count(more, 'row')} {which}: {where} shows them all."])
-    print_end(texts)
+            print_end([f"{format_count(left, 'row')} {which}: {where} shows them all."])
+    print_end(hints)
     print_next(result)
     print_end([], written)
-
-
-def apart(statement: str, hints: Sequence[str]) -> list[str]:
-    """Return a statement that ends in hints as the answer and each hint by itself."""
-    return [statement.removesuffix(" ".join(hints)).strip(), *hints]
 
 
 def print_next(result: Result) -> None:
@@ -253,6 +197,5 @@ def _write(write: Callable[[Path], Path], path: Path) -> Path:
             if isinstance(again, OutputError):
                 raise error from None
             raise
-        raise OutputError(
-            f"{error} What was found is not lost: it is in '{elsewhere}', for {FOLDERS_STAY} days."
-        ) from None
+        told = {"place": str(elsewhere), "days": FOLDERS_STAY}
+        raise OutputError(Finding("output.rescued", str(error), **told)) from None

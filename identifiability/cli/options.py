@@ -12,10 +12,10 @@ from __future__ import annotations
 import sys
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from copy import copy
-from dataclasses import asdict, astuple, dataclass, is_dataclass, replace
-from functools import cache, partial
+from dataclasses import asdict, astuple, dataclass, is_dataclass
+from functools import cache
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from types import NoneType, UnionType
@@ -37,6 +37,7 @@ from typer.models import OptionInfo, ParameterInfo
 
 from identifiability.cli.common import check_outputs, progress, sentences, write_all
 from identifiability.foundation.errors import OutputError, near_match
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.options import (
     Count,
     Derivatives,
@@ -51,7 +52,7 @@ from identifiability.foundation.options import (
 )
 
 if TYPE_CHECKING:
-    from identifiability.foundation.engines.local import Engine
+    from identifiability.foundation.engines.mapping import Engine
     from identifiability.foundation.result import Result
     from identifiability.logs.prepare import Preparation
     from identifiability.robot import Robot
@@ -244,25 +245,19 @@ class Verb:
     """A command that is made when it is typed: fifteen of them take longer than a help may."""
 
     function: Callable[..., None]
-    motion_alone: bool = False
 
     def made(self, name: str) -> Any:
         """Return it with its options, as typer has it."""
         alone = typer.Typer(add_completion=False, rich_markup_mode="markdown")
-        run, settings = _flattened(self.function, motion_alone=self.motion_alone)
+        run, settings = _flattened(self.function)
         alone.command(name, cls=Command, help=helps()["verbs"].get(name))(run)
         made: Any = typer.main.get_command(alone)
         made.settings = settings
         return made
 
 
-def command(*, motion_alone: bool = False) -> Callable[[Callable[..., None]], Verb]:
-    """Make a function a command, of logs without torque too where they are of `motion_alone`."""
-    return partial(Verb, motion_alone=motion_alone)
-
-
 def _flattened(
-    function: Callable[..., None], *, motion_alone: bool
+    function: Callable[..., None],
 ) -> tuple[Callable[..., None], dict[str, Field]]:
     """Return a function as typer reads it, its groups as their options; and its settings."""
     own = {field.name: field for field in options_of(function)}
@@ -297,8 +292,8 @@ def _flattened(
             read = {name: option.read(typed[name]) for name, option in options.items()}
             read |= _read_settings(settings, tables, read.pop(SET.name, ()), typed)
             given = {name: build(field, read, None) for name, field in own.items()}
-            _look_at_logs(typed, options, given, motion_alone=motion_alone)
-        function(**given)
+            _look_at_logs(_recordings(typed, options)[0])
+            function(**given)
 
     flat = [option.parameter(function.__name__) for option in options.values()]
     called.__signature__ = Signature(flat)  # type: ignore[attr-defined]
@@ -383,29 +378,12 @@ def _recordings(
     return logs, results
 
 
-def _look_at_logs(
-    typed: Mapping[str, Any],
-    options: Mapping[str, Field],
-    given: Mapping[str, Any],
-    *,
-    motion_alone: bool,
-) -> None:
-    """Refuse logs that are not there, and tables whose columns are none of the robot's."""
+def _look_at_logs(logs: Sequence[str]) -> None:
+    """Refuse logs that are not there."""
     from identifiability.logs.formats.reader import check_there  # noqa: PLC0415
 
-    logs, _ = _recordings(typed, options)
     for path in logs:
         check_there(Path(path))
-    tables = [Path(name) for name in logs if name.lower().endswith(".csv")]
-    if tables and typed.get("robot"):
-        from identifiability.logs.conventions import Conventions  # noqa: PLC0415
-        from identifiability.logs.source import check_header  # noqa: PLC0415
-
-        known = replace(Conventions.of(given["machine"].load()), motion_alone=motion_alone)
-        if typed.get("mass"):  # of a load that is known, which tells gains
-            known = replace(known, torque=known.torque.with_gains())
-        for table in tables:
-            check_header(table, known)
 
 
 # Settings: of the sidecar, and of --set.
@@ -457,12 +435,8 @@ def _as_kind(kind: Any, text: str) -> Any:
     """Return what a text says as a kind of value; the text itself where it says none."""
     if kind is bool:
         return {"true": True, "false": False}.get(text.lower(), text)
-    for number in (int, float):
-        if kind in (number, float):
-            try:
-                return number(text)
-            except ValueError:
-                continue
+    with suppress(ValueError):
+        return int(text) if kind is int else float(text) if kind is float else text
     return text
 
 
@@ -489,9 +463,7 @@ def split_point(option: str, text: str) -> list[float]:
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
-        raise OptionError(
-            f"{option} {text} is no point; give three numbers, such as 0,0,0.08."
-        ) from None
+        raise OptionError(Finding("option.point", option, text=text)) from None
 
 
 def keep_values(option: str, text: str) -> bool | float | str:
@@ -509,9 +481,7 @@ def keep_values(option: str, text: str) -> bool | float | str:
     try:
         return float(text)
     except ValueError:
-        raise OptionError(
-            f"{option} {text} is none of exact, a share such as 0.1, and a result's JSON file."
-        ) from None
+        raise OptionError(Finding("option.kept", option, text=text)) from None
 
 
 def shipped_robots() -> list[str]:
@@ -606,10 +576,7 @@ class Machine:
         for given in self.map or ():
             old, equals, new = given.rpartition("=")
             if not (old and equals and new):
-                raise OptionError(
-                    f"--map {given} is no pair of names; give OLD=NEW, such as --map "
-                    "'fer_joint1=panda_joint1'."
-                )
+                raise OptionError(Finding("option.map", given=given))
             if rules.setdefault(old, new) != new:
                 raise OptionError(f"--map gives '{old}' two names, {rules[old]} and {new}.")
         said = self.recorded
@@ -650,17 +617,11 @@ class Place:
 
     @contextmanager
     def running(self) -> Iterator[Engine]:
-        """Give the engine; its processes end with it. Say if there was nothing to keep."""
-        from identifiability.foundation.engines.local import Resumed, choose_engine  # noqa: PLC0415
+        """Give the engine; its processes end with it."""
+        from identifiability.foundation.engines.cluster import choose_engine  # noqa: PLC0415
 
         with choose_engine(*astuple(self)) as engine:
             yield engine
-        if isinstance(engine, Resumed) and not engine.found + engine.done:
-            typer.echo(
-                f"resume kept nothing in '{self.resume}': this was done in one piece, without "
-                "parts that could be; the same command begins anew.",
-                err=True,
-            )
 
 
 @dataclass(frozen=True)
@@ -672,12 +633,20 @@ class Work:
 
     @contextmanager
     def running(self) -> Iterator[tuple[Callable[[str, float], None], dict[str, Any], Engine]]:
-        """Give what tells progress, what every fit takes, and the engine; errors are sentences."""
-        with sentences(), progress() as say, self.place.running() as engine:
+        """Give what tells progress, what every fit takes, and the engine."""
+        with progress() as say, self.place.running() as engine:
             # A verb left to itself ends its processes sooner.
             asked = engine if self.place != Place() else None
             preparation = self.derived.preparation()
             yield say, {"preparation": preparation, "engine": asked, "progress": say}, engine
+
+
+@contextmanager
+def alone() -> Iterator[tuple[Callable[[str, float], None], dict[str, Any], None]]:
+    """Give the same to a verb that is done at once."""
+    with progress() as say:
+        say("reading logs", 0.0)
+        yield say, {}, None
 
 
 @dataclass(frozen=True)

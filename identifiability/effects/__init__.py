@@ -9,19 +9,7 @@ of its subject; files of this folder are found by themselves.
 from importlib import import_module
 from pkgutil import iter_modules
 
-from identifiability.effects.effect import (
-    Along,
-    AlongAxes,
-    Effect,
-    Family,
-    Law,
-    Part,
-    Placed,
-    Shaped,
-    Span,
-    joint_places,
-    put,
-)
+from identifiability.effects.effect import AlongAxes, Effect, Family, Part, Placed, Shaped, Span
 from identifiability.effects.registry import (
     FAMILIES,
     bring,
@@ -42,11 +30,9 @@ for _module in iter_modules(__path__):
 
 __all__ = [
     "FAMILIES",
-    "Along",
     "AlongAxes",
     "Effect",
     "Family",
-    "Law",
     "Part",
     "Placed",
     "Shaped",
@@ -58,9 +44,7 @@ __all__ = [
     "find_families",
     "find_family",
     "forget",
-    "joint_places",
     "load_plugin",
-    "put",
     "register",
     "stated_effects",
     "title_of",

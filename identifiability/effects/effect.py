@@ -6,7 +6,9 @@ A family is what a diagnosis, an export and a report must know of an effect.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from copy import copy
+from dataclasses import replace
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -58,6 +60,16 @@ class Effect(ABC):
         del robot
         return {}
 
+    def drawn_over(self, robot: Robot, joint: int) -> int:
+        """Return the joint over whose motion the curve at a joint is drawn: nearly always that."""
+        del robot
+        return joint
+
+    def reached(self, robot: Robot, span: Span) -> Collection[str] | None:
+        """Return of which kinds of its parameters a motion says anything; None for all."""
+        del robot, span
+        return None
+
     @abstractmethod
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return the parameters that the columns multiply."""
@@ -104,6 +116,19 @@ class Along:
         return self.robot.travel(self.axis, self.motion.q)
 
     @property
+    def joint(self) -> int:
+        """Index of the actuated joint that the axis is of."""
+        return self.robot.joints.index(self.axis.name)
+
+    def slope(self, values: Array) -> Array:
+        """Return how values (N,) change in time; not across missing samples."""
+        out = np.zeros(len(values))
+        for rows in split_runs(self.motion):
+            if len(rows) > 2:
+                out[rows] = np.gradient(values[rows], self.motion.t[rows])
+        return out
+
+    @property
     def ones(self) -> Array:
         """One at every sample, (N,)."""
         return np.ones(len(self.motion))
@@ -131,6 +156,12 @@ class Along:
         return row
 
 
+def split_runs(motion: Motion) -> list[np.ndarray]:
+    """Return the samples (…,) of each stretch of a motion without missing samples."""
+    gaps = np.flatnonzero(np.diff(motion.kept) != 1) + 1
+    return [rows for rows in np.split(np.arange(len(motion)), gaps) if len(rows)]
+
+
 class AlongAxes(Effect):
     """Forces along joints and coupled motors, each in proportion to one parameter.
 
@@ -143,6 +174,30 @@ class AlongAxes(Effect):
     nonnegative: bool = False
     #: The number of a joint by which a robot file states each kind; see `Parameter.stated_as`.
     stated_as: tuple[str, ...] = ()
+    #: Whether a model can place it at axes at which it is not by itself.
+    anywhere: ClassVar[bool] = True
+
+    #: Names or a pattern of the axes at which a model has placed it, instead of its own.
+    elsewhere: ClassVar[str] = ""
+
+    @property
+    def placeable(self) -> bool:
+        """Whether it can be at other axes than its own, by its curves."""
+        return self.anywhere and type(self).curves is not AlongAxes.curves
+
+    def placed(self, owner: str) -> AlongAxes:
+        """Return the effect at axes of some names: an offset of a motor that mixes joints."""
+        other = copy(self)
+        object.__setattr__(other, "elsewhere", owner)
+        return other
+
+    def places(self, robot: Robot) -> Sequence[Axis]:
+        """Return where it is: where a model has placed it, else its own axes."""
+        if not self.elsewhere:
+            return self.axes(robot)
+        every = (*robot.axes, *robot.passive_axes)
+        named = find_named(self.elsewhere, (axis.name for axis in every))
+        return [axis for axis in every if axis.name in named]
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
         """Return where the effect is: by default at every actuated joint and coupled motor."""
@@ -154,18 +209,14 @@ class AlongAxes(Effect):
         return tuple(kind for kind, _, _ in self.units)
 
     def curves(self, at: Along) -> Sequence[Array]:
-        """Return the force along an axis per unit of each kind, (N,) each.
-
-        Code is generated from them where they are NumPy's functions of position, travel, speed
-        and acceleration.
-        """
+        """Return the force along an axis per unit of each kind, (N,) each."""
         raise NotImplementedError(f"{type(self).__name__} states no curves")
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return every kind of every axis."""
         return tuple(
             self._parameter(axis, kind)
-            for axis in self.axes(robot)
+            for axis in self.places(robot)
             for kind in self.kinds(robot, axis)
         )
 
@@ -180,7 +231,7 @@ class AlongAxes(Effect):
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write a column for every force."""
         column = 0
-        for axis in self.axes(robot):
+        for axis in self.places(robot):
             at = Along(robot, motion, axis)
             load = at.load
             for force in self.curves(at):
@@ -356,10 +407,6 @@ class Family:
         Whether its shape is how many columns it has: motion that was not fitted chooses it.
     continuous : bool
         Whether what lies between two shapes is one, too: tried where data tell these apart.
-    reached : callable(Effect, Robot, Span) -> kinds, optional
-        Of which of its parameters a motion says anything; of all by default.
-    origin : callable(Effect, Robot) -> int, optional
-        Index of the joint whose motion its curve is drawn over, where it is not its own.
     law : callable(speed, position, load) -> force, optional
         By which `simulate` hides it in a joint, up to a factor.
     told_by : str
@@ -387,8 +434,6 @@ class Family:
     unnamed: bool = False
     flexible: bool = False
     continuous: bool = False
-    reached: Callable[[Effect, Robot, Span], tuple[str, ...]] | None = None
-    origin: Callable[[Effect, Robot], int] | None = None
     law: Law | None = None
     told_by: str = ""
     rank: int = 100
@@ -404,11 +449,12 @@ class Family:
             return self.effect.about(shape)
         if shape is None or np.isnan(shape) or not isinstance(self.effect, Shaped):
             return self.effect
-        return type(self.effect)(shape, place)
+        return replace(self.effect, given=shape, only=place)
 
-    def drawn_over(self, effect: Effect, robot: Robot, joint: int) -> int:
-        """Return the joint whose motion its curve at a joint is drawn over."""
-        return joint if self.origin is None else self.origin(effect, robot)
+    @property
+    def local(self) -> bool:
+        """Whether it depends on the motion of its own joint, and not on another's."""
+        return type(self.effect).drawn_over is Effect.drawn_over
 
     def grid(self, span: Span) -> tuple[float, ...]:
         """Return the shapes to try at a place; one nan where there is no shape."""
@@ -466,52 +512,26 @@ class Part:
         )
         return here and (not self.kinds or parameter.kind in self.kinds)
 
+    def find(self, robot: Robot) -> tuple[Effect, dict[int, Parameter]]:
+        """Return the effect where it is, and what is taken of it by column.
 
-class Elsewhere(AlongAxes):
-    """An effect along axes at which it is not by itself: an offset of a motor that mixes joints.
-
-    Parameters
-    ----------
-    effect : AlongAxes
-    owner : str
-        Name or pattern of joints, passive ones too, motors or stated axes.
-    """
-
-    def __init__(self, effect: AlongAxes, owner: str) -> None:
-        self.effect, self.owner = effect, owner
-        self.name, self.equation, self.source = effect.name, effect.equation, effect.source
-        self.units, self.nonnegative = effect.units, effect.nonnegative
-        self.stated_as = effect.stated_as
-
-    def axes(self, robot: Robot) -> Sequence[Axis]:
-        """Return the axes that are meant."""
-        every = (*robot.axes, *robot.passive_axes)
-        named = find_named(self.owner, (axis.name for axis in every))
-        return [axis for axis in every if axis.name in named]
-
-    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
-        """Return the kinds of parameters that the effect has there."""
-        return self.effect.kinds(robot, axis)
-
-    def curves(self, at: Along) -> Sequence[Array]:
-        """Return the forces of the effect there."""
-        return self.effect.curves(at)
-
-
-def _place(part: Part, robot: Robot) -> tuple[Part, dict[int, Parameter]]:
-    """Return a part where its effect is, if it can be there at all, and what it takes by column."""
-    effect, taken = part.effect, _take(part, robot)
-    if taken or not isinstance(effect, AlongAxes) or type(effect).fill is not AlongAxes.fill:
-        return part, taken
-    other = Elsewhere(effect, part.owner)
-    if not other.axes(robot):
-        return part, taken
-    there = Part(other, part.owner, part.kinds)
-    return there, _take(there, robot)
-
-
-def _take(part: Part, robot: Robot) -> dict[int, Parameter]:
-    return {k: p for k, p in enumerate(part.effect.parameters(robot)) if part.takes(p)}
+        Raises
+        ------
+        ModelError
+            If the effect has no parameter at its place.
+        """
+        effect, there = self.effect, [self.effect]
+        if isinstance(effect, AlongAxes) and effect.placeable:
+            there.append(effect.placed(self.owner))
+        for own in there:
+            found = {k: p for k, p in enumerate(own.parameters(robot)) if self.takes(p)}
+            if found:
+                return own, found
+        owners = dict.fromkeys(p.owner for p in effect.parameters(robot))
+        raise ModelError(
+            f"{effect.name} has no parameter at '{self.owner}' of {robot.name}; it acts at "
+            f"{listing(owners) or 'none of its joints'}."
+        )
 
 
 class Placed(Effect):
@@ -563,58 +583,43 @@ class Placed(Effect):
         """Return the shapes of all parts."""
         return {
             name: shape
-            for part, taken in self._taken(robot)
-            for name, shape in part.effect.shapes(robot).items()
+            for effect, taken in self._taken(robot)
+            for name, shape in effect.shapes(robot).items()
             if name in {f"{p.owner}.{self.name}" for p in taken.values()}
         }
 
-    def _taken(self, robot: Robot) -> list[tuple[Part, dict[int, Parameter]]]:
-        """Return each part with its parameters by their column in its effect.
+    def _taken(self, robot: Robot) -> list[tuple[Effect, dict[int, Parameter]]]:
+        """Return the effect of each part with the parameters that are the part's, by column.
 
         What parts name, and the patterns before, go before what fits a pattern.
         """
-        parts = [self._placed(robot, part) for part in self.parts]
-        found = [{p.name for p in taken.values()} for _, taken in parts]
+        parts = [part.find(robot) for part in self.parts]
         wide = [is_pattern(part.owner) for part in self.parts]
-        gone = {name for own, w in zip(found, wide, strict=True) if not w for name in own}
+        pairs = list(zip(parts, wide, strict=True))
+        gone = {p.name for (_, taken), w in pairs if not w for p in taken.values()}
         out = []
-        for (part, taken), own, w in zip(parts, found, wide, strict=True):
-            left = own - gone if w else own
-            gone |= left
-            out.append((part, {k: p for k, p in taken.items() if p.name in left}))
+        for (effect, taken), w in pairs:
+            left = {k: p for k, p in taken.items() if not w or p.name not in gone}
+            gone |= {p.name for p in left.values()}
+            out.append((effect, left))
         return out
-
-    def layout(self, robot: Robot) -> list[tuple[Effect, list[int]]]:
-        """Return the effect of each part, and which of its columns the part takes."""
-        return [(part.effect, list(taken)) for part, taken in self._taken(robot)]
 
     @staticmethod
     def part_parameters(robot: Robot, part: Part) -> list[Parameter]:
         """Return the parameters of one part."""
-        return list(Placed._placed(robot, part)[1].values())
+        return list(part.find(robot)[1].values())
 
-    @staticmethod
-    def _placed(robot: Robot, part: Part) -> tuple[Part, dict[int, Parameter]]:
-        there, found = _place(part, robot)
-        if not found:
-            owners = dict.fromkeys(p.owner for p in part.effect.parameters(robot))
-            raise ModelError(
-                f"{part.effect.name} has no parameter at '{part.owner}' of {robot.name}; it acts "
-                f"at {listing(owners) or 'none of its joints'}."
-            )
-        return there, found
+    def layout(self, robot: Robot) -> list[tuple[Effect, list[int]]]:
+        """Return the effect of each part, and which of its columns the part takes."""
+        return [(effect, list(taken)) for effect, taken in self._taken(robot)]
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write the columns of all parts; each effect is computed once."""
-        start = 0
-        waiting: dict[int, list[tuple[int, list[int]]]] = {}
-        effects: dict[int, Effect] = {}
-        for effect, columns in self.layout(robot):
-            effects[id(effect)] = effect
-            waiting.setdefault(id(effect), []).append((start, columns))
+        start, done, layout = 0, dict[int, Array](), self.layout(robot)
+        for effect, columns in layout:
+            if id(effect) not in done:
+                W = np.zeros((len(motion), out.shape[1], len(effect.parameters(robot))))
+                effect.fill(robot, motion, W)
+                done[id(effect)] = W
+            out[:, :, start : start + len(columns)] = done[id(effect)][:, :, columns]
             start += len(columns)
-        for key, effect in effects.items():
-            W = np.zeros((len(motion), out.shape[1], len(effect.parameters(robot))))
-            effect.fill(robot, motion, W)
-            for at, columns in waiting[key]:
-                out[:, :, at : at + len(columns)] = W[:, :, columns]

@@ -342,12 +342,7 @@ class ReversalFriction(AlongAxes):
 
     def curves(self, at: Along) -> list[Array]:
         """Return pulses at reversals, weighed by the acceleration over its median."""
-        sign, pulse = at.sign, np.zeros(len(at.motion))
-        gaps = np.flatnonzero(np.diff(at.motion.kept) != 1) + 1
-        for rows in np.split(np.arange(len(pulse)), gaps):
-            if len(rows) > 1:
-                pulse[rows] = np.gradient(sign[rows], at.motion.t[rows])
-        size = np.abs(at.acceleration)
+        pulse, size = at.slope(at.sign), np.abs(at.acceleration)
         root = np.sqrt(np.clip(size / (np.median(size) or 1.0), SLOWEST, None))
         return [pulse, pulse / root, pulse * root]
 

@@ -6,25 +6,28 @@ together.
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
 
 import numpy as np
 import scipy
 
-from identifiability.effects.effect import POSTURES, SPEEDS, Along, Shaped, Span, actuated_joints
-from identifiability.effects.measurement import (
-    FromJoint,
-    first_origin,
-    is_alone,
-    nominal_torque,
-    other_joints,
+from identifiability.effects.effect import (
+    POSTURES,
+    SPEEDS,
+    Along,
+    Family,
+    Shaped,
+    Span,
+    actuated_joints,
 )
+from identifiability.effects.measurement import FromJoint, is_alone, nominal_torque, other_joints
 from identifiability.effects.nominal import needs_masses, rigid_torque
-from identifiability.effects.registry import declare
+from identifiability.effects.registry import declare, register
 from identifiability.effects.transmission import carried_load
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Motion, Robot
 
 # Torque along a joint of which nothing is known but what it depends on: smooth functions.
@@ -85,128 +88,139 @@ def largest_speed(robot: Robot, axis: Axis) -> float:
     return limit if np.isfinite(limit) and limit > 0 else TYPICAL_SPEED[axis.prismatic]
 
 
+#: Where these functions are from.
+SOURCE = "[de Boor 1978; Eilers & Marx 1996]"
+
+#: Along an axis, (N,).
+Value = Callable[[Along], Array]
+
+
+@frozen
+class Coordinate:
+    """What a torque may be a function of.
+
+    Attributes
+    ----------
+    symbol, title : str
+        In equations and in words.
+    against
+        As of `Family`.
+    value : callable(Along) -> (N,)
+    shapes : callable(Span) -> shapes
+        The largest value of the motions, at which a function ends; nothing where it is not asked.
+    usual : (float, float)
+        That where none is stated, at an axis that turns and at one that slides.
+    """
+
+    symbol: str
+    title: str
+    against: Literal["position", "load", "time", "session"]
+    value: Value
+    shapes: Callable[[Span], tuple[float, ...]]
+    usual: tuple[float, float]
+
+    def share(self, at: Along, largest: float) -> Array:
+        """Return it from −1 to 1, (N,); times begin at zero."""
+        share = self.value(at) / largest
+        return 2.0 * share - 1.0 if self.against in ("time", "session") else share
+
+
+@frozen
 class SmoothFunction(Shaped):
-    """``τ = f(u)``: quadratic splines of a coordinate from −1 to 1; a constant is one of them."""
+    """``τ = f(u)``: quadratic splines of a coordinate from −1 to 1; a constant is one of them.
 
-    equation = "τ = f(u), f = Σ cₖ Bₖ"
-    source = "[de Boor 1978; Eilers & Marx 1996]"
+    Its shape is the largest value of the coordinate, in its unit. With the velocity it is ``τ =
+    f₀(u) + f₁(u) sign q̇ + f₂(u) q̇``, splines for each by itself.
+
+    The time of a session is another thing than that of a log: logs are pieces of a session with
+    pauses between, of which the last is seldom fitted, so that its function is held to a straight
+    line as closely as the motion says, and goes straight on beyond its end.
+
+    Attributes
+    ----------
+    of : Coordinate, optional
+        By default the position.
+    moving : bool
+        Whether it is one of the velocity as well.
+    name, equation, units
+    """
+
+    of: Coordinate | None = None
+    moving: bool = False
+    name: str = ""
+    equation: str = ""
+    units: tuple[tuple[str, str, str], ...] = ()
+    source = SOURCE
     supersedes = CONTAINED
-    units: tuple[tuple[str, str, str], ...] = (("f", "N·m", "N"),)
-    #: Columns at each axis.
-    count = PIECES + DEGREE
 
-    @abstractmethod
-    def coordinate(self, at: Along) -> Array:
-        """Return the coordinate, (N,)."""
+    @property
+    def coordinate(self) -> Coordinate:
+        """What it is a function of."""
+        return self.of or POSITION
+
+    @property
+    def pieces(self) -> int:
+        """Pieces of a function of the coordinate."""
+        session = self.coordinate.against == "session"
+        return SESSION_PIECES if session else PIECES_OF_TWO if self.moving else PIECES
+
+    def typical(self, robot: Robot, axis: Axis) -> float:
+        """Return the usual largest value."""
+        del robot
+        return self.coordinate.usual[axis.prismatic]
 
     def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
         """Return one for every column."""
         del robot, axis
-        return tuple(f"{self.units[0][0]}{k + 1}" for k in range(self.count))
+        count = (3 if self.moving else 1) * (self.pieces + DEGREE)
+        return tuple(f"{self.units[0][0]}{k + 1}" for k in range(count))
 
     def curves(self, at: Along) -> list[Array]:
-        """Return the splines."""
-        return list(splines(self.coordinate(at)).T)
+        """Return the splines, and these times direction and speed."""
+        u = self.coordinate.share(at, self.shape(at.robot, at.axis))
+        beyond = straight_beyond if self.coordinate.against == "session" else splines
+        columns = beyond(u, self.pieces)
+        if not self.moving:
+            return list(columns.T)
+        share = at.speed[:, None] / largest_speed(at.robot, at.axis)
+        return [*columns.T, *(columns * at.sign[:, None]).T, *(columns * share).T]
 
 
-class WithVelocity(SmoothFunction):
-    """``τ = f₀(u) + f₁(u) sign q̇ + f₂(u) q̇``: splines of a coordinate, each for itself."""
+def _declare_function(
+    of: Coordinate,
+    name: str,
+    kind: str,
+    told_by: str,
+    rank: float,
+    *,
+    moving: bool = False,
+    **facts: Any,
+) -> None:
+    """Register the function of a coordinate, or of it and the velocity."""
+    x, load = of.symbol, of.against == "load"
+    equation = f"τ = f({x}), f = Σ cₖ Bₖ({x})"
+    if moving:
+        equation = f"τ = f₀({x}) + f₁({x}) sign(q̇) + f₂({x}) q̇, f = Σ cₖ Bₖ"
+    units = ((kind, "N·m", "N"),)
+    effect = SmoothFunction(None, None, of, moving, f"function_of_{name}", equation, units)
+    if load:
+        facts["refuse"] = needs_masses
+    what = f"an unnamed function of {name.replace('_', ' ') if moving else of.title}"
+    own: Any = {"unnamed": True, "flexible": True, "loaded": load, "told_by": told_by, "rank": rank}
+    register(Family(effect, what, shapes=of.shapes, **own, **{"against": of.against} | facts))
 
-    count = 3 * (PIECES_OF_TWO + DEGREE)
 
-    def curves(self, at: Along) -> list[Array]:
-        """Return the splines, alone and times direction and speed."""
-        columns, speed = splines(self.coordinate(at), PIECES_OF_TWO), at.speed[:, None]
-        largest = largest_speed(at.robot, at.axis)
-        return [*columns.T, *(columns * at.sign[:, None]).T, *(columns * speed / largest).T]
+# What torque depends on in a way that has no name here.
 
 
-def fastest(span: Span) -> tuple[float, ...]:
-    """Return the largest speed of the motions at an axis [rad/s or m/s]."""
-    return (span.largest_speed,)
-
-
-# Torque that depends on the position in a way that has no name here.
-
-
-def farthest(span: Span) -> tuple[float, ...]:
+def largest_distance(span: Span) -> tuple[float, ...]:
     """Return the largest distance of the motions from home [rad or m]."""
     return (span.farthest,)
 
 
-@declare(
-    "an unnamed function of position",
-    shapes=farthest,
-    against="position",
-    unnamed=True,
-    flexible=True,
-    told_by=POSTURES,
-    rank=32,
-)
-class FunctionOfPosition(SmoothFunction):
-    """``τ = f(q)``. Its shape is the largest distance from home [rad or m]."""
-
-    name = "function_of_position"
-    equation = "τ = f(q), f = Σ cₖ Bₖ(q)"
-    units = (("fq", "N·m", "N"),)
-    usual = (3.0, 0.5)
-
-    def coordinate(self, at: Along) -> Array:
-        """Return the position from home over the largest one."""
-        return at.travel / self.shape(at.robot, at.axis)
-
-
-# Torque that depends on the speed in a way that has no name here.
-
-
-@declare(
-    "an unnamed function of velocity",
-    shapes=fastest,
-    separate=True,
-    unnamed=True,
-    flexible=True,
-    told_by=SPEEDS,
-    rank=30,
-)
-class FunctionOfVelocity(SmoothFunction):
-    """``τ = f(q̇)``, smooth in the root of the speed but for a step at rest.
-
-    Viscous and Coulomb friction and an offset are among its curves, which are odd functions,
-    against the motion, or even ones, or both. Its shape is the largest speed, beyond which it
-    returns to a constant.
-    """
-
-    name = "function_of_velocity"
-    equation = "τ = f(q̇), f = Σ cₖ (Bₖ(u) ∓ Bₖ(−u)) + c sign q̇, u = √|q̇/v| sign q̇"
-    units = (("fo", "N·m", "N"), ("fe", "N·m", "N"))
-    count = PIECES + DEGREE + 1
-
-    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
-        """Return one for every odd column, then for every even one."""
-        del robot, axis
-        even = self.count // 2
-        return tuple(
-            f"{letter}{k + 1}"
-            for (letter, _, _), count in zip(self.units, (self.count - even, even), strict=True)
-            for k in range(count)
-        )
-
-    def coordinate(self, at: Along) -> Array:
-        """Return the root of the speed."""
-        return fine_at_rest(at.speed, self.shape(at.robot, at.axis))
-
-    def curves(self, at: Along) -> list[Array]:
-        """Return the step with differences of opposite splines, then their sums."""
-        pieces = splines(self.coordinate(at)).T
-        low, high = pieces[: len(pieces) // 2], pieces[: len(pieces) // 2 - 1 : -1]
-        return [np.sign(at.speed), *(high - low), *(high + low)]
-
-    def typical(self, robot: Robot, axis: Axis) -> float:
-        """Return the limit of the speed [rad/s or m/s]."""
-        return largest_speed(robot, axis)
-
-
-# Torque that depends on the load in a way that has no name here.
+def travel_of(at: Along) -> Array:
+    """Return the position from home, (N,) [rad or m]."""
+    return at.travel
 
 
 def load_of(robot: Robot, motion: Motion) -> Array:
@@ -217,80 +231,32 @@ def load_of(robot: Robot, motion: Motion) -> Array:
     return (nominal_torque if robot.reference else rigid_torque)(robot, motion)
 
 
+def carried_by(at: Along) -> Array:
+    """Return the load that an axis alone would carry, (N,) [N·m or N]."""
+    return carried_load(load_of(at.robot, at.motion), at)
+
+
 def largest_load(span: Span) -> tuple[float, ...]:
     """Return the largest load of the motions at an axis [N·m or N]."""
     if span.robot is None:
         return ()
     axis = next(a for a in span.robot.axes if a.name == span.joint)
-    loads = [carried_load(load_of(span.robot, m), Along(span.robot, m, axis)) for m in span.motions]
+    loads = [carried_by(Along(span.robot, m, axis)) for m in span.motions]
     return (max(float(np.abs(x).max(initial=0.0)) for x in loads) or 1.0,)
-
-
-class OfLoad(SmoothFunction):
-    """A function of the load; its shape is the largest one [N·m or N]."""
-
-    usual = (10.0, 100.0)
-
-    def coordinate(self, at: Along) -> Array:
-        """Return the load over the largest one."""
-        load = carried_load(load_of(at.robot, at.motion), at)
-        return load / self.shape(at.robot, at.axis)
-
-
-@declare(
-    "an unnamed function of the load",
-    shapes=largest_load,
-    refuse=needs_masses,
-    against="load",
-    loaded=True,
-    unnamed=True,
-    flexible=True,
-    told_by="move with and without a load",
-    rank=31,
-)
-class FunctionOfLoad(OfLoad):
-    """``τ = f(τ_load)`` of the load by `load_of`. Its shape is the largest one."""
-
-    name = "function_of_load"
-    equation = "τ = f(τ_load), f = Σ cₖ Bₖ(τ_load)"
-    units = (("fl", "N·m", "N"),)
-
-
-# Torque that depends on the time in a way that has no name here.
 
 
 #: Duration where none is given [s].
 TYPICAL: Tolerance = 30.0
 
 
+def time_of(at: Along) -> Array:
+    """Return the time of the log, (N,) [s]."""
+    return at.motion.t
+
+
 def duration(span: Span) -> tuple[float, ...]:
     """Return the end of the time of the longest log [s]."""
     return (max((float(m.t.max(initial=0.0)) for m in span.motions), default=0.0) or TYPICAL,)
-
-
-@declare(
-    "an unnamed function of time",
-    shapes=duration,
-    against="time",
-    unnamed=True,
-    flexible=True,
-    told_by="repeat the motion later",
-    rank=34,
-)
-class FunctionOfTime(SmoothFunction):
-    """``τ = f(t)`` of the time of each log. Its shape is the end of the time [s]."""
-
-    name = "function_of_time"
-    equation = "τ = f(t), f = Σ cₖ Bₖ(t)"
-    units = (("ft", "N·m", "N"),)
-    usual = (TYPICAL, TYPICAL)
-
-    def coordinate(self, at: Along) -> Array:
-        """Return the time, from −1 to 1."""
-        return 2.0 * at.motion.t / self.shape(at.robot, at.axis) - 1.0
-
-
-# Torque that depends on the time of the session in a way that has no name here.
 
 
 #: Pieces of the session, of which each takes several logs: one that is left out leaves no hole.
@@ -304,6 +270,11 @@ TYPICAL_SESSION: Tolerance = 600.0
 def time_of_session(motion: Motion) -> Array:
     """Return the time since the session began, (N,) [s]; that of the log where none is known."""
     return motion.t if motion.start is None else motion.t + motion.start
+
+
+def session_of(at: Along) -> Array:
+    """Return the time of the session, (N,) [s]."""
+    return time_of_session(at.motion)
 
 
 def has_session(motions: Sequence[Motion]) -> bool:
@@ -320,41 +291,77 @@ def end_of_session(span: Span) -> tuple[float, ...]:
     """Return the end of the time of the fitted session [s]; nothing where logs share no clock."""
     if not has_session(span.motions):
         return ()
-    return (
-        max(float(time_of_session(m).max(initial=0.0)) for m in span.motions) or TYPICAL_SESSION,
-    )
+    ends = (float(time_of_session(m).max(initial=0.0)) for m in span.motions)
+    return (max(ends) or TYPICAL_SESSION,)
+
+
+POSITION = Coordinate("q", "position", "position", travel_of, largest_distance, (3.0, 0.5))
+LOAD = Coordinate("τ_load", "the load", "load", carried_by, largest_load, (10.0, 100.0))
+TIME = Coordinate("t", "time", "time", time_of, duration, (TYPICAL,) * 2)
+SESSION = Coordinate(
+    "T", "the time of the session", "session", session_of, end_of_session, (TYPICAL_SESSION,) * 2
+)
+LOADED, LATER = "move with and without a load", "repeat the motion later"
+_declare_function(POSITION, "position", "fq", POSTURES, 32)
+_declare_function(LOAD, "load", "fl", LOADED, 31)
+_declare_function(TIME, "time", "ft", LATER, 34)
+_declare_function(SESSION, "session_time", "fT", "log the same motion later in the session", 34.5)
+_declare_function(POSITION, "position_and_velocity", "fqv", SPEEDS, 35, moving=True)
+_declare_function(LOAD, "velocity_and_load", "fvl", LOADED, 36, moving=True, against="velocity")
+_declare_function(TIME, "velocity_and_time", "fvt", LATER, 37, moving=True)
+
+
+# Torque that depends on the speed in a way that has no name here.
+
+
+def fastest(span: Span) -> tuple[float, ...]:
+    """Return the largest speed of the motions at an axis [rad/s or m/s]."""
+    return (span.largest_speed,)
 
 
 @declare(
-    "an unnamed function of the time of the session",
-    shapes=end_of_session,
-    against="session",
+    "an unnamed function of velocity",
+    shapes=fastest,
+    separate=True,
     unnamed=True,
     flexible=True,
-    told_by="log the same motion later in the session",
-    rank=34.5,
+    told_by=SPEEDS,
+    rank=30,
 )
-class FunctionOfSessionTime(SmoothFunction):
-    """``τ = f(T)`` of the time since the first log of a session began: warming up, for one.
+class FunctionOfVelocity(Shaped):
+    """``τ = f(q̇)``, smooth in the root of the speed but for a step at rest.
 
-    Its shape is the end of that time [s]. Logs are pieces of a session with pauses between, of
-    which the last is seldom fitted: so the function is held to a straight line as closely as the
-    motion says, and goes straight on beyond its end.
+    Viscous and Coulomb friction and an offset are among its curves, which are odd functions,
+    against the motion, or even ones, or both. Its shape is the largest speed, beyond which it
+    returns to a constant.
     """
 
-    name = "function_of_session_time"
-    equation = "τ = f(T), f = Σ cₖ Bₖ(T)"
-    units = (("fT", "N·m", "N"),)
-    usual = (TYPICAL_SESSION, TYPICAL_SESSION)
-    count = SESSION_PIECES + DEGREE
+    name = "function_of_velocity"
+    equation = "τ = f(q̇), f = Σ cₖ (Bₖ(u) ∓ Bₖ(−u)) + c sign q̇, u = √|q̇/v| sign q̇"
+    source = SOURCE
+    supersedes = CONTAINED
+    units = (("fo", "N·m", "N"), ("fe", "N·m", "N"))
+    count = PIECES + DEGREE + 1
 
-    def coordinate(self, at: Along) -> Array:
-        """Return the time of the session, from −1 to 1."""
-        return 2.0 * time_of_session(at.motion) / self.shape(at.robot, at.axis) - 1.0
+    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
+        """Return one for every odd column, then for every even one."""
+        del robot, axis
+        even = self.count // 2
+        return tuple(
+            f"{letter}{k + 1}"
+            for (letter, _, _), count in zip(self.units, (self.count - even, even), strict=True)
+            for k in range(count)
+        )
 
     def curves(self, at: Along) -> list[Array]:
-        """Return the splines."""
-        return list(straight_beyond(self.coordinate(at), SESSION_PIECES).T)
+        """Return the step with differences of opposite splines, then their sums."""
+        pieces = splines(fine_at_rest(at.speed, self.shape(at.robot, at.axis))).T
+        low, high = pieces[: len(pieces) // 2], pieces[: len(pieces) // 2 - 1 : -1]
+        return [np.sign(at.speed), *(high - low), *(high + low)]
+
+    def typical(self, robot: Robot, axis: Axis) -> float:
+        """Return the limit of the speed [rad/s or m/s]."""
+        return largest_speed(robot, axis)
 
 
 # Torque that depends on the speed of another joint in a way that has no name here.
@@ -364,7 +371,6 @@ class FunctionOfSessionTime(SmoothFunction):
     "an unnamed function of another joint's velocity",
     actuated_joints,
     shapes=other_joints,
-    origin=first_origin,
     refuse=is_alone,
     unnamed=True,
     flexible=True,
@@ -379,7 +385,7 @@ class FunctionOfOtherVelocity(FromJoint):
 
     name = "function_of_other_velocity"
     equation = "τ = f(q̇_other), f = Σ cₖ Bₖ(√|q̇_other/v| sign q̇_other)"
-    source = "[de Boor 1978; Eilers & Marx 1996]"
+    source = SOURCE
     units = (("f", "N·m", "N"),)
     crossed = ("N·m", "N")
     supersedes = CONTAINED
@@ -389,74 +395,9 @@ class FunctionOfOtherVelocity(FromJoint):
         (kind,) = super().kinds(robot, axis)
         return tuple(f"{kind}_{k + 1}" for k in range(PIECES + DEGREE))
 
-    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
-        """Write the splines of every joint."""
-        width = PIECES + DEGREE
-        for k, axis in enumerate(self.axes(robot)):
-            other = self.origin(robot, axis)
-            source = next(a for a in robot.axes if a.name == robot.joints[other])
-            share = fine_at_rest(motion.actuated_v[:, other], largest_speed(robot, source))
-            columns = splines(np.clip(share, -1.0, 1.0))  # the limit is no end of the data
-            at = robot.joints.index(axis.name)
-            out[:, at, k * width : (k + 1) * width] = columns
-
-
-# Torque that depends on position and speed in a way that has no name here.
-
-
-@declare(
-    "an unnamed function of position and velocity",
-    shapes=farthest,
-    against="position",
-    unnamed=True,
-    flexible=True,
-    told_by=SPEEDS,
-    rank=35,
-)
-class FunctionOfPositionAndVelocity(WithVelocity, FunctionOfPosition):
-    """``τ = f(q, q̇)``. Its shape is the largest distance from home [rad or m]."""
-
-    name = "function_of_position_and_velocity"
-    equation = "τ = f₀(q) + f₁(q) sign(q̇) + f₂(q) q̇, f = Σ cₖ Bₖ"
-    units = (("fqv", "N·m", "N"),)
-
-
-# Torque that depends on speed and load in a way that has no name here.
-
-
-@declare(
-    "an unnamed function of velocity and load",
-    shapes=largest_load,
-    refuse=needs_masses,
-    loaded=True,
-    unnamed=True,
-    flexible=True,
-    told_by="move with and without a load",
-    rank=36,
-)
-class FunctionOfVelocityAndLoad(WithVelocity, OfLoad):
-    """``τ = f(q̇, τ_load)``. Its shape is the largest load [N·m or N]."""
-
-    name = "function_of_velocity_and_load"
-    equation = "τ = f₀(τ_load) + f₁(τ_load) sign(q̇) + f₂(τ_load) q̇, f = Σ cₖ Bₖ"
-    units = (("fvl", "N·m", "N"),)
-
-
-# Torque that depends on the speed in a way that changes with time and has no name here.
-
-
-@declare(
-    "an unnamed function of velocity and time",
-    shapes=duration,
-    against="time",
-    unnamed=True,
-    flexible=True,
-    told_by="repeat the motion later",
-    rank=37,
-)
-class FunctionOfVelocityAndTime(WithVelocity, FunctionOfTime):
-    """``τ = f(q̇, t)``, t the time of each log. Its shape is the end of the time [s]."""
-
-    name = "function_of_velocity_and_time"
-    equation = "τ = f₀(t) + f₁(t) sign(q̇) + f₂(t) q̇, f = Σ cₖ Bₖ"
-    units = (("fvt", "N·m", "N"),)
+    def curves(self, at: Along) -> list[Array]:
+        """Return the splines of the speed of the other joint."""
+        other = self.origin(at.robot, at.axis)
+        source = next(a for a in at.robot.axes if a.name == at.robot.joints[other])
+        u = fine_at_rest(at.motion.actuated_v[:, other], largest_speed(at.robot, source))
+        return list(splines(np.clip(u, -1.0, 1.0)).T)  # the limit is no end of the data

@@ -64,6 +64,7 @@ class TorqueOffset(AtMotors):
     name = "torque_offset"
     equation = "τ = off"
     units: tuple[tuple[str, str, str], ...] = (("off", "N·m", "N"),)
+    stated_as: tuple[str, ...] = ("offset",)
 
     def curves(self, at: Along) -> list[Array]:
         """Return one everywhere."""
@@ -91,6 +92,7 @@ class TorqueDrift(TorqueOffset):
     equation = "τ = o + d t"
     source = "a slow change to the first order in time"
     units = (("o", "N·m", "N"), ("d", "N·m/s", "N/s"))
+    stated_as = ()
     supersedes = ("torque_offset",)
 
     def curves(self, at: Along) -> list[Array]:
@@ -153,17 +155,11 @@ class TimeDelay(AtMotors):
     units = (("delay", "s", "s"),)
     nonnegative = True
 
-    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
-        """Write one column a joint; differences do not reach across missing samples."""
-        if len(motion) < 3:
-            return
-        tau = self.torque(robot, motion)
-        gaps = np.flatnonzero(np.diff(motion.kept) != 1) + 1
-        for rows in np.split(np.arange(len(motion)), gaps):
-            if len(rows) > 2:
-                slope = np.gradient(tau[rows], motion.t[rows], axis=0)
-                for k, joint in enumerate(motors(robot)):
-                    out[rows, joint, k] = -slope[:, joint]
+    anywhere = False
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return minus how the torque changes."""
+        return [-at.slope(self.torque(at.robot, at.motion)[:, at.joint])]
 
 
 # Torque that is stamped before the motion it belongs to.
@@ -188,10 +184,9 @@ class ClockError(TimeDelay):
     equation = "τ = ε dτ/dt"
     units = (("lead", "s", "s"),)
 
-    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
-        """Write one column a joint, that of a delay with the other sign."""
-        super().fill(robot, motion, out)
-        out *= -1.0
+    def curves(self, at: Along) -> list[Array]:
+        """Return that of a delay with the other sign."""
+        return [-column for column in super().curves(at)]
 
 
 # A joint whose servo takes its commands later than those of the others.
@@ -229,16 +224,13 @@ class CommandDelay(TimeDelay):
         """Return those of the joints of a robot with servos."""
         return () if robot.servo is None else super().axes(robot)
 
-    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
-        """Write one column a joint."""
-        servo = robot.servo
-        if servo is None or not out.shape[2]:
-            return
-        super().fill(robot, motion, out)
-        out *= -1.0
-        v, a = motion.actuated_v, motion.actuated_a
-        for k, joint in enumerate(motors(robot)):
-            out[:, joint, k] += servo.kp[joint] * v[:, joint] + servo.kv[joint] * a[:, joint]
+    def curves(self, at: Along) -> list[Array]:
+        """Return what a later command makes of the torque of its servo."""
+        servo, j = at.robot.servo, at.joint
+        assert servo is not None
+        (early,) = super().curves(at)
+        v, a = at.motion.actuated_v[:, j], at.motion.actuated_a[:, j]
+        return [servo.kp[j] * v + servo.kv[j] * a - early]
 
 
 # A joint whose torque is measured in wrong units: a gain that is off.
@@ -265,13 +257,11 @@ class TorqueScale(AtMotors):
     source = "[Gautier & Briot 2014]"
     units = (("scale", "1", "1"),)
 
-    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
-        """Write the torque of each joint."""
-        if not out.shape[2]:
-            return
-        tau = nominal_torque(robot, motion)
-        for k, joint in enumerate(motors(robot)):
-            out[:, joint, k] = tau[:, joint]
+    anywhere = False
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return the torque of the joint."""
+        return [nominal_torque(at.robot, at.motion)[:, at.joint]]
 
 
 # Torque of another joint that leaks into what is measured at this one.
@@ -299,6 +289,7 @@ class FromJoint(Shaped):
 
     #: Units at an axis that turns from one that slides, and the other way round.
     crossed: ClassVar[tuple[str, str]] = ("m", "1/m")
+    anywhere = False
 
     def axes(self, robot: Robot) -> list[Axis]:
         """Return those of joints, without the motors that mix them."""
@@ -338,28 +329,21 @@ class FromJoint(Shaped):
             )
         return int(number) - 1
 
+    def drawn_over(self, robot: Robot, joint: int) -> int:
+        """Return the joint that an effect at one joint comes from."""
+        del joint
+        return self.origin(robot, self.axes(robot)[0])
+
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return the number of the joint before, of the second one at the first."""
         own, first = robot.joints.index(axis.name), motors(robot).start
         return float(own if own > first else first + 2)
-
-    def fill_from(self, robot: Robot, source: Array, out: Array) -> None:
-        """Write what a source (N, n) has at the other joint."""
-        for k, axis in enumerate(self.axes(robot)):
-            out[:, robot.joints.index(axis.name), k] = source[:, self.origin(robot, axis)]
-
-
-def first_origin(effect: Effect, robot: Robot) -> int:
-    """Return the index of the joint that an effect at one joint comes from."""
-    assert isinstance(effect, FromJoint)
-    return effect.origin(robot, effect.axes(robot)[0])
 
 
 @declare(
     "torque leaking from another joint",
     actuated_joints,
     shapes=other_joints,
-    origin=first_origin,
     refuse=_refuse,
     against="load",
     needs="coulomb_friction",
@@ -379,10 +363,9 @@ class TorqueLeak(FromJoint):
     source = "drive gains [Gautier & Briot 2014] off the diagonal"
     units = (("from", "1", "1"),)
 
-    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
-        """Write one column a joint."""
-        if out.shape[2]:
-            self.fill_from(robot, nominal_torque(robot, motion), out)
+    def curves(self, at: Along) -> list[Array]:
+        """Return the torque of the other joint."""
+        return [nominal_torque(at.robot, at.motion)[:, self.origin(at.robot, at.axis)]]
 
 
 # Torque in proportion to the speed of another joint.
@@ -392,7 +375,6 @@ class TorqueLeak(FromJoint):
     "drag by the speed of another joint",
     actuated_joints,
     shapes=other_joints,
-    origin=first_origin,
     refuse=is_alone,
     needs="viscous_friction",
     told_by="move one joint while the others stand still",
@@ -410,10 +392,9 @@ class VelocityLeak(FromJoint):
     units = (("by", "N·m·s/rad", "N·s/m"),)
     crossed = ("N·s", "N·s/rad")
 
-    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
-        """Write one column a joint."""
-        if out.shape[2]:
-            self.fill_from(robot, motion.actuated_v, out)
+    def curves(self, at: Along) -> list[Array]:
+        """Return the speed of the other joint."""
+        return [at.motion.actuated_v[:, self.origin(at.robot, at.axis)]]
 
 
 # Positions that are counted from elsewhere than the robot file counts them.

@@ -148,7 +148,7 @@ def default_effects(robot: Robot, names: Iterable[str]) -> tuple[str, ...]:
         The effects of the default model.
     """
     said: dict[str, list[str]] = {}
-    for text in robot.placed:
+    for text in robot.said.effects:
         said.setdefault(text.partition("@")[0], []).append(text)
     out: list[str] = []
     used: set[str] = set()

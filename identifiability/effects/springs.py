@@ -11,7 +11,6 @@ from identifiability.effects.effect import (
     RESTS,
     Along,
     AlongAxes,
-    Effect,
     Shaped,
     Span,
     every_axis,
@@ -175,16 +174,6 @@ def _spacings(span: Span) -> tuple[float, ...]:
     return tuple(span.position_range / k for k in PIECES)
 
 
-def reached_pieces(effect: Effect, robot: Robot, span: Span) -> tuple[str, ...]:
-    """Return the pieces that a motion gets to; of the others it says nothing."""
-    assert isinstance(effect, PositionTorque)
-    axis = next(a for a in robot.axes if a.name == span.joint)
-    ends = np.array([span.low, span.high]) - effect.home(robot, axis)
-    first, step = effect.grid(robot, axis)[0], effect.shape(robot, axis)
-    cells = np.clip(np.floor(ends / step + [1e-9, -1e-9]).astype(int) - first, 0, None)
-    return effect.kinds(robot, axis)[cells[0] : cells[1] + DEGREE + 1]
-
-
 def cubic_piece(away: Array) -> Array:
     """Return a cubic B-spline of even knots so far from its middle, in their distance."""
     wide, narrow = np.maximum(2 - away, 0), np.maximum(1 - away, 0)
@@ -195,7 +184,6 @@ def cubic_piece(away: Array) -> Array:
 @declare(
     "torque along the position",
     shapes=_spacings,
-    reached=reached_pieces,
     against="position",
     told_by=POSTURES,
     rank=23,
@@ -222,6 +210,14 @@ class PositionTorque(Shaped):
         first, last = self.grid(robot, axis)
         letter = self.units[0][0]
         return tuple(f"{letter}{k + 1}" for k in range(last - first + DEGREE))
+
+    def reached(self, robot: Robot, span: Span) -> tuple[str, ...]:
+        """Return the pieces that a motion gets to; of the others it says nothing."""
+        axis = next(a for a in robot.axes if a.name == span.joint)
+        ends = np.array([span.low, span.high]) - self.home(robot, axis)
+        first, step = self.grid(robot, axis)[0], self.shape(robot, axis)
+        cells = np.clip(np.floor(ends / step + [1e-9, -1e-9]).astype(int) - first, 0, None)
+        return self.kinds(robot, axis)[cells[0] : cells[1] + DEGREE + 1]
 
     def home(self, robot: Robot, axis: Axis) -> float:
         """Return the position of an axis at home, from which knots are counted [rad or m]."""
@@ -277,7 +273,6 @@ class PositionTorque(Shaped):
 @declare(
     "friction that depends on the position",
     shapes=_spacings,
-    reached=reached_pieces,
     against="position",
     needs="coulomb_friction",
     dry=True,

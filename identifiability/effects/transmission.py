@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
-
 import numpy as np
 
-from identifiability.effects.effect import POSTURES, Along, AlongAxes, Shaped, Span, put
+from identifiability.effects.effect import POSTURES, Along, AlongAxes, Shaped, Span, split_runs
 from identifiability.effects.nominal import needs_masses, rigid_torque
 from identifiability.effects.registry import declare
 from identifiability.foundation.linalg import without_rounding
@@ -19,12 +16,6 @@ from identifiability.robot import Axis, Motion, Robot
 #
 # Both hang on the path alone, not on time. Where samples are missing, and at the first of a
 # stretch, the joint is taken to have come a long way in the direction that it moves in.
-
-
-def split_runs(motion: Motion) -> list[np.ndarray]:
-    """Return the samples (…,) of each stretch of a motion without missing samples."""
-    gaps = np.flatnonzero(np.diff(motion.kept) != 1) + 1
-    return [rows for rows in np.split(np.arange(len(motion)), gaps) if len(rows)]
 
 
 def follow_with_play(x: Array, width: float, way: float) -> Array:
@@ -126,6 +117,11 @@ def carried_load(load: Array, at: Along) -> Array:
     return without_rounding(carried[:, None], load)[:, 0]
 
 
+def rigid_load(at: Along) -> Array:
+    """Return what an axis alone would carry by the masses of the robot file, (N,)."""
+    return carried_load(rigid_torque(at.robot, at.motion), at)
+
+
 @declare(
     "load-dependent friction",
     needs="coulomb_friction",
@@ -147,18 +143,11 @@ class LoadDependentFriction(AlongAxes):
     units = (("Fl", "1", "1"),)
     nonnegative = True
 
-    def __init__(self, reference: Mapping[str, float] | None = None) -> None:
-        """Know the load by standard parameters, by default by the robot's own."""
-        self.reference = reference
+    anywhere = False
 
-    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
-        """Write one column an axis; the torque of the whole robot is computed once."""
-        if self.reference is not None:
-            robot = replace(robot, reference=self.reference)
-        load = rigid_torque(robot, motion)
-        for k, axis in enumerate(robot.axes):
-            at = Along(robot, motion, axis)
-            put(out, k, at.load, np.abs(carried_load(load, at)) * at.sign)
+    def curves(self, at: Along) -> list[Array]:
+        """Return the load against the motion."""
+        return [np.abs(rigid_load(at)) * at.sign]
 
 
 # Load that a motor does not feel while it crosses the play of its gear.
@@ -197,15 +186,13 @@ class Backlash(Shaped):
     usual = (0.005, 0.0005)
     nonnegative = True
 
-    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
-        """Write one column an axis; the torque of the whole robot is computed once."""
-        load = rigid_torque(robot, motion)
-        for k, axis in enumerate(self.axes(robot)):
-            at = Along(robot, motion, axis)
-            width = self.shape(robot, axis)
-            z = stretch_of_springs(motion, at.travel, at.speed, width)
-            apart = np.minimum(EDGE * (1.0 - np.abs(z)), 1.0)
-            put(out, k, at.load, -apart * carried_load(load, at))
+    anywhere = False
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return the load that is not felt."""
+        width = self.shape(at.robot, at.axis)
+        z = stretch_of_springs(at.motion, at.travel, at.speed, width)
+        return [-np.minimum(EDGE * (1.0 - np.abs(z)), 1.0) * rigid_load(at)]
 
 
 # Torque that repeats with the pitch of a screw, the teeth of a gear or the poles of a motor.
@@ -259,9 +246,8 @@ def gear_ratio(robot: Robot, place: str) -> float:
             alone = robot.motor_joints[used[0]] == place if len(used) == 1 else False
             if (name == place or alone) and abs(ratio) != 1:
                 return float(abs(ratio) * (abs(row[used[0]]) if alone else 1.0))
-    if robot.torque.has_ratio(place):
-        return float(abs(robot.torque.ratio.get(place, robot.torque.ratio.get("", np.nan))))
-    return float("nan")
+    ratio = robot.torque.at("ratio", place)
+    return float("nan") if ratio is None else abs(ratio)
 
 
 def _turns(span: Span) -> tuple[float, ...]:

@@ -7,18 +7,19 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Literal
 
-from identifiability.effects.effect import AlongAxes, Elsewhere, Family
+from identifiability.effects.effect import AlongAxes, Family
 from identifiability.effects.friction import settle_directions
 from identifiability.effects.registry import FAMILIES
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Parameter
 from identifiability.robot import Robot
-from identifiability.robot.parts import name_numbers
+from identifiability.robot.description import name_numbers
 
 # What a robot file holds of a model's parameters, as their effects say it.
 #
 # Masses (a payload is part of its body), where gravity points, and at each joint viscous and
-# Coulomb friction with one level for both directions; an MJCF also has the inertia of a rotor and
-# a spring with its rest, which a spring of unknown rest is too where it pulls back.
+# Coulomb friction with one level for both directions; an MJCF also has the inertia of a rotor, a
+# spring with its rest, which a spring of unknown rest is too where it pulls back, and, as the bias
+# of an actuator, a torque offset, so that its dry friction may differ between the directions.
 
 
 #: The formats of robot files.
@@ -34,6 +35,13 @@ def joint_numbers(kind: Kind) -> tuple[str, ...]:
     """Return what a file of a format can state of a joint of one degree of freedom."""
     every = ("damping", "frictionloss", "armature", "stiffness")
     return every if kind == "mjcf" else every[:2]
+
+
+def biased_places(robot: Robot, kind: Kind) -> tuple[str, ...]:
+    """Return what has an actuator in a file of a format that can hold a torque offset."""
+    if kind == "urdf":
+        return ()
+    return tuple(robot.offsets) if robot.mjcf else robot.motor_joints
 
 
 @lru_cache(maxsize=8)
@@ -53,6 +61,8 @@ def _stated(
         **dict.fromkeys((*robot.tree.single, *tendons), joint_numbers(kind)),
         BASE: ("gravity",),
     }
+    for place in set(places) & set(biased_places(robot, kind)):
+        places[place] = (*places[place], "offset")
     for family in families:
         for parameter in family.effect.parameters(robot):
             if parameter.stated_as in places.get(parameter.owner, ()):
@@ -78,9 +88,11 @@ def values_in_file(
     if "stiffness" in joint_numbers(kind):
         stated |= values.keys() - settle_springs(robot, values)[1].keys()
     out = {name: value if name in stated else 0.0 for name, value in values.items()}
+    held = biased_places(robot, kind)
     for joint in (*robot.tree.single, *robot.tendon_axes):
         ways = [f"{joint}.{kind}" for kind in ("Fc+", "Fc-") if f"{joint}.{kind}" in values]
-        out |= dict.fromkeys(ways, 0.5 * sum(values[name] for name in ways))
+        mean = 0.5 * sum(values[name] for name in ways)
+        out |= {name: values[name] if joint in held else mean for name in ways}
     return out
 
 
@@ -111,6 +123,23 @@ def settle_springs(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, di
         for kind in ("k", "kq0", "F0"):
             out.pop(f"{place}.{kind}", None)
     return replace(robot, rest=rest), out
+
+
+def settle_asymmetry(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
+    """Return values with dry friction that differs by direction as its mean and a torque offset.
+
+    So it is where the file of the robot has an actuator that holds one. At rest, too: between
+    −Fc− and Fc+ lies the offset ± the mean.
+    """
+    out = dict(values)
+    for place in biased_places(robot, file_kinds(robot)[0]):
+        ways = [f"{place}.{kind}" for kind in ("Fc+", "Fc-")]
+        if all(way in out for way in ways):
+            forward, backward = (out[way] for way in ways)
+            out |= dict.fromkeys((f"{place}.Fc", *ways), 0.5 * (forward + backward))
+            offset = out.get(f"{place}.off", 0.0) + 0.5 * (forward - backward)
+            out |= {f"{place}.off": offset} if offset else {}
+    return out
 
 
 def _home(robot: Robot, joint: str) -> float:
@@ -144,7 +173,10 @@ def complete_values(
 def stated_numbers(robot: Robot, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
     """Return what a file states of each joint, and tendon that is an axis: attributes by name."""
     every = (*robot.tree.single, *robot.tendon_axes)
-    out = {joint: dict.fromkeys(joint_numbers(file_kinds(robot)[0]), 0.0) for joint in every}
+    kind = file_kinds(robot)[0]
+    out = {joint: dict.fromkeys(joint_numbers(kind), 0.0) for joint in every}
+    for place in set(out) & set(biased_places(robot, kind)):
+        out[place]["offset"] = 0.0
     for p in {p.name: p for p in _stated(robot, FAMILIES.values()) if p.owner in out}.values():
         out[p.owner][p.stated_as] += values.get(p.name, 0.0)
     return out
@@ -176,9 +208,5 @@ def every_parameter(
     """
     robot = replace(robot, shapes={**robot.shapes, **(shapes or {})})
     effects = [family.effect for family in reversed(FAMILIES.values())]
-    placed = [
-        Elsewhere(e, "*")
-        for e in effects
-        if isinstance(e, AlongAxes) and type(e).fill is AlongAxes.fill
-    ]
+    placed = [e.placed("*") for e in effects if isinstance(e, AlongAxes) and e.placeable]
     return {p.name: p for e in (*placed, *effects) for p in e.parameters(robot)}

@@ -23,7 +23,6 @@ from scipy.linalg import block_diag
 
 from identifiability.effects import FAMILIES, Family, find_families, title_of
 from identifiability.effects.friction import REVERSALS, ReversalFriction
-from identifiability.effects.functions import FunctionOfSessionTime
 from identifiability.effects.measurement import TorqueScale
 from identifiability.effects.nominal import has_masses, reference_values
 from identifiability.estimation.estimator import Estimate
@@ -310,10 +309,10 @@ class Missing:
         session = [
             x
             for c in self._smooth
-            if c.family.name == FunctionOfSessionTime.name
+            if c.family.against == "session"
             for x in self._acting_in(joint, c.columns)
         ]
-        smooth = [c.columns for c in self._smooth if c.family.name != FunctionOfSessionTime.name]
+        smooth = [c.columns for c in self._smooth if c.family.against != "session"]
         random = [self._acting_in(joint, columns) for columns in (*named, *smooth)]
         blocks = [np.column_stack([X[:, X.any(0)], *session])]
         blocks += [np.stack(x, 1) for x in random if x]
@@ -389,7 +388,7 @@ class Missing:
         for name, places in found.items():
             every = list(places.values())
             out |= {(name, place): [[c] for c in own] for place, own in places.items()}
-            if len(every) > 1 and every[0][0].family.origin is None:
+            if len(every) > 1 and every[0][0].family.local:
                 shapes = range(len(every[0]))
                 out[name, EVERYWHERE] = [[x[k] for x in every if k < len(x)] for k in shapes]
         return out

@@ -24,7 +24,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
-from identifiability.logs.prepare.plan import noise_level, resolution
+from identifiability.logs.spectrum import noise_level, resolution
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 from identifiability.simulation.rollout import STEP, CommandedRobot, forgotten

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_args
 from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
 from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
+from identifiability.foundation.findings import Finding, sentences
 
 # Read TOML and JSON documents and check them: one sentence about the first problem.
 
@@ -85,37 +86,36 @@ def read_document(
     error : type
         What to raise: the sentence names the file, the key and what was expected.
     """
+
+    def refused(part: str, **more: object) -> IdentifiabilityError:
+        told = {"what": what, "form": form, **more}
+        return error(Finding(f"document.{part}", path, **told))
+
     try:
         status = Path(path).stat()
-        if not stat.S_ISREG(status.st_mode) and not stat.S_ISDIR(
-            status.st_mode
-        ):  # a pipe would be waited for, a device has no end
-            raise error(f"The {what} file '{path}' is no file; give a {form} file.")
-        size = status.st_size
-        if size > MOST_BYTES[form]:
-            most = f"{MOST_BYTES[form] / 1e6:g} MB"
-            raise error(
-                f"The {what} file '{path}' is larger than {most}; {form} is read up to that."
-            )
+        if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+            raise refused("special")  # a pipe would be waited for, a device has no end
+        if status.st_size > MOST_BYTES[form]:
+            raise refused("large", most=MOST_BYTES[form] / 1e6)
         text = Path(path).read_text(encoding="utf-8-sig")  # editors on Windows write the mark
     except FileNotFoundError:
-        raise error(f"There is no {what} file '{path}'; give a {form} file.") from None
+        raise refused("none") from None
     except OSError as problem:
-        raise error(f"The {what} file '{path}' cannot be read: {problem.strerror}.") from None
+        raise refused("unread", why=problem.strerror) from None
     except ValueError as problem:  # not UTF-8, or a path that cannot be
-        raise error(f"'{path}' is not a {what} file ({form}): {problem}.") from None
+        raise refused("foreign", why=str(problem)) from None
     if form == "TOML" and _DEEP_KEY.search(text):
-        raise error(f"{path} is not valid TOML here: a key names more than {DEEPEST} tables.")
+        raise refused("deep", most=DEEPEST)
     if form == "JSON" and sum(map(text.count, "[{:")) > MOST_PARTS:
-        raise error(f"{path} has more than {MOST_PARTS} lists and keys; it is no {what}.")
+        raise refused("many", most=MOST_PARTS)
     try:
         content = _PARSERS[form](text)
         if form == "TOML":
             _check_lengths(content)
     except RecursionError:
-        raise error(f"{path} is not valid {form}: it is nested too deeply.") from None
+        raise refused("invalid", why="it is nested too deeply") from None
     except ValueError as problem:
-        raise error(f"{path} is not valid {form}: {str(problem).rstrip('.')[:300]}.") from None
+        raise refused("invalid", why=str(problem).rstrip(".")[:300]) from None
     try:
         return schema.model_validate(content)
     except ValidationError as problem:
@@ -150,8 +150,8 @@ def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:
     where = ".".join(str(part) for part in (*above, last))
     if problem["type"] == "extra_forbidden":
         known, top = _known_keys(schema, above), str((*above, last)[0])
-        if (top, str(last)) in GONE:
-            return f"'{where}' is gone: {GONE[top, str(last)]}."
+        if gone := sentences()["gone"].get(f"{top}-{last}"):
+            return f"'{where}' is gone: {gone}."
         return (
             f"'{where}' is not a key that is known here{near_match(str(last), known)} "
             f"The keys are {listing(known, 20)}."
@@ -160,16 +160,6 @@ def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:
     said = [text.removeprefix("Value error, ") for text in dict.fromkeys(here)]
     told = f"{', or '.join(text[0].lower() + text[1:] for text in said)}."
     return f"'{where}': {told}" if where else told  # without a key it is of the whole file
-
-
-#: Keys that went, by their table, and what to write instead.
-GONE = {
-    ("loops", "axes"): "leave it out, since every loop closes at a point, a planar one too",
-    ("loops", "frame"): "state a slot as a light body that slides, and leave it out",
-    ("known_torque", "interpolation"): "leave it out, and give more points of a curve",
-    ("bounds", "ellipsoid"): "give the box that holds it (box = [[low, high], …])",
-    ("workspace", "workspace"): "limit joints instead",
-}
 
 
 def _keys_of(place: tuple[str | int, ...]) -> tuple[str | int, ...]:

@@ -15,7 +15,6 @@ from string import Formatter
 from typing import TYPE_CHECKING, Any
 
 from identifiability.foundation.errors import listing
-from identifiability.foundation.numbers import percent
 
 if TYPE_CHECKING:
     from identifiability.foundation.answers import Table
@@ -40,6 +39,8 @@ class _Filler(Formatter):
         if isinstance(value, (list, tuple)):
             return listing(value, int(format_spec or 4))
         if format_spec.endswith("%"):
+            from identifiability.foundation.numbers import percent  # noqa: PLC0415 - SciPy
+
             return percent(value, int(format_spec[:-1] or 2))
         return format(value, format_spec)
 
@@ -88,10 +89,6 @@ class Finding(str):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _again, (str(self), self.key, self.subject, dict(self.numbers))
-
-    def of_log(self, name: str) -> Finding:
-        """Return the same as it is said of one log of several."""
-        return _again(f"{name}: {self}", self.key, name, self.numbers)
 
     @property
     def level(self) -> Level:

@@ -56,7 +56,8 @@ class Parameter:
         Whether physics forbids a value below zero.
     stated_as : str
         By what a robot file can state it: an inertial kind of its body, or ``damping``,
-        ``frictionloss``, ``armature`` or ``stiffness`` of its joint; empty if by nothing.
+        ``frictionloss``, ``armature``, ``stiffness`` or ``offset`` of its joint; empty if by
+        nothing.
     """
 
     owner: str

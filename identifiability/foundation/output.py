@@ -9,21 +9,17 @@ import os
 import secrets
 import shutil
 import stat
-import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from datetime import timedelta
-from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from identifiability.foundation.errors import OutputError
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.options import FilePath, checked
-
-if sys.platform != "win32":  # where runs do not take turns
-    import fcntl
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -57,10 +53,8 @@ class _Folder(tempfile.TemporaryDirectory[str]):
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
         super().__exit__(kind, error, trace)
         if isinstance(error, OSError) and error.errno in _NO_ROOM:
-            raise OutputError(
-                f"What is needed for a while cannot be written: {_reason(error)}; make room in "
-                f"'{tempfile.gettempdir()}', or let TMPDIR name another folder."
-            ) from None
+            told = {"why": _reason(error), "folder": tempfile.gettempdir()}
+            raise OutputError(Finding("output.temporary", **told)) from None
 
 
 def temporary_folder() -> tempfile.TemporaryDirectory[str]:
@@ -82,27 +76,19 @@ def check_writable(path: FilePath) -> Path:
     """
     path = Path(path)
     try:
-        mode = _mode(path)
-        if mode is not None and stat.S_ISDIR(mode):
-            raise OutputError(f"'{path}' is a folder; give a file name to write to.")
-        if mode is not None and not stat.S_ISREG(mode):
-            raise OutputError(f"'{path}' is no regular file; give another name to write to.")
-        folder = real(path).parent
-        if not folder.is_dir():
-            raise OutputError(f"The folder '{folder}' does not exist; create it or choose another.")
+        mode, folder = _mode(path), real(path).parent
+        wrong = {
+            "folder": mode is not None and stat.S_ISDIR(mode),
+            "special": mode is not None and not stat.S_ISREG(mode),
+            "nowhere": not folder.is_dir(),
+            "closed": not os.access(folder, os.W_OK),
+            # Another run may put its file there at any time, and take none away.
+            "protected": path.exists() and not os.access(path, os.W_OK),
+        }
     except (OSError, ValueError) as error:
         raise OutputError(f"'{path}' cannot be written: {_reason(error)}.") from None
-    if not os.access(folder, os.W_OK):
-        raise OutputError(f"The folder '{folder}' is not writable; choose another.")
-    if mode is not None:
-        try:  # one question, as another run may put its file there at any time
-            os.close(os.open(path, os.O_WRONLY))
-        except FileNotFoundError:
-            pass
-        except OSError:
-            raise OutputError(
-                f"'{path}' is protected against writing; give another name."
-            ) from None
+    for problem in (key for key, holds in wrong.items() if holds):
+        raise OutputError(Finding(f"output.{problem}", path, folder=folder))
     return path
 
 
@@ -191,9 +177,7 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
 def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
     """Write files that are of no use without each other: all of them or none.
 
-    The last one is what the others belong to. Its old version is put aside first and the new one
-    is put in its place last: whoever looks, even after a power cut, finds the old files, the new
-    ones, or no main file (and the old one as ``<name>.<digits>.old``), but never a mixture.
+    All are filled before the first is put in its place, the one that the others belong to last.
 
     Raises
     ------
@@ -201,56 +185,24 @@ def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
     """
     targets = [real(check_writable(path)) for path, _ in files]
     fresh = [_beside(target) for target in targets]
-    aside: list[tuple[Path, Path]] = []
-    placed: list[Path] = []
     try:
+        before = [target.read_bytes() if target.exists() else None for target in targets]
         for temporary, (_, content), target in zip(fresh, files, targets, strict=True):
             _fill(temporary, content, target)
-        with _taking_turns(targets[-1].parent):
-            try:
-                for target in reversed(targets):
-                    if target.exists():
-                        name = target.with_name(f"{target.name}.{secrets.token_hex(4)}.old")
-                        aside.append((name, target))
-                        target.replace(name)
-                for temporary, target in zip(fresh, targets, strict=True):
-                    placed.append(target)
-                    temporary.replace(target)
-            except BaseException:  # also Ctrl-C: undo what was done, the main file last
-                _remove(reversed(placed))
-                for name, target in reversed(aside):
-                    if name.exists():
-                        name.replace(target)
-                raise
-            _remove(name for name, _ in aside)
+        try:
+            for temporary, target in zip(fresh, targets, strict=True):
+                temporary.replace(target)
+        except BaseException:  # also Ctrl-C: undo what was done
+            _remove(t for t, old in zip(targets, before, strict=True) if old is None)
+            for target, old in zip(targets, before, strict=True):
+                if old is not None and target.read_bytes() != old:
+                    target.write_bytes(old)
+            raise
     except OSError as error:
         names = " and ".join(f"'{path}'" for path, _ in files)
         raise OutputError(f"{names} cannot be written: {_reason(error)}.") from None
     finally:
         _remove(fresh)
-
-
-@contextmanager
-def _taking_turns(folder: Path) -> Iterator[None]:
-    """Let one program at a time put files of a folder in their places, where there are locks."""
-    if sys.platform == "win32":
-        yield
-        return
-    descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
-    try:
-        with suppress(OSError):  # a file system without locks
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)
-
-
-def kept_aside(path: Path) -> Path | None:
-    """Return where an interrupted `write_together` left the old content of a file, if anywhere."""
-    try:
-        return next(iter(sorted(path.parent.glob(f"{escape(path.name)}.*.old"))), None)
-    except (OSError, ValueError):  # no name of a file
-        return None
 
 
 def _beside(target: Path) -> Path:
@@ -285,10 +237,7 @@ def csv_text(frame: DataFrame) -> str:
     """
     for name in map(str, frame.columns):
         if name.startswith(("=", "+", "-", "@", "\t", "\r")):
-            raise OutputError(
-                f"The column '{name}' would be run as a formula by a spreadsheet that opens the "
-                "CSV; give the joint another name, or write Parquet."
-            )
+            raise OutputError(Finding("output.formula", name))
     text: str = frame.to_csv(index=False)
     return text
 

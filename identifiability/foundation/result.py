@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from identifiability.foundation import handed
-from identifiability.foundation.errors import listing, near_match
+from identifiability.foundation.errors import near_match
 from identifiability.foundation.findings import Finding, ledger, of_key
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.output import check_ending, write_json
@@ -168,10 +168,8 @@ class Result(ABC):
         found = frame[frame[column] == name] if column in frame else frame.iloc[:0]
         if found.empty:
             known = [str(n) for n in frame[column]] if column in frame else []
-            raise OptionError(
-                f"The result says nothing of '{name}'{near_match(name, known)} "
-                f"It has {listing(known, 8) or 'no parameters'}."
-            )
+            near, names = near_match(name, known), known or ["no parameters"]
+            raise OptionError(Finding("result.unknown", name, near=near, names=names))
         return found.iloc[0]
 
     def __repr__(self) -> str:

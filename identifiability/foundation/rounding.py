@@ -13,8 +13,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from identifiability.foundation.linalg import TINY
-from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 
 # How a verdict looks, in tables and figures alike: colour and symbol, never colour alone.
@@ -73,13 +71,13 @@ def mark_of(kind: str) -> Mark:
 
 # Numbers in documents: those that are stated, and those that are computed with again.
 #
-# Digits beyond what a number means differ between processors, which sum in other orders. What is
-# read is rounded by its own σ; what torque is computed from by its σ given all other values, for
-# rounding correlated values by their own moves the sum that is known best by several of its σ.
+# Digits beyond what a number means differ between processors, which sum in other orders, so what is
+# read is rounded by its own σ. What torque is computed from keeps its digits: rounding correlated
+# values by their own moves the sum that is known best by several of its σ.
 
 
-#: Digits of a number without σ, of a probability, and of a value that no datum limits.
-STATED, OF_CHANCE, UNLIMITED = 6, 3, 9
+#: Digits of a number without σ, and of a probability.
+STATED, OF_CHANCE = 6, 3
 
 #: What a row with ``sigma`` or ``sd`` has in the same unit, and what is as uncertain as its value.
 OF_UNIT = {
@@ -94,10 +92,11 @@ class Exact(float):
     """A number that is computed with again: documents keep its digits."""
 
 
-def exact(content: Any) -> Any:
-    """Return plain values or arrays with all digits of their numbers kept in documents."""
+def exact(content: Any, *keys: str) -> Any:
+    """Return plain values or arrays with all digits of numbers kept in documents, or some keys'."""
     if isinstance(content, dict):
-        return {key: exact(value) for key, value in content.items()}
+        kept = keys or content
+        return {key: exact(x) if key in kept else x for key, x in content.items()}
     if isinstance(content, (list, tuple, np.ndarray)):
         return [exact(value) for value in content]
     return Exact(content) if isinstance(content, float) else content
@@ -138,64 +137,6 @@ def _sigma_of(key: object, row: dict[Any, Any], sigma: Any) -> Any:
     if key in OF_VALUE and sigma and row.get("value"):
         return abs((row[key] or 0.0) * sigma / row["value"])
     return sigma if key in OF_UNIT else None
-
-
-def precision_of(covariance: Array) -> tuple[Array, Array]:
-    """Return the inverse of a covariance (k, k) and a factor F of it, F Fᵀ; zero where it is zero.
-
-    What is better known than rounding tells counts as known so well.
-    """
-    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    scale = np.divide(1.0, sd, out=np.zeros_like(sd), where=sd > 0)
-    size, axes = np.linalg.eigh(covariance * np.outer(scale, scale))
-    root = scale[:, None] * axes / np.sqrt(np.maximum(size, TINY * size.max(initial=1.0)))
-    return root @ root.T, root
-
-
-def round_known(
-    values: Array, precision: Array, keeps: Callable[[Array], bool] = lambda _: True
-) -> Array:
-    """Return values (k,) rounded to 1/100 of their σ given all others.
-
-    As many digits more are kept as it takes for no sum of them to move by more than 1/100 of its
-    σ, and for what must hold of them to hold.
-
-    Parameters
-    ----------
-    values : (k,)
-    precision : (k, k)
-        Inverse of their covariance; zero for what no datum limits.
-    keeps : callable
-        Whether it holds of rounded values.
-    """
-    for more in range(UNLIMITED):
-        out = _rounded(values, np.diag(precision), more)
-        moved = out - values
-        if moved @ precision @ moved <= 1e-4 and keeps(out):
-            return out
-    return values
-
-
-def _rounded(values: Array, known: Array, more: int) -> Array:
-    pairs = zip(values.tolist(), known.tolist(), strict=True)
-    return np.array(
-        [
-            round(x, 2 + more - _exponent(p**-0.5)) if p > 0 else float(f"{x:.{UNLIMITED + more}g}")
-            for x, p in pairs
-        ]
-    )
-
-
-def round_covariance(covariance: Array) -> Array:
-    """Return a covariance (k, k) rounded so that σ of no sum of values changes by more than 1 %."""
-    precision, root = precision_of(covariance)
-    known = np.sqrt(np.outer(np.diag(precision), np.diag(precision))).ravel()
-    even = (covariance + covariance.T) / 2
-    for more in range(UNLIMITED):
-        out = _rounded(even.ravel(), known**2, more).reshape(covariance.shape)
-        if np.abs(np.linalg.eigvalsh(root.T @ (out - even) @ root)).max(initial=0.0) <= 0.02:
-            return out
-    return covariance
 
 
 # Numbers as text.
@@ -269,21 +210,6 @@ def format_number(value: float | None, digits: int = 4, *, pad: bool = False) ->
     if not pad and "." in text:
         text = text.rstrip("0").rstrip(".")
     return text.replace("-", "−") + tail
-
-
-def format_percent(value: float | None) -> str:
-    """Return a percentage to two digits, without its sign.
-
-    Examples
-    --------
-    >>> [format_percent(x) for x in (0.7064, 20.03, 621.2, 3e7, float("inf"))]
-    ['0.71', '20', '621', '> 9999', '—']
-    """
-    if value is None or not math.isfinite(value):
-        return NONE
-    if value > 9999:
-        return "> 9999"
-    return f"{value:.0f}" if value >= 9.95 else _two_digits(value)
 
 
 def digits(count: int) -> Callable[[float | None], str]:
@@ -368,10 +294,15 @@ def time_text(time: float) -> str:
     return f"{time:.2f}" if time < 10 else f"{time:.0f}"
 
 
-def percent_text(value: float) -> str:
-    """Return a percentage with its sign, or a dash."""
-    text = format_percent(value)
-    return f"{text} %" if text != NONE else text
+def percent_text(value: float | None) -> str:
+    """Return a percentage to two digits, or a dash.
+
+    Examples
+    --------
+    >>> percent_text(0.7064), percent_text(20.03), percent_text(621.2), percent_text(math.inf)
+    ('0.71 %', '20 %', '620 %', '—')
+    """
+    return NONE if value is None else percent(value / 100, 2)
 
 
 def format_count(count: int, noun: str, plural: str = "") -> str:
@@ -409,9 +340,3 @@ def _fixed(x: Decimal, place: int) -> str:
     if not rounded:
         text = text.removeprefix("-")
     return text.replace("-", "−")
-
-
-def _two_digits(value: float) -> str:
-    if value == 0:
-        return "0"
-    return f"{value:.{max(0, 1 - _exponent(value))}f}" if value >= 1e-3 else "< 0.001"

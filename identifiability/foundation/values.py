@@ -5,30 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, fields
 from functools import partial
-from typing import Any, TypeVar, dataclass_transform, overload
+from typing import Any, TypeVar, dataclass_transform
 
 # NumPy is imported where there are arrays: what is refused at once waits for no library.
 # `frozen`: what passes between stages, frozen in fact.
 
 
-T = TypeVar("T")
-
 #: Letters of a field, and of a whole value, in its `repr`: one screen.
 SHORT, SCREEN = 60, 1500
 
 
-@overload
-def frozen(cls: type[T]) -> type[T]: ...
-
-
-@overload
-def frozen(*, kw_only: bool) -> Callable[[type[T]], type[T]]: ...
-
-
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
-def frozen(
-    cls: type[T] | None = None, *, kw_only: bool = False
-) -> type[T] | Callable[[type[T]], type[T]]:
+def frozen(cls: Any = None, *, kw_only: bool = False) -> Any:
     """Make a frozen dataclass with read-only arrays and a short `repr`.
 
     With arrays among its fields it equals only itself and can be hashed; without any, it is equal
@@ -36,11 +24,7 @@ def frozen(
     ``@frozen(kw_only=True)`` its own fields are given by keyword.
     """
     if cls is None:
-        return partial(_freeze, kw_only=kw_only)
-    return _freeze(cls, kw_only=kw_only)
-
-
-def _freeze(cls: type[T], *, kw_only: bool) -> type[T]:
+        return partial(frozen, kw_only=kw_only)
     annotations = vars(cls).get("__annotations__", {})
     arrays = tuple(n for n, a in annotations.items() if "ndarray" in str(a) or "Array" in str(a))
     own = getattr(cls, "__post_init__", None)
@@ -57,9 +41,9 @@ def _freeze(cls: type[T], *, kw_only: bool) -> type[T]:
             if own is not None:
                 own(self)
 
-        cls.__post_init__ = freeze  # type: ignore[attr-defined]
+        cls.__post_init__ = freeze
     if cls.__repr__ is object.__repr__:
-        cls.__repr__ = _short  # type: ignore[method-assign]
+        cls.__repr__ = _short
     above = getattr(cls, "__dataclass_fields__", {}).values()
     above = any("ndarray" in str(f.type) or "Array" in str(f.type) for f in above)
     equal = not (arrays or above)

@@ -41,7 +41,7 @@ ACC, GYRO, UP, AFTER = slice(0, 3), slice(3, 6), slice(6, 9), 9
 def find_base(columns: Sequence[str], base: Base, renames: Renames) -> dict[str, str]:
     """Return which columns of a table are about the base, by kind, axis by axis.
 
-    From ``acc.0`` … to the column; quaternions are ``quat.x`` …, or ``quat.#0`` where nothing says
+    From ``acc.0`` … to the column; quaternions are ``quat.x`` …, where nothing but their names says
     which of four numbers is which. Flags and wrenches are by the names that the sidecar has.
     """
     named: dict[str, str] = {}
@@ -54,18 +54,6 @@ def find_base(columns: Sequence[str], base: Base, renames: Renames) -> dict[str,
         if key:
             named.setdefault(key, column)
     return named
-
-
-def moving_base(columns: Sequence[str]) -> str:
-    """Return half a sentence on what the log of a robot that stands says of its base, or none."""
-    found = find_base(columns, Base("", "", np.zeros(3)), Renames())
-    turns = [found[key] for key in (f"gyro.{k}" for k in range(3)) if key in found]
-    if len(turns) < 3:
-        return ""
-    return (
-        f"'{turns[0]}' … is not used, as the base is taken to be bolted down; if nothing held it, "
-        'say base = "floating" in the sidecar'
-    )
 
 
 def _key(name: str, base: Base) -> str:
@@ -89,7 +77,7 @@ def _key(name: str, base: Base) -> str:
         return ""
     kind = _KINDS[word]
     if kind == "quat":
-        return f"quat.{axis}" if axis in _AXES else f"quat.#{axis}"
+        return f"quat.{axis}" if axis in _AXES else ""
     number = _AXES.get(axis, _NUMBERED.get(axis, 9))
     return f"{kind}.{number}" if number < 3 else ""
 
@@ -178,10 +166,9 @@ def _orientation(raw: RawBase, source: str) -> scipy.spatial.transform.Rotation 
     Raises
     ------
     LogError
-        If it is no unit quaternion, or nothing tells the order of its numbers.
+        If it is no unit quaternion.
     """
-    stated, loose = raw.get("quat", "xyzw"), raw.get("quat", ("#0", "#1", "#2", "#3"))
-    quat = loose if stated is None else stated
+    quat = raw.get("quat", "xyzw")
     if quat is None:
         return None
     size = np.linalg.norm(quat, axis=1)
@@ -193,12 +180,7 @@ def _orientation(raw: RawBase, source: str) -> scipy.spatial.transform.Rotation 
             f"{worst + 1}, and an orientation has 1; check its columns, or leave them out where an "
             "inertial sensor says how the base moved."
         )
-    if stated is not None:
-        return scipy.spatial.transform.Rotation.from_quat(stated)
-    raise LogError(
-        f"{source}: nothing says which of the four numbers of the base's quaternion is which; call "
-        "its columns 'base.qw', 'base.qx', 'base.qy' and 'base.qz', as with --map."
-    )
+    return scipy.spatial.transform.Rotation.from_quat(quat)
 
 
 def _spin(turn: scipy.spatial.transform.Rotation, t: Array) -> Array:

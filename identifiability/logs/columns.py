@@ -11,7 +11,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
@@ -74,14 +74,11 @@ class Naming:
         Torque for which zeros stand, where motion or commands are all that a table is to hold.
     commands : tuple of str
         Columns of commands that stand for torque.
-    labels : mapping of str to str
-        Columns of text that say which joint the others are about, with that text.
     """
 
     columns: tuple[Column, ...]
     joints: tuple[str, ...]
     notes: tuple[str, ...] = ()
-    labels: Mapping[str, str] = field(default_factory=dict)
     locked: tuple[Column, ...] = ()
     made: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
@@ -132,7 +129,7 @@ def name_columns(
     literal = [g for g in measured if g.literal]
     if _all_there({g.name for g in literal}, known, needed):
         measured = [g for g in measured if g.literal or g.joint in known.locked]
-    settled, labels, how = settle_numbers([*measured, *commands], source, known, names, first or {})
+    settled, how = settle_numbers([*measured, *commands], source, known, names, first or {})
     taken = _choose(settled, known, source)
     commanding = settle_commands(taken, names, source, known, torque=torque)
     needed = ("q",) if commanding else needed
@@ -152,7 +149,6 @@ def name_columns(
         columns,
         wanted,
         notes,
-        labels,
         locked,
         made=() if "tau" in needed else tuple(f"{j}.tau" for j in wanted),
         commands=tuple(g.name for g in own if commanding and g.kind in COMMANDS),
@@ -240,12 +236,11 @@ def _free(names: Mapping[str, str], taken: Mapping[str, Column]) -> list[str]:
 
 
 def _may_be_torque(column: str, joint: str) -> bool:
-    """Whether a column that is nothing else may be a joint's torque, misspelt or a command."""
+    """Whether a column that is nothing else may be a joint's torque, misspelt."""
     kinds = {KINDS[w] for w in words_of(column) if w in KINDS}
     if {*words_of(joint)} <= {*words_of(column)}:
         return _kind(column) not in SPELLED and kinds <= {"tau"}
-    owner = _owner(column)
-    return bool(owner) and kinds == {"tau"} and nearest(owner, [joint]) is not None
+    return kinds == {"tau"} and nearest(_owner(column), [joint]) is not None
 
 
 # What makes SI units of a column: what the log states, else what the sidecar says.
@@ -297,10 +292,10 @@ def _settle_torque(
     """
     torque = known.torque
     given = {c.joint: c for c in columns if c.kind == "tau" and c.joint in joints}
-    unknown = [j for j, c in given.items() if c.current and not torque.has_gain(j)]
+    unknown = [j for j, c in given.items() if c.current and torque.at("gain", j) is None]
     if unknown:
         raise LogError(Finding("columns.gain", source, joints=[*unknown], first=unknown[0]))
-    loose = [j for j in given if j not in known.motors and not torque.has_ratio(j)]
+    loose = [j for j in given if j not in known.motors and torque.at("ratio", j) is None]
     if torque.side == "motor" and loose:
         raise LogError(Finding("columns.ratio", source, joints=[*loose], first=loose[0]))
     factors = {j: torque.factor(j) for j in given}
@@ -335,27 +330,28 @@ def _tell(
     names: Mapping[str, str], own: Sequence[Column], wanted: Sequence[str], how: str
 ) -> list[str]:
     """Return what is read otherwise than literally, half a sentence each."""
-    renamed = [f"{old.strip()} is {new}" for old, new in names.items() if old.strip() != new]
-    called = [
-        f"{'its index' if c.source == INDEX else repr(c.source)} as {c.name}"
-        for c in own
-        if not c.literal
-    ]
-    geared = [f"'{c.source}' by {c.gear:.6g}" for c in own if c.gear != 1.0]
-    converted = [f"{c.name} from {c.unit.text}" for c in own if c.unit and c.unit.factor != 1.0]
     used = {c.source for c in own}
-    free = [name for column, name in names.items() if column not in used]
-    left = [n for n in free if _kind(n) in CHANNELS and _owner(n) not in wanted]
-    left = list(dict.fromkeys(map(_owner, left)))
+    left = [n for column, n in names.items() if column not in used and _kind(n) in CHANNELS]
     told = {
-        f"columns were renamed ({listing(renamed, 3)})": renamed,
-        f"columns were taken for what their names usually mean: {listing(called, 4)}{how}": called,
-        f"values were multiplied by the gears of the file: {listing(geared, 4)}": geared,
-        f"columns of {listing(left, 6)}, which the robot does not drive, were left out": left,
-        "values were converted to SI units, as the log states them: "
-        f"{listing(converted, 4)}": converted,
+        "columns were renamed ({})": [
+            f"{a.strip()} is {b}" for a, b in names.items() if a.strip() != b
+        ],
+        f"columns were taken for what their names usually mean: {{}}{how}": [
+            f"{'its index' if c.source == INDEX else repr(c.source)} as {c.name}"
+            for c in own
+            if not c.literal
+        ],
+        "values were multiplied by the gears of the file: {}": [
+            f"'{c.source}' by {c.gear:.6g}" for c in own if c.gear != 1.0
+        ],
+        "columns of {}, which the robot does not drive, were left out": [
+            *dict.fromkeys(_owner(n) for n in left if _owner(n) not in wanted)
+        ],
+        "values were converted to SI units, as the log states them: {}": [
+            f"{c.name} from {c.unit.text}" for c in own if c.unit and c.unit.factor != 1.0
+        ],
     }
-    return [text for text, found in told.items() if found]
+    return [text.format(listing(found, 4)) for text, found in told.items() if found]
 
 
 # Columns that tell their joint by a number: ``q1`` … ``q6``, ``position[0]``, ``qpos[7]``.
@@ -408,7 +404,7 @@ def settle_numbers(
     known: Conventions,
     names: Mapping[str, str],
     first: Mapping[str, str],
-) -> tuple[list[Column], dict[str, str], str]:
+) -> tuple[list[Column], str]:
     """Return the guesses with joints instead of numbers, as far as that is certain.
 
     Columns beside them may hold the joints' names (``name0``, as recorders of ROS write); else the
@@ -428,8 +424,6 @@ def settle_numbers(
     Returns
     -------
     guesses : list of Column
-    labels : dict of str to str
-        Columns with names of joints that were followed.
     how : str
         What a note says of it, to be added to a list of columns.
 
@@ -442,10 +436,10 @@ def settle_numbers(
     loose = [g for g in guesses if g not in told]
     labels = _labels(names, first) if loose else {}
     if labels:
-        owners = {number: known.columns.apply(text) for number, (_, text) in labels.items()}
+        owners = {number: known.columns.apply(text) for number, text in labels.items()}
         out = [replace(g, joint=owners[g.number]) for g in loose if g.number in owners]
         how = " (the names that stand in the log say which joint it is)"
-        return [*told, *out], dict(labels.values()), how
+        return [*told, *out], how
     named = {g.name for g in told}
     found: list[Column] = []
     for kind in CHANNELS:
@@ -453,22 +447,14 @@ def settle_numbers(
         if own and not {f"{j}.{kind}" for j in known.joints} <= named:
             found += _in_order(own, source, known)
     numbered = any(g.number >= 0 for g in found)
-    return [*told, *found], {}, " (in the robot's order)" if numbered else ""
+    return [*told, *found], " (in the robot's order)" if numbered else ""
 
 
-def _labels(names: Mapping[str, str], first: Mapping[str, str]) -> dict[int, tuple[str, str]]:
-    """Return column and text of the names of joints, by their number."""
-    found = {}
-    for column, name in names.items():
-        words = words_of(name)
-        if (
-            column in first
-            and len(words) > 1
-            and words[-2] in words_for("name")
-            and words[-1].isdecimal()
-        ):
-            found[int(words[-1])] = (column, first[column].strip())
-    return found
+def _labels(names: Mapping[str, str], first: Mapping[str, str]) -> dict[int, str]:
+    """Return the names of joints that stand in the first row, by their number."""
+    words = {column: words_of(name) for column, name in names.items() if column in first}
+    told = {c: w for c, w in words.items() if len(w) > 1 and w[-2] in words_for("name")}
+    return {int(w[-1]): first[c].strip() for c, w in told.items() if w[-1].isdecimal()}
 
 
 def _in_order(loose: Sequence[Column], source: str, known: Conventions) -> list[Column]:
@@ -480,20 +466,17 @@ def _in_order(loose: Sequence[Column], source: str, known: Conventions) -> list[
     if -1 in numbers:
         return []
     start = min(numbers)
-    columns = [g.source for g in loose]
-    why = f"the robot has {count}: {listing(known.joints)}"
-    whole = start in (0, 1) and numbers == set(range(start, start + count))
     own = [_number(joint) for joint in known.joints]
     ordered = None in own or len({*own}) < count or own == sorted(own, key=lambda n: n or 0)
-    if whole and ordered:
+    if start in (0, 1) and numbers == set(range(start, start + count)) and ordered:
         return [replace(g, joint=known.joints[g.number - start]) for g in loose]
     if kind not in ("q", "tau"):
         return []
-    if whole:
-        why = f"the robot's order, {listing(known.joints)}, is not that of its own numbers"
+    columns = [g.source for g in loose]
     raise LogError(
-        f"{source} numbers its joints otherwise than the robot has them ({listing(columns)}; "
-        f"{why}); say which is which, as in --map '{columns[0].strip()}={known.joints[0]}.{kind}'."
+        f"{source} numbers its joints otherwise than the robot has them ({listing(columns)}; the "
+        f"robot has {count}: {listing(known.joints)}); say which is which, as in "
+        f"--map '{columns[0].strip()}={known.joints[0]}.{kind}'."
     )
 
 
@@ -523,28 +506,22 @@ def settle_commands(
     if not known.joints or known.motion_alone:
         return False
     given = [c for c in taken.values() if c.kind in COMMANDS]
+    lost: dict[str, list[str]] = {}
     for kind in dict.fromkeys(c.kind for c in given):
         has = [c.joint for c in given if c.kind == kind]
         own = known.motors if {*has} & {*known.motors} else known.joints
-        lacking = [j for j in own if j not in has]
-        if lacking and known.servo is not None and not torque:
-            end = min((end for end, what in SPELLED.items() if what == kind), key=len)
-            mend = propose_locks(lacking, own) if kind == "q_ref" else ", or leave them out"
-            raise LogError(
-                f"{source} has commands ('.{end}') of {listing(has)} and none of "
-                f"{listing(lacking)}; give '{lacking[0]}.{end}' as well{mend}."
-            )
-        for joint in has if lacking else ():
+        lost[kind] = [j for j in own if j not in has]
+        for joint in has if lost[kind] else ():
             del taken[f"{joint}.{kind}"]
     if torque:
         return False
-    joint = known.joints[0]
     if known.servo is not None and not any(c.kind in COMMANDS for c in taken.values()):
+        joints = next((j for j in lost.values() if j), known.joints)
         raise LogError(
-            f"{source} has neither torque nor commands of the robot's joints, "
-            f"{listing(known.joints)}; give what was measured of every one, '{joint}.tau', or the "
-            f"positions that its servo was told, '{joint}.cmd'. Of its columns "
-            f"{listing(list(names))} say which these are, as in --map 'OLD={joint}.cmd'."
+            f"{source} has no torque, and no commands of {listing(joints)}; give what was measured "
+            f"of every joint, '{joints[0]}.tau', or the positions that its servo was told, "
+            f"'{joints[0]}.cmd'{propose_locks(joints, known.joints)}. Of its columns "
+            f"{listing(list(names))} say which these are, as in --map 'OLD={joints[0]}.cmd'."
         )
     told = [repr(c.source) for c in taken.values() if c.kind in ("q_ref", "dq_ref")]
     if told and known.servo is None:
@@ -579,21 +556,20 @@ def _refuse_missing(
     LogError
     """
     measured = {n: c for n, c in taken.items() if c.kind not in COMMANDS}
-    free = [
-        n
-        for n in _free(names, measured)
-        if _kind(n) not in SPELLED or (known.joints and _owner(n) not in known.joints)
-    ]
+    own = (*known.joints, *known.motors)
+    free = [n for n in _free(names, measured) if _kind(n) not in SPELLED or _owner(n) not in own]
     every = listing(list(names.values()))
     if "t" not in taken:
         likely = [n for n in free if n.casefold().startswith("time")]
         raise LogError(Finding("columns.time", source, columns=every, first=[*likely, "OLD"][0]))
     has = list(dict.fromkeys(c.joint for c in taken.values() if c.kind in ("q", "tau")))
     missing = [j for j in known.joints if j not in has]
-    strange = _strangers(free, known) if missing else []
+    strange = [j for j in dict.fromkeys(map(_stranger, free)) if j and j not in own]
     of = f"no columns for the actuated joint{'s' if len(missing) > 1 else ''} {listing(missing)}"
-    if strange:
-        pairs = _pair_names(missing, strange, known)
+    if missing and strange:
+        pairs = list(zip(strange, missing, strict=False))
+        if has:  # others are of another device, unless they are spelt nearly alike
+            pairs = [(s, m) for m in missing for s in strange if nearest(m, [s]) is not None]
         maps = listing([f"--map '{old}={new}'" for old, new in pairs], between=" ")
         left = [m for m in missing if m not in {new for _, new in pairs}]
         raise LogError(
@@ -601,16 +577,15 @@ def _refuse_missing(
             f"{f'; if these are they, add {maps}' if pairs else ''}"
             f"{propose_locks(left, known.joints)}."
         )
-    kinds = (("tau", "q"), ("q", "tau"))
-    half = [(j, *pair) for j in has for pair in kinds if f"{j}.{pair[0]}" not in taken]
-    for joint, kind, other in half:
-        if joint not in known.locked:
+    for joint in (j for j in has if j not in known.locked):
+        lacking = [kind for kind in _WORDS if f"{joint}.{kind}" not in taken]
+        for kind in lacking:
             name = f"{joint}.{kind}"
-            likely = free if nearest(name, free) is None else []
-            told = f" If it is one of {listing(free, 4)}, add --map '{[*free, ''][0]}={name}'."
+            unlike = free and nearest(name, free) is None
+            told = f" If it is one of {listing(free, 4)}, add --map 'OLD={name}'." if unlike else ""
             raise LogError(
-                f"{source} has '{joint}.{other}' but no {_WORDS[kind]} column '{name}'"
-                f"{near_match(name, free)} Every actuated joint needs both.{told if likely else ''}"
+                f"{source} has columns of '{joint}' but no {_WORDS[kind]} column '{name}'"
+                f"{near_match(name, free)} Every actuated joint needs both.{told}"
             )
     if not has:
         raise LogError(Finding("columns.none", source, columns=every))
@@ -619,36 +594,12 @@ def _refuse_missing(
     raise LogError(Finding("columns.missing", source, what=of, command=told, remedy=locks))
 
 
-def _strangers(columns: Sequence[str], known: Conventions) -> list[str]:
-    """Return the joints of other names that a log has positions or torques of."""
-    found = []
-    for name in columns:
-        owner, kind = _owner(name), _kind(name)
-        if not owner or kind not in SPELLED:
-            cut = re.match(r"(.*?)[._/ ]*([A-Za-z]+)$", name)
-            guess = guess_column(name, f"{cut[2]}1", ()) if cut and cut[1] else None
-            owner = cut[1].rpartition("/")[2] if cut and guess is not None else ""
-            kind = guess.kind if guess is not None else ""
-        if owner and owner not in (*known.joints, *known.motors) and kind in ("q", "tau"):
-            found.append(owner)
-    return list(dict.fromkeys(found))
-
-
-def _pair_names(
-    missing: Sequence[str], strange: Sequence[str], known: Conventions
-) -> list[tuple[str, str]]:
-    """Return which foreign joints may be which missing ones.
-
-    Where a log has some of the joints by their own names, the others are of another device, unless
-    they are spelt nearly alike; else numbers say which is which, or the order.
-    """
-    if len(missing) < len(known.joints):
-        return [(s, m) for m in missing for s in strange if nearest(m, [s]) is not None]
-    theirs = {_number(name): name for name in reversed(strange)}
-    first = {_number(name): name for name in reversed(missing)}
-    own = [(k, n) for n in missing if (k := _number(n)) in theirs and first[k] == n]
-    pairs = [(theirs[k], name) for k, name in own if k is not None]
-    return pairs if len(pairs) > 1 else list(zip(strange, missing, strict=False))
+def _stranger(name: str) -> str:
+    """Return the joint that a column of positions or torques says it is of, or nothing."""
+    cut = re.match(r"(.*?)[._/ ]*([A-Za-z]+)$", name)
+    guess = guess_column(name, f"{cut[2]}1", ()) if cut else None
+    told = cut is not None and guess is not None and guess.kind in ("q", "tau")
+    return cut[1].rpartition("/")[2] if cut and told else ""
 
 
 def propose_locks(missing: Sequence[str], wanted: Sequence[str]) -> str:

@@ -136,19 +136,14 @@ def check_commands(log: Log) -> None:
             continue
         own = _follows(command, log.q[:, k], most)
         ratio = float(command.std()) / max(moved, RULES.command_still)
-        if (
-            own > RULES.command_followed
-            and not RULES.command_degrees[0] < ratio < RULES.command_degrees[1]
-        ):
+        degrees = RULES.command_degrees[0] < ratio < RULES.command_degrees[1]
+        if own > RULES.command_followed and not degrees:
             continue
         near = [_follows(command, x, most) for x in log.q.T]
         best = int(np.argmax(near))
-        meant = ""
-        if command.std() < RULES.command_still:
-            meant = ", which never changes"
-        elif best != k and near[best] > RULES.command_followed:
-            meant = f"; '{log.joints[best]}' does"
-        elif RULES.command_degrees[0] < ratio < RULES.command_degrees[1]:
+        other = best != k and near[best] > RULES.command_followed
+        meant = f"; '{log.joints[best]}' does" if other else ""
+        if own > RULES.command_followed:
             meant = "; it looks like degrees"
         raise LogError(
             f"{log.name}: '{joint}' does not follow its command{meant}: say which column is its "

@@ -1,6 +1,6 @@
 """Columns that can be seen to be wrong: by the joints' limits, by derivatives that do not fit.
 
-A change of unit or sign is refused; what merely contradicts is remarked on.
+A change of unit or sign is refused; what merely contradicts is left out (`quality.mends`).
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.log import Log, join_logs
@@ -164,11 +164,6 @@ def contradictions(log: Log) -> list[Contradiction]:
             if unexplained > RULES.derivative_unexplained or not least < slope < 1 / least:
                 found.append(Contradiction(joint, kind, of, 1 - unexplained, slope))
     return found
-
-
-def find_contradictions(log: Log) -> list[Finding]:
-    """Return one remark for every given derivative that does not fit what it is derived from."""
-    return [Finding("derivative", log.name, one=c.text) for c in contradictions(log)]
 
 
 def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float] | None:

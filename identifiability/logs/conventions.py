@@ -12,10 +12,10 @@ from dataclasses import field
 from identifiability.foundation.names import Renames
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
+from identifiability.robot.description import Entry
 from identifiability.robot.floating import Base
-from identifiability.robot.measured_torque import MeasuredTorque
-from identifiability.robot.parts import Entry
 from identifiability.robot.servo import Servo
+from identifiability.robot.sidecar import MeasuredTorque
 
 
 @frozen

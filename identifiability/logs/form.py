@@ -64,9 +64,7 @@ class Form:
     notes: tuple[str, ...] = ()
 
     def plain_text(self, piece: bytes) -> bytes:
-        """Return some lines as UTF-8, without comments."""
-        if self.encoding != "utf-8":
-            piece = piece.decode(self.encoding, "replace").encode()
+        """Return some lines without comments."""
         if self.comment and self.comment.encode() in piece:
             mark = re.escape(self.comment.encode())
             piece = re.sub(rb"(?m)^[ \t]*" + mark + rb"[^\r\n]*(\r\n|\r|\n|$)", b"", piece)

@@ -1,12 +1,8 @@
-"""Finite Fourier series of periodic motion: their fit, their derivatives, and their period.
-
-What to use when: `fit_fourier` for positions, and rates that were measured; `fit_fourier_pieces`
-for logs that do not fit in memory.
-"""
+"""Finite Fourier series of periodic motion: their fit, their derivatives, and their period."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -61,73 +57,37 @@ def fit_fourier(
 ) -> FourierFit:
     """Fit a finite Fourier series to q (N, n) by least squares [Swevers 1997].
 
-    Measured velocities and accelerations, if they are given after the rest, (N, n) or None each,
-    and the noise are as of `fit_fourier_pieces`.
-    """
-    return fit_fourier_pieces([(t, q, *rates)], period, harmonics, noise)[0]
-
-
-def fit_fourier_pieces(
-    pieces: Iterable[tuple[Array | None, ...]],
-    period: float,
-    harmonics: int,
-    noise: Sequence[Array] | None = None,
-) -> tuple[FourierFit, float]:
-    """Fit a finite Fourier series to a log that comes in pieces; return also its rms residual.
-
     Parameters
     ----------
-    pieces : iterable of (t (N,), q (N, n), dq (N, n) or None, ddq (N, n) or None)
-        The last two may be left out. Used once; sums of products are kept, which the nearly
-        orthogonal functions allow.
+    t : (N,) [s]
+    q : (N, n)
     period : float [s]
     harmonics : int
+    rates : (N, n) or None
+        Measured velocities and accelerations.
     noise : sequence of (n,), optional
         Standard deviations by which channels are weighed, joint by joint; by default they are what
         a series of its own leaves of each: one of positions alone knows little of accelerations
         that were measured.
-
-    Returns
-    -------
-    FourierFit, float
-        And the rms residual of the positions.
     """
-    grams: dict[int, Array] = {}
-    rights: dict[int, Array] = {}
-    squares: dict[int, Array] = {}
-    count, origin = 0, np.zeros(0)
-    for t, *channels in pieces:
-        assert t is not None
-        assert channels[0] is not None
-        origin = origin if count else channels[0].mean(0)  # small numbers, small rounding
-        count += len(t)
-        for order, x in enumerate(channels):
-            if x is not None:
-                basis = _fourier_basis(t, period, harmonics, order)
-                y = x if order else x - origin
-                grams[order] = grams.get(order, 0.0) + basis.T @ basis
-                rights[order] = rights.get(order, 0.0) + basis.T @ y
-                squares[order] = squares.get(order, 0.0) + (y**2).sum(0)
+    origin = q.mean(0)  # small numbers, small rounding
+    channels = {k: x for k, x in enumerate((q - origin, *rates)) if x is not None}
+    bases = {k: _fourier_basis(t, period, harmonics, k) for k in channels}
     weights = {}
-    for order, gram in grams.items():
+    for k, y in channels.items():
         if noise is None:
-            own = np.linalg.lstsq(gram, rights[order], rcond=None)[0]
-            left = np.maximum(squares[order] - (own * rights[order]).sum(0), 0.0)
+            left = ((y - bases[k] @ np.linalg.lstsq(bases[k], y, rcond=None)[0]) ** 2).sum(0)
         else:
-            left = count * noise[order] ** 2
-        weights[order] = 1.0 / np.maximum(left, ROUNDOFF**2 * squares[order] + 1e-300)
-    values = np.empty_like(rights[0])
-    for j in range(values.shape[1]):
-        size = sum(w[j] for w in weights.values())
-        gram = sum((weights[k][j] / size * g for k, g in grams.items()), np.zeros(()))
-        right = sum((weights[k][j] / size * r[:, j] for k, r in rights.items()), np.zeros(()))
-        scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        found = np.linalg.lstsq(gram / np.outer(scale, scale), right / scale, rcond=None)[0]
-        values[:, j] = found / scale
-    gone = 2 * values * rights[0] - values * (grams[0] @ values)
-    rest = max(float((squares[0] - gone.sum(0)).sum()), 0.0)
+            left = len(t) * noise[k] ** 2
+        weights[k] = 1.0 / np.sqrt(np.maximum(left, ROUNDOFF**2 * (y**2).sum(0) + 1e-300))
+    values = np.empty((2 * harmonics + 1, q.shape[1]))
+    for j in range(q.shape[1]):
+        size = max(w[j] for w in weights.values())
+        rows = np.concatenate([w[j] / size * bases[k] for k, w in weights.items()])
+        right = np.concatenate([w[j] / size * channels[k][:, j] for k, w in weights.items()])
+        values[:, j] = np.linalg.lstsq(rows, right, rcond=None)[0]
     values[0] += origin
-    return FourierFit(period, values), float(np.sqrt(rest / (count * len(origin))))
+    return FourierFit(period, values)
 
 
 def find_period(t: Array, q: Array, harmonics: int, most: int = 40) -> float:

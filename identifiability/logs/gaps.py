@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.foundation.errors import LogError
+from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
@@ -120,10 +120,6 @@ def interpolate(x: Array, stale: np.ndarray) -> Array:
 # than half a period of the cut-off determine what the filter lets through: such gaps are bridged
 # by a cubic. Across a longer one nothing is computed: the log falls into stretches, each filtered
 # and differentiated by itself.
-
-
-#: Gaps that a note lists.
-LISTED = 3
 
 
 @frozen
@@ -244,12 +240,8 @@ class Gaps:
     def tell(self, split: np.ndarray) -> str:
         """Return the gaps that are split, (m,) bool, in words."""
         at = np.flatnonzero(split)
-        shown = [
-            f"{self.length[k]:.3g} s after t = {self.t[k]:.6g} s (data row {self.rows[k] + 1})"
-            for k in at[:LISTED]
-        ]
-        more = f" and {len(at) - LISTED} more" if len(at) > LISTED else ""
-        return ", ".join(shown) + more
+        rows = [f"{self.length[k]:.3g} s after data row {self.rows[k] + 1}" for k in at]
+        return listing(rows, 3)
 
 
 @frozen

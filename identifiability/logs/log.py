@@ -12,26 +12,27 @@ import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property, partial
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array, numbered, shorten_paths
 from identifiability.foundation.options import Expected, FilePath, Names, check_option, checked
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
-from identifiability.logs import signals, source
+from identifiability.logs import signals, tables
 from identifiability.logs.base import read_base
 from identifiability.logs.checks import CHANNELS, COMMANDS, Clock, find_channels
 from identifiability.logs.columns import Naming, as_times, propose_locks
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import stack_arrays
 from identifiability.logs.reading import MixedRatesError, Reading
-from identifiability.logs.source import is_long, scan_file
 from identifiability.logs.spikes import Spike, Wraps, find_spikes, find_wraps
-from identifiability.logs.tables import Table, parsing, write_table
+from identifiability.logs.tables import Table, is_long, parsing, scan_file, write_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -108,27 +109,19 @@ class File:
         LogError
             If the file changed since it was checked.
         """
-        self._check_unchanged()
-        wanted = self.naming.columns
-        count, first, columns = 0, self.span[0], [c.source for c in wanted]
+        if _stamp(self.table.path) != self.stamp:
+            raise changed(self.table.path)
+        wanted, first = self.naming.columns, self.span[0]
         reading = {c.source: partial(as_times, time=c) for c in wanted if c.is_time}
-        try:
-            for values in self.table.arrays(first + start, first + stop, columns, reading):
-                count += len(values)
-                yield values
-        except LogError:
-            self._check_unchanged()
-            raise
-        self._check_unchanged(whole=count == stop - start)
+        columns = [c.source for c in wanted]
+        yield from self.table.arrays(first + start, first + stop, columns, reading)
 
-    def _check_unchanged(self, *, whole: bool = True) -> None:
-        path = self.table.path
-        with parsing(path):
-            if not whole or _stamp(path) != self.stamp:
-                raise LogError(
-                    f"{path} changed while it was analysed; wait until it is complete, then start "
-                    "again."
-                )
+
+def changed(path: Path) -> LogError:
+    """Return what is said of a file that is not what was checked."""
+    return LogError(
+        f"{path} changed while it was analysed; wait until it is complete, then start again."
+    )
 
 
 def _stamp(path: Path) -> tuple[int, int]:
@@ -266,7 +259,7 @@ class Log:
             )
         assert table is not None  # a bag is no file of rows
         if _stamp(path) != stamp:
-            raise LogError(f"{path} changed while it was read; wait until it is complete.")
+            raise changed(path)
         known, naming = reading.numbers, reading.naming
         file = File(
             table=table,
@@ -296,7 +289,7 @@ class Log:
             try:
                 return Log.scan(path, conventions)
             except MixedRatesError:
-                if is_long(Path(path), source.MOST):
+                if is_long(Path(path), tables.MOST):
                     raise
         return Log.read(path, conventions)
 
@@ -426,8 +419,11 @@ class Log:
                 continue
             parts, end = [kept[low - origin :]], origin + len(kept)
             while end < high:
-                parts.append(next(arrays))
-                end += len(parts[-1])
+                part = next(arrays, None)
+                if part is None:
+                    raise changed(file.table.path)
+                parts.append(part)
+                end += len(part)
             kept, origin = np.concatenate(parts) if len(parts) > 1 else parts[0], low
             yield first, last, origin, self._made(kept[: high - low], low)
 
@@ -625,3 +621,51 @@ def build_log(name: str, naming: Naming, values: Mapping[str, Array], digest: st
 def _bridge(t: Array, x: Array, lost: np.ndarray) -> Array:
     """Return a column (N,) with straight lines where it is lost, zeros if all of it is."""
     return np.zeros(len(x)) if lost.all() else np.interp(t, t[~lost], x[~lost])
+
+
+# Logs that are given twice, and the clock of a session.
+
+
+def check_held_out(train: Sequence[Log], held_out: Sequence[Log]) -> None:
+    """Refuse a log that is given twice: its repetition would pass for new evidence.
+
+    Stretches of one log that share no time are no repetition.
+
+    Raises
+    ------
+    LogError
+    """
+    for k, s in enumerate(train):
+        for other in train[:k]:
+            if s.sha256 and _same(s, other):
+                raise LogError(Finding("twice.fitted", "", log=s.name, other=other.name))
+    for s in held_out:
+        for other in train:
+            if _same(s, other):
+                raise LogError(Finding("twice.held", "", log=s.name, other=other.name))
+
+
+def _same(one: Log, other: Log) -> bool:
+    """Whether two logs are from one record and share some of its time."""
+    if one.sha256 != other.sha256:
+        return False
+    if one.long or other.long or not (len(one) and len(other)):
+        return True
+    return bool(one.t[0] <= other.t[-1] and other.t[0] <= one.t[-1])
+
+
+def share_clock(logs: Sequence[Log]) -> list[Log]:
+    """Return logs whose starts count from where the first of them begins, or all without a start.
+
+    A robot records one log at a time: logs of which two overlap are not of one clock, and where one
+    does not say when it began, nothing is known of the order of all.
+    """
+    spans = [
+        (log.start + log.clock.first, log.start + log.clock.last)
+        for log in logs
+        if log.start is not None
+    ]
+    order = sorted(spans)
+    if len(spans) < len(logs) or any(last >= first for (_, last), (first, _) in pairwise(order)):
+        return [log if log.start is None else replace(log, start=None) for log in logs]
+    return [replace(log, start=(log.start or 0.0) - order[0][0]) for log in logs]

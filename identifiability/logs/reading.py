@@ -16,7 +16,7 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.logs import signals
-from identifiability.logs.base import RawBase, find_base, moving_base
+from identifiability.logs.base import RawBase, find_base
 from identifiability.logs.checks import Clock, Numbers, to_floats
 from identifiability.logs.columns import Naming, as_times, name_columns, settle_time, start_of
 from identifiability.logs.conventions import Conventions
@@ -147,37 +147,27 @@ def put_on_clock(
     discrete : sequence of str
         Those that are flags.
     """
-    out, lacking = {}, {}
+    out: dict[str, Array] = {}
+    notes = []
     stems = {key: key.rpartition(".")[0] or key for key in columns}
-    usual = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     for stem in dict.fromkeys(stems.values()):
         own = [key for key in columns if stems[key] == stem]
-        kept = np.isfinite([columns[key] for key in own]).all(0) & np.isfinite(raw_t)
-        known = np.flatnonzero(kept)
-        if not len(known):
-            continue
-        if not set(own) & {*discrete}:
-            known = known[_fresh(np.stack([columns[key][known] for key in own], 1))]
-        at = raw_t[known]
-        same = len(at) == len(t) and bool((at == t).all())
-        for key in own:
-            x = columns[key][known]
-            if same:
-                out[key] = x
-            elif key in discrete:
-                out[key] = x[(np.searchsorted(at, t, side="right") - 1).clip(0)]
-            else:
-                found = _resample(at, x, t, key)
-                there = np.isfinite(found)
-                out[key] = np.where(there, found, np.interp(t, at, x))
-                if not there.all():
-                    lacking[stem] = usual * float((~there).sum())
-    notes = tuple(
-        f"of the base '{stem}' was missing for {gone:.2g} s in all and "
-        "interpolated there: cut such rows out"
-        for stem, gone in lacking.items()
-    )
-    return out, notes
+        x = np.stack([raw_t, *(columns[key] for key in own)], 1)
+        x = x[np.isfinite(x).all(1)]
+        flags = {*own} & {*discrete}
+        if len(x) and not flags:
+            x = x[_fresh(x[:, 1:])]
+        gone = 0
+        for key, column in zip(own, x[:, 1:].T if len(x) else (), strict=False):
+            if flags:
+                out[key] = column[(np.searchsorted(x[:, 0], t, side="right") - 1).clip(0)]
+                continue
+            found = _resample(x[:, 0], column, t, key)
+            gone = int(np.isnan(found).sum())
+            out[key] = np.where(np.isnan(found), np.interp(t, x[:, 0], column), found)
+        if gone:
+            notes.append(f"of the base '{stem}' was missing in {gone} rows and interpolated there")
+    return out, tuple(notes)
 
 
 # `Reading`: the first reading of a table, piece by piece: what is what, and whether it can be.
@@ -277,7 +267,6 @@ class Reading:
         frame = self._hold_commands(frame)
         for key, column in self._base.items():
             self._beside.setdefault(key, []).append(to_floats(frame[column]))
-        self._follow_labels(frame)
         for held in self._naming.locked:
             self._follow_locked(held, frame[held.source])
         for own in self._naming.columns:
@@ -344,8 +333,6 @@ class Reading:
         units = dict(zip(columns, self._form.units, strict=False))
         naming = name_columns(columns, self.source, self.known, units, first)
         naming = settle_time(naming, frame, self.source, self.known)
-        unread = "" if self.known.base is not None else moving_base(list(frame.columns))
-        naming = replace(naming, notes=(*naming.notes, unread)) if unread else naming
         self._naming = naming
         names = [c.name for c in naming.columns]
         self.numbers = {c: Numbers(c, self.source) for c in names}
@@ -354,22 +341,6 @@ class Reading:
         self._kept = {c: [] for c in (*given, *self.absent)}
         self.finders = {} if self.keep else {c: SpikeFinder() for c in names if c != "t"}
         self.turns = {c: WrapFinder() for c in self.finders if c.endswith(".q")}
-
-    def _follow_labels(self, frame: pd.DataFrame) -> None:
-        """Refuse rows that are about other joints than the first.
-
-        Raises
-        ------
-        LogError
-        """
-        for column, text in self._naming.labels.items():
-            other = frame[column].astype(str).str.strip() != text
-            if other.any():
-                raise LogError(
-                    f"{self.source}: the column '{column.strip()}' names the joint '{text}' first "
-                    f"and later '{frame[column][other].iloc[0]}'; sort the joints, or give the "
-                    "rows of one kind."
-                )
 
     def _follow_locked(self, column: Column, given: pd.Series) -> None:
         """Follow where a joint is that is said not to move; single wrong values do not count."""

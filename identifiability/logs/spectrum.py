@@ -10,11 +10,14 @@ What to use when: `Spectrum.of` for a log; `choose_band` for all logs that are j
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
+import scipy
+from scipy.special import binom
 
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.rules import Tolerance
@@ -269,3 +272,108 @@ def choose_band(
     highest /= max(1, int(0.5 * rate / chosen) // signals.DENSE)
     wide = max(chosen, min(limit, highest))
     return Band(wide, chosen, band, limit, noise(wide), reason, joints, rate)
+
+
+# White noise, gaps and steps of measured signals, told from differences between their samples.
+#
+# Differences of high order leave nothing of a smooth motion and all of white noise.
+
+
+#: Order of the differences that leave noise alone.
+ORDER = 8
+
+#: Shares of the samples in the variance of a difference, and the quantile above which it is cut.
+WEIGHTS = binom(ORDER, np.arange(ORDER + 1)) ** 2 / binom(2 * ORDER, ORDER)
+
+#: Rounds of the fit of variances, and the least of them over the largest when they weigh.
+STEPS = 6
+
+
+def noise_level(x: Array, t: Array | None = None) -> Array:
+    """Return the standard deviation of white noise on smooth signals (N, n), (n,).
+
+    No difference reaches across a gap in the times t (N,) [s], if they are given.
+    """
+    if len(x) <= ORDER:
+        return np.zeros(x.shape[1])
+    level: Array = np.sqrt(np.mean(_rough(x, t) ** 2, axis=0))
+    return level
+
+
+def _rough(x: Array, t: Array | None) -> Array:
+    """Return differences that leave noise as large as it is, and of smooth signals nothing."""
+    differences = np.diff(x, ORDER, axis=0)
+    if t is not None:
+        gaps = np.concatenate([[0], np.cumsum(signals.has_gap(t))])
+        whole = gaps[ORDER:] == gaps[:-ORDER]
+        differences = differences[whole] if whole.any() and not whole.all() else differences
+    rough: Array = differences / np.sqrt(binom(2 * ORDER, ORDER))
+    return rough
+
+
+def resolution(x: Array) -> Array:
+    """Return the step of which signals (N, n) are whole multiples, (n,); 0 where none is seen."""
+    steps = np.abs(np.diff(x, axis=0))
+    found = np.zeros(x.shape[1])
+    for k, own in enumerate(steps.T):
+        own = own[own > ROUNDOFF * np.ptp(x[:, k])]  # noqa: PLW2901 - what moved
+        least = own.min(initial=np.inf)
+        if len(own) and np.all(np.abs(own / least - np.rint(own / least)) < RULES.even):
+            found[k] = least
+    return found
+
+
+def lowest_cutoff(
+    is_noise: Callable[[float], bool], low: float, high: float, within: float
+) -> float:
+    """Return the lowest cut-off between two [Hz], within a factor, that leaves out noise alone.
+
+    Parameters
+    ----------
+    is_noise : callable(float)
+        Whether what a cut-off leaves out is no more than noise; the highest need not be asked.
+    low, high : float [Hz]
+    within : float
+    """
+    while high > within * low:
+        middle = float(np.sqrt(low * high))
+        if is_noise(middle):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def noise_parts(x: Array) -> tuple[Array, Array]:
+    """Return what white noise on smooth signals x (N, n) has at zero and with them, (n,) each.
+
+    Its variance is a constant and a share of the signal's square, both by weighted least
+    squares on squared differences; the largest of these, at jumps and glitches, are cut.
+    """
+    constant, share = np.zeros((2, x.shape[1]))
+    if len(x) <= ORDER:
+        return constant, share
+    squares = np.diff(x, ORDER, axis=0) ** 2 / binom(2 * ORDER, ORDER)
+    # Shares of the samples in the variance of a difference, and the quantile above which it
+    # is cut.
+    squares = np.minimum(squares, np.quantile(squares, 0.995, axis=0))
+    near = np.lib.stride_tricks.sliding_window_view(x**2, ORDER + 1, axis=0) @ WEIGHTS
+    for j in np.flatnonzero(~signals.never_moves(x.min(0), x.max(0))):
+        scale = max(float(near[:, j].mean()), 1e-300)
+        A = np.column_stack([np.ones(len(near)), near[:, j] / scale])
+        fitted = np.full(len(near), 1.0)
+        for _ in range(STEPS):  # squares scatter by their own mean: they weigh by one over it
+            # Rounds of the fit of variances, and the least of them over the largest
+            # when they weigh.
+            weight = 1.0 / np.maximum(fitted, 1e-4 * fitted.max())
+            found = scipy.optimize.nnls(A * weight[:, None], squares[:, j] * weight)[0]
+            fitted = A @ found if found.any() else fitted
+        constant[j], share[j] = found / [1.0, scale]
+    return constant, share
+
+
+def noise_size(x: Array) -> Array:
+    """Return the standard deviation of independent noise on smooth signals x (N, n), (N, n)."""
+    constant, share = noise_parts(x)
+    size: Array = np.sqrt(constant + share * x**2)
+    return size

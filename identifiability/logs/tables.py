@@ -1,12 +1,17 @@
-"""Tables of any length: CSV and Parquet, read piece by piece, from any row on."""
+"""Where logs come from: CSV and Parquet, piece by piece from any row on, bags and containers.
+
+A table is read once from its first row to its last and hashed; a long one is then read by rows.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import re
 import warnings
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import lru_cache
 from io import BytesIO
 from itertools import accumulate, pairwise
@@ -20,8 +25,11 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.output import check_ending, csv_text, write_bytes, write_text
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import to_floats
-from identifiability.logs.form import PLAIN, Form
-from identifiability.logs.formats.reader import MOST_COLUMNS, check_columns, find_reader
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.form import PLAIN, Form, find_encoding, find_form
+from identifiability.logs.formats.bags import hash_files
+from identifiability.logs.formats.reader import MISSING, check_suffix, check_text, find_reader
+from identifiability.logs.reading import with_index
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,10 +40,6 @@ NUMBERS = ("double", "float", "int64", "int32", "int16", "int8")
 
 #: Rows of a piece of Parquet, and its cells, at most.
 PIECE_ROWS, PIECE_CELLS = 32_768, 1_000_000
-
-
-#: Bytes of a cell, on average over a group of rows.
-LONGEST_CELL = 4_096
 
 
 def is_parquet(path: Path) -> bool:
@@ -110,12 +114,10 @@ class Table:
         start: int,
         stop: int,
         columns: Sequence[str] | None = None,
-        whole: bytes | None = None,
     ) -> Iterator[Any]:
         """Yield the rows [start, stop) in order, some thousand at a time.
 
-        They are tables of pandas from a CSV, and batches of Arrow from a Parquet file; `whole` is
-        its content, where that was read already.
+        They are tables of pandas from a CSV, and batches of Arrow from a Parquet file.
 
         Raises
         ------
@@ -123,7 +125,7 @@ class Table:
             If the file is damaged.
         """
         first = max(bisect_right(self.pieces, start, key=lambda piece: piece[0]) - 1, 0)
-        with parsing(self.path), opened(self.path, whole) as file:
+        with parsing(self.path), opened(self.path, self.form.encoding) as file:
             for (row, place), (_, end) in pairwise(self.pieces[first:]):
                 for part in self._read(file, place, end, row, columns):
                     low, high = max(start - row, 0), min(stop - row, len(part))
@@ -166,12 +168,6 @@ class Table:
         import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
 
         plain = self.form.plain_text(piece)
-        # The first row says how many columns pandas makes, whatever the header does.
-        first = re.match(rb"\s*([^\r\n]*)", plain)
-        mark = self.form.separator.strip().encode() or None
-        longer = LogError(f"{self.path} has rows with more fields than its header; repair it.")
-        if first is not None and len(first[1].split(mark)) > MOST_COLUMNS + 1:
-            raise longer
         text = BytesIO(self.header + plain)
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
@@ -185,7 +181,9 @@ class Table:
                     sep=r"\s+" if self.form.separator == " " else self.form.separator,
                 )
             except pd.errors.ParserWarning:
-                raise longer from None
+                raise LogError(
+                    f"{self.path} has rows with more fields than its header; repair it."
+                ) from None
             except pd.errors.ParserError as error:  # it counts from the start of the piece
                 number = r"(?<=line )\d+|(?<=row )\d+"
                 shifted = re.sub(number, lambda m: str(int(m[0]) + row), str(error))
@@ -209,14 +207,12 @@ class Table:
             yield self.parse(file.read(end - place), row)
 
 
-def open_parquet(path: Path, whole: bytes | None = None) -> Table:
-    """Return a Parquet file as a table; reads its footer only, of its content if that is given."""
-    with opened(path, whole) as file:
+def open_parquet(path: Path) -> Table:
+    """Return a Parquet file as a table; reads its footer only."""
+    with opened(path) as file:
         meta = file.metadata
         sizes = [meta.row_group(k).num_rows for k in range(meta.num_row_groups)]
         # The names as pandas has them: an index that was stored is no column.
-        check_columns(path, len(file.schema_arrow.names))
-        _check_texts(path, meta)
         names = file.schema_arrow.empty_table().to_pandas().columns
     pieces = [(0, 0)]
     for k, row in enumerate(accumulate(sizes), 1):
@@ -225,29 +221,16 @@ def open_parquet(path: Path, whole: bytes | None = None) -> Table:
     return Table(path, tuple(str(n) for n in names), tuple(pieces))
 
 
-def _check_texts(path: Path, meta: Any) -> None:
-    """Refuse a file whose cells are so long that a few rows would not fit into memory."""
-    for k in range(meta.num_row_groups):
-        group = meta.row_group(k)
-        for c in range(group.num_columns):
-            column = group.column(c)
-            if column.total_uncompressed_size > LONGEST_CELL * max(group.num_rows, 100):
-                raise LogError(
-                    f"{path}: the cells of '{column.path_in_schema}' are longer than "
-                    f"{LONGEST_CELL} bytes; leave the column out."
-                )
-
-
-def opened(path: Path, whole: bytes | None = None) -> Any:
-    """Open a file, or what was read of it."""
+def opened(path: Path, encoding: str = "utf-8") -> Any:
+    """Open a file; text in another code as UTF-8."""
     if not is_parquet(path):
-        return path.open("rb")
+        if encoding == "utf-8":
+            return path.open("rb")
+        return BytesIO(path.read_bytes().decode(encoding, "replace").encode())
     from pyarrow.parquet import ParquetFile  # noqa: PLC0415 - only who reads Parquet pays for it
 
     # Without a buffer of a bounded size whole columns of a group of rows are read ahead.
     how = {"pre_buffer": False, "buffer_size": 1 << 18}
-    if whole is not None:
-        return ParquetFile(BytesIO(whole), **how)
     state = path.stat()
     return ParquetFile(path, metadata=_footer(path, state.st_mtime_ns, state.st_size), **how)
 
@@ -277,3 +260,173 @@ def _floats(column: Any, reading: Callable[[pd.Series], Any] | None = None) -> A
         plain: Array = np.from_dlpack(column)  # to_numpy imports pandas
         return plain
     return to_floats(column.to_pandas())
+
+
+# Read a table once from its first row to its last, and hash what is read.
+
+
+#: Bytes of a piece of CSV.
+PIECE_BYTES = 2_000_000
+
+#: Bytes in which the form of a text is decided.
+BEGINNING = 1 << 18
+
+
+def scan_table(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[str, Table]:
+    """Call a function with every piece in order, at least once; return hash and table."""
+    if not is_parquet(path):
+        return _scan_csv(path, each)
+    digest, table = hash_files(path), open_parquet(path)
+    if not table.rows:
+        with opened(path) as file:
+            each(file.read().to_pandas(), PLAIN)
+    for batch in table.parts(0, table.rows):
+        each(batch.to_pandas(), PLAIN)
+    return digest, table
+
+
+def _scan_csv(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[str, Table]:
+    with path.open("rb") as raw:
+        encoding = find_encoding(raw.read(BEGINNING))
+    digest = hashlib.sha256()
+    with opened(path, encoding=encoding) as file:
+        start = more = file.read(PIECE_BYTES)
+        digest.update(start)
+        table, rest = _begin_csv(path, start, encoding)
+        row, byte = 0, len(start) - len(rest)
+        pieces = [(row, byte)]
+        while more:
+            more = file.read(PIECE_BYTES)
+            digest.update(more)
+            rest += more
+            cut = max(rest.rfind(b"\n"), rest.rfind(b"\r") if b"\n" not in rest else -1) + 1
+            if not more:
+                table, cut = _leave_half_line(table, rest)
+            if cut or (not more and (len(pieces) == 1 or rest)):
+                frame = table.parse(rest[:cut], row)
+                each(frame, table.form)
+                row, byte, rest = row + len(frame), byte + cut, rest[cut:]
+                pieces.append((row, byte))
+    table = replace(table, pieces=tuple(pieces))
+    return digest.hexdigest() if encoding == "utf-8" else hash_files(path), table
+
+
+def _begin_csv(path: Path, start: bytes, encoding: str) -> tuple[Table, bytes]:
+    """Return a CSV without its rows, and what follows its header."""
+    if not start.strip(b"\xef\xbb\xbf\0 \t\r\n"):
+        raise LogError(f"{path} is empty; nothing was written to it.")
+    # Bytes in which a file that is no text shows it.
+    check_text(path, start[:4096])
+    form = find_form(start[:BEGINNING].decode(errors="replace"), encoding)
+    mark = {" ": "\t"}.get(form.separator, form.separator)
+    quoted = [f'"{name.replace(chr(34), chr(34) * 2)}"' for name in form.columns]
+    ends = [0, *(m.end() for m in re.finditer(rb"\r\n|\r|\n", start[:BEGINNING]))]
+    header = f"{mark.join(quoted)}\n".encode()
+    return Table(path, form.columns, (), header, form), start[ends[: form.lines + 1][-1] :]
+
+
+def _leave_half_line(table: Table, rest: bytes) -> tuple[Table, int]:
+    """Return how much of the end of a file is whole, with a note if the last line is left out.
+
+    One without an end may lack digits that nobody misses.
+    """
+    at = max(rest.rfind(b"\n"), rest.rfind(b"\r")) + 1
+    if not table.form.plain_text(rest[at:]).strip():
+        return table, len(rest)
+    note = "its last line has no end and was left out, for it may have been cut"
+    form = replace(table.form, notes=(*table.form.notes, note))
+    return replace(table, form=form), at
+
+
+# Where logs come from: CSV, Parquet, bags and DataFrames, short and long, are read alike.
+
+
+#: Tables with more values are read piece by piece; a value of a CSV takes about so many bytes.
+LONG, BYTES_PER_VALUE = 2_000_000, 12
+
+#: Tables with more values are never held in memory.
+MOST = 50_000_000
+
+
+def scan_file(
+    path: Path, each: Callable[[pd.DataFrame, Form], None], known: Conventions | None = None
+) -> tuple[str, Table | None]:
+    """Read a file once from its first row to its last.
+
+    Parameters
+    ----------
+    path : Path
+        A CSV or Parquet file, a container of arrays, a bag (``bag:/topic``), or an episode of a
+        LeRobot dataset (``dataset:3``).
+    each : callable(DataFrame, Form)
+        Called with every piece, at least once, and how it was written.
+    known : Conventions, optional
+        Which joints are asked for where messages of a bag tell of different ones.
+
+    Returns
+    -------
+    sha256 : str
+    table : Table or None
+        None for a bag, an episode or a container of arrays, which are no files of rows.
+
+    Raises
+    ------
+    LogError
+        If the file is missing, is no table, or damaged.
+    """
+    found = find_reader(path)
+    with parsing(path):
+        if found is not None:
+            if not found.place(path).exists():
+                raise LogError(found.missing.format(found.place(path)))
+            frame, form, digest = found.read(path, known or Conventions())
+            each(frame, form)
+            return digest, None
+        if path.is_dir():
+            raise LogError(
+                f"{path} is a folder, and none of a bag (metadata.yaml) or of LeRobot "
+                "(meta/info.json); name the files in it."
+            )
+        if not path.is_file():
+            raise LogError(MISSING.format(path))
+        check_suffix(path)
+        return scan_table(path, each)
+
+
+def read_table(path: str | Path) -> pd.DataFrame:
+    """Read a CSV or Parquet file, or the joint states of a bag, as it is.
+
+    Raises
+    ------
+    LogError
+        If the file is missing, is no table, or damaged.
+    """
+    import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
+
+    pieces: list[pd.DataFrame] = []
+    scan_file(Path(path), lambda frame, _: pieces.append(with_index(frame)))
+    return pd.concat(pieces, ignore_index=True)
+
+
+def is_long(path: Path, limit: int | None = None) -> bool:
+    """Whether a CSV or Parquet file has too many values to be held in memory without a thought.
+
+    Parameters
+    ----------
+    path : Path
+    limit : int, optional
+        How many that is; `LONG` by default.
+
+    Raises
+    ------
+    LogError
+        If it is no table.
+    """
+    most = LONG if limit is None else limit
+    with parsing(path):
+        if find_reader(path) is not None or not path.is_file():
+            return False
+        if is_parquet(path):
+            table = open_parquet(path)
+            return table.rows * len(table.columns) > most
+        return path.stat().st_size > most * BYTES_PER_VALUE

@@ -22,7 +22,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
-from identifiability.physical.feasible_set import PhysicalSet, adjoint_inverse, square
+from identifiability.physical.fitted_model import PhysicalSet
 from identifiability.physical.pseudo_inertia import (
     BASIS,
     BOUNDARY,
@@ -68,59 +68,31 @@ class CadPrior:
     phi: Array
     weight: float = 1.0
 
-    def __post_init__(self) -> None:
-        if not self.weight > 0:
-            raise ValueError(
-                f"CAD prior: weight {self.weight:g} was given; expected a positive number; "
-                "leave the prior out instead of weighing it by zero."
-            )
+    def cones(self, region: PhysicalSet) -> Array:
+        """Maps (nb, 16, p) of scaled parameters to matrices that are 1 for the nominal bodies.
+
+        Raises
+        ------
+        ValueError
+            When a nominal body cannot exist or is a point; it is named.
+        """
+        maps = np.zeros((len(region.bodies), 16, region.size))
+        for k, (name, columns) in enumerate(zip(region.names, region.bodies, strict=True)):
+            maps[k][:, columns] = relative_to(self.phi[columns], name) * region.scale[columns]
+        return maps
 
 
-def divergence(map_: Array, x: Any) -> Any:
-    """Return the divergence of a body as cvxpy knows it: ``tr J − log det J − 4``.
-
-    Parameters
-    ----------
-    map_ : (16, p)
-        Of `nominal_cones`: ``J = map_ x``.
-    x : cvxpy expression, (p,)
-    """
-    import cvxpy as cp  # noqa: PLC0415
-
-    J = square(map_, x)
-    return cp.trace(J) - cp.log_det(J) - 4
-
-
-def nominal_cones(region: PhysicalSet, prior: CadPrior) -> Array:
-    """Maps (nb, 16, p) to pseudo-inertias congruent to the nominal ones, which become the identity.
+def relative_to(theta: Array, name: str) -> Array:
+    """Return the map (16, 10) to pseudo-inertias congruent to a nominal one, which becomes 1.
 
     Raises
     ------
     ValueError
-        When a nominal body cannot exist or is a point; it is named.
+        When the nominal body cannot exist or is a point; it is named.
     """
-    maps = np.zeros((len(region.bodies), 16, region.size))
-    for k, (name, columns) in enumerate(zip(region.names, region.bodies, strict=True)):
-        inverse = np.linalg.inv(np.linalg.cholesky(thick_inertia(prior.phi[columns], name)))
-        congruent = np.einsum("ai,kij,bj->kab", inverse, BASIS, inverse)
-        maps[k][:, columns] = congruent.reshape(10, 16).T * region.scale[columns]
-    return maps
-
-
-def prior_gap(maps: Array, weight: float, x: Array, slope: Array) -> float:
-    """How far the pull of a prior at x is from balancing the slope (p,) of the data.
-
-    The conjugate of the divergence, min_J ⟨P, J⟩ + w (tr J − log det J − 4) = w log det(1 + P/w),
-    is tight at P = w (J⁻¹ − 1), the optimum. `maps` are those of `nominal_cones`.
-    """
-    w, one = weight, np.eye(4)
-    J = (maps @ x).reshape(-1, 4, 4)
-    P = adjoint_inverse(maps, slope).reshape(-1, 4, 4)
-    sign, dual = np.linalg.slogdet(one + P / w)
-    if not (sign > 0).all():
-        return float("inf")
-    own = np.trace(J, axis1=1, axis2=2) - np.linalg.slogdet(J)[1] - 4
-    return abs(float(np.sum(w * (own - dual)) + np.sum(P * J)))
+    inverse = np.linalg.inv(np.linalg.cholesky(thick_inertia(theta, name)))
+    whole: Array = np.einsum("ai,kij,bj->abk", inverse, BASIS, inverse).reshape(16, 10)
+    return whole
 
 
 def thick_inertia(theta: Array, name: str) -> Array:
@@ -238,13 +210,12 @@ def state_rows(
     nominal = draw_bodies(structure) if len(structure.inertial) else None
     rows, aim, of = [np.zeros((0, p))], [np.zeros(0)], [np.zeros(0, int)]
     for k, (stem, columns) in enumerate(zip(structure.bodies, structure.inertial, strict=True)):
-        own = robot.prior_share.get(stem.removesuffix("."), share)
+        own = robot.said.prior_share.get(stem.removesuffix("."), share)
         more = (share_weight(own) if own else 0.0) - weight
         if more <= 0 or nominal is None:
             continue
-        inverse = np.linalg.inv(np.linalg.cholesky(thick_inertia(nominal.phi[columns], stem)))
         block = np.zeros((16, p))
-        block[:, columns] = np.einsum("ai,kij,bj->abk", inverse, BASIS, inverse).reshape(16, 10)
+        block[:, columns] = relative_to(nominal.phi[columns], stem)
         rows.append(np.sqrt(0.5 * more) * block)
         aim.append(rows[-1] @ nominal.phi)
         of.append(np.full(16, k))
@@ -282,12 +253,9 @@ def combine_with_file(
     lost = np.linalg.norm(unknown, axis=1) > np.sqrt(ROUNDOFF) * np.linalg.norm(to_x * size, axis=1)
     off = B @ phi - prior
     squares = float(off @ off + np.sum((A @ phi - aim) ** 2))
-    free = np.ones(A.shape[1], bool)
-    free[structure.inertial.ravel()] = False
-    Q = np.linalg.svd(A[:, free] / size[free], full_matrices=False)
-    Q0 = Q[0][:, Q[1] > ROUNDOFF * max(Q[1].max(initial=0.0), 1e-300)]
-    of_bodies = (A - Q0 @ (Q0.T @ A))[:, ~free] / size[~free]
-    dims = int(np.linalg.matrix_rank(of_bodies, tol=ROUNDOFF))
+    # What both say is the only that can disagree.
+    ranks = [np.linalg.matrix_rank(rows / size, tol=ROUNDOFF) for rows in (A, B)]
+    dims = int(sum(ranks) - known.sum())
     each = np.bincount(of, off**2)
     names = [*structure.bodies.values(), *structure.robot.prior]
     return WithFile(
@@ -302,7 +270,7 @@ def combine_with_file(
 # Bodies to which a prior may draw: those of the robot file, and others where it states none.
 
 
-#: Mass [kg] and radius of gyration [m] of a body where the robot file states no body at all.
+#: Mass [kg] of a body where the robot file states no body at all.
 MASS: Tolerance = 1.0
 
 
@@ -329,13 +297,9 @@ class NominalBodies:
         """What stands in for bodies that the file does not state; nothing if it states all."""
         if not self.replaced:
             return ""
-        like = "a ball as light as the lightest other body"
-        if len(self.replaced) == len(self.titles):
-            like = f"a ball of {MASS:g} kg"
-        each = "it is" if len(self.replaced) == 1 else "each is"
         return (
             f"The robot file states no body with mass and possible moments for "
-            f"{listing(self.replaced, 4)}: where the logs are silent {each} drawn to {like}."
+            f"{listing(self.replaced, 4)}: where the logs are silent they are drawn to light balls."
         )
 
 
@@ -352,10 +316,7 @@ def draw_bodies(structure: Structure) -> NominalBodies:
     at = dict(zip(bodies, structure.inertial, strict=True))
     sound = [stem for stem in bodies if stem not in loads and _exists(phi[at[stem]])]
     mass, length = natural_scale(phi[[at[stem] for stem in sound]].reshape(-1, 10))
-    # Mass [kg] and radius of gyration [m] of a body where the robot file states no body at
-    # all.
-    least, size = float(mass.min(initial=np.inf)), float(np.median(length)) if sound else 0.1
-    least = least if sound else MASS
+    least, size = (float(mass.min()), float(np.median(length))) if sound else (MASS, 0.1)
     replaced = [stem for stem in bodies if stem not in loads and stem not in sound]
     for stem in replaced:
         phi[at[stem]] = _ball(phi[at[stem]], least, size)
@@ -416,15 +377,7 @@ def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float 
             "identified masses disagree with the file's; look whether a mass of the file, a unit "
             f"or a torque scale is wrong, or {remedy}"
         )
-    return f"{state_total(robot, parameters)}: {why}."
-
-
-def state_total(robot: Robot, parameters: Mapping[str, float]) -> str:
-    """Return what a real robot weighs beside that of the robot file, without a full stop."""
-    return (
-        f"The nearest real robot weighs {total_mass(robot, parameters):.4g} kg, that of the robot "
-        f"file {total_mass(robot, robot.nominal):.4g} kg"
-    )
+    return f"{_state_total(robot, parameters)}: {why}."
 
 
 def mass_rows(robot: Robot, parameters: Mapping[str, float]) -> list[dict[str, Any]]:
@@ -436,14 +389,11 @@ def mass_rows(robot: Robot, parameters: Mapping[str, float]) -> list[dict[str, A
     parameters : mapping
         Standard parameters by name; empty where no real robot was found.
     """
+    masses = {b: [parameters[n] for n in _masses(b) if n in parameters] for b in robot.bodies}
     return [
-        {
-            "body": body,
-            "mass": sum(parameters[n] for n in _masses(body) if n in parameters),
-            "mass_file": float(robot.nominal.get(f"{body}.m", 0.0)),
-        }
-        for body in robot.bodies
-        if any(n in parameters for n in _masses(body))
+        {"body": b, "mass": sum(own), "mass_file": float(robot.nominal.get(f"{b}.m", 0.0))}
+        for b, own in masses.items()
+        if own
     ]
 
 
@@ -459,7 +409,7 @@ def state_masses(robot: Robot, parameters: Mapping[str, float]) -> str:
     rows = mass_rows(robot, parameters)
     if not rows:
         return ""
-    text = state_total(robot, parameters)
+    text = _state_total(robot, parameters)
     if robot.guessed:
         return f"{text}, where {listing(robot.guessed, 4)} are guesses."
     far = [r for r in rows if is_far(r["mass"], r["mass_file"])]
@@ -467,6 +417,11 @@ def state_masses(robot: Robot, parameters: Mapping[str, float]) -> str:
         return f"{text}; every body is within a factor {RULES.mass_far:g} of the file's."
     each = [f"{r['body']} {r['mass']:.3g} for {r['mass_file']:.3g} kg" for r in far]
     return f"{text}; far from the file's are {listing(each, 4)}."
+
+
+def _state_total(robot: Robot, parameters: Mapping[str, float]) -> str:
+    found, stated = total_mass(robot, parameters), total_mass(robot, robot.nominal)
+    return f"The nearest real robot weighs {found:.4g} kg, that of the robot file {stated:.4g} kg"
 
 
 def total_mass(robot: Robot, parameters: Mapping[str, float]) -> float:

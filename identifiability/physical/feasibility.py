@@ -13,17 +13,20 @@ from identifiability.effects.vocabulary import file_kinds, values_in_file
 from identifiability.estimation.estimator import settle_signs
 from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Level, Score
 from identifiability.foundation.engines.mapping import one_thread
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.foundation.linalg import NEARLY, ROUNDOFF
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import WEAK, WEIGHTS, CadPrior, draw_bodies, state_rows
-from identifiability.physical.feasible_set import ADVICE, EXACTER, PhysicalSet, adjoint
-from identifiability.physical.fitted_model import FittedModel, LeastSquares, physical_set
-from identifiability.physical.project import FeasibleEstimate, Projection
-from identifiability.physical.pseudo_inertia import BOUNDARY, BodyCheck, check_body
+from identifiability.physical.fitted_model import (
+    FittedModel,
+    LeastSquares,
+    PhysicalSet,
+    physical_set,
+)
+from identifiability.physical.project import ADVICE, EXACTER, FeasibleEstimate, Projection
+from identifiability.physical.pseudo_inertia import BOUNDARY, check_body
 from identifiability.physical.rules import RULES
 from identifiability.regression.reduction import Submodel, leave_to_terms
 from identifiability.regression.structure import Structure
@@ -42,13 +45,8 @@ class PhysicalResult:
     Attributes
     ----------
     region : PhysicalSet
-    certificate : Certificate or None
-        Whether a real robot has the estimated base parameters; None where the motion leaves some
-        of them undetermined.
-    nearest : FeasibleEstimate or None
-        The real robot nearest to the data under the model; None where the solver found none.
     value : (m,)
-        Its values of the model's parameters; NaN where there is none.
+        Values of the model's parameters of the nearest real robot; NaN where there is none.
     base : (b,)
         Its base parameters, with what of the model's left-out ones its bodies cannot do without.
     in_files : (2, b)
@@ -56,6 +54,11 @@ class PhysicalResult:
         and one of the other.
     sentence : str
         The certificate in words.
+    certificate : Certificate or None
+        Whether a real robot has the estimated base parameters; None where the motion leaves some
+        of them undetermined.
+    nearest : FeasibleEstimate or None
+        The real robot nearest to the data under the model; None where the solver found none.
     cad_weight : float
         Of the prior around the robot file that the nearest real robot was sought with.
     as_good : bool
@@ -64,13 +67,13 @@ class PhysicalResult:
     """
 
     region: PhysicalSet
-    certificate: Certificate | None
-    nearest: FeasibleEstimate | None
     value: Array
     base: Array
     in_files: Array
     sentence: str
-    cad_weight: float
+    certificate: Certificate | None = None
+    nearest: FeasibleEstimate | None = None
+    cad_weight: float = 0.0
     as_good: bool = False
 
     def with_certificate(self, certificate: Certificate | None, sentence: str) -> PhysicalResult:
@@ -95,19 +98,17 @@ class PhysicalResult:
 
 
 def leave_undecided(structure: Structure, submodel: Submodel, why: str) -> PhysicalResult:
-    """Return what physics says where nothing was fitted."""
-    undecided = _no_answer(physical_set(structure), submodel, 0.0)
-    return replace(undecided, sentence=f"Not decided, because {why}.")
-
-
-def _no_answer(region: PhysicalSet, submodel: Submodel, cad_weight: float) -> PhysicalResult:
+    """Return what physics says where nothing was fitted, or nothing found."""
     value, found = np.full(len(submodel), np.nan), np.full((3, len(submodel.M)), np.nan)
-    return PhysicalResult(region, None, None, value, found[0], found[1:], "", cad_weight)
+    said = f"Not decided, because {why}." if why else ""
+    return PhysicalResult(physical_set(structure), value, found[0], found[1:], said)
 
 
 def find_impossible_bodies(robot: Robot) -> str:
     """Return one sentence on the bodies of the robot file that cannot exist, or nothing."""
-    wrong = [check.reason for check in _check_file(robot) if not check.feasible]
+    ten = {b: np.array([robot.nominal[f"{b}.{k}"] for k in GROUPED_KINDS]) for b in robot.bodies}
+    checks = [check_body(theta, body) for body, theta in ten.items()]
+    wrong = [check.reason for check in checks if not check.feasible]
     if not wrong:
         return ""
     more = f" {len(wrong) - 1} more bodies are like that." if len(wrong) > 1 else ""
@@ -115,28 +116,6 @@ def find_impossible_bodies(robot: Robot) -> str:
         f"The robot file states a body that cannot exist. {wrong[0]}{more} Correct <inertial> "
         "there: the nearest real robot, its prior and every comparison with the file rest on it."
     )
-
-
-def check_nominal(robot: Robot) -> tuple[BodyCheck, ...]:
-    """Check the bodies that the robot file states.
-
-    Raises
-    ------
-    IdentifiabilityError
-        If one of them cannot exist, with its name and what is wrong.
-    """
-    checks = _check_file(robot)
-    for check in checks:
-        if not check.feasible:
-            raise IdentifiabilityError(
-                f"{robot.path}: {check.reason} Correct the body's <inertial> in the robot file."
-            )
-    return checks
-
-
-def _check_file(robot: Robot) -> tuple[BodyCheck, ...]:
-    ten = {b: np.array([robot.nominal[f"{b}.{k}"] for k in GROUPED_KINDS]) for b in robot.bodies}
-    return tuple(check_body(theta, body) for body, theta in ten.items())
 
 
 def certify_model(model: FittedModel) -> tuple[Certificate | None, str]:
@@ -251,35 +230,32 @@ def _projection(model: FittedModel, cad_weight: float) -> Projection:
         If no real robot has what it holds.
     """
     structure = model.structure
-    bodies = draw_bodies(structure)
-    return Projection(
-        model.region,
-        reference=_possible(structure.nominal, physical_set(structure)),
-        prior=CadPrior(bodies.phi, cad_weight) if cad_weight and bodies.titles else None,
-        fixed=model.fixed,
-    )
+    bodies, region = draw_bodies(structure), physical_set(structure)
+    possible = structure.nominal.copy()
+    for columns, name in zip(region.bodies, region.names, strict=True):
+        if not check_body(possible[columns], name).feasible:
+            possible[columns] = 0.0
+    prior = CadPrior(bodies.phi, cad_weight) if cad_weight and bodies.titles else None
+    return Projection(model.region, reference=possible, prior=prior, fixed=model.fixed)
 
 
 def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult:
     """Find the nearest real robot, without asking whether it is the estimate itself."""
-    structure = model.structure
-    region = physical_set(structure)
-    found = _no_answer(region, model.submodel, cad_weight)
-    bodies = draw_bodies(structure)
-    data = _believe(model, cad_weight)
+    structure, data = model.structure, _believe(model, cad_weight)
+    found = replace(leave_undecided(structure, model.submodel, ""), cad_weight=cad_weight)
     try:
         nearest = _projection(model, cad_weight).solve(data)
     except ValueError as error:
         return replace(found, sentence=f" The nearest real robot was not found: {error}")
     nearest = replace(nearest, phi=leave_to_terms(structure, data.R, nearest.phi))
-    phi = dict(zip(region.columns, nearest.phi, strict=True))
+    phi = dict(zip(structure.columns, nearest.phi, strict=True))
     files = [values_in_file(structure.robot, phi, kind) for kind in file_kinds(structure.robot)]
     every = [phi, *files]
-    base = np.array([[values[n] for n in region.columns] for values in every]) @ structure.G.T
+    base = np.array([[values[n] for n in phi] for values in every]) @ structure.G.T
     sentence = _say_left_out(model, nearest.phi)
     if not nearest.accurate:
-        reach = f"within {nearest.gap:.2g} σ² of the optimum"
-        sentence = f" The nearest real robot is {reach}.{sentence}"
+        sentence = f" The solver is not sure that no real robot is nearer.{sentence}"
+    bodies = draw_bodies(structure)
     if cad_weight and bodies.sentence:
         sentence = f"{sentence} {bodies.sentence}"
     value = model.to_x @ nearest.phi
@@ -295,19 +271,10 @@ def _believe(model: FittedModel, cad_weight: float) -> LeastSquares:
     """
     data = model.data.beside(*model.left_out)
     robot = model.structure.robot
-    if not (robot.prior or robot.prior_share):
+    if not (robot.prior or robot.said.prior_share):
         return data
     rows, aim, _ = state_rows(model.structure, 0.0, cad_weight)
     return data.beside(data.unit * rows, data.unit * aim)
-
-
-def _possible(nominal: Array, region: PhysicalSet) -> Array:
-    """Return nominal parameters (p,) without the bodies that cannot exist."""
-    out = nominal.copy()
-    for columns, check in zip(region.bodies, region.check(nominal), strict=True):
-        if not check.feasible:
-            out[columns] = 0.0
-    return out
 
 
 def _say_left_out(model: FittedModel, phi: Array) -> str:
@@ -401,32 +368,25 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
     Raises
     ------
     ValueError
-        When shapes disagree, no vector at all maps to `beta`, or the solver finds no answer.
+        When the solver finds no answer.
     """
-    if base_map.shape != (beta.size, region.size):
-        raise ValueError(
-            f"certificate: a map {base_map.shape} and {beta.size} base parameters were given; "
-            f"expected ({beta.size}, {region.size}); build the map from the model of the physical "
-            "set."
-        )
     with one_thread():
         scale = _column_scale(base_map, beta, region)
         G = base_map * scale
-        start, null = _solutions(G, beta)
-        rows = region.scaled_rows
-        cones = region.cones
-        try:
-            u, margin, multiplier, Z = _most_room(
-                rows @ null, rows @ start - region.least, cones @ null, cones @ start
-            )
-        except ValueError as error:
-            raise ValueError(
-                f"certificate: the solver found no answer ({error}); expected one; {ADVICE}."
-            ) from error
+        heights = np.linalg.norm(G, axis=1)
+        heights = np.where(heights > 0, heights, 1.0)
+        U, s, Vt = np.linalg.svd(G / heights[:, None])
+        rank = int(np.sum(s > ROUNDOFF * s[0])) if s.size else 0
+        start = Vt[:rank].T @ ((U.T @ (beta / heights))[:rank] / s[:rank])
+        null = Vt[rank:].T if rank < G.shape[1] else np.zeros((G.shape[1], 1))
+        rows, cones = region.scaled_rows, region.cones
+        u, margin, multiplier, Z = _most_room(
+            rows @ null, rows @ start - region.least, cones @ null, cones @ start
+        )
         phi = scale * (start + null @ u)
         if margin >= -BOUNDARY:
             return Certificate(margin, phi, np.zeros_like(beta), 0.0)
-        force = adjoint(cones, Z) + multiplier @ rows
+        force = np.einsum("kep,ke->p", cones, Z) + multiplier @ rows
         combination = np.linalg.lstsq(G.T, force)[0]
         level = float(multiplier @ region.least)
         return Certificate(margin, phi, combination, float(combination @ beta), level)
@@ -473,24 +433,9 @@ def _most_room(
             Z = np.zeros((len(at), 4, 4))
             Z[:, low, high] = Z[:, high, low] = z[m + 1 :].reshape(len(at), -1) / twice
             return x[:n], float(x[n]), z[1 : m + 1], Z.reshape(-1, 16)
-    raise ValueError(str(found.status))
-
-
-def _solutions(G: Array, beta: Array) -> tuple[Array, Array]:
-    """One solution of ``G x = beta`` and a basis of its null space, of at least one column."""
-    heights = np.linalg.norm(G, axis=1)
-    heights = np.where(heights > 0, heights, 1.0)
-    U, s, Vt = np.linalg.svd(G / heights[:, None])
-    rank = int(np.sum(s > ROUNDOFF * s[0])) if s.size else 0
-    x: Array = Vt[:rank].T @ ((U.T @ (beta / heights))[:rank] / s[:rank])
-    missed = np.abs(G @ x - beta) > NEARLY * (np.abs(G) @ np.abs(x) + np.abs(beta))
-    if missed.any():
-        raise ValueError(
-            f"certificate: no parameter vector has the base parameters {np.flatnonzero(missed)} "
-            "together; expected values of independent combinations; leave dependent ones out."
-        )
-    null = Vt[rank:].T if rank < G.shape[1] else np.zeros((G.shape[1], 1))
-    return x, null
+    raise ValueError(
+        f"certificate: the solver found no answer ({found.status}); expected one; {ADVICE}."
+    )
 
 
 def _column_scale(G: Array, beta: Array, region: PhysicalSet) -> Array:

@@ -1,4 +1,4 @@
-"""A fitted model, and the problem that it poses in the standard parameters of bodies.
+"""What bodies can be, and the problem that a fitted model poses in their standard parameters.
 
 What the data say is a compressed least-squares problem; what a model leaves out, holds or ties is
 known to it.
@@ -6,20 +6,266 @@ known to it.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.foundation.linalg import SPAN_TOLERANCE
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.values import frozen
-from identifiability.physical.feasible_set import PhysicalSet, stated_bounds
-from identifiability.physical.pseudo_inertia import natural_scale
+from identifiability.physical import pseudo_inertia
+from identifiability.physical.pseudo_inertia import (
+    BASIS,
+    check_body,
+    entry_scale,
+    natural_scale,
+    scale_matrix,
+)
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel, list_functions
 from identifiability.regression.structure import Structure
+
+# The set of parameter vectors that a real robot can have: every body has a positive semidefinite
+# pseudo-inertia, friction and actuator inertia are not negative, and masses and centres of mass
+# are where the user says. Linear matrix inequalities and rows, one convex set, shared by
+# certificate, projection and posterior.
+
+_MASS, _FIRST = GROUPED_KINDS.index("m"), [GROUPED_KINDS.index(kind) for kind in ("mx", "my", "mz")]
+
+#: A row (p,) of parameters, what its product may not fall below, and both in words: in units of
+#: the width between two bounds.
+Bound = tuple[Array, float, str]
+
+
+@frozen
+class PhysicalSet:
+    """Parameter vectors of a real robot.
+
+    Scaled parameters are ``phi / scale``: programs are solved in them.
+
+    Attributes
+    ----------
+    bodies : (nb, 10) int
+        Column of each inertial parameter of each body, in the order of `names.GROUPED_KINDS`.
+    nonnegative : (p,) bool
+        Columns that may not be negative (friction, actuator inertia).
+    names : (nb,) str
+        Body names, for sentences.
+    columns : (p,) str
+        Parameter names, for sentences.
+    mass, length : (nb,) [kg], [m]
+        Scale in which margins are measured; take them from CAD or leave 1 kg and 0.1 m.
+    bounds : tuple of Bound
+        What is known of masses and centres of mass.
+    functions : tuple of (k,) int
+        Columns of each function that was learned: one unit of each is as much torque.
+    """
+
+    bodies: np.ndarray
+    nonnegative: np.ndarray
+    names: tuple[str, ...] = ()
+    columns: tuple[str, ...] = ()
+    mass: Array = field(default_factory=lambda: np.ones(1))
+    length: Array = field(default_factory=lambda: np.full(1, 0.1))
+    bounds: tuple[Bound, ...] = ()
+    functions: tuple[np.ndarray, ...] = ()
+
+    def __post_init__(self) -> None:
+        nb = len(self.bodies)
+        completed = {
+            "mass": np.broadcast_to(self.mass, nb),
+            "length": np.broadcast_to(self.length, nb),
+            "names": self.names or tuple(f"body {k + 1}" for k in range(nb)),
+            "columns": self.columns or tuple(f"parameter {j}" for j in range(self.size)),
+        }
+        for name, value in completed.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def size(self) -> int:
+        """Number of parameters p."""
+        return self.nonnegative.size
+
+    @cached_property
+    def inertial(self) -> np.ndarray:
+        """Whether a column belongs to a body, (p,) bool."""
+        inside = np.zeros(self.size, bool)
+        inside[self.bodies] = True
+        return inside
+
+    @cached_property
+    def root(self) -> Array:
+        """(nb, 4), the congruence by which each J becomes dimensionless."""
+        return scale_matrix(self.mass, self.length)
+
+    @cached_property
+    def cone_map(self) -> Array:
+        """(nb, 16, p): ``cone_map @ phi`` are the dimensionless pseudo-inertias, flattened."""
+        scaled = BASIS / (self.root[:, None, :, None] * self.root[:, None, None, :])
+        rows = np.zeros((len(self.bodies), 16, self.size))
+        for k, columns in enumerate(self.bodies):
+            rows[k][:, columns] = scaled[k].reshape(10, 16).T
+        return rows
+
+    @cached_property
+    def scale(self) -> Array:
+        """Size (p,) of the parameters of bodies of the set's mass and length; 1 elsewhere."""
+        scale = np.ones(self.size)
+        scale[self.bodies] = entry_scale(self.mass, self.length)
+        return scale
+
+    @cached_property
+    def cones(self) -> Array:
+        """(nb, 16, p), maps from scaled parameters to dimensionless pseudo-inertias."""
+        maps: Array = self.cone_map * self.scale
+        return maps
+
+    @cached_property
+    def signed(self) -> np.ndarray:
+        """Columns (m,) int that may not be negative, whatever the bodies; J ⪰ 0 says the rest."""
+        others = self.nonnegative.copy()
+        others[self.bodies] = False  # J ⪰ 0 implies m ≥ 0 and Ixx ≥ 0
+        return np.flatnonzero(others)
+
+    @cached_property
+    def rows(self) -> Array:
+        """(m, p): ``rows @ phi ≥ least`` are the signs and then the bounds."""
+        rows: Array = np.vstack([np.eye(self.size)[self.signed], *[row for row, *_ in self.bounds]])
+        return rows
+
+    @cached_property
+    def scaled_rows(self) -> Array:
+        """(m, p), the same of scaled parameters; a scale drops out of signs."""
+        rows = self.rows.copy()
+        rows[self.bounded] *= self.scale
+        return rows
+
+    @cached_property
+    def least(self) -> Array:
+        """What the m rows may not fall below."""
+        return np.array([0.0] * len(self.signed) + [least for _, least, _ in self.bounds])
+
+    @cached_property
+    def bounded(self) -> np.ndarray:
+        """Which of the m rows are bounds, (m,) bool."""
+        mask: np.ndarray = np.arange(len(self.rows)) >= len(self.signed)
+        return mask
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The m signs and bounds in words."""
+        signs = (f"{self.columns[j]} ≥ 0" for j in self.signed)
+        return (*signs, *(label for *_, label in self.bounds))
+
+    def margins(self, phi: ArrayLike) -> Array:
+        """Smallest dimensionless eigenvalue of every body.
+
+        Parameters
+        ----------
+        phi : (..., p)
+
+        Returns
+        -------
+        (..., nb)
+        """
+        theta = np.asarray(phi, float)[..., self.bodies]
+        return pseudo_inertia.margin(theta, self.mass, self.length)
+
+    def contains(self, phi: ArrayLike, tolerance: float = 1e-9) -> np.ndarray:
+        """Whether parameter vectors belong to a real robot, up to rounding.
+
+        Parameters
+        ----------
+        phi : (..., p)
+        tolerance : float
+            Allowed violation of bodies and bounds, dimensionless.
+
+        Returns
+        -------
+        (...) bool
+        """
+        slack = np.asarray(phi, float) @ self.rows.T - self.least
+        inside = (slack >= -tolerance * self.bounded).all(axis=-1)
+        return np.asarray(inside & (self.margins(phi) >= -tolerance).all(axis=-1))
+
+    def violations(self, phi: Array) -> tuple[str, ...]:
+        """Everything that keeps parameters ``phi (p,)`` out of the set, a sentence each."""
+        pairs = zip(self.names, self.bodies, strict=True)
+        checks = [check_body(phi[columns], name) for name, columns in pairs]
+        slack = zip(self.labels, self.rows @ phi - self.least, strict=True)
+        return (
+            *(check.reason for check in checks if not check.feasible),
+            *(f"{label} does not hold." for label, room in slack if room < 0),
+        )
+
+
+@lru_cache(maxsize=4)
+def physical_set(structure: Structure) -> PhysicalSet:
+    """Return the parameter vectors that a real robot of this structure can have."""
+    theta = structure.nominal[structure.inertial]
+    stated = (theta[:, 9] > 0) & (theta[:, [0, 3, 5]].sum(1) > 0)  # a file may state no mass at all
+    mass, length = natural_scale(theta)
+    mass = np.where(stated, mass, 1.0)
+    return PhysicalSet(
+        bodies=structure.inertial,
+        nonnegative=structure.nonnegative,
+        names=tuple(structure.bodies.values()),
+        columns=structure.columns,
+        mass=mass,
+        length=np.where(stated, length, 0.1),
+        bounds=tuple(_stated_bounds(structure, mass)),
+        functions=tuple(list_functions(structure)),
+    )
+
+
+def _stated_bounds(structure: Structure, mass: Array) -> Iterator[Bound]:
+    """Yield what the sidecar of a robot says of masses and centres, over a model's parameters.
+
+    The mass ``m`` and the first moment ``h = m c`` are parameters, so that a bound of the mass and
+    a box around the centre are linear. A payload is no part of its body here. Bodies that the
+    model has not are passed over.
+
+    Parameters
+    ----------
+    structure : Structure
+    mass : (nb,) [kg]
+        Scale of each body of the structure.
+    """
+    p = len(structure.columns)
+    stems = [*structure.bodies]
+    at = {body: stems.index(f"{body}.") for body in structure.robot.bodies if f"{body}." in stems}
+    for bound in structure.robot.bounds:
+        members = [at[body] for body in bound.bodies if body in at]
+        if not members:
+            continue
+        m = np.zeros(p)
+        m[structure.inertial[members, _MASS]] = 1.0
+        title = "total mass" if len(bound.bodies) > 1 else f"mass of {bound.bodies[0]}"
+        if bound.mass is not None:
+            yield from _between(m, 0.0 * m, bound.mass, 1.0, title, "kg")
+        first = np.zeros((3, p))
+        first[:, structure.inertial[members[0]][_FIRST]] = bound.rotation.T
+        moment = first - np.outer(bound.rotation.T @ bound.origin, m)  # about the body's frame
+        for k, span in enumerate(bound.box or ()):
+            title = f"{'xyz'[k]} of the centre of {bound.bodies[0]}"
+            yield from _between(moment[k], m, span, float(mass[members[0]]), title, "m")
+
+
+def _between(
+    value: Array, weight: Array, span: tuple[float, float], size: float, title: str, unit: str
+) -> Iterator[Bound]:
+    """Yield the rows of ``low ≤ value ≤ high``, times a weight where there is one."""
+    low, high = span
+    width = (high - low) * size
+    constant = not weight.any()
+    for sign, end, relation in ((1.0, low, "≥"), (-1.0, high, "≤")):
+        row = sign * (value - end * weight) / width
+        yield row, sign * end / width if constant else 0.0, f"{title} {relation} {end:g} {unit}"
+
 
 # What the data say about the parameters: a compressed least-squares problem.
 
@@ -40,36 +286,12 @@ class LeastSquares:
         Residual sum of squares that no parameter vector can remove.
     dof : float
         Samples minus rank: ``rss_min / dof`` estimates the noise variance.
-
-    Raises
-    ------
-    ValueError
-        When shapes disagree or a number is not finite.
     """
 
     R: Array
     z: Array
     rss_min: float
     dof: float
-
-    def __post_init__(self) -> None:
-        R, z = self.R, self.z
-        if R.ndim != 2 or z.shape != R.shape[:1]:
-            raise ValueError(
-                f"least-squares problem: R {R.shape} and z {z.shape} were given; "
-                "expected R (r, p) and z (r,) with the same r; compress [W tau] in one go."
-            )
-        if not (np.isfinite(R).all() and np.isfinite(z).all()):
-            raise ValueError(
-                "least-squares problem: R or z holds a number that is not finite; "
-                "drop the samples whose motion or torque is missing before compressing."
-            )
-        if not (self.rss_min >= 0 and self.dof > 0):
-            raise ValueError(
-                f"least-squares problem: rss_min {self.rss_min:g} and dof {self.dof:g} were given; "
-                "expected rss_min ≥ 0 and dof > 0; use more samples than the model has base "
-                "parameters."
-            )
 
     @staticmethod
     def of_fit(information: Information, estimate: Estimate) -> LeastSquares:
@@ -166,48 +388,18 @@ class Fixed:
         out[..., at] = self.value[self.alone] / rows[np.arange(len(at)), at]
         return out
 
-    def scaled(self, scale: Array) -> Plane:
-        """Return what is left to scaled parameters ``phi = scale * x``."""
-        rows = self.rows * scale
-        Q, R = np.linalg.qr(rows.T, mode="complete")
-        k = len(rows)
-        return Plane(Q[:, :k], Q[:, k:], np.linalg.solve(R[:k].T, self.value))
+    def span(self, scale: Array) -> tuple[Array, Array]:
+        """Return what is left to scaled parameters ``phi = scale * x``.
 
-
-@frozen
-class Plane:
-    """Scaled parameters x with ``normalᵀ x = value``.
-
-    Attributes
-    ----------
-    normal : (p, k)
-        Orthonormal.
-    along : (p, p − k)
-        Orthonormal directions in the plane.
-    value : (k,)
-    """
-
-    normal: Array
-    along: Array
-    value: Array
-
-    def project(self, x: Array) -> Array:
-        """Return the nearest point of the plane, (p,)."""
-        nearest: Array = x - self.normal @ (self.normal.T @ x - self.value)
-        return nearest
-
-    def turn(self, slope: Array) -> Array:
-        """Return the part of a gradient (p,) that lies in the plane."""
-        part: Array = slope - self.normal @ (self.normal.T @ slope)
-        return part
-
-    def solve(self, factor: Array, target: Array) -> Array:
-        """Return the x of the plane with the least ``‖factor x − target‖``, (p,)."""
-        if not len(self.value):
-            return np.asarray(np.linalg.solve(factor, target), float)
-        start = self.normal @ self.value
-        step = np.linalg.lstsq(factor @ self.along, target - factor @ start, rcond=None)[0]
-        return self.project(start + self.along @ step)
+        Returns
+        -------
+        origin : (p,)
+        along : (p, p − k)
+            Orthonormal directions.
+        """
+        k = len(self.rows)
+        Q, R = np.linalg.qr((self.rows * scale).T, mode="complete")
+        return Q[:, :k] @ np.linalg.solve(R[:k].T, self.value), Q[:, k:]
 
 
 def find_fixed(region: PhysicalSet, G: Array, M: Array, value: Array) -> Fixed:
@@ -249,21 +441,6 @@ def find_fixed(region: PhysicalSet, G: Array, M: Array, value: Array) -> Fixed:
     return Fixed(rows, np.array([at for _, at in found.values()]))
 
 
-def left_out(R: Array, G: Array, M: Array, value: Array) -> tuple[Array, Array]:
-    """Return the torque of what a model leaves out, ``rows phi − aim``: (b, p) and (b,).
-
-    Parameters
-    ----------
-    R : (b, b)
-        Weighted torque of the base parameters, compressed.
-    G : (b, p)
-    M : (b, m)
-    value : (b,)
-    """
-    rest = R @ (np.eye(len(G)) - M @ np.linalg.pinv(M)) if M.size else R
-    return rest @ G, rest @ value
-
-
 # A fitted model, and the problem that it poses in the standard parameters of bodies.
 #
 # The information about base parameters becomes a problem in the full standard parameters, ``W_base
@@ -273,25 +450,6 @@ def left_out(R: Array, G: Array, M: Array, value: Array) -> tuple[Array, Array]:
 # it is exactly zero (or what it is held at, or equal to what it is tied to). Of bodies that may be
 # impossible: a body whose mass were zero has no first moment. There its torque counts as error in
 # full, and as no help in explaining the log.
-
-
-@lru_cache(maxsize=4)
-def physical_set(structure: Structure) -> PhysicalSet:
-    """Return the parameter vectors that a real robot of this structure can have."""
-    theta = structure.nominal[structure.inertial]
-    stated = (theta[:, 9] > 0) & (theta[:, [0, 3, 5]].sum(1) > 0)  # a file may state no mass at all
-    mass, length = natural_scale(theta)
-    mass = np.where(stated, mass, 1.0)
-    return PhysicalSet(
-        bodies=structure.inertial,
-        nonnegative=structure.nonnegative,
-        names=tuple(structure.bodies.values()),
-        columns=structure.columns,
-        mass=mass,
-        length=np.where(stated, length, 0.1),
-        bounds=stated_bounds(structure, mass),
-        functions=tuple(list_functions(structure)),
-    )
 
 
 @frozen
@@ -363,5 +521,6 @@ class FittedModel:
     @cached_property
     def left_out(self) -> tuple[Array, Array]:
         """Torque of what the model leaves out, ``rows phi − aim``: (b, p) and (b,)."""
-        R = self.whole.factor(self.estimate.weights)[:-1, :-1]
-        return left_out(R, self.structure.G, self.submodel.M, self.submodel.fixed)
+        R, M = self.whole.factor(self.estimate.weights)[:-1, :-1], self.submodel.M
+        rest = R @ (np.eye(len(M)) - M @ np.linalg.pinv(M)) if M.size else R
+        return rest @ self.structure.G, rest @ self.submodel.fixed

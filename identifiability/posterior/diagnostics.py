@@ -15,7 +15,7 @@ from identifiability.estimation.noise import integrate_correlation
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.fitted_model import PhysicalSet
 from identifiability.posterior.ensemble import ENSEMBLES, Posterior
 from identifiability.posterior.rules import RULES, Thresholds
 

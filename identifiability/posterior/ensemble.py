@@ -8,7 +8,8 @@ Several independent ensembles start at different points. emcee's `DESnookerMove`
 at 37 dimensions its standard deviations are 27 % too small in emcee 3.1.6.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -88,9 +89,6 @@ def sample_posterior(
     ValueError
         For a start outside the physical set.
     """
-    # emcee brings all of scipy.stats along, which nothing else of an analysis needs.
-    from identifiability.posterior.moves import Exact, walk  # noqa: PLC0415
-
     sampler = build_sampler(target)
     sampler, centre = sampler.centred(interior(target, sampler, start))
     density = _log_density(sampler)
@@ -98,12 +96,12 @@ def sample_posterior(
     with one_thread():
         starts = sampler.disperse(centre, ENSEMBLES, rng)
         (child,) = rng.spawn(1)
-        own = Exact(sampler, child)
+        own = _exact_move(sampler, child)
         # This move knows no other walker: independent ensembles walk as one batch, whose steps
         # cost little more than those of one.
         first = np.concatenate([_spread(sampler, eta, walkers, child) for eta in starts])
         stopped = ""
-        for i, eta in enumerate(walk(density, own, first, warmup + draws, child)):
+        for i, eta in enumerate(_walk(density, own, first, warmup + draws, child)):
             done = i + 1 - warmup
             if done > 0:
                 kept[:, :, done - 1] = target.to_phi(eta).reshape(*kept.shape[:2], -1)
@@ -131,3 +129,53 @@ def _spread(sampler: ExactSampler, eta: Array, walkers: int, rng: np.random.Gene
     """Walkers of one ensemble: from one point, two transitions apart, as nested R-hat wants."""
     first = np.repeat(eta[None], walkers, axis=0)
     return sampler.step(sampler.step(first, rng), rng)
+
+
+def _exact_move(sampler: ExactSampler, rng: np.random.Generator) -> Any:
+    """Return the exact transition as a proposal, which counts how often emcee accepts it.
+
+    emcee brings all of scipy.stats along, which nothing else of an analysis needs.
+    """
+    from emcee.moves import MHMove  # noqa: PLC0415
+
+    class Exact(MHMove):  # type: ignore[misc]
+        proposed = accepted = pieces = 0
+
+        def propose(self, model: Any, state: Any) -> tuple[Any, np.ndarray]:
+            state, accepted = super().propose(model, state)
+            self.proposed += accepted.size
+            self.accepted += int(accepted.sum())
+            return state, accepted
+
+        @property
+        def share(self) -> float:
+            return self.accepted / max(self.proposed, 1)
+
+    def propose(coords: Array, _: Any) -> tuple[Array, Array]:
+        new, pieces = sampler.fly(coords, rng)
+        move.pieces += pieces
+        density = sampler.model.log_density
+        return new, density(coords) - density(new)
+
+    move = Exact(propose)
+    return move
+
+
+def _walk(
+    density: Callable[[Array], Array],
+    move: Any,
+    first: Array,
+    steps: int,
+    rng: np.random.Generator,
+) -> Iterator[Array]:
+    """Walkers (K, p) after each step."""
+    import emcee  # noqa: PLC0415
+
+    engine = emcee.EnsembleSampler(*first.shape, density, moves=move, vectorize=True)
+    # emcee copies NumPy's global state unless it is given one: ours comes from rng.
+    own = np.random.RandomState(int(rng.integers(2**32)))
+    before = emcee.State(first, random_state=own.get_state())
+    for state in engine.sample(
+        before, iterations=steps, skip_initial_state_check=True, store=False
+    ):
+        yield state.coords

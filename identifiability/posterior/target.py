@@ -14,8 +14,7 @@ from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import Fixed, LeastSquares, Plane
+from identifiability.physical.fitted_model import Fixed, LeastSquares, PhysicalSet
 
 # What the user knew before the data: a normal distribution per parameter.
 
@@ -208,15 +207,15 @@ class Target:
         return _make_proper(self.data, self.prior)
 
     @cached_property
-    def plane(self) -> Plane:
-        """What is held, in distances from the prior's mean [prior sd]; along it (p, q) is free."""
+    def plane(self) -> tuple[Array, Array]:
+        """What is held: a point (p,) from the prior's mean [prior sd], and what is free (p, q)."""
         prior, fixed = self.proper_prior, self.fixed or Fixed.none(self.size)
-        return Fixed(fixed.rows, fixed.value - fixed.rows @ prior.mean).scaled(prior.sd)
+        return Fixed(fixed.rows, fixed.value - fixed.rows @ prior.mean).span(prior.sd)
 
     @cached_property
     def seen(self) -> Array:
         """Torque (r, q) that a prior sd makes along the plane: the data where a prior is one."""
-        seen: Array = (self.data.R * self.proper_prior.sd) @ self.plane.along
+        seen: Array = (self.data.R * self.proper_prior.sd) @ self.plane[1]
         return seen
 
     @cached_property
@@ -228,7 +227,7 @@ class Target:
     @cached_property
     def axes(self) -> Array:
         """Directions (q, p) of the coordinates eta, in prior sd."""
-        axes: Array = self.rotation[2] @ self.plane.along.T
+        axes: Array = self.rotation[2] @ self.plane[1].T
         return axes
 
     @cached_property
@@ -239,8 +238,8 @@ class Target:
     @cached_property
     def origin(self) -> Array:
         """The parameters (p,) in the plane that the prior likes best."""
-        prior, plane = self.proper_prior, self.plane
-        origin: Array = prior.mean + prior.sd * (plane.normal @ plane.value)
+        prior = self.proper_prior
+        origin: Array = prior.mean + prior.sd * self.plane[0]
         return origin
 
     @cached_property
@@ -249,7 +248,7 @@ class Target:
         scaled = self.seen / np.sqrt(self.data.variance * self.iact)
         # inv(I + SᵀS) by QR: its diagonal is never negative, however exact the data are.
         factor = np.linalg.qr(np.vstack([np.eye(scaled.shape[1]), scaled]), mode="r")
-        free = self.proper_prior.sd[:, None] * self.plane.along
+        free = self.proper_prior.sd[:, None] * self.plane[1]
         return np.asarray(free @ np.linalg.inv(factor))
 
     @cached_property

@@ -66,19 +66,32 @@ def drop_still(logs: Reading) -> Reading:
 
 def drop_stuck(log: Log) -> tuple[Log, list[Finding]]:
     """Return a log without rows and torque that stand still in mid-motion, and what was found."""
-    if log.long:
-        tau = np.concatenate([w.tau for w in _windows(log)])
-        never = np.ptp(tau, axis=0) == 0
-        if not never.any() or never.all():
-            return log, []
-        stuck = {j: float(x) for j, x, n in zip(log.joints, tau[0], never, strict=True) if n}
-        silenced = log.changed(partial(_silence, joints=tuple(stuck)))
-        return silenced, [_state_never(log, stuck)]
     if log.motion_alone or log.commanded or len(log) < RULES.stuck:
         return log, []
-    left, hung = _drop_hung(log)
-    left, silent = _silence_stuck(left)
-    return left, hung + silent
+    if log.long:  # of which no row is dropped, nor any stretch
+        return _silence_constant(log)
+    log, hung = _drop_hung(log)
+    log, constant = _silence_constant(log)
+    log, stuck = _silence_stuck(log)
+    return log, [*hung, *constant, *stuck]
+
+
+def _silence_constant(log: Log) -> tuple[Log, list[Finding]]:
+    """Leave out torque that never changes, of joints that anything drives."""
+    rows = join_logs(_windows(log))
+    never = np.ptp(rows.tau, axis=0) == 0
+    if never.all() or not np.ptp(rows.q, axis=0).any():
+        return log, []
+    known = np.zeros(len(never), bool) if rows.unmeasured is None else rows.unmeasured.all(0)
+    never &= ~known & ~np.isin(log.joints, BASE_JOINTS)
+    values = dict(zip(log.joints, rows.tau[0].tolist(), strict=True))
+    stuck = tuple(j for j, n in zip(log.joints, never, strict=True) if n)
+    if not stuck:
+        return log, []
+    where = [f"'{joint}.tau' = {values[joint]:.4g}" for joint in stuck]
+    columns = [f"{joint}.tau" for joint in stuck]
+    found = Finding("unmeasured", log.name, where=where, columns=columns, rows=len(log))
+    return log.changed(partial(_silence, joints=stuck)), [found]
 
 
 def _silence(log: Log, _: int, joints: tuple[str, ...]) -> Log:
@@ -91,7 +104,7 @@ def _drop_hung(log: Log) -> tuple[Log, list[Finding]]:
     step = np.abs(np.diff(log.q, axis=0))
     size = np.sqrt(np.mean(step**2, axis=0))
     # A robot that comes to rest does so by and by.
-    runs = [(a, b) for a, b in _runs(x) if a > 1 and (step[a - 1] > RULES.moving * size).any()]
+    runs = [(a, b) for a, b in find_runs(x) if a > 1 and (step[a - 1] > RULES.moving * size).any()]
     gone = np.zeros(len(log), bool)
     for a, b in runs:
         gone[a + 1 : b] = True
@@ -104,36 +117,25 @@ def _drop_hung(log: Log) -> tuple[Log, list[Finding]]:
 
 
 def _silence_stuck(log: Log) -> tuple[Log, list[Finding]]:
+    """Leave out stretches in which torque stands still, but at a limit or with the joint."""
     low, high = log.tau.min(0), log.tau.max(0)
-    never = low == high
-    if never.all() or not np.ptp(log.q, axis=0).any():
-        return log, []
     gone = np.zeros(log.tau.shape, bool) if log.unmeasured is None else log.unmeasured.copy()
-    never &= ~gone.all(0) & ~np.isin(log.joints, BASE_JOINTS)  # which nothing drives
-    gone[:, never] = True
-    stuck = {j: float(x) for j, x, n in zip(log.joints, low, never, strict=True) if n}
-    found = [_state_never(log, stuck)] if stuck else []
-    for k in np.flatnonzero(~never & (low < high)):
-        for a, b in _runs(log.tau[:, [k]]):
-            at_limit = log.tau[a, k] in (low[k], high[k])
+    found = []
+    for k in np.flatnonzero((low < high) & np.ptp(log.q, axis=0).any()):
+        joint = log.joints[k]
+        for a, b in find_runs(log.tau[:, [k]]):
+            value = float(log.tau[a, k])
             rests = np.ptp(log.q[a:b, k]) <= RULES.moving * np.ptp(log.q[:, k])
-            if at_limit or rests or gone[a, k]:
+            if value in (low[k], high[k]) or rests or gone[a, k]:
                 continue
             gone[a:b, k] = True
-            joint, value = log.joints[k], float(log.tau[a, k])
             where = phrase("stuck", "stands", joint=joint, value=value, first=a + 1, last=b)
             columns = (f"{joint}.tau",)
             found.append(Finding("stuck", log.name, where=[where], rows=b - a, columns=columns))
     return (replace(log, unmeasured=gone), found) if found else (log, [])
 
 
-def _state_never(log: Log, stuck: dict[str, float]) -> Finding:
-    where = [f"'{joint}.tau' = {x:.4g}" for joint, x in stuck.items()]
-    columns = [f"{joint}.tau" for joint in stuck]
-    return Finding("unmeasured", log.name, where=where, columns=columns, rows=len(log))
-
-
-def _runs(x: Array) -> list[tuple[int, int]]:
+def find_runs(x: Array) -> list[tuple[int, int]]:
     """Return where values (N, c) stand still for longer than they usually do, as [first, last)."""
     changes = np.flatnonzero((np.diff(x, axis=0) != 0).any(1)) + 1
     edges = np.concatenate([[0], changes, [len(x)]])
@@ -220,23 +222,25 @@ def compute_torque(logs: Reading) -> Reading:
 
 @check("contradictions", Does.MENDS)
 def drop_contradicting(logs: Reading) -> Reading:
-    """Leave out derivatives that contradict positions, unless the given ones are asked for.
+    """Leave out derivatives that contradict positions; where the given ones are asked for, say so.
 
     Those of another unit or sign are left to be refused (`check_units`).
     """
     asked = logs.how is not None and logs.how.derivatives == "given"
-    return logs if asked else logs.each(_drop_contradictions)
+    return logs.each(partial(_drop_contradictions, asked=asked))
 
 
-def _drop_contradictions(log: Log) -> tuple[Log, list[Finding]]:
+def _drop_contradictions(log: Log, *, asked: bool) -> tuple[Log, list[Finding]]:
     wrong = [c for c in contradictions(join_logs(_windows(log))) if not c.in_unit]
     if not wrong:
         return log, []
+    where, columns = [c.text for c in wrong], [f"{c.joint}.{c.kind}" for c in wrong]
+    if asked:
+        return log, [Finding("derivative", log.name, where=where, columns=columns)]
     # What is derived from a wrong velocity cannot be compared with anything.
     gone = ("dq", "ddq") if any(c.kind == "dq" for c in wrong) else ("ddq",)
     names = {"dq": "velocities", "ddq": "accelerations"}
     words = " and ".join(names[c] for c in gone if c in log.channels)
-    where, columns = [c.text for c in wrong], [f"{c.joint}.{c.kind}" for c in wrong]
     told = {"channels": words, "columns": columns, "rows": len(log)}
     return log.without(gone), [Finding("contradictions", log.name, where=where, **told)]
 
@@ -245,17 +249,11 @@ def _drop_contradictions(log: Log) -> tuple[Log, list[Finding]]:
 #
 # A measurement that is repeated has noise of its own. Rows whose positions, torques and, where all
 # logs have them, measured speeds agree to a ten-thousandth of how much they vary, many rows on end,
-# are therefore copies: a log joined to itself, a cut of another log, a log that was written again
-# with fewer digits. Torque that saturates or has few steps agrees many rows on end by chance, too,
-# where a motion is repeated: only rows in which torque or speed changes are counted, and how often
-# these then agree nearby, where the motion does, says how many of them chance explains.
+# are therefore copies: a log joined to itself, a cut of another log, a log that was written again.
 
 
 #: Consecutive rows that must agree with consecutive earlier ones; standstills count as one.
 RUN = 16
-
-#: Rows on each side of a run that say how often torque agrees by chance.
-NEARBY = 64 * RUN
 
 
 @check("copies", Does.MENDS)
@@ -331,52 +329,27 @@ def _find_copies(logs: Sequence[Log]) -> list[np.ndarray]:
     return [copied[owner == k] for k in range(len(logs))]
 
 
-def _near(rows: Array, kinds: int) -> Array:
-    """Return how close the values of rows (N, kinds · n) are taken as equal."""
-    spread = rows.std(0).reshape(kinds, -1)
-    # No difference below this share of how much the liveliest joint varies counts: what never
-    # moves varies by rounding.
-    floor = 1e-7 * spread.max(1, initial=0.0, keepdims=True)
-    # Values agree within this share of their standard deviation.
-    near: Array = np.maximum(0.0001 * spread, np.maximum(floor, np.finfo(float).tiny)).ravel()
-    return near
-
-
 def _match(rows: Array, starts: np.ndarray, joints: int) -> np.ndarray:
     """Return which rows continue a run of copies of earlier ones, (N,) bool.
 
     Rows are (N, k · joints), positions first; runs do not reach over `starts`.
     """
-    near = _near(rows, rows.shape[1] // joints)
+    spread = rows.std(0).reshape(-1, joints)
+    # What never moves varies by rounding, far below what the liveliest joint does.
+    floor = 1e-3 * spread.max(1, initial=0.0, keepdims=True)
+    near = 1e-4 * np.maximum(np.maximum(spread, floor), np.finfo(float).tiny / 1e-4).ravel()
     cells = np.rint((rows - rows.mean(0)) / near).astype(np.int64)
     mix = np.random.default_rng(0).integers(1, 2**63, rows.shape[1], np.uint64) | np.uint64(1)
     keys = (cells.astype(np.uint64) * mix).sum(1, dtype=np.uint64)
-    _, at, which, times = np.unique(
-        keys, return_index=True, return_inverse=True, return_counts=True
-    )
+    _, at, which = np.unique(keys, return_index=True, return_inverse=True)
     index = np.arange(len(rows))
-    back = index - at[which]
-    # Where rows come often by chance, those that come twice say how far back the copied ones are.
-    lags, votes = np.unique(back[(back > 0) & (times[which] == 2)], return_counts=True)
-    # Distances between rows that come twice that are followed, the most frequent.
-    for lag in lags[np.argsort(votes)][-16:].tolist():
-        back[lag:][keys[lag:] == keys[:-lag]] = lag
     still = np.concatenate([[False], keys[1:] == keys[:-1]])
     since = np.maximum.accumulate(np.where(still, 0, index))  # first row of a standstill
-    behind = back[since]
+    behind = (index - at[which])[since]
     begins = np.diff(behind, prepend=-1) != 0
     begins[starts] = True
-    changes = np.abs(np.diff(rows[:, joints:], axis=0)) > near[joints:]  # of torque or speed
-    told = np.concatenate([[True], np.asarray(changes.any(1))])
+    told = np.concatenate([[True], (np.diff(cells[:, joints:], axis=0) != 0).any(1)])
     copied = np.zeros(len(rows), bool)
     for a, b in pairwise([*np.flatnonzero(begins).tolist(), len(rows)]):
-        lag, count = int(behind[a]), np.count_nonzero(told[a:b] & ~still[a:b])
-        if lag > 0 and count >= RUN:
-            beside = np.r_[max(lag, a - NEARBY) : a, b : min(len(rows), b + NEARBY)]
-            beside = beside[told[beside]]
-            same = np.abs(rows[beside] - rows[beside - lag]) <= near
-            moved, again = (np.asarray(part.all(1)) for part in np.hsplit(same, [joints]))
-            chance = again[moved].mean() if moved.any() else 0.0
-            # A run that chance explains comes less often than this in all the rows.
-            copied[a:b] = chance >= RULES.nearly_all or len(rows) * chance**count < 0.01
+        copied[a:b] = behind[a] > 0 and np.count_nonzero(told[a:b] & ~still[a:b]) >= RUN
     return copied

@@ -26,9 +26,9 @@ from identifiability.robot import Motion, Robot
 #: asked, of all others that in which they are said. A user's own stand behind.
 ORDER = (
     *("silent", "stuck", "wraps", "spikes", "commands", "contradictions", "copies"),
-    *("rates", "unheld", "turned", "soles", "exchanged", "clock", "unit", "late"),
+    *("unheld", "exchanged", "clock", "unit"),
     *("limits", "stopped", "flat"),
-    *("bodies", "assembly", "signs", "outside", "still", "slips", "outliers"),
+    *("bodies", "assembly", "outside", "still", "outliers"),
 )
 
 #: Returns findings of `MeasuredLogs`, none for sound logs; what mends returns logs that are being

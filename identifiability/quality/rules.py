@@ -14,11 +14,6 @@ class Rules(RuleTable):
 
     title = "Limits of the data-quality checks"
 
-    contact_slips: Annotated[float, "a contact at this share of its open speed slips, by hand"] = (
-        1 / 3
-    )
-    delay_left: Annotated[float, "largest error, moved, that tells a delay, by hand"] = 0.5
-    shift_most: Annotated[float, "its slope tells a shift up to here [samples], by hand"] = 4.0
     speed_beyond: Annotated[
         float, "speeds beyond so many limits, or below the inverse square, by hand"
     ] = 10.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import combinations, pairwise
 
@@ -43,12 +44,6 @@ def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
     known = np.flatnonzero(np.isfinite(factors))
     share = factors[known]
     odd = np.abs(np.log(share)) > np.log(RULES.unit_factor)
-    # No other body makes the torque of one joint alone so much larger or smaller.
-    other = np.abs(np.log(share)) > 2.0 * np.log(RULES.unit_factor)
-    if other.sum() < len(share) and (odd == other).all() and other.any():
-        k = int(np.flatnonzero(other)[0])
-        how = phrase("unit", "one", joint=logs.joints[known[k]], name=_name_unit(share[k]))
-        return [Finding("unit", multiple=f"{share[k]:.2g} times", how=how, factors=share.tolist())]
     # Factors of two joints do not differ by more than this.
     apart = not odd.any() and len(share) > 1 and share.max() >= 8.0 * share.min()
     if not len(share) or not (odd.all() or apart):
@@ -224,29 +219,25 @@ def find_exchanged(logs: MeasuredLogs) -> list[Finding]:
 def _candidates(logs: MeasuredLogs, plain: _Change) -> Iterator[_Change]:
     """Yield what the columns might have been meant to be."""
     names, n = logs.joints, len(logs.joints)
-    same, one = plain.order, plain.factor
-    say = partial(phrase, "exchanged")
+    say, same = partial(phrase, "exchanged"), plain.order
     pairs = combinations(range(n), 2) if n <= MOST else pairwise(range(n))
     for i, j in pairs:
         order = list(same)
         order[i], order[j] = j, i
         swap, pair = tuple(order), f"{names[i]} and {names[j]}"
-        yield _Change(swap, one, same, one, say("positions", pair=pair))
-        yield _Change(swap, one, swap, one, say("joints", pair=pair))
-        yield _Change(same, one, swap, one)
-    slides = [logs.robot.is_prismatic(int(k)) for k in logs.robot.actuated]
+        yield replace(plain, order=swap, says=say("positions", pair=pair))
+        yield replace(plain, order=swap, torques=swap, says=say("joints", pair=pair))
+        yield replace(plain, torques=swap)
     for k, joint in enumerate(names):
         turned = tuple(-1.0 if i == k else 1.0 for i in range(n))
+        yield replace(plain, factor=turned, says=say("sign", joint=joint))
+        yield replace(plain, factor=turned, signs=turned, says=say("way", joint=joint))
+        yield replace(plain, signs=turned)
         small = tuple(DEGREE if i == k else 1.0 for i in range(n))
-        yield _Change(same, turned, same, one, say("sign", joint=joint))
-        yield _Change(same, turned, same, turned, say("way", joint=joint))
-        yield _Change(same, one, same, turned)
-        if not slides[k]:
-            yield _Change(same, small, same, one, say("angle", joint=joint))
-    yield _Change(same, tuple(1.0 if s else DEGREE for s in slides), same, one, say("angles"))
-    yield _Change(same, one, same[::-1], one)
+        if not logs.robot.is_prismatic(int(logs.robot.actuated[k])):
+            yield replace(plain, factor=small, says=say("angle", joint=joint))
     for shift in range(1, n):
-        yield _Change(same, one, same[shift:] + same[:shift], one)
+        yield replace(plain, torques=same[shift:] + same[:shift])
 
 
 def _regressor(

@@ -148,8 +148,9 @@ def _at_place(robot: Robot, family: Family, span: Span, column: int, free: bool)
     for shape in family.grid(span):
         effect = family.at(shape, place)
         there = {p.kind: p.nonnegative for p in effect.parameters(robot) if p.owner == place}
-        reached = there if family.reached is None else family.reached(effect, robot, span)
-        kinds = tuple(kind for kind in there if kind in reached)[: 1 if family.alike else None]
+        reached = effect.reached(robot, span)
+        kinds = tuple(kind for kind in there if reached is None or kind in reached)
+        kinds = kinds[: 1 if family.alike else None]
         if not kinds:  # the motion lies where the shape has no place
             continue
         for chosen in _apart(kinds) if family.separate else [kinds]:

@@ -9,19 +9,18 @@ asked for: a page needs its own alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from identifiability.effects import find_effect, title_of
 from identifiability.foundation.answers import Cell, Column, Note, Table
+from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.numbers import measured
 from identifiability.foundation.rounding import (
     NONE,
     digits,
-    error_text,
     format_count,
     format_number,
     join,
@@ -66,7 +65,6 @@ from identifiability.workflows.answers import (
     level_table,
     note,
     sentence,
-    tone_of,
     with_hints,
     words,
 )
@@ -84,14 +82,8 @@ if TYPE_CHECKING:
     from identifiability.workflows.prune.result import Ladder
 
 
-def _by_owner(
-    names: Sequence[str], told: Sequence[str], tone: str, text: str, other: Part
-) -> dict[str, Part]:
-    """Return how bodies and joints are shown of whose parameters some are told."""
-    owners: dict[str, list[str]] = {name.rpartition(".")[0]: [] for name in names}
-    for name in told:
-        owners[name.rpartition(".")[0]].append(name)
-    return {o: Part(tone, f"{text}: {join(n)}") if n else other for o, n in owners.items()}
+#: Rows of a figure with the answers: the worst, or the best.
+SHOWN_FIRST = 20
 
 
 # Calibration: may intervals and verdicts be trusted on this motion?
@@ -102,48 +94,24 @@ def calibration_heading(calibration: Calibration) -> tuple[str, str]:
     return "Calibration", f"{calibration.analysis.robot.path.name} · {calibration.model}"
 
 
-def calibration_sketch(calibration: Calibration) -> Sketch | None:
-    """Return the robot with what was found drawn on it, if it can be drawn."""
-    cell, hold = calibration.cell, Part("blue", "intervals hold")
-    parts = _by_owner(cell.names, cell.below, "vermilion", "too narrow", hold)
-    robot = calibration.analysis.robot
-    return sketch_parts(robot, parts, "decision.calibrated", "not in the model")
+def calibration_below(calibration: Calibration) -> Picture:
+    """Return the coverage of the parameters whose intervals hold the truth least often."""
+    frame = calibration.to_frame()[:SHOWN_FIRST]
+    share, low, high = 100 * frame[["value", "low", "high"]].to_numpy(float).T
+    reach = np.maximum([share - low, high - share], 0.0)
+    label = "intervals that hold the truth [%]"
+    return picture("each", draw_intervals(list(frame["parameter"]), share, reach, label, 95.0))
 
 
 def calibration_sections(calibration: Calibration) -> list[Section | None]:
     """Return the sections of the page."""
-    frame = calibration.to_frame()
-    share, low, high = 100 * frame[["value", "low", "high"]].to_numpy(float).T
-    reach = np.maximum([share - low, high - share], 0.0)
-    label = "intervals that hold the truth [%]"
-    each = draw_intervals(list(frame["parameter"]), share, reach, label, 95.0)
     names = calibration.false_names
+    how = {"trials": len(calibration.cell.held), "seed": calibration.provenance["seed"]}
     return [
-        section(
-            "calibration.parameters",
-            picture("each", each),
-            Fold(f"All {len(frame)} parameters", calibration.tables()),
-        ),
+        section("calibration.parameters", *calibration.tables()),
         section("calibration.names", statement=names.statement) if names is not None else None,
-        _method(calibration),
+        section("calibration.method", Prose(tuple(words("calibration.how", **how).values()))),
     ]
-
-
-NOISE = with_hints(
-    "noise",
-    Column("actuator"),
-    Column("order", "number"),
-    Column("size", digits(3)),
-    Column("autocorrelation time", digits(3)),
-)
-
-
-def _method(calibration: Calibration) -> Section:
-    holes = {"trials": len(calibration.cell.held), "seed": calibration.provenance["seed"]}
-    told = [*words("calibration.how", **holes).values()]
-    rows = [tuple(row.values()) for row in calibration.noise_rows()]
-    table = Table.of("Noise of the repetitions", NOISE, rows)
-    return section("calibration.method", Prose(tuple(told)), table)
 
 
 # Comparison: what changed between two logs or results.
@@ -389,15 +357,11 @@ def excitation_heading(result: Excitation) -> tuple[str, str]:
     )
 
 
-def excitation_sketch(result: Excitation) -> Sketch | None:
-    """Return the robot with what was found drawn on it, if it can be drawn."""
-    from identifiability.workflows.excite.rules import RULES  # noqa: PLC0415
-
-    pairs = zip(result.names, result.gain, strict=True)
-    better = [name for name, gain in pairs if gain < RULES.better]
-    other = Part("grey", "not better known")
-    parts = _by_owner(result.names, better, "green", "better known", other)
-    return sketch_parts(result.robot, parts, "decision.excited", "not in the model")
+def excitation_below(result: Excitation) -> Picture:
+    """Return the gain of the parameters that gain most."""
+    at = np.argsort(np.nan_to_num(result.gain, nan=np.inf), kind="stable")[:SHOWN_FIRST]
+    figure = draw_gain([result.names[k] for k in at], result.gain[at])
+    return picture("gained", figure, beside=result.beside)
 
 
 def excitation_notes(result: Excitation) -> list[Note]:
@@ -417,17 +381,11 @@ def excitation_sections(result: Excitation) -> list[Section]:
         effects=", ".join(result.effects),
         measured=sentence("excitation.measured", logs=logs) if logs else "",
     )
-    kinds = [f"{kind} {k + 1}" for kind in ("sin", "cos") for k in range(path.sin.shape[1])]
-    columns = [Column("joint"), *(Column(kind, digits(5)) for kind in ("offset", *kinds))]
-    numbers = np.column_stack([path.offset, path.sin, path.cos])
-    rows = [(joint, *x) for joint, x in zip(result.limits.joints, numbers, strict=True)]
-    coefficients = Table.of(sentence("excitation.series"), columns, rows, cards=False)
     return [
         section(
             "excitation.motion",
             *_motion(result),
             result.tables()[0],
-            Fold("Coefficients", (coefficients,)),
         ),
         section("excitation.gain", gain, beside=result.beside),
         section("excitation.method", Prose(tuple(text.values()))),
@@ -503,7 +461,7 @@ def inspection_sections(result: Inspection) -> list[Section]:
         return own
     first, *others = [_recorded(result, r) for r in result.records]
     names = [record.name for record in result.records[1:]]
-    clock, motion, torque = result.tables()
+    clock, motion = result.tables()
     return [
         section(
             "inspection.traces",
@@ -511,7 +469,6 @@ def inspection_sections(result: Inspection) -> list[Section]:
             *(Fold(f"The same of {name}", g) for name, g in zip(names, others, strict=True)),
         ),
         section("inspection.motion", motion),
-        section("inspection.torque", torque),
         section("inspection.clock", clock, *map(_preparation, result.records)),
         section(
             "inspection.robot",
@@ -521,23 +478,20 @@ def inspection_sections(result: Inspection) -> list[Section]:
 
 
 def _recorded(result: Inspection, record: Record) -> tuple[Traces, ...]:
-    """Return position, velocity and torque of every joint of a log over time."""
-    trace, robot = record.trace, result.robot
-    start, rows = record.clock["start"], list(record.joints.itertuples())
-    t, motion_t = trace.t - start, trace.motion_t - start
+    """Return position and torque of every joint of a log over time."""
+    robot, t = result.robot, record.t - record.clock["start"]
+    rows = list(record.joints.itertuples())
     # Nobody measures position and force of a base that floats.
     at = [k for k, joint in enumerate(rows) if joint.joint in robot.motor_joints]
-    own = [rows[k] for k in at]
-    names = [str(joint.joint) for joint in own]
+    names = [str(rows[k].joint) for k in at]
     shown = (
-        ("position", t, trace.q, [str(j.unit) for j in own], robot.limits[at]),
-        ("velocity", motion_t, trace.dq, [f"{j.unit}/s" for j in own], None),
-        ("torque", t, trace.tau, [str(j.torque_unit) for j in own], None),
+        ("position", record.q, [str(rows[k].unit) for k in at], robot.limits[at]),
+        ("torque", record.tau, [str(rows[k].torque_unit) for k in at], None),
     )
     return tuple(
-        motion_traces(name, times, values[:, at], names, units, limits)
-        for name, times, values, units, limits in shown
-        if at and len(times)
+        motion_traces(name, t, values[:, at], names, units, limits)
+        for name, values, units, limits in shown
+        if at and len(t)
     )
 
 
@@ -565,7 +519,9 @@ def _robot(result: Inspection) -> list[Section]:
     groups = zip(base.names, base.units, base.labels, strict=True)
     grouped = (Column("parameter"), Column("unit"), Column("what it stands for", "code"))
     found = [
-        section("inspection.joints", result.naming, Table.of("", JOINTS, result.joints)),
+        section(
+            "inspection.joints", phrase("needs", "naming"), Table.of("", JOINTS, result.joints)
+        ),
         section(
             "inspection.columns",
             beside,
@@ -630,15 +586,13 @@ def prediction_heading(result: TorquePrediction) -> tuple[str, str]:
     return "Predicted torque", f"{result.robot.path.name} · {result.model} · {count}"
 
 
-def prediction_sketch(result: TorquePrediction) -> Sketch | None:
-    """Return the robot with what was found drawn on it, if it can be drawn."""
-    errors = result.error_frame()["error"]
-    parts = {
-        joint: Part(tone_of(error), error_text(error))
-        for joint, error in zip(result.robot.joints, errors, strict=True)
-        if np.isfinite(error)
-    }
-    return sketch_parts(result.robot, parts, "decision.predicted")
+def prediction_below(result: TorquePrediction) -> Picture | None:
+    """Return measured and predicted torque of the joint that is predicted worst."""
+    errors = result.error_frame()["error"].to_numpy(float)
+    if not np.isfinite(errors).any():
+        return None
+    joint = result.robot.joints[int(np.nanargmax(errors))]
+    return picture("torque", plot.torque(result, joint), joint=joint)
 
 
 def prediction_sections(result: TorquePrediction) -> list[Section]:

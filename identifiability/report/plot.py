@@ -39,7 +39,7 @@ from identifiability.report.figures import (
 if TYPE_CHECKING:  # every report loads this module, and few need what prunes or diagnoses
     from identifiability.workflows.analyze import Analysis
     from identifiability.workflows.diagnose import Diagnosis
-    from identifiability.workflows.predict import Covaries, TorquePrediction
+    from identifiability.workflows.predict import Predicts, TorquePrediction
     from identifiability.workflows.prune import Ladder
 
 __all__ = ["correlated", "missing", "models", "precision", "reduction_path", "torque"]
@@ -78,7 +78,7 @@ def reduction_path(result: Ladder) -> Figure:
     return draw_ladder(sizes, fitted, unseen, spread, result.selected, result.least)
 
 
-def correlated(result: Covaries, most: int = 20) -> Figure:
+def correlated(result: Predicts, most: int = 20) -> Figure:
     """Draw the correlation of the parameters that are correlated with others.
 
     Parameters
@@ -134,10 +134,6 @@ def missing(result: Diagnosis) -> Figure:
     """Draw how the error on unseen motion falls with each effect that was found."""
     labels = ["model as it was", *(f"+ {e.title}" for e in result.effects)]
     return draw_shrink(labels, np.array([result.held_before, *(e.after for e in result.effects)]))
-
-
-#: Their names until the release before this one; they go with the next.
-confused, way_down = correlated, reduction_path
 
 
 #: The figures by name, and whose they are.

@@ -72,7 +72,8 @@ def draw_skeleton(
     rest : str
         What is said of bodies that are none of these.
     """
-    limbs, at = trace_limbs(robot, pose)
+    traced, places = _trace(robot, pose[None])
+    limbs, at = {body: lines[:, 0] for body, lines in traced.items()}, places[:, 0]
     every = np.concatenate([*limbs.values(), at])
     if not np.isfinite(every).all() or not np.ptp(every, axis=0).max() > 0:
         return None
@@ -99,18 +100,12 @@ def draw_skeleton(
     )
 
 
-def trace_limbs(robot: Robot, pose: Array) -> tuple[dict[str, Array], Array]:
-    """Return the lines of each moving body, (2 s, 3) each, and the places of joints, (j, 3) [m].
-
-    A body goes from its joint to those that hang on it, to the points at which loops close, and,
-    where there are none, to its centre of mass and as far again.
-    """
-    limbs, at = _trace(robot, pose[None])
-    return {body: lines[:, 0] for body, lines in limbs.items()}, at[:, 0]
-
-
 def _trace(robot: Robot, poses: Array) -> tuple[dict[str, Array], Array]:
-    """Return the same for F poses (F, nq): (2 s, F, 3) each, and (j, F, 3)."""
+    """Return lines of moving bodies, (2 s, F, 3) each, and places of joints, (j, F, 3) [m].
+
+    Of F poses (F, nq). A body goes from its joint to those that hang on it, to the points at which
+    loops close, and, where there are none, to its centre of mass and as far again.
+    """
     tree = robot.tree
     frames = tree.frames(poses, range(len(tree.joints)))
 
@@ -119,10 +114,11 @@ def _trace(robot: Robot, poses: Array) -> tuple[dict[str, Array], Array]:
 
     at = np.stack([each(frames.origin[k]) for k in range(len(tree.joints))])
     limbs: dict[str, Array] = {}
-    for body, k in _carriers(robot).items():
+    closing = [p for loop in robot.loops for p in (loop.first, loop.second)]
+    for body, link in zip(robot.bodies, robot.links, strict=True):
+        k = link.last
         ends = [at[c] for c, j in enumerate(tree.joints) if j.parent == k]
-        for loop in robot.loops:
-            ends += [each(tree.world_point(frames, p)) for p in _points(loop, k)]
+        ends += [each(tree.world_point(frames, p)) for p in closing if p.joint == k]
         if not ends:
             mass = robot.nominal.get(f"{body}.m", 0.0)
             first = np.array([robot.nominal.get(f"{body}.{x}", 0.0) for x in ("mx", "my", "mz")])
@@ -173,10 +169,9 @@ def move_skeletons(
         return None
     place = _look(traced[0].reshape(-1, 3), robot)
     lines, start = [], len(robot.tree.joints)
-    carriers = _carriers(robot)
-    for body, own in limbs.items():
+    for link, own in zip(robot.links, limbs.values(), strict=True):
         count = len(own) // 2
-        lines += [(carriers[body], start + i) for i in range(count)]
+        lines += [(link.last, start + i) for i in range(count)]
         start += count
     said = tuple(
         tuple("diverged" if np.isnan(x) else f"{name} {x:.3g} {unit}" for x in error[rows])
@@ -192,19 +187,6 @@ def move_skeletons(
         size=(WIDTH, HEIGHT),
         caption=caption,
     )
-
-
-def _carriers(robot: Robot) -> dict[str, int]:
-    """Return the last joint of the tree before each body; of a ball's three hinges the third."""
-    model = robot.model
-    ends = {j.iv + j.nv: k for k, j in enumerate(robot.tree.joints)}
-    places = (int(model.idx_vs[k] + model.nvs[k]) for k in range(1, model.njoints))
-    return {b: ends[at] for b, at in zip(robot.bodies, places, strict=True) if at in ends}
-
-
-def _points(loop: object, joint: int) -> list[Point]:
-    found = (getattr(loop, "first", None), getattr(loop, "second", None))
-    return [p for p in found if p is not None and p.joint == joint]
 
 
 def _look(points: Array, robot: Robot) -> Callable[[Array], Array]:

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from identifiability.robot.closure import Motion, complete_motion
-    from identifiability.robot.parts import Axis
+    from identifiability.robot.description import Axis
     from identifiability.robot.robot import KnownRobot, Robot, RobotLike
 
 __all__ = ["Axis", "KnownRobot", "Motion", "Robot", "RobotLike", "complete_motion"]
 
-_HOMES = {"Axis": "parts", "Motion": "closure", "complete_motion": "closure"}
+_HOMES = {"Axis": "description", "Motion": "closure", "complete_motion": "closure"}
 
 
 def __getattr__(name: str) -> Any:

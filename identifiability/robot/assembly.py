@@ -1,31 +1,39 @@
 """Put a `Description` together from model, closures and sidecar: do they determine the motion?
 
-Which joints move the robot, which follow, and whether its home position says so; axes that are
-combinations of joints; what a sidecar says of masses.
+Which joints move the robot, which are locked, which follow, and whether its home position says so;
+axes that are combinations of joints; what a sidecar says of masses.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import numpy as np
 import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Renames
+from identifiability.foundation.options import Expected
 from identifiability.robot import closure
-from identifiability.robot.cables import stretch_home
-from identifiability.robot.closure import ACCEPTED, HOPELESS, invert, newton
-from identifiability.robot.description import ENDLESS, Bound, Description
+from identifiability.robot.closure import ACCEPTED, HOPELESS, invert, newton, stretch_home
+from identifiability.robot.description import (
+    ENDLESS,
+    Bound,
+    Combination,
+    Coupling,
+    Description,
+    Loop,
+    Stated,
+    Transmission,
+    name_numbers,
+)
 from identifiability.robot.floating import BASE_JOINTS, Base, Contact, Imu, Wrench
 from identifiability.robot.kinematics import Point, body_names
-from identifiability.robot.markup import check_nominal
-from identifiability.robot.measured_torque import MeasuredTorque
-from identifiability.robot.parts import Combination, Loop, Stated, Transmission, name_numbers
+from identifiability.robot.locate import LARGEST
 from identifiability.robot.rules import RULES
 from identifiability.robot.servo import read_servo
 from identifiability.robot.sidecar import (
@@ -33,6 +41,7 @@ from identifiability.robot.sidecar import (
     ImuEntry,
     LimitEntry,
     LoopEntry,
+    MeasuredTorque,
     Owners,
     Sidecar,
     by_name,
@@ -40,6 +49,165 @@ from identifiability.robot.sidecar import (
     renaming,
     settle_names,
 )
+
+#: Joints by name; a number is where one is held, none is its home position.
+Locks = Mapping[str, float | None]
+
+LockOption = Annotated[
+    Sequence[str] | Mapping[str, Any],
+    Expected("a list of joints, each 'NAME' or 'NAME=POSITION', or a table of positions by joint"),
+]
+
+
+def read_locks(given: LockOption | None) -> dict[str, float | None]:
+    """Return the joints to lock, as an option or a sidecar gives them.
+
+    Raises
+    ------
+    RobotError
+        If a position is no finite number.
+    """
+    words = [given] if isinstance(given, str) else given or ()
+    if isinstance(given, Mapping):
+        pairs: Iterable[tuple[str, Any]] = given.items()
+    else:
+        pairs = [(w.partition("=")[0].strip(), w.partition("=")[2] or None) for w in words]
+    out: dict[str, float | None] = {}
+    for name, value in pairs:
+        try:
+            out[name] = None if value is None else float(value)
+        except (TypeError, ValueError):
+            out[name] = np.nan
+        if not np.isfinite(out[name] or 0.0):
+            raise RobotError(
+                f"The joint '{name}' cannot be locked at '{value}'; give its position in rad or m, "
+                f"as {name}=0.5, or none for its home position."
+            )
+    return out
+
+
+def settle_locks(
+    path: Path, wanted: Locks, home: Mapping[str, float], couplings: Sequence[Coupling]
+) -> tuple[dict[str, float], list[Coupling]]:
+    """Return where every locked joint is held, and the couplings that are left.
+
+    Parameters
+    ----------
+    path : Path
+        Of the robot file, for sentences.
+    wanted : mapping
+        Joints that are to be locked, or patterns of their names.
+    home : mapping
+        Home positions of the joints with one axis.
+    couplings : sequence of Coupling
+        What is coupled to a locked joint is locked too.
+
+    Raises
+    ------
+    RobotError
+        If a joint cannot be locked, or couplings put it elsewhere.
+    """
+    wanted = by_name(path, "locked or --lock", wanted, home)
+    follow = {c.joint: c for c in couplings if c.terms or c.joint in wanted}
+    locked = {
+        name: home[name] if at is None else at for name, at in wanted.items() if name not in follow
+    }
+    left = list(couplings)
+    while True:
+        left = [c.held(locked) for c in left]
+        still = [c for c in left if not c.terms and c.joint in follow]
+        if not still:
+            break
+        for c in still:
+            if abs(locked.setdefault(c.joint, c.constant) - c.constant) > NEARLY:
+                raise RobotError(
+                    f"{path}: couplings put the locked joint '{c.joint}' at two places."
+                )
+        left = [c for c in left if c not in still]
+    for name, at in wanted.items():
+        others = listing(follow[name].terms) if name in follow else ""
+        if name not in locked:
+            raise RobotError(
+                f"{path}: the joint '{name}' cannot be locked, as it follows {others}; lock that."
+            )
+        if at is not None and abs(locked[name] - at) > NEARLY * (1 + abs(at)):
+            raise RobotError(
+                f"{path}: the joint '{name}' is locked at {at:g}, but its coupling to {others} "
+                f"puts it at {locked[name]:g}; lock one of them, the other follows."
+            )
+    return locked, left
+
+
+def add_couplings(stated: Iterable[Coupling], entries: Sequence[Any]) -> list[Coupling]:
+    """Return a file's couplings and those of its sidecar, which go before it joint by joint."""
+    more = []
+    for c in entries:
+        first = {} if c.of is None else {c.of: c.polynomial}
+        constant = 0.0 if first else c.polynomial[0]
+        more.append(Coupling.of(c.name or c.joint, c.joint, {**first, **c.terms}, constant))
+    own = {c.joint for c in more}
+    return [*(c for c in stated if c.joint not in own), *more]
+
+
+# Refuse robots whose numbers no arithmetic holds, or of more joints than can be worked on.
+
+
+#: Degrees of freedom of the joints that move; memory grows faster than their number.
+MOST_JOINTS = 100
+
+
+def check_magnitudes(path: Path, model: Any) -> None:
+    """Refuse a model (pinocchio.Model) that is too large in number or size.
+
+    Parameters
+    ----------
+    path : Path
+    model : pinocchio.Model
+
+    Raises
+    ------
+    RobotError
+    """
+    if model.nv > MOST_JOINTS:
+        raise RobotError(
+            f"{path} has {model.nv} degrees of freedom; robots of up to {MOST_JOINTS} are read: "
+            "lock joints that do not move ([locked] in the sidecar, or --lock)."
+        )
+    places = [model.jointPlacements[k].translation for k in range(model.njoints)]
+    if not np.all(np.abs([model.gravity.linear, *places]) < LARGEST):
+        raise RobotError(f"{path}: gravity, or the place of a joint, is no number of a robot.")
+
+
+#: Kinds of parameters that are not negative, beside those of rotors.
+_NOT_NEGATIVE = ("m", "Ixx", "Iyy", "Izz", "Fv", "Fc", "Fc+", "Fc-", "K")
+
+
+def check_nominal(path: Path, values: Mapping[str, float], rotor: str) -> None:
+    """Refuse values that files state and no robot has.
+
+    Parameters
+    ----------
+    path : Path
+    values : mapping
+        By name of the parameter.
+    rotor : str
+        The kind of parameter that the inertia of an actuator is.
+
+    Raises
+    ------
+    RobotError
+    """
+    for name, value in values.items():
+        owner, _, kind = name.rpartition(".")
+        if not abs(value) < LARGEST:
+            raise RobotError(f"{path}: {name} = {value:g} is no number of a robot; give SI units.")
+        if value < 0 and kind in (*_NOT_NEGATIVE, rotor):
+            raise RobotError(
+                f"{path}: the file, or its sidecar, states {name} = {value:g}; stiffness, damping, "
+                "friction, armature, mass and moments of inertia are not negative: correct "
+                f"'{owner}'."
+            )
+
 
 # Axes that are combinations of joints: stated in the sidecar, or tendons of the robot file.
 
@@ -157,8 +325,8 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     ------
     RobotError
     """
-    names = extra.actuated if extra.actuated is not None else stated.actuated
-    if names is not None and stated.floating is not None:
+    names = extra.actuated if extra.actuated is not None else stated.driven
+    if names is not None and stated.base is not None:
         names = [*BASE_JOINTS, *(n for n in names if n not in BASE_JOINTS)]
     pulling = {cable.name for cable in robot.cables}
     names = [n for n in robot.tree.single if n not in pulling] if names is None else names
@@ -347,60 +515,47 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     extra = settle_names(path, extra, owners)
     loops = stated.loops
     if extra.loops is not None:
-        loops = [_sidecar_loop(path, entry, stated) for entry in extra.loops]
-    loops = [x for x in loops if x.first.joint != x.second.joint]  # locked, it says nothing
+        loops = tuple(_sidecar_loop(path, entry, stated) for entry in extra.loops)
     named = tuple(body for body in extra.base_parameters.bodies if body in bodies)
     name = path.resolve().parent.name if path.stem == "robot" else path.stem
-    robot = Description(
-        name=name,
-        title=extra.name or model.name or name,
-        path=path,
-        sidecar=sidecar,
-        model=model,
-        tree=stated.tree,
-        bodies=bodies,
-        body_symbols={b: extra.symbols.get(b, b) for b in bodies},
-        joint_symbols=dict(extra.symbols),
-        loops=tuple(loops),
-        couplings=tuple(stated.couplings),
-        home=np.array(pin.neutral(model)) if stated.home is None else stated.home,
-        rest={name: relaxed for name, (_, relaxed) in stated.springs.items()}
+    own: dict[str, Any] = {
+        "name": name,
+        "title": extra.name or model.name or name,
+        "path": path,
+        "sidecar": sidecar,
+        "said": extra,
+        "bodies": bodies,
+        "body_symbols": {b: extra.symbols.get(b, b) for b in bodies},
+        "joint_symbols": dict(extra.symbols),
+        "loops": tuple(x for x in loops if x.first.joint != x.second.joint),  # else locked
+        "rest": {name: relaxed for name, (_, relaxed) in stated.springs.items()}
         | {name: axis.rest for name, axis in axes.items() if axis.rest is not None}
         | {name: at for name, at in extra.rest.items() if name not in stated.locked},
-        combinations={name: axis.weights for name, axis in axes.items()},
-        placed=tuple(extra.effects),
-        tendons=tuple(name for name, axis in axes.items() if axis.numbers),
-        body_order=named + tuple(b for b in bodies if b not in named),
-        guessed=tuple(extra.guessed),
-        inertia_parts=tuple(extra.inertia_parts),
-        prior_relative=extra.prior_relative,
-        prior={name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
-        prior_share=dict(extra.prior_share),
-        ties=tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
-        shapes=extra.shapes,
-        reference=extra.reference,
-        columns=Renames.of(renaming(extra.columns)),
-        scales=_scales(path, extra, stated),
-        time_unit=extra.time.unit or "",
-        torque=_measured_torque(extra, stated),
-        known_torque=tuple(k for k in extra.known_torque if k.along not in stated.locked),
-        angles=extra.angles,
-        locked=dict(stated.locked),
-        welded=dict(stated.welded),
-        bounds=read_bounds(path, extra, bodies, stated),
-        cables=stated.cables,
-        outside=stated.outside,
-        meshes=stated.meshes,
-        entries=stated.entries,
-        bolted=extra.base == "fixed",
-        base=_read_base(path, extra, stated, bodies),
-    )
+        "combinations": axes,
+        "tendons": tuple(name for name, axis in axes.items() if axis.numbers),
+        "body_order": named + tuple(b for b in bodies if b not in named),
+        "guessed": tuple(extra.guessed),
+        "inertia_parts": tuple(extra.inertia_parts),
+        "prior": {name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
+        "ties": tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
+        "shapes": extra.shapes,
+        "reference": extra.reference,
+        "columns": Renames.of(renaming(extra.columns)),
+        "scales": _scales(path, extra, stated),
+        "time_unit": extra.time.unit or "",
+        "torque": _measured_torque(extra, stated),
+        "known_torque": tuple(k for k in extra.known_torque if k.along not in stated.locked),
+        "angles": extra.angles,
+        "bounds": read_bounds(path, extra, bodies, stated),
+        "base": _read_base(path, extra, stated, bodies),
+    }
+    robot = Description(**{**vars(stated), **own})
     robot = choose_joints(robot, extra, stated)
     for key in ("gain", "ratio", "sign"):
-        check_known(path, f"torque.{key}", getattr(robot.torque, key), ("", *robot.joints, *motors))
+        check_known(path, f"torque.{key}", robot.torque.table(key), ("", *robot.joints, *motors))
     lifted = robot.torque.compensated
     check_known(
-        path, "torque.compensated", lifted if isinstance(lifted, tuple) else (), robot.joints
+        path, "torque.compensated", lifted if isinstance(lifted, list) else (), robot.joints
     )
     limits = [extra.limits.get(joint, LimitEntry()) for joint in robot.joints]
     robot = replace(
@@ -436,7 +591,7 @@ def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
 
 def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ...]) -> Base | None:
     """Return the base of a robot that floats, with what touches it and measures it."""
-    if stated.floating is None:
+    if stated.base is None:
         given = [k for k in ("imu", "contacts", "wrench") if getattr(extra, k)]
         if given and extra.base != "fixed":
             raise RobotError(
@@ -444,7 +599,6 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ..
                 'stands; take it out, or say base = "floating" if nothing holds its root link.'
             )
         return None
-    assert stated.gravity is not None
     imu = extra.imu or ImuEntry()
     contacts = []
     for entry in extra.contacts:
@@ -466,8 +620,12 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ..
     R = pin.rpy.rpyToMatrix(np.array(imu.rotation, float)).T
     place, acc, gyro = (np.array(x, float) for x in (imu.place, imu.acc_bias, imu.gyro_bias))
     mount = Imu(R, place, acc, gyro, tuple(dict.fromkeys(imu.fit)))
-    what = bodies[0], stated.floating, stated.gravity, tuple(contacts), tuple(wrenches), mount
-    return Base(*what, stated.at, stated.which)
+    touched: dict[str, Any] = {
+        "contacts": tuple(contacts),
+        "wrenches": tuple(wrenches),
+        "imu": mount,
+    }
+    return replace(stated.base, body=bodies[0], **touched)
 
 
 def _find_frame(
@@ -503,6 +661,8 @@ def _nominal(
     for name, stated_here in zip(robot.dofs, stated_at, strict=True):
         values |= name_numbers(name, stated_here, parts) | {f"{name}.{p}": 0.0 for p in parts[1:]}
     values |= {f"{name}.K": stiffness for name, (stiffness, _) in stated.springs.items()}
+    offsets = {name: stated.offsets.get(name, 0.0) for name in robot.dofs}
+    values |= {f"{name}.off": torque for name, torque in offsets.items() if torque}
     for name, axis in axes.items():
         values |= name_numbers(name, axis.numbers, parts)
     locked = tuple(f"{name}." for name in stated.locked)  # no friction where nothing moves
@@ -528,22 +688,13 @@ def _servo_tables(path: Path, extra: Sidecar, joints: tuple[str, ...]) -> dict[s
 
 
 def _measured_torque(extra: Sidecar, stated: Stated) -> MeasuredTorque:
-    """Return what torque columns hold; a number is for all joints.
-
-    Before the gears, those that an MJCF states are the ratios that nobody gives.
-    """
-    entry = extra.torque
-    tables = {
-        key: dict(value) if isinstance(value, dict) else {"": float(value)}
-        for key in ("gain", "ratio", "sign")
-        if (value := getattr(entry, key)) is not None
-    }
-    if entry.side == "motor" and "ratio" not in tables:
-        forces = stated.entries.get("actuator_force", {}).values()
-        tables["ratio"] = {e.column.removesuffix(".tau"): e.factor for e in forces}
-    some = entry.compensated
-    return MeasuredTorque(
-        entry.side, **tables, compensated=tuple(some) if isinstance(some, list) else some
+    """Return what torque columns hold; motors have the gears of an MJCF where nobody states any."""
+    said = extra.torque
+    if said.side != "motor" or said.ratio is not None:
+        return said
+    forces = stated.entries.get("actuator_force", {}).values()
+    return said.model_copy(
+        update={"ratio": {e.column.removesuffix(".tau"): e.factor for e in forces}}
     )
 
 

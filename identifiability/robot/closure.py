@@ -1,11 +1,12 @@
 """Full motion of a robot from the motion of its actuated joints: loops closed by Newton steps.
 
-The equations of closures are errors, Jacobians and bias for batches of samples; they are solved
-for the dependent joints of each.
+The equations of closures, straight tendons among them, are errors, Jacobians and bias for batches
+of samples; they are solved for the dependent joints of each.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import field, replace
 from typing import Any
 
@@ -13,17 +14,87 @@ import numpy as np
 import pinocchio as pin
 import scipy
 
-from identifiability.foundation.errors import ClosureError
+from identifiability.foundation.errors import ClosureError, RobotError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.robot.cables import cable_bias, cable_equation, cable_points
-from identifiability.robot.description import Description
+from identifiability.robot.description import Axis, Cable, Coupling, Description, Loop, Segment
 from identifiability.robot.floating import eliminate
-from identifiability.robot.kinematics import WORLD, Frames, Point
-from identifiability.robot.parts import Axis, Coupling, Loop
+from identifiability.robot.kinematics import WORLD, Frames, Point, Tree
 from identifiability.robot.rules import RULES
+
+
+def stretch_home(robot: Description) -> Description:
+    """Return a robot at whose home tendons are as long as their sites are apart."""
+    if not robot.cables:
+        return robot
+    home = np.array(robot.home)
+    frames = robot.tree.frames(home[None], [p.joint for p in cable_points(robot)])
+    for cable in robot.cables:
+        apart = [_distance(robot.tree, frames, segment)[1][0] for segment in cable.segments]
+        if min(apart) < ROUNDOFF:
+            raise RobotError(
+                f"{robot.path}: two neighbouring points of the tendon '{cable.name}' coincide at "
+                f"the home position ({robot.describe_home()}), so it pulls in no direction there; "
+                "correct the points, or give another home."
+            )
+        length = cable_equation(robot, cable, frames, home[None])[0]
+        home[robot.tree.single[cable.name].iq] -= float(length[0])
+    return replace(robot, home=home)
+
+
+def cable_points(robot: Description) -> list[Point]:
+    """Return the ends of all segments, two by two."""
+    return [p for t in robot.cables for s in t.segments for p in (s.first, s.second)]
+
+
+def cable_equation(
+    robot: Description, cable: Cable, frames: Frames, q: Array
+) -> tuple[Array, Array]:
+    """Return slide less length (N,), and its Jacobian (nv, N)."""
+    tree = robot.tree
+    slide = tree.single[cable.name]
+    error, row = np.array(q[:, slide.iq]), np.zeros((robot.nv, len(q)))
+    row[slide.iv] = 1.0
+    for segment in cable.segments:
+        along, length = _direction(tree, frames, segment)
+        ends = np.zeros((3, robot.nv, len(q)))
+        tree.add_point_jacobian(frames, segment.second, segment.part, ends)
+        tree.add_point_jacobian(frames, segment.first, -segment.part, ends)
+        error -= segment.part * length
+        row -= np.einsum("xn,xvn->vn", along, ends)
+    return error, row
+
+
+def cable_bias(
+    robot: Description, cable: Cable, frames: Frames, v: Array, bias: Sequence[Array]
+) -> Array:
+    """Return ``J̇ v`` of the same, (N,); `bias` are the accelerations of its ends, two by two."""
+    out = np.zeros(len(v))
+    for k, segment in enumerate(cable.segments):
+        along, length = _direction(robot.tree, frames, segment)
+        ends = np.zeros((3, robot.nv, len(v)))
+        robot.tree.add_point_jacobian(frames, segment.second, 1.0, ends)
+        robot.tree.add_point_jacobian(frames, segment.first, -1.0, ends)
+        speed = np.einsum("xvn,nv->xn", ends, v)
+        across = (speed**2).sum(0) - (along * speed).sum(0) ** 2
+        bent = (along * (bias[2 * k + 1] - bias[2 * k])).sum(0)
+        out -= segment.part * (bent + across / length)
+    return out
+
+
+def _direction(tree: Tree, frames: Frames, segment: Segment) -> tuple[Array, Array]:
+    """Return unit vectors from the first end to the second (3, N), and distances (N,) [m]."""
+    apart, length = _distance(tree, frames, segment)
+    return apart / length, length
+
+
+def _distance(tree: Tree, frames: Frames, segment: Segment) -> tuple[Array, Array]:
+    """Return vectors from the first end to the second (3, N), and their lengths (N,) [m]."""
+    apart = tree.world_point(frames, segment.second) - tree.world_point(frames, segment.first)
+    return apart, np.sqrt((apart**2).sum(0))
+
 
 # Solve the loop equations of each sample for the dependent joints.
 #

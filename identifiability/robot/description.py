@@ -1,30 +1,346 @@
 """`Description`: what the rest of the library needs to know of a robot file.
 
-Among it what is known of the masses of bodies and where their centres are, and limits of speed.
+Its parts (closures, couplings, axes, tendons, how motors drive joints), what a file states of them,
+and what is known of masses, centres and limits.
 """
 
 from __future__ import annotations
 
 import hashlib
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import GROUPED_KINDS, Array, Renames
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot.floating import SIX, Base
-from identifiability.robot.kinematics import Tree, shortest_turn
-from identifiability.robot.markup import included_files
-from identifiability.robot.measured_torque import KnownTorque, MeasuredTorque
-from identifiability.robot.parts import Axis, Cable, Coupling, Entry, Loop, Transmission
+from identifiability.robot.kinematics import WORLD, Point, Tree, shortest_turn
+from identifiability.robot.locate import included_files
 from identifiability.robot.servo import Servo
+from identifiability.robot.sidecar import KnownTorque, MeasuredTorque, Sidecar
+
+# Parts of a robot: closures, axes, how motors drive joints, and what its file states of them.
+
+
+@frozen
+class Transmission:
+    """Motors that mix joints: ``motor = ratio ∘ (coupling · (q - offset))``.
+
+    Friction and rotor inertia act on the motor side and are stated referred to the output of the
+    gear, i.e. along ``coupling · q``. There may be more motors than joints, as where cables pull:
+    their positions then agree up to their errors, of which the joints take the least squares.
+
+    Attributes
+    ----------
+    motors : tuple of str
+    coupling : (m, n)
+        Rows are motors, columns the actuated joints; of rank n, so that m ≥ n.
+    ratio : (m,)
+        Gear ratios between the coupled coordinate and the motor's.
+    offset : (n,) [rad or m]
+        Joint position at motor position zero.
+    """
+
+    motors: tuple[str, ...]
+    coupling: Array
+    ratio: Array
+    offset: Array
+
+    def joint_side(self, q: Array, tau: Array) -> tuple[Array, Array]:
+        """Return joint positions and torques (N, n) from motor positions and torques (N, m)."""
+        return self.joint_rate(q) + self.offset, tau @ (self.ratio[:, None] * self.coupling)
+
+    def joint_rate(self, rate: Array) -> Array:
+        """Return joint velocities or accelerations (N, n) from those of motors (N, m)."""
+        R = self.ratio[:, None] * self.coupling
+        square = len(R) == R.shape[1]
+        out = np.linalg.solve(R, rate.T) if square else np.linalg.lstsq(R, rate.T, rcond=None)[0]
+        return np.asarray(out.T)
+
+
+@frozen
+class Link:
+    """A body and the joint that carries it, which may turn about several axes at one point.
+
+    Attributes
+    ----------
+    first, last : int
+        Its joint's axes in the robot's tree.
+    parent : int
+        The body that carries it, or `WORLD`.
+    """
+
+    first: int
+    last: int
+    parent: int
+
+
+@frozen
+class Axis:
+    """A line along which friction and rotor inertia act.
+
+    It is a joint's, that of a motor which drives several, or a stated combination of joints.
+
+    Attributes
+    ----------
+    name, symbol : str
+    row : (n,) or None
+        Its speed is ``row · q̇_actuated``; None where a passive joint has a part (the row then
+        varies).
+    dof : int
+        Index in ``v`` of the joint (axes of one passive joint only, else -1).
+    prismatic : bool
+        Whether it slides; a combination does where all its joints do, or stated so.
+    weights : mapping or None
+        Joint to its coefficient, of a stated combination.
+    """
+
+    name: str
+    symbol: str
+    row: Array | None
+    dof: int
+    prismatic: bool
+    weights: Mapping[str, float] | None = None
+
+    @property
+    def mixed(self) -> bool:
+        """Whether it is the axis of a motor that drives several joints, or a stated one."""
+        return self.weights is not None or (
+            self.row is not None and int(np.count_nonzero(self.row)) > 1
+        )
+
+    def along(self, joints: Sequence[str]) -> dict[str, float]:
+        """Return the joints, of the actuated ones, that it runs along, with their coefficients."""
+        if self.weights is not None:
+            return dict(self.weights)
+        assert self.row is not None
+        return {joint: c for joint, c in zip(joints, self.row.tolist(), strict=True) if c}
+
+
+@frozen
+class Loop:
+    """A point closure: a point of one body coincides with a point of another.
+
+    `stated` is the entry of a sidecar: bodies, and points in their frames.
+    """
+
+    name: str
+    first: Point
+    second: Point
+    stated: tuple[tuple[str, tuple[float, ...]], tuple[str, tuple[float, ...]]] | None = None
+
+
+@frozen
+class Coupling:
+    """A joint that follows others: ``q_joint = constant + Σ_j p_j(q_j)``.
+
+    With one joint it is an MJCF ``<joint>`` equality or a URDF mimic.
+
+    Attributes
+    ----------
+    name, joint : str
+    constant : float
+    terms : mapping
+        Joint that is followed to the polynomial of its position, which has no constant.
+    """
+
+    name: str
+    joint: str
+    constant: float
+    terms: Mapping[str, tuple[float, ...]]
+
+    @staticmethod
+    def of(
+        name: str, joint: str, terms: Mapping[str, Sequence[float]], constant: float = 0.0
+    ) -> Coupling:
+        """Return a coupling whose polynomials may have constants."""
+        constant += sum(float(poly[0]) for poly in terms.values())
+        bare = {of: (0.0, *map(float, poly[1:])) for of, poly in terms.items()}
+        return Coupling(name, joint, constant, bare)
+
+    def held(self, locked: Mapping[str, float]) -> Coupling:
+        """Return the coupling where some of the joints that are followed stand still."""
+        still = [(of, poly) for of, poly in self.terms.items() if of in locked]
+        constant = self.constant + sum(float(Polynomial(p)(locked[of])) for of, p in still)
+        moving = {of: poly for of, poly in self.terms.items() if of not in locked}
+        return Coupling(self.name, self.joint, constant, moving)
+
+    @property
+    def polynomial(self) -> tuple[float, ...]:
+        """Of the only joint that is followed, with the constant."""
+        (poly,) = self.terms.values() or ((0.0,),)
+        return (self.constant, *poly[1:])
+
+
+@frozen
+class Combination:
+    """A stated combination of joints, and what a robot file says of forces along it.
+
+    Attributes
+    ----------
+    weights : mapping
+        Joint to its coefficient.
+    numbers : mapping
+        By the words of a robot file: ``damping``, ``frictionloss``, ``armature``, ``stiffness``.
+    rest : float or None [rad or m]
+        Where a spring along it is relaxed; None where it is so at home.
+    """
+
+    weights: Mapping[str, float]
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    rest: float | None = None
+
+
+@frozen
+class Segment:
+    """What runs straight from a point of one body to a point of another.
+
+    Attributes
+    ----------
+    first, second : Point
+    part : float
+        How much of its length counts, less than one behind a pulley.
+    """
+
+    first: Point
+    second: Point
+    part: float = 1.0
+
+
+@frozen
+class Cable:
+    """A tendon of straight segments; a slide of the tree has its name and its length.
+
+    Attributes
+    ----------
+    name : str
+    segments : tuple of Segment
+    numbers : mapping
+        ``damping`` [N·s/m], ``frictionloss`` [N] and ``armature`` [kg] that the file states.
+    limits : tuple of float [m]
+        Of its length.
+    """
+
+    name: str
+    segments: tuple[Segment, ...]
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    limits: tuple[float, float] = (-np.inf, np.inf)
+
+
+@frozen
+class Entry:
+    """An entry of an array that MuJoCo keeps.
+
+    Attributes
+    ----------
+    column : str
+        Of a log: ``<joint>.q`` …
+    factor : float
+        What its values are multiplied by.
+    low, high : float
+        Beyond which they act no further.
+    """
+
+    column: str
+    factor: float = 1.0
+    low: float = -np.inf
+    high: float = np.inf
+
+
+@frozen(kw_only=True)
+class Stated:
+    """What a robot file states.
+
+    Attributes
+    ----------
+    model : pinocchio.Model
+    tree : Tree
+    last : mapping
+        Where each Pinocchio joint ends in the tree.
+    loops, couplings : tuple
+    driven : list of str or None
+        Joints with actuators; None where the file names none.
+    home : (nq,)
+        The configuration that selects the assembly of a closed chain.
+    posed : bool
+        Whether a keyframe states `home`.
+    springs : mapping
+        Joint to stiffness [N·m/rad or N/m] and position at which it is relaxed.
+    locked : mapping
+        Locked joint to position [rad or m]; none of them is in the tree.
+    welded : mapping
+        Body behind a locked joint to its ten parameters in the frame of the joint that it hangs on.
+    combinations : mapping
+        Tendons along several joints that have friction, a rotor or a spring.
+    cables : tuple of Cable
+        The last joints of `tree` are their slides, the last coordinates of `home` their lengths.
+    outside : tuple of str
+        Bodies of a scene that no actuated joint reaches, at which what is left out begins.
+    meshes : tuple of Path
+        From which an MJCF takes inertias.
+    entries : mapping
+        Of arrays that MuJoCo keeps, by array, then index or name.
+    servos : mapping
+        Of joints, by name: kp, kv, and least and largest torque, (4,).
+    offsets : mapping
+        Constant torque of commands [N·m or N], by every joint and straight tendon whose actuator
+        can hold one.
+    base : Base or None
+        Of a robot that floats: the first six of its joints stand for it, and its model has no
+        gravity.
+    radii : mapping
+        Of spheres, by the name of the geom [m].
+    drawn : (3, 3)
+        How the file turns the root of a robot that stands.
+    """
+
+    model: Any
+    tree: Tree
+    last: Mapping[int, int]
+    loops: tuple[Loop, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
+    driven: list[str] | None
+    home: Array
+    posed: bool = False
+    springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    locked: Mapping[str, float] = field(default_factory=dict)
+    welded: Mapping[str, Array] = field(default_factory=dict)
+    combinations: Mapping[str, Combination] = field(default_factory=dict)
+    cables: tuple[Cable, ...] = ()
+    outside: tuple[str, ...] = ()
+    meshes: tuple[Path, ...] = ()
+    entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
+    servos: Mapping[str, Array] = field(default_factory=dict)
+    offsets: Mapping[str, float] = field(default_factory=dict)
+    base: Base | None = None
+    radii: Mapping[str, float] = field(default_factory=dict)
+    drawn: Array = field(default_factory=lambda: np.eye(3))
+
+
+def name_numbers(
+    joint: str, numbers: Mapping[str, float], inertia_parts: tuple[str, ...]
+) -> dict[str, float]:
+    """Return the parameters of a joint of which a robot file states some numbers.
+
+    One level of dry friction is that of both directions, and one rotor that of all its parts.
+    """
+    kinds = {
+        "damping": ("Fv",),
+        "frictionloss": ("Fc", "Fc+", "Fc-"),
+        "armature": inertia_parts[:1],
+        "stiffness": ("K",),
+        "offset": ("off",),
+    }
+    return {f"{joint}.{kind}": value for word, value in numbers.items() for kind in kinds[word]}
+
 
 # What is known of the mass of bodies and of where their centres are.
 
@@ -93,9 +409,9 @@ class Tilt:
         return {"direction": self.direction.tolist(), "degrees": self.degrees}
 
 
-@frozen
-class Description:
-    """What is known of a robot; read from a file it is a `Robot`.
+@frozen(kw_only=True)
+class Description(Stated):
+    """What is known of a robot beside what its file states; read from one it is a `Robot`.
 
     Attributes
     ----------
@@ -103,19 +419,14 @@ class Description:
         Short name and title for reports.
     path : Path
         The robot file; `sidecar` is the TOML beside it, if any.
-    model : pinocchio.Model
-    tree : Tree
-        The same kinematics for batches.
+    said : Sidecar
+        Its keys, with every name written out that a pattern stands for.
     bodies : tuple of str
         Names of the moving bodies, one for each Pinocchio joint, in its order.
     body_symbols, joint_symbols : mapping
         Short forms for labels.
     actuated, dependent : (n,), (n_e,) int
         Indices of degrees of freedom in ``v``.
-    loops, couplings
-        The closures.
-    home : (nq,)
-        The configuration that selects the assembly of a closed chain.
     assembled : bool
         Whether the loops were closed to find `home`, of which the files say nothing.
     nominal : mapping
@@ -128,10 +439,8 @@ class Description:
         The same of their velocity and acceleration.
     rest : mapping
         Positions at which the springs that the file states are relaxed; others are so at home.
-    prior_relative, prior
-        Width of the default priors relative to the nominal robot, and stated (mean, sd) by name.
-    prior_share : mapping
-        Bodies to the share within which they are the file's, where the sidecar says it.
+    prior : mapping
+        Stated (mean, sd) by name.
     guessed : tuple of str
         Bodies whose masses the file does not know.
     inertia_parts : tuple of str
@@ -153,36 +462,16 @@ class Description:
         Torque as a function of a position that is taken off what logs hold before anything else.
     angles : {"rad", "deg"} or None
         Unit of the angles in its logs; None where nothing was said: rad, unless they cannot be.
-    locked : mapping
-        Locked joint to the position at which it is held [rad or m]; it is none of the tree's.
-    welded : mapping
-        Body behind a locked joint to its ten parameters, as the file states them, in the frame of
-        the joint that it now hangs on; they are part of that joint's body, or of the ground.
     lock_option : tuple of str
         Joints that were locked when the robot was loaded, of which its files say nothing.
     bounds : tuple of Bound
         What is known of masses and centres of mass.
-    combinations : mapping
-        Stated axis to the coefficient of each joint in it; `tendons` are those that the robot
-        file itself holds.
-    placed : tuple of str
-        Effects of default models that are at some places only, as a ladder file writes them.
-    cables : tuple of Cable
-        Straight tendons with a force or a motor, slides of `tree` that Pinocchio does not have.
-    outside : tuple of str
-        Bodies of a scene that no actuated joint reaches; they and what they carry are left out.
-    meshes : tuple of Path
-        From which the file takes inertias.
-    entries : mapping
-        Entries of arrays that MuJoCo keeps of its joints, by array, then index or name.
+    tendons : tuple of str
+        Of the `combinations` those that the robot file itself holds.
     upright : (3,) [m/s²] or None
         Gravity as the file states it, where it was found to be another one (`turned`).
     servo : Servo or None
         Position servos of the actuated joints, where the files state some.
-    bolted : bool
-        Whether what floats by the robot file is said to stand.
-    base : Base or None
-        Of a robot that floats: the first six of its joints stand for it.
     base_option : {"fixed", "floating"} or None
         What was said of the base when the robot was loaded, of which its files say nothing.
     """
@@ -191,14 +480,10 @@ class Description:
     title: str
     path: Path
     sidecar: Path | None
-    model: Any
-    tree: Tree
+    said: Sidecar
     bodies: tuple[str, ...]
     body_symbols: Mapping[str, str]
     joint_symbols: Mapping[str, str]
-    loops: tuple[Loop, ...]
-    couplings: tuple[Coupling, ...]
-    home: Array
     body_order: tuple[str, ...]
     actuated: np.ndarray = field(default_factory=_none)
     dependent: np.ndarray = field(default_factory=_none)
@@ -209,9 +494,7 @@ class Description:
     transmission: Transmission | None = None
     guessed: tuple[str, ...] = ()
     inertia_parts: tuple[str, ...] = ("Ia",)
-    prior_relative: float = 1.0
     prior: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    prior_share: Mapping[str, float] = field(default_factory=dict)
     ties: tuple[Mapping[str, tuple[str, ...]], ...] = ()
     rest: Mapping[str, float] = field(default_factory=dict)
     shapes: Mapping[str, float] = field(default_factory=dict)
@@ -222,22 +505,12 @@ class Description:
     torque: MeasuredTorque = MeasuredTorque()
     known_torque: tuple[KnownTorque, ...] = ()
     angles: str | None = None
-    locked: Mapping[str, float] = field(default_factory=dict)
-    welded: Mapping[str, Array] = field(default_factory=dict)
     lock_option: tuple[str, ...] = ()
     bounds: tuple[Bound, ...] = ()
-    combinations: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     tendons: tuple[str, ...] = ()
-    placed: tuple[str, ...] = ()
-    cables: tuple[Cable, ...] = ()
-    outside: tuple[str, ...] = ()
     assembled: bool = False
-    meshes: tuple[Path, ...] = ()
-    entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
     upright: Array | None = None
     servo: Servo | None = None
-    bolted: bool = False
-    base: Base | None = None
     base_option: str | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -434,13 +707,27 @@ class Description:
         return (*own, *(self._stated_axis(name) for name in self.combinations))
 
     @cached_property
+    def links(self) -> tuple[Link, ...]:
+        """How each of its bodies hangs on the one before it."""
+        links: list[Link] = []
+        at, owner = 0, {WORLD: WORLD}
+        for k in range(1, self.model.njoints):
+            first, freedoms = at, 0
+            while freedoms < self.model.joints[k].nv:
+                freedoms += self.tree.joints[at].nv
+                owner[at] = len(links)
+                at += 1
+            links.append(Link(first, at - 1, owner[self.tree.joints[first].parent]))
+        return tuple(links)
+
+    @cached_property
     def tendon_axes(self) -> tuple[str, ...]:
         """Axes along several joints of which its file can state numbers: tendons of an MJCF."""
         own = (axis.name for axis in self.axes if axis.mixed and self.mjcf)
         return tuple(dict.fromkeys((*self.tendons, *own)))
 
     def _stated_axis(self, name: str) -> Axis:
-        weights, joints = self.combinations[name], self.joints
+        weights, joints = self.combinations[name].weights, self.joints
         inside = all(joint in joints for joint in weights)
         row = np.array([weights.get(joint, 0.0) for joint in joints]) if inside else None
         slides = all(self.is_prismatic(self.dof_index(joint)) for joint in weights)

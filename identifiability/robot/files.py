@@ -23,21 +23,24 @@ import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.rules import Tolerance
-from identifiability.robot.assembly import assemble
-from identifiability.robot.description import Description
-from identifiability.robot.floating import BASE_JOINTS
-from identifiability.robot.kinematics import body_names, read_tree
-from identifiability.robot.locate import find_sidecar, locate_robot
-from identifiability.robot.locking import (
+from identifiability.robot.assembly import (
     LockOption,
     add_couplings,
-    merge_axes,
+    assemble,
+    check_magnitudes,
     read_locks,
     settle_locks,
-    weld,
 )
-from identifiability.robot.markup import check_magnitudes, check_regular, check_weight, read_markup
-from identifiability.robot.parts import Coupling, Stated
+from identifiability.robot.description import Coupling, Description, Stated
+from identifiability.robot.floating import BASE_JOINTS, Base
+from identifiability.robot.kinematics import WORLD, body_names, merge_axes, read_tree, weld
+from identifiability.robot.locate import (
+    check_regular,
+    check_weight,
+    find_sidecar,
+    locate_robot,
+    read_markup,
+)
 from identifiability.robot.sidecar import Sidecar, check_known, read_sidecar
 
 #: Simulators refuse links without any mass: this one is none [kg].
@@ -151,13 +154,12 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         model=model,
         tree=tree,
         last=last,
-        loops=[],
-        couplings=couplings,
-        actuated=[name for name in tree.single if name not in coupled],
+        couplings=tuple(couplings),
+        home=np.array(pin.neutral(model)),
+        driven=[name for name in tree.single if name not in coupled],
         locked=locked,
         welded=welded,
-        floating=top or None,
-        gravity=gravity,
+        base=Base("", top, gravity) if top else None,
     )
 
 
@@ -356,13 +358,9 @@ def _neighbours(robot: Description) -> set[frozenset[int]]:
     """Return pairs of joints whose bodies touch because they are joined."""
     model = robot.model
     near = {frozenset((k, int(model.parents[k]))) for k in range(1, model.njoints)}
-    axes = np.repeat(np.arange(1, model.njoints), list(model.nvs)[1:])
-    whole = [0, *(int(axes[j.iv]) for j in robot.tree.joints if j.iv < len(axes))]
-    for loop in robot.loops:
-        ends = [p.joint + 1 for p in (loop.first, loop.second)]
-        if max(ends) < len(whole):
-            near.add(frozenset(whole[e] for e in ends))
-    return near
+    behind = {link.last: k for k, link in enumerate(robot.links, 1)} | {WORLD: 0}
+    ends = (frozenset((loop.first.joint, loop.second.joint)) for loop in robot.loops)
+    return near | {frozenset(behind[joint] for joint in pair) for pair in ends}
 
 
 def _of_urdf(robot: Description, root: Any) -> Iterator[tuple[str, Any, Any, tuple[int, int]]]:

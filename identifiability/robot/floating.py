@@ -10,7 +10,7 @@ for forces from outside: measured ones are known, others are eliminated (`elimin
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Literal
 
 import numpy as np
@@ -302,99 +302,3 @@ def closed_contacts(contacts: Sequence[Contact], t: Array, flags: Array) -> np.n
     reaches = [0 if c.always else int(np.ceil(c.margin / step)) for c in contacts]
     each = [dilated(flags[:, k] > 0.5, reach) for k, reach in enumerate(reaches)]
     return np.stack(each, 1) if each else np.empty((len(t), 0), bool)
-
-
-def standing_contacts(contacts: Sequence[Contact], t: Array, closed: np.ndarray) -> np.ndarray:
-    """Return when contacts stand, (N, c) bool: not around the times at which they touch.
-
-    Parameters
-    ----------
-    contacts : sequence of Contact
-    t : (N,) [s]
-    closed : (N, c) bool
-        When they may press, which is `margin` longer on both sides than they are said to.
-    """
-    stands = np.array(closed)
-    for k, contact in enumerate(contacts):
-        for touched in t[1:][np.diff(closed[:, k])]:
-            stands[np.abs(t - touched) <= 2 * contact.margin, k] = False
-    return stands
-
-
-def slip_shares(tree: Tree, base: Base, q: Array, v: Array, up: Array, stands: np.ndarray) -> Array:
-    """Return how fast each contact moves against the others that stand, (c,).
-
-    As a share of how fast it moves against them while it does not, or of how fast contacts move
-    against each other at all where it always does (rms); NaN of those that never stand beside
-    another.
-
-    Parameters
-    ----------
-    tree : Tree
-    base : Base
-    q, v : (N, nq), (N, nv)
-    up : (N, 3)
-    stands : (N, c) bool
-    """
-    count = len(base.contacts)
-    u = np.zeros((len(q), count, 3))  # but for what the base moves by, which they share
-    frames = tree.frames(q, [c.point.joint for c in base.contacts])
-    for k, contact in enumerate(base.contacts):
-        J = contact_jacobian(tree, frames, replace(contact, kind="point"), up, len(q))
-        u[:, k] = np.einsum("xvn,nv->nx", J, v)
-    on = stands[:, :, None]
-    several = on.sum(1, keepdims=True) > 1
-    mean = (u * on).sum(1, keepdims=True) / np.maximum(on.sum(1, keepdims=True), 1)
-    apart = ((u - mean) ** 2).sum(2)
-    usual = float(np.mean(((u - u.mean(1, keepdims=True)) ** 2).sum(2)))
-    out = np.full(count, np.nan)
-    for k in range(count):
-        on_, off = (several & on)[:, k, 0], (several & ~on)[:, k, 0]
-        moves = float(np.mean(apart[off, k])) if off.any() else usual
-        if on_.any() and moves > 0:
-            out[k] = np.sqrt(float(np.mean(apart[on_, k])) / moves)
-    return out
-
-
-def turn_by_contacts(
-    tree: Tree, base: Base, q: Array, v: Array, up: Array, stands: np.ndarray
-) -> Array:
-    """Return how the base turns by the contacts that stand, (N, 3) [rad/s] along its axes.
-
-    NaN where they leave a turn open, as one point does, or two. Parameters are those of
-    `slip_shares`; of v nothing that is said of the base is used.
-    """
-    frames = tree.frames(q, [c.point.joint for c in base.contacts])
-    J = np.concatenate(
-        [
-            np.moveaxis(contact_jacobian(tree, frames, c, up, len(q)), -1, 0)
-            * stands[:, k, None, None]
-            for k, c in enumerate(base.contacts)
-        ],
-        axis=1,
-    )
-    inverse, weak = _pinv(J[:, :, :SIX], RULES.leg_stretched)
-    moved = -np.einsum("nij,nj->ni", inverse, np.einsum("nij,nj->ni", J[:, :, SIX:], v[:, SIX:]))
-    open_ = np.linalg.norm(inverse @ J[:, :, :SIX] - np.eye(SIX), axis=(1, 2)) > NEARLY
-    turn: Array = np.where((open_ | weak)[:, None], np.nan, moved[:, 3:])
-    return turn
-
-
-def flatness(tree: Tree, q: Array, v: Array, contact: Contact, stands: np.ndarray) -> float:
-    """Return how fast a contact's body turns in the world, over how fast it does on the robot.
-
-    Parameters
-    ----------
-    tree : Tree
-    q, v : (N, nq), (N, nv)
-    contact : Contact
-    stands : (N,) bool
-        When it does. Medians, as a sole may rock for a while.
-    """
-    frames = tree.frames(q[stands], [contact.point.joint])
-    J = np.zeros((3, tree.nv, int(stands.sum())))
-    tree.add_turn_jacobian(frames, contact.point.joint, J)
-    parts = np.moveaxis(J, -1, 0) * v[stands, None, :]
-    on_robot, in_world = parts[:, :, SIX:].sum(2), parts.sum(2)
-    fast, slow = (float(np.median(np.linalg.norm(x, axis=1))) for x in (on_robot, in_world))
-    return slow / fast if fast else np.inf

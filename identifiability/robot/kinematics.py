@@ -1,12 +1,12 @@
 """Kinematics of a tree, batched over samples: frames, point Jacobians, bias accelerations.
 
-Joints are taken off a Pinocchio model once; vectors and turns of many samples have the samples
-last.
+Joints are taken off a Pinocchio model once, in which what is locked is welded and several axes of
+one joint are one; vectors and turns of many samples have the samples last.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -440,3 +440,111 @@ def body_names(model: Any) -> tuple[str, ...]:
         direct = [f for f in frames if model.frames[f.parentFrame].type == pin.FrameType.JOINT]
         names.append((direct or frames)[0].name if frames else model.names[index])
     return tuple(names)
+
+
+def weld(model: Any, locked: Mapping[str, float]) -> tuple[Any, dict[str, Array]]:
+    """Return a Pinocchio model without the locked joints, and what hangs behind them.
+
+    Parameters
+    ----------
+    model : pinocchio.Model
+        With joints of one axis where they are locked.
+    locked : mapping
+        Joint to position [rad or m].
+
+    Returns
+    -------
+    model : pinocchio.Model
+    welded : dict
+        Body to its ten parameters in the frame of the joint that it now hangs on (or the world's),
+        in the order of `INERTIAL_KINDS`.
+    """
+    if not locked:
+        return model, {}
+    q, still = pin.neutral(model), {model.getJointId(name) for name in locked}
+    for name, value in locked.items():
+        q[model.joints[model.getJointId(name)].idx_q] = value
+    data, bodies, welded = model.createData(), body_names(model), {}
+    pin.forwardKinematics(model, data, q)
+    for index in sorted(still):
+        place = data.oMi[_host(model, still, index)].actInv(data.oMi[index])
+        theta = place.act(model.inertias[index]).toDynamicParameters()
+        welded[bodies[index - 1]] = np.array(theta)
+    reduced = pin.buildReducedModel(model, sorted(still), q)
+    moving = body_names(reduced)  # of a body on several joints some may be left
+    behind = {b: x for b, x in welded.items() if model.existBodyName(b) and b not in moving}
+    return reduced, behind
+
+
+def _host(model: Any, still: Collection[int], index: int) -> int:
+    while index in still:
+        index = model.parents[index]
+    return index
+
+
+def merge_axes(model: Any, gone: Collection[int]) -> tuple[Any, dict[int, tuple[str, ...]]]:
+    """Return a Pinocchio model in which some joints are part of the joint behind them.
+
+    Parameters
+    ----------
+    model : pinocchio.Model
+    gone : collection of int
+        Joints that move nothing but the next one.
+
+    Returns
+    -------
+    model : pinocchio.Model
+    names : dict
+        Joints of the file in each joint of several axes.
+    """
+    if not gone:
+        return model, {}
+    out = pin.Model()
+    out.name, out.gravity = model.name, model.gravity
+    index, names, parts = {0: 0}, {}, []
+    for k in range(1, model.njoints):
+        parts.append(k)
+        if k in gone:  # the joint that it carries comes next
+            continue
+        joint, above = model.joints[k], index[model.parents[parts[0]]]
+        if len(parts) > 1:
+            joint = pin.JointModelComposite()
+            for n, part in enumerate(parts):
+                place = model.jointPlacements[part] if n else pin.SE3.Identity()
+                joint.addJoint(model.joints[part], place)
+        title = "+".join(model.names[part] for part in parts)
+        index[k] = out.addJoint(above, joint, model.jointPlacements[parts[0]], title)
+        if len(parts) > 1:
+            names[index[k]] = tuple(model.names[part] for part in parts)
+        out.appendBodyToJoint(index[k], model.inertias[k], pin.SE3.Identity())
+        parts = []
+    _copy_frames(model, out, index)
+    for limits in ("lowerPositionLimit", "upperPositionLimit", "velocityLimit", "damping",
+                   "armature", "upperDryFrictionLimit", "lowerDryFrictionLimit"):  # fmt: skip
+        setattr(out, limits, np.array(getattr(model, limits)))
+    return out, names
+
+
+def _copy_frames(model: Any, out: Any, index: dict[int, int]) -> None:
+    """Add the frames of a model to another one, but those of joints that are not there."""
+    at = {0: 0}
+    for k, frame in enumerate(model.frames):
+        if not k or frame.parentJoint not in index:
+            continue
+        joint = index[frame.parentJoint]
+        if frame.type == pin.FrameType.JOINT:
+            at[k] = out.addJointFrame(joint)
+            continue
+        before = at.get(frame.parentFrame, 0)
+        at[k] = out.addFrame(pin.Frame(frame.name, joint, before, frame.placement, frame.type))
+
+
+def least_eigenvalue(theta: Array) -> float:
+    """Return the least eigenvalue of a body's pseudo-inertia; only possible bodies have one > 0."""
+    xx, xy, yy, xz, yz, zz = theta[4:]
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    pseudo = np.empty((4, 4))
+    pseudo[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    pseudo[3, :3] = pseudo[:3, 3] = theta[1:4]
+    pseudo[3, 3] = theta[0]
+    return float(np.linalg.eigvalsh(pseudo)[0])

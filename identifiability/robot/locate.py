@@ -1,13 +1,18 @@
-"""Where a robot file is: a path, or a shipped robot's name; and which sidecar belongs to it."""
+"""Where a robot file is, which sidecar belongs to it, and its XML, with includes in their places.
+
+It is parsed as far as its size allows: what has no end is refused at once.
+"""
 
 from __future__ import annotations
 
 import tomllib
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
 from identifiability.foundation.errors import RobotError, near_match
-from identifiability.foundation.output import kept_aside
+from identifiability.foundation.rules import Tolerance
 
 # Which sidecar belongs to a robot file: its own (arm.xml.toml), or one for its stem (arm.toml).
 #
@@ -85,13 +90,195 @@ def locate_robot(source: str | Path) -> Path:
             return folder / name
     if path.is_dir():
         raise RobotError(f"{path} is a folder; give the robot file (MJCF or URDF) in it.")
-    left = kept_aside(path)
-    if left is not None:
-        raise RobotError(
-            f"There is no robot file '{source}': a write of it was interrupted. Its old content is "
-            f"'{left}'; write it again, or rename that."
-        )
     raise RobotError(
         f"There is no robot file '{source}'{near_match(str(source), shipped_robots())} Give an "
         f"MJCF or URDF file, or one of the shipped robots: {', '.join(shipped_robots())}."
     )
+
+
+#: Letters of a name.
+LONGEST_NAME = 500
+
+#: No mass, moment, length or gravity in SI units is larger, and no mass smaller unless it is zero.
+LARGEST: Tolerance = 1e15
+SMALLEST: Tolerance = 1e-30
+
+
+# Parse the XML of a robot file as far as its size allows: what has no end is refused at once.
+
+
+#: What is larger would take minutes, or all the stack, to read: bytes with all includes.
+MOST_BYTES = 50_000_000
+MOST_BODIES = 200
+MOST_ELEMENTS = 20_000
+DEEPEST = 250
+
+#: Letters ``<`` that an element has at most, with its end, comments and the like.
+TAGS: Tolerance = 4
+
+#: Files that are included; one that includes itself is refused by their number.
+MOST_INCLUDES = 100
+
+
+def check_regular(path: Path) -> None:
+    """Refuse what is there but is no file, such as a pipe, which would be waited for.
+
+    Raises
+    ------
+    RobotError
+    """
+    if path.exists() and not path.is_file():
+        raise RobotError(f"{path} cannot be read: it is no file.")
+
+
+def parse_xml(path: Path, roots: tuple[str, ...]) -> ET.Element:
+    """Return the root element of a file, which must be one of some.
+
+    Raises
+    ------
+    RobotError
+    """
+    try:
+        check_regular(path)
+        check_weight(path, [path])
+        content = path.read_bytes()
+        if b"<!DOCTYPE" in content:  # its entities and attributes multiply what a file holds
+            raise RobotError(
+                f"{path} declares a document type, <!DOCTYPE …>; no robot needs one: take it out, "
+                "and write its entities where they are used."
+            )
+        if content.count(b"<") > TAGS * MOST_ELEMENTS:
+            raise _too_large(path)
+        root: ET.Element = ET.fromstring(content)
+    except (ET.ParseError, OSError, ValueError, LookupError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise RobotError(f"{path} cannot be read as MJCF or URDF: {reason}.") from None
+    if root.tag not in roots:
+        raise RobotError(
+            f"{path} is not an MJCF or URDF file: its root element is <{root.tag}>, expected "
+            f"{' or '.join(f'<{r}>' for r in roots)}."
+        )
+    return root
+
+
+def check_weight(path: Path, files: Sequence[Path]) -> None:
+    """Refuse a robot file that is too large, with some that it brings in.
+
+    Raises
+    ------
+    RobotError
+    """
+    if sum(f.stat().st_size for f in files if f.is_file()) > MOST_BYTES:
+        raise RobotError(
+            f"{path} is larger than {MOST_BYTES // 10**6} MB; robot files are read up to that."
+        )
+
+
+def _expand_includes(path: Path, root: ET.Element, found: list[Path]) -> None:
+    """Put the children of included files where they are included, and note these files."""
+    for parent in list(root.iter()):
+        for child in [c for c in parent if c.tag == "include"]:
+            file = path.parent / child.get("file", "")
+            found.append(file)
+            if len(found) > MOST_INCLUDES:
+                raise RobotError(
+                    f"{path} includes more than {MOST_INCLUDES} files, or files include each other "
+                    "in a ring; put them together."
+                )
+            check_weight(path, [path, *found])
+            inner = parse_xml(file, ("mujoco", "mujocoinclude"))
+            _expand_includes(path, inner, found)
+            at = list(parent).index(child)
+            parent[at : at + 1] = list(inner)
+
+
+def _too_large(path: Path) -> RobotError:
+    return RobotError(
+        f"{path} is too large: robots of up to {MOST_BODIES} bodies, {MOST_ELEMENTS} elements and "
+        f"{DEEPEST} levels are read; simplify it."
+    )
+
+
+def _check_size(path: Path, root: ET.Element) -> None:
+    """Refuse what would take minutes, or all the memory, with <replicate> counted out."""
+    level, bodies, elements = [(root, 1)], 0, 0
+    for _ in range(DEEPEST):
+        below = []
+        for element, times in level:
+            bodies += times * (element.tag in ("body", "link"))
+            elements += times
+            copies = element.get("count", "") if element.tag == "replicate" else ""
+            many = times * (int(copies) if copies.lstrip("+").isdecimal() else 1)
+            below += [(child, many) for child in element]
+        level = below
+        if not level or bodies > MOST_BODIES or elements > MOST_ELEMENTS:
+            break
+    if level or bodies > MOST_BODIES or elements > MOST_ELEMENTS:
+        raise _too_large(path)
+
+
+def read_markup(path: Path) -> ET.Element:
+    """Return the root element of a robot file, with MJCF includes in their places.
+
+    Raises
+    ------
+    RobotError
+    """
+    root, _ = _with_includes(path)
+    _check_size(path, root)
+    if root.tag == "robot":
+        _check_expanded(path, root)
+    return root
+
+
+def _check_expanded(path: Path, root: ET.Element) -> None:
+    """Refuse what xacro has not gone through: the parts that it stands for would be lost."""
+    for element in root.iter():
+        space, _, tag = element.tag.rpartition("}")
+        named = [text for text in element.attrib.values() if "${" in text or "$(" in text]
+        if named or ("xacro" in space and tag not in ("property", "arg")):
+            left = named[0] if named else f"<xacro:{tag}>"
+            raise RobotError(
+                f"{path} is a xacro file that was not expanded ('{left}' is left in it); run "
+                f"'xacro {path.name} > robot.urdf' and give robot.urdf."
+            )
+
+
+def file_text(path: Path, root: ET.Element) -> str:
+    """Return an MJCF as one text: as it stands, or with its includes in their places."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except ValueError:  # another encoding
+        text = ""
+    if text and "<include" not in text:
+        return text
+    return ET.tostring(root, encoding="unicode")
+
+
+def included_files(path: Path) -> tuple[Path, ...]:
+    """Return the files that a robot file includes, in the order of their inclusion.
+
+    Raises
+    ------
+    RobotError
+    """
+    return tuple(_with_includes(path)[1])
+
+
+def _with_includes(path: Path) -> tuple[ET.Element, list[Path]]:
+    """Return the root element of a robot file, and what is included in it, in its place."""
+    found: list[Path] = []
+    root = parse_xml(path, ("mujoco", "robot"))
+    if root.tag == "mujoco":
+        _expand_includes(path, root, found)
+    return root, found
+
+
+def drop_repeated(root: ET.Element) -> None:
+    """Take out of a URDF what is stated again where readers take the first; MuJoCo refuses it."""
+    for element in (*root.findall("joint"), *root.iter("inertial")):
+        seen: set[str] = set()
+        for child in list(element):
+            if child.tag in seen:
+                element.remove(child)
+            seen.add(child.tag)

@@ -10,7 +10,7 @@ import re
 import warnings
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,22 +23,107 @@ from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
-from identifiability.robot.cables import add_slides, cable_name, read_cables
-from identifiability.robot.floating import BASE_JOINTS, SIX
-from identifiability.robot.kinematics import Point, read_tree
-from identifiability.robot.locking import add_couplings, merge_axes, read_locks, settle_locks, weld
-from identifiability.robot.markup import check_regular, check_weight, file_text
-from identifiability.robot.parts import (
+from identifiability.foundation.values import frozen
+from identifiability.robot.assembly import add_couplings, read_locks, settle_locks
+from identifiability.robot.description import (
+    Cable,
     Combination,
     Coupling,
     Entry,
     Loop,
+    Segment,
     Stated,
-    straight,
-    tendon_parts,
 )
-from identifiability.robot.servo import JointServo
+from identifiability.robot.floating import BASE_JOINTS, SIX, Base
+from identifiability.robot.kinematics import WORLD, Joint, Point, Tree, merge_axes, read_tree, weld
+from identifiability.robot.locate import check_regular, check_weight, file_text
 from identifiability.robot.sidecar import Sidecar
+
+#: How a compiled model (mjtWrap) numbers what a tendon runs through.
+PULLEY, SITE = 2, 3
+
+
+def straight(m: Any, t: int) -> bool:
+    """Whether a tendon of a compiled model runs straight between sites."""
+    kinds = {int(m.wrap_type[w]) for w in tendon_parts(m, t)}
+    return SITE in kinds and kinds <= {SITE, PULLEY}
+
+
+def tendon_parts(m: Any, t: int) -> range:
+    """Return what a tendon of a compiled model runs through, by index."""
+    start = int(m.tendon_adr[t])
+    return range(start, start + int(m.tendon_num[t]))
+
+
+def cable_name(m: Any, t: int) -> str:
+    """Return the name of a tendon, its number if it has none."""
+    return str(m.tendon(t).name or f"tendon{t + 1}")
+
+
+def read_cables(
+    path: Path,
+    m: Any,
+    numbers: Mapping[str, Mapping[str, float]],
+    point: Callable[..., Point],
+    taken: Sequence[str],
+) -> tuple[Cable, ...]:
+    """Return the straight tendons that have a force or a motor.
+
+    Parameters
+    ----------
+    path : Path
+    m : mujoco.MjModel
+    numbers : mapping
+        Their numbers (damping, friction, armature, stiffness) by name, of motors alone none.
+    point : callable(body, position) -> Point
+        Where the point of a body is in the tree.
+    taken : sequence of str
+        Names of the degrees of freedom.
+
+    Raises
+    ------
+    RobotError
+        If one has the name of a joint.
+    """
+    out: list[Cable] = []
+    for t in range(m.ntendon):
+        name = cable_name(m, t)
+        if name not in numbers or not straight(m, t):
+            continue
+        if name in (*taken, *(other.name for other in out)):
+            raise RobotError(
+                f"{path}: the tendon '{name}' has the name of a joint or another tendon; give it "
+                "one of its own."
+            )
+        low, high = m.tendon_range[t] if m.tendon_limited[t] else (-np.inf, np.inf)
+        out.append(Cable(name, _segments(m, t, point), numbers[name], (float(low), float(high))))
+    return tuple(out)
+
+
+def _segments(m: Any, t: int, point: Callable[[int, Array], Point]) -> tuple[Segment, ...]:
+    """Return what runs from site to site; behind a pulley a length counts as a part of itself."""
+    out: list[Segment] = []
+    part, before = 1.0, None
+    for w in tendon_parts(m, t):
+        if int(m.wrap_type[w]) == PULLEY:
+            part, before = 1.0 / float(m.wrap_prm[w]), None
+            continue
+        site = int(m.wrap_objid[w])
+        here = point(int(m.site_bodyid[site]), np.array(m.site_pos[site]))
+        if before is not None:
+            out.append(Segment(before, here, part))
+        before = here
+    return tuple(out)
+
+
+def add_slides(tree: Tree, cables: Sequence[Cable], nq: int) -> Tree:
+    """Return a tree with a slide that carries nothing for each tendon, after its own joints."""
+    slides = [
+        Joint((t.name,), "prismatic", WORLD, np.eye(3), np.zeros(3), np.eye(3)[2], nq + k, iv)
+        for k, (t, iv) in enumerate(zip(cables, range(tree.nv, tree.nv + len(cables)), strict=True))
+    ]
+    return Tree((*tree.joints, *slides))
+
 
 # Compile an MJCF with MuJoCo, whose reading of the file is the reference.
 #
@@ -408,14 +493,12 @@ def _trees(m: Any) -> tuple[np.ndarray, dict[str, int]]:
 
 
 def _moved_by(m: Any, a: int) -> list[int]:
-    """Return the bodies that an actuator acts on."""
+    """Return the bodies that an actuator acts on; adhesion acts on contacts alone."""
     kind, target = int(m.actuator_trntype[a]), int(m.actuator_trnid[a, 0])
-    if kind in _ON_JOINT:
-        return [int(m.jnt_bodyid[target])]
     if kind == int(_TRN.mjTRN_TENDON):
         return _along(m, target)
-    if kind == int(_TRN.mjTRN_BODY):  # adhesion, which acts on contacts alone
-        return []
+    if kind in (*_ON_JOINT, int(_TRN.mjTRN_BODY)):
+        return [int(m.jnt_bodyid[target])] if kind in _ON_JOINT else []
     return [int(m.site_bodyid[s]) for s in m.actuator_trnid[a] if s >= 0]
 
 
@@ -433,16 +516,17 @@ def _along(m: Any, t: int) -> list[int]:
 
 def _tied(m: Any) -> Iterator[list[int]]:
     """Yield the bodies that each equality ties together, and each tendon."""
+    bodies = {
+        int(mujoco.mjtObj.mjOBJ_BODY): np.arange(m.nbody),
+        int(mujoco.mjtObj.mjOBJ_SITE): m.site_bodyid,
+        int(mujoco.mjtObj.mjOBJ_JOINT): m.jnt_bodyid,
+    }
     for k in np.flatnonzero(m.eq_active0):
-        kind = int(m.eq_type[k])
         ends = [int(x) for x in (m.eq_obj1id[k], m.eq_obj2id[k]) if x >= 0]
-        if kind == int(_EQ.mjEQ_JOINT):
-            yield [int(m.jnt_bodyid[j]) for j in ends]
-        elif kind == int(_EQ.mjEQ_TENDON):
+        if int(m.eq_type[k]) == int(_EQ.mjEQ_TENDON):
             yield [b for t in ends for b in _along(m, t)]
-        elif kind in (int(_EQ.mjEQ_CONNECT), int(_EQ.mjEQ_WELD)):
-            sites = int(m.eq_objtype[k]) == int(mujoco.mjtObj.mjOBJ_SITE)
-            yield [int(m.site_bodyid[x]) if sites else x for x in ends]
+        elif int(m.eq_objtype[k]) in bodies:
+            yield [int(bodies[int(m.eq_objtype[k])][x]) for x in ends]
     for t in range(m.ntendon):
         yield _along(m, t)
 
@@ -476,96 +560,155 @@ def read_entries(m: Any, floating: Any = None) -> dict[str, dict[str, Entry]]:
         add("qpos", (int(m.jnt_qposadr[j]), name), Entry(f"{name}.q"))
         for word, kind in (("qvel", "dq"), ("qacc", "ddq"), ("qfrc_actuator", "tau")):
             add(word, (int(m.jnt_dofadr[j]), name), Entry(f"{name}.{kind}"))
-    gears = driven_joints(m)
-    motors = Counter(j for j, _ in gears.values())
-    for a, (j, gear) in gears.items():
-        if j not in names or not gear or motors[j] > 1:
+    actuators = read_actuators(m)
+    motors = Counter(a.joint for a in actuators)
+    for k, a in enumerate(actuators):
+        if a.joint not in names.values() or not a.factor or motors[a.joint] > 1:
             continue  # of several at one joint the sum is what moves it
-        keys = (a, m.actuator(a).name, names[j])
-        add("actuator_force", keys, Entry(f"{names[j]}.tau", gear))
-        command = _command(m, a, gear)
-        if command is not None:
-            kind, *numbers = command
-            add("ctrl", keys, Entry(f"{names[j]}.{kind}", *numbers))
+        keys = (k, m.actuator(k).name, a.joint)
+        add("actuator_force", keys, Entry(f"{a.joint}.tau", a.factor))
+        if a.entry is not None:
+            add("ctrl", keys, a.entry)
     return found
 
 
-def find_drive(m: Any, a: int) -> tuple[str, dict[int, float], int | None, float]:
-    """Return where an actuator acts: its name, joints with coefficients, straight tendon, gear."""
-    name, kind = m.actuator(a).name or f"number {a + 1}", int(m.actuator_trntype[a])
-    target, gear = int(m.actuator_trnid[a, 0]), float(m.actuator_gear[a, 0])
-    if kind in _ON_JOINT:
-        return name, {target: 1.0}, None, gear
-    if kind != int(_TRN.mjTRN_TENDON):
-        return name, {}, None, gear
-    return name, find_arms(m, target) or {}, target if straight(m, target) else None, gear
+@frozen
+class Actuator:
+    """An actuator: along ``Σ cᵢ qᵢ`` it pulls by ``gear (gain ctrl + b₀ + b₁ length + b₂ speed)``.
 
-
-def driven_joints(m: Any) -> dict[int, tuple[int, float]]:
-    """Return which joint each actuator drives, and how many times its force acts there."""
-    found = {}
-    for a in range(len(m.actuator_trntype)):
-        _, arms, _, gear = find_drive(m, a)
-        if len(arms) == 1:
-            ((j, c),) = arms.items()
-            found[a] = j, gear * c
-    return found
-
-
-def find_servos(m: Any) -> dict[str, JointServo]:
-    """Return the servos that a compiled MJCF states, by joint.
-
-    Several at one joint add up, say one that holds a position and one that damps.
+    Attributes
+    ----------
+    name : str
+    arms : mapping
+        Joints that it drives to their coefficients; none where it drives no sum of joints.
+    tendon : str
+        On which it pulls; empty where it acts on a joint or site.
+    straight : bool
+        Whether that runs straight between sites.
+    gear : float
+    law : {"tau", "q_ref", "dq_ref", ""}
+        What its command is: a torque, a position or a speed to hold; nothing of any other.
+    gain : float
+    bias : (3,)
+    force, command : (2,)
+        Between which ends its force and its command are; infinite where they have none.
+    numbers : mapping
+        Armature and damping of its own.
     """
-    found: dict[str, JointServo] = {}
-    motors: set[str] = set()
-    for a, (j, gear) in driven_joints(m).items():
-        name, bias = m.joint(j).name, m.actuator_biasprm[a]
-        if _law(m, a) not in ("q_ref", "dq_ref") or bias[0] or not gear:
-            motors.add(name)
-            continue
-        low, high = -np.inf, np.inf
-        if m.actuator_forcelimited[a]:
-            low, high = sorted(m.actuator_forcerange[a] * gear)
-        before = found.get(name, JointServo(0.0, 0.0, 0.0, 0.0))
-        found[name] = JointServo(
-            before.kp - float(gear**2 * bias[1]),
-            before.kv - float(gear**2 * bias[2]),
-            before.low + float(low),
-            before.high + float(high),
+
+    name: str
+    arms: Mapping[str, float]
+    tendon: str
+    straight: bool
+    gear: float
+    law: str
+    gain: float
+    bias: Array
+    force: Array
+    command: Array
+    numbers: Mapping[str, float]
+
+    @property
+    def joint(self) -> str:
+        """The joint that it drives alone; empty where it drives several, or none."""
+        return next(iter(self.arms)) if len(self.arms) == 1 else ""
+
+    @property
+    def owner(self) -> str:
+        """The joint, or else the straight tendon, that it drives alone."""
+        return self.tendon if self.straight else self.joint
+
+    @property
+    def factor(self) -> float:
+        """How many times its force acts there."""
+        return self.gear * (self.arms[self.joint] if self.joint else 1.0)
+
+    @property
+    def offset(self) -> float:
+        """Torque that its command has too much, as a constant one acts against it [N·m or N]."""
+        return -self.factor * float(self.bias[0])
+
+    @property
+    def entry(self) -> Entry | None:
+        """What ``ctrl`` is, of a motor or servo that drives one joint."""
+        low, high = self.command
+        if self.law in ("q_ref", "dq_ref"):
+            return Entry(f"{self.joint}.{self.law}", 1.0 / self.factor, float(low), float(high))
+        if self.law != "tau":
+            return None
+        ends = np.sort((self.force - self.bias[0]) / self.gain)
+        low, high = max(low, ends[0]), min(high, ends[1])
+        return Entry(f"{self.joint}.tau", self.factor * self.gain, float(low), float(high))
+
+
+def read_actuators(m: Any) -> list[Actuator]:
+    """Return the actuators of a compiled MJCF, in its order."""
+    found, endless = [], np.array([-np.inf, np.inf])
+    for a in range(len(m.actuator_trntype)):
+        kind, target = int(m.actuator_trntype[a]), int(m.actuator_trnid[a, 0])
+        pulls = kind == int(_TRN.mjTRN_TENDON)
+        arms = {target: 1.0} if kind in _ON_JOINT else find_arms(m, target) if pulls else None
+        affine = int(m.actuator_biastype[a]) == int(mujoco.mjtBias.mjBIAS_AFFINE)
+        found.append(
+            Actuator(
+                name=m.actuator(a).name or f"number {a + 1}",
+                arms={m.joint(j).name: c for j, c in (arms or {}).items()},
+                tendon=cable_name(m, target) if pulls else "",
+                straight=pulls and straight(m, target),
+                gear=float(m.actuator_gear[a, 0]),
+                law=_law(m, a),
+                gain=float(m.actuator_gainprm[a, 0]),
+                bias=m.actuator_biasprm[a, :3] * affine,
+                force=np.array(m.actuator_forcerange[a] if m.actuator_forcelimited[a] else endless),
+                command=np.array(m.actuator_ctrlrange[a] if m.actuator_ctrllimited[a] else endless),
+                numbers=_numbers(m, "actuator", a),
+            )
         )
-    return {name: servo for name, servo in found.items() if name not in motors}
+    return found
 
 
 def _law(m: Any, a: int) -> str:
     """Return what an actuator holds: a position, a speed or a torque; nothing of any other."""
-    gain, bias = m.actuator_gainprm[a], m.actuator_biasprm[a]
+    gain, bias = float(m.actuator_gainprm[a, 0]), m.actuator_biasprm[a]
     fixed = int(m.actuator_gaintype[a]) == int(mujoco.mjtGain.mjGAIN_FIXED)
     plain = int(m.actuator_dyntype[a]) == int(mujoco.mjtDyn.mjDYN_NONE)
     kind = int(m.actuator_biastype[a])
-    if not (fixed and plain and gain[0]):
+    if not (fixed and plain and gain):
         return ""
     if kind == int(mujoco.mjtBias.mjBIAS_NONE):
         return "tau"
-    if kind != int(mujoco.mjtBias.mjBIAS_AFFINE) or gain[0] < 0:
+    if kind != int(mujoco.mjtBias.mjBIAS_AFFINE):
         return ""
-    if bias[1] == -gain[0]:
+    if not bias[1:3].any():
+        return "tau"
+    if gain > 0 and bias[1] == -gain:
         return "q_ref"
-    return "dq_ref" if not bias[1] and bias[2] == -gain[0] else ""
+    return "dq_ref" if gain > 0 and not bias[1] and bias[2] == -gain else ""
 
 
-def _command(m: Any, a: int, gear: float) -> tuple[str, float, float, float] | None:
-    """Return what ``ctrl`` is of a motor or servo: channel, factor, and its least and largest."""
-    law, gain = _law(m, a), float(m.actuator_gainprm[a, 0])
-    low, high = m.actuator_ctrlrange[a] if m.actuator_ctrllimited[a] else (-np.inf, np.inf)
-    if not law:
-        return None
-    if law != "tau":
-        return law, 1.0 / gear, float(low), float(high)
-    if m.actuator_forcelimited[a]:
-        ends = sorted(m.actuator_forcerange[a] / gain)
-        low, high = max(low, ends[0]), min(high, ends[1])
-    return "tau", gear * gain, float(low), float(high)
+def find_offsets(actuators: Sequence[Actuator]) -> dict[str, float]:
+    """Return the constant torque of commands by what they drive, where an actuator can hold one."""
+    found: dict[str, float] = {}
+    for actuator in actuators:
+        if actuator.law and actuator.owner and actuator.factor:
+            found[actuator.owner] = found.get(actuator.owner, 0.0) + actuator.offset
+    return found
+
+
+def find_servos(actuators: Sequence[Actuator]) -> dict[str, Array]:
+    """Return kp, kv, least and largest torque of the servos among actuators, (4,) by joint.
+
+    Several at one joint add up, say one that holds a position and one that damps.
+    """
+    found: dict[str, Array] = {}
+    motors = {a.joint for a in actuators if a.law not in ("q_ref", "dq_ref") or not a.gear}
+    for a in actuators:
+        if not a.joint or a.joint in motors:
+            continue
+        low, high = np.sort(a.force * a.factor) + a.offset
+        gains = -(a.factor**2) * a.bias[1:]
+        found[a.joint] = found.get(a.joint, np.zeros(4)) + np.array([*gains, low, high])
+    return found
 
 
 # Damping, dry friction, rotors and springs of a compiled MJCF, joint by joint.
@@ -594,53 +737,30 @@ _BENT = (
 
 
 @dataclass
-class Line:
-    """What acts along joints, or along a straight tendon: a spring, a tendon, an actuator.
-
-    Attributes
-    ----------
-    name : str
-    arms : mapping
-        Joint to its coefficient.
-    cable : int or None
-        The straight tendon.
-    numbers : mapping
-        ``stiffness``, ``damping``, ``frictionloss`` and ``armature``, as far as they are not zero.
-    rest : float
-        Where a spring is relaxed.
-    """
-
-    name: str
-    arms: Mapping[int, float]
-    cable: int | None
-    numbers: Mapping[str, float]
-    rest: float = 0.0
-
-
-@dataclass
 class Forces:
     """Forces along the degrees of freedom of a tree.
 
     Attributes
     ----------
-    damping, frictionloss, armature : (nv,)
+    total : mapping
+        Damping, dry friction and armature by word, (nv,) each.
     springs : mapping
         By name of the joint or straight tendon.
     combinations : mapping
         Tendons along several joints, by name.
     cables : mapping
-        Numbers of straight tendons, by index.
+        Numbers of straight tendons, by name.
     """
 
-    damping: Array
-    frictionloss: Array
-    armature: Array
-    springs: Mapping[str, Spring] = field(default_factory=dict)
+    total: dict[str, Array]
+    springs: dict[str, Spring] = field(default_factory=dict)
     combinations: dict[str, Combination] = field(default_factory=dict)
-    cables: dict[int, dict[str, float]] = field(default_factory=dict)
+    cables: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
-def read_forces(path: Path, m: Any, locked: Mapping[str, float]) -> Forces:
+def read_forces(
+    path: Path, m: Any, actuators: Sequence[Actuator], locked: Mapping[str, float]
+) -> Forces:
     """Return the forces along the joints of a compiled model; none moves a locked joint.
 
     Raises
@@ -650,53 +770,50 @@ def read_forces(path: Path, m: Any, locked: Mapping[str, float]) -> Forces:
     """
     _refuse_fields(path, m)
     idle = _switched_off(m)
-    total = {word: np.zeros(m.nv) for word in _POWERS}
+    found = Forces({word: np.zeros(m.nv) for word in _POWERS})
+    total, pull = found.total, np.zeros(m.nv)
     for word in ("damping", "frictionloss", "armature"):
         total[word] += 0.0 if word in idle else getattr(m, f"dof_{word}")
-    pull, springs = np.zeros(m.nv), dict[str, Spring]()
-    beside: dict[str, dict[str, float]] = {}
-    combinations: dict[str, Combination] = {}
-    cables: dict[int, dict[str, float]] = {}
-    locks = {int(m.joint(name).id): at for name, at in locked.items()}
-    for line in _lines(m):
+    found.cables.update({a.tendon: dict.fromkeys(_POWERS, 0.0) for a in actuators if a.straight})
+    beside = found.cables.copy()
+    for name, bends, line in _lines(m, actuators):
         numbers = {word: x for word, x in line.numbers.items() if word not in idle}
-        moving = {j: c for j, c in line.arms.items() if j not in locks}
-        if not numbers or (line.arms and not moving):
+        moving = {j: c for j, c in line.weights.items() if j not in locked}
+        if not numbers or (line.weights and not moving):
             continue
-        rest = line.rest - sum(c * locks[j] for j, c in line.arms.items() if j in locks)
+        rest = (line.rest or 0.0) - sum(c * locked.get(j, 0.0) for j, c in line.weights.items())
         if len(moving) == 1:
-            ((j, c),) = moving.items()
-            dof = int(m.jnt_dofadr[j])
+            ((joint, c),) = moving.items()
+            dof = int(m.joint(joint).dofadr[0])
             for word, value in numbers.items():
                 total[word][dof] += value * abs(c) ** _POWERS[word]
             pull[dof] += numbers.get("stiffness", 0.0) * c * rest
             continue
-        own = beside.setdefault(line.name, dict.fromkeys(_POWERS, 0.0))
+        own = beside.setdefault(name, dict.fromkeys(_POWERS, 0.0))
         own.update({word: own[word] + x for word, x in numbers.items()})
-        if line.cable is not None:
-            cables[line.cable] = own
-            springs |= {line.name: (own["stiffness"], rest)} if own["stiffness"] else {}
+        if not bends:
+            found.cables[name] = own
+            found.springs |= {name: (own["stiffness"], rest)} if own["stiffness"] else {}
         elif moving:
-            weights = {m.joint(j).name: c for j, c in moving.items()}
-            combinations[line.name] = Combination(weights, own, rest)
+            found.combinations[name] = Combination(moving, own, rest)
         else:
-            what = ", ".join(numbers)
             raise _refusal(
                 path,
-                f"the tendon or actuator '{line.name}' has {what} and bends, or drives no joint",
+                f"the tendon or actuator '{name}' has {', '.join(numbers)} and bends, or drives no "
+                "joint",
             )
-    _refuse_on_balls(path, m, total)
+    for word, values in total.items():
+        for d in np.flatnonzero(values):
+            if int(m.jnt_type[m.dof_jntid[d]]) not in _ALIGNED:
+                ball = m.joint(m.dof_jntid[d]).name
+                raise _refusal(path, f"the ball or free joint '{ball}' has {word}")
     stiff = total.pop("stiffness")
     for d in np.flatnonzero(stiff):
-        springs[m.joint(int(m.dof_jntid[d])).name] = float(stiff[d]), float(pull[d] / stiff[d])
-    return Forces(**total, springs=springs, combinations=combinations, cables=cables)
-
-
-def _refuse_on_balls(path: Path, m: Any, total: Mapping[str, Array]) -> None:
-    for d, j in enumerate(m.dof_jntid):
-        wrong = [word for word, values in total.items() if values[d]]
-        if wrong and int(m.jnt_type[j]) not in _ALIGNED:
-            raise _refusal(path, f"the ball or free joint '{m.joint(j).name}' has {wrong[0]}")
+        found.springs[m.joint(int(m.dof_jntid[d])).name] = (
+            float(stiff[d]),
+            float(pull[d] / stiff[d]),
+        )
+    return found
 
 
 def _switched_off(m: Any) -> set[str]:
@@ -710,27 +827,20 @@ def _switched_off(m: Any) -> set[str]:
     return {word for word, flag in flags.items() if off & int(flag)}
 
 
-def _lines(m: Any) -> Iterator[Line]:
-    """Yield the springs of joints, the tendons and the actuators of a compiled model."""
+def _lines(m: Any, actuators: Sequence[Actuator]) -> Iterator[tuple[str, bool, Combination]]:
+    """Yield springs of joints, tendons and actuators: name, whether one bends, what acts along."""
     for j in range(m.njnt):
-        rest = float(m.qpos_spring[m.jnt_qposadr[j]])
-        yield Line(m.joint(j).name, {j: 1.0}, None, _numbers(m, "jnt", j), rest)
+        rest, name = float(m.qpos_spring[m.jnt_qposadr[j]]), m.joint(j).name
+        yield name, True, Combination({name: 1.0}, _numbers(m, "jnt", j), rest)
+    rests = {"": 0.0}
     for t in range(m.ntendon):
-        cable = t if straight(m, t) else None
-        rest = float(m.tendon_lengthspring[t, 0])
-        yield Line(cable_name(m, t), find_arms(m, t) or {}, cable, _numbers(m, "tendon", t), rest)
-    for a in range(len(m.actuator_trntype)):
-        name, arms, cable, gear = find_drive(m, a)
-        numbers = {
-            word: value * abs(gear) ** _POWERS[word]
-            for word, value in _numbers(m, "actuator", a).items()
-        }
-        if m.actuator_trntype[a] == int(_TRN.mjTRN_TENDON):
-            pulled = int(m.actuator_trnid[a, 0])
-            rest = float(m.tendon_lengthspring[pulled, 0])
-            yield Line(cable_name(m, pulled), arms, cable, numbers, rest)
-        else:
-            yield Line(name, arms, cable, numbers)
+        name, rest = cable_name(m, t), float(m.tendon_lengthspring[t, 0])
+        rests[name], along = rest, find_arms(m, t) or {}
+        arms = {m.joint(j).name: c for j, c in along.items()}
+        yield name, not straight(m, t), Combination(arms, _numbers(m, "tendon", t), rest)
+    for a in actuators:
+        numbers = {word: x * abs(a.gear) ** _POWERS[word] for word, x in a.numbers.items()}
+        yield a.tendon or a.name, not a.straight, Combination(a.arms, numbers, rests[a.tendon])
 
 
 def _numbers(m: Any, kind: str, k: int) -> dict[str, float]:
@@ -739,19 +849,17 @@ def _numbers(m: Any, kind: str, k: int) -> dict[str, float]:
     return {word: float(x[k]) for word, x in arrays.items() if x is not None and x[k]}
 
 
-def find_drives(m: Any, locked: Collection[str]) -> list[str] | None:
+def find_drives(actuators: Sequence[Actuator], locked: Collection[str]) -> list[str] | None:
     """Return the joints that actuators drive, None without actuators.
 
     A joint may have several actuators, say one that holds a position and one that damps. One that
     pulls at several joints that move drives none of them alone.
     """
     names: list[str] = []
-    every = range(len(m.actuator_trntype))
-    for a in every:
-        _, arms, cable, _ = find_drive(m, a)
-        moving = [name for name in (m.joint(j).name for j in arms) if name not in locked]
-        names += [cable_name(m, cable)] if cable is not None else moving if len(moving) == 1 else []
-    return list(dict.fromkeys(names)) if every else None
+    for a in actuators:
+        moving = [joint for joint in a.arms if joint not in locked]
+        names += [a.tendon] if a.straight else moving if len(moving) == 1 else []
+    return list(dict.fromkeys(names)) if actuators else None
 
 
 def _refuse_fields(path: Path, m: Any) -> None:
@@ -827,7 +935,8 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     off, home = int(m.opt.disableflags), _home(m)
     joints = [m.joint(j) for j in np.flatnonzero(np.isin(m.jnt_type, [HINGE, SLIDE]))]
     at_home = {j.name: extra.home.get(j.name, float(home[j.qposadr[0]])) for j in joints}
-    driven = extra.actuated or find_drives(m, ()) or ()
+    actuators = read_actuators(m)
+    driven = extra.actuated or find_drives(actuators, ()) or ()
     couplings = add_couplings(_couplings(path, m, driven), extra.couplings)
     locked, couplings = settle_locks(path, read_locks(extra.locked), at_home, couplings)
     model, welded = weld(_build_tree(m), locked)
@@ -844,24 +953,25 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     # Of a base that floats the proper acceleration is known, of which gravity is a part.
     model.gravity.linear = gravity if which is None else np.zeros(3)
     free = np.array([m.joint(int(j)).name not in locked for j in m.dof_jntid], bool)
-    forces = read_forces(path, m, locked)
+    forces = read_forces(path, m, actuators, locked)
     dofs = [d for j in tree.joints for d in j.dofs]
     cables = read_cables(
         path, m, forces.cables, lambda body, at: _point(places, last, body, at), dofs
     )
     tree = add_slides(tree, cables, model.nq)
-    model.damping, model.armature = forces.damping[free], forces.armature[free]
-    model.upperDryFrictionLimit = forces.frictionloss[free]
-    model.lowerDryFrictionLimit = -forces.frictionloss[free]
+    model.damping, model.armature, dry = (
+        forces.total[word][free] for word in ("damping", "armature", "frictionloss")
+    )
+    model.upperDryFrictionLimit, model.lowerDryFrictionLimit = dry, -dry
     kept = np.ones(m.nq, bool)
     kept[[int(m.joint(name).qposadr[0]) for name in locked]] = False
     return Stated(
         model=model,
         tree=tree,
         last=last,
-        loops=_loops(path, m, places, last),
-        couplings=couplings,
-        actuated=find_drives(m, locked),
+        loops=tuple(_loops(path, m, places, last)),
+        couplings=tuple(couplings),
+        driven=find_drives(actuators, locked),
         home=np.append(home[kept], np.zeros(len(cables))),
         posed=m.nkey > 0,
         springs=forces.springs,
@@ -872,8 +982,9 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         outside=outside,
         meshes=_mesh_files(path, _parse(path, root)),
         entries=read_entries(scene, compile_mjcf(path, root) if fixed else None),
-        servos=find_servos(m),
-        **_floating(scene, which, gravity),
+        servos=find_servos(actuators),
+        offsets=find_offsets(actuators),
+        base=None if which is None else _base(scene, which, gravity),
         radii=_name_frames(model, m, places),
         drawn=_drawn(m),
     )
@@ -888,13 +999,11 @@ def _drawn(m: Any) -> Array:
     return np.array(pin.Quaternion(w, x, y, z).toRotationMatrix())
 
 
-def _floating(scene: Any, which: int | None, gravity: Array) -> dict[str, Any]:
-    """Return what is stated of a robot that floats on one of the free joints of a scene."""
-    if which is None:
-        return {}
+def _base(scene: Any, which: int, gravity: Array) -> Base:
+    """Return the base of a robot that floats on one of the free joints of a scene."""
     j = int(np.flatnonzero(scene.jnt_type == FREE)[which])
     at = int(scene.jnt_qposadr[j]), int(scene.jnt_dofadr[j])
-    return {"floating": scene.joint(j).name, "gravity": gravity, "at": at, "which": which}
+    return Base("", scene.joint(j).name, gravity, at=at, which=which)
 
 
 def _name_frames(model: Any, m: Any, places: list[Place]) -> dict[str, float]:

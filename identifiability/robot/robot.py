@@ -22,9 +22,10 @@ from identifiability.foundation.output import check_ending, temporary_folder
 from identifiability.foundation.result import shown
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
+from identifiability.robot.assembly import LockOption, read_locks
 from identifiability.robot.description import Description
 from identifiability.robot.files import read_robot
-from identifiability.robot.locking import LockOption, least_eigenvalue, read_locks
+from identifiability.robot.kinematics import least_eigenvalue
 from identifiability.robot.table import write_table
 
 # The ten parameters of a body from its mass, centre and moments of inertia.

@@ -37,24 +37,6 @@ UNLIMITED: Tolerance = 1e12
 
 
 @frozen
-class JointServo:
-    """The servo of one joint, as a robot file states it.
-
-    Attributes
-    ----------
-    kp : float [N·m/rad or N/m]
-    kv : float [N·m·s/rad or N·s/m]
-    low, high : float [N·m or N]
-        Torque beyond which it is saturated.
-    """
-
-    kp: float
-    kv: float
-    low: float = -np.inf
-    high: float = np.inf
-
-
-@frozen
 class Servo:
     """The servos of the actuated joints, in the robot's order.
 
@@ -186,7 +168,7 @@ def read_servo(
     path: Path,
     entry: Any,
     tables: Mapping[str, Mapping[str, Any]],
-    stated: Mapping[str, JointServo],
+    stated: Mapping[str, Array],
     joints: tuple[str, ...],
 ) -> Servo | None:
     """Return the servos that sidecar and robot file state; None where they state none.
@@ -201,7 +183,7 @@ def read_servo(
         Its kp, kv and limit, by joint. Gains are told by logs where it says ``"fit"``, or where
         neither it nor the file says anything.
     stated : mapping
-        What the robot file states, by joint.
+        What the robot file states by joint: kp, kv, and least and largest torque, (4,).
     joints : tuple of str
         The actuated ones.
 
@@ -216,10 +198,14 @@ def read_servo(
         key: {j: np.nan if x == FIT else float(x) for j, x in table.items()}
         for key, table in tables.items()
     }
-    none = JointServo(np.nan, np.nan)
-    files = [stated.get(j, none) for j in joints]
-    kp = np.array([given["kp"].get(j, f.kp) for j, f in zip(joints, files, strict=True)])
-    kv = np.array([given["kv"].get(j, f.kv) for j, f in zip(joints, files, strict=True)])
+    none = np.array([np.nan, np.nan, -np.inf, np.inf])
+    kp, kv, low, high = np.array([stated.get(j, none) for j in joints]).T
+    kp, kv, limit = (
+        np.array([given[key].get(j, x) for j, x in zip(joints, own, strict=True)])
+        for key, own in {"kp": kp, "kv": kv, "limit": np.full(len(joints), np.inf)}.items()
+    )
+    narrow = np.isfinite(limit)
+    low, high = np.where(narrow, -limit, low), np.where(narrow, limit, high)
     lacking = [j for j, p in zip(joints, kp, strict=True) if np.isnan(p) and j not in given["kp"]]
     if lacking and given["kp"]:
         raise RobotError(
@@ -236,11 +222,6 @@ def read_servo(
             f"The servo of '{loose}' in {path} has neither kp nor kv, so its command says nothing "
             "of torque; give its gains in the sidecar: [servo] kp = …, kv = …."
         )
-    ends = [
-        (-given["limit"][j], given["limit"][j]) if j in given["limit"] else (f.low, f.high)
-        for j, f in zip(joints, files, strict=True)
-    ]
-    low, high = np.array(ends).T
     delay = None if entry is None or entry.delay == "auto" else float(entry.delay)
     own = entry is not None and (entry.kp is not None or bool(np.isnan(kp).any()))
     rate = None if entry is None else entry.rate

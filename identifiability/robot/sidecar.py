@@ -9,10 +9,12 @@ stands last.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
+import numpy as np
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -25,11 +27,102 @@ from pydantic import (
 
 from identifiability.foundation.documents import Span, key, read_document, rising
 from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.names import BASE, INERTIAL_KINDS, Renames, find_named, is_pattern
+from identifiability.foundation.names import (
+    BASE,
+    INERTIAL_KINDS,
+    Array,
+    Renames,
+    find_named,
+    is_pattern,
+)
 from identifiability.foundation.values import frozen
-from identifiability.robot.locate import find_sidecar, locate_robot
-from identifiability.robot.markup import LARGEST, LONGEST_NAME
-from identifiability.robot.measured_torque import KnownTorque, Polynomial, Side
+from identifiability.robot.locate import LARGEST, LONGEST_NAME, find_sidecar, locate_robot
+
+# `MeasuredTorque`: what the numbers in torque columns are: in what, of which side and sign.
+
+
+#: Where torque is measured: at the joint with all that drives it, behind the gears, or before them.
+Side = Literal["joint", "link", "motor"]
+
+
+# `KnownTorque`: torque that is known beforehand as a function of a position.
+#
+# A cable, a counter-spring or a gravity compensation that was measured by itself: a table or a
+# polynomial along a joint. It is taken off the measured torque before anything else is done with
+# it.
+
+
+#: Coefficients of a polynomial.
+DEGREE = 50
+Polynomial = Annotated[list[float], Field(max_length=DEGREE)]
+
+
+class KnownTorque(BaseModel):
+    """Torque that is supplied beside the motor's, and taken off the measured one."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    along: str = key("A joint, passive or not, or a coupled motor.")
+    table: list[tuple[float, float]] = key(
+        "Points (position [rad or m], torque [N·m or N]) with lines between.", [], [[0, 0], [1, -3]]
+    )
+    polynomial: Polynomial = key("In place of a table: c0 + c1 q + …", [])
+    range: Span | None = key("Positions between which the polynomial holds.", None)
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> KnownTorque:
+        if bool(self.table) == bool(self.polynomial):
+            raise ValueError("give either a table or a polynomial")
+        if self.table:
+            if len({position for position, _ in self.table}) < max(len(self.table), 2):
+                raise ValueError("a table needs two points or more, each at another position")
+            if self.range is not None:
+                raise ValueError("a table ends where its points end; leave out the range")
+        return self
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Where it is known [rad or m]."""
+        if self.table:
+            return min(self.table)[0], max(self.table)[0]
+        return self.range or (-np.inf, np.inf)
+
+    def force(self, position: Array) -> Array:
+        """Return the torque at some positions (N,) [rad or m], (N,) [N·m or N].
+
+        Raises
+        ------
+        RobotError
+            If one lies where the torque is not known: nothing is extrapolated.
+        """
+        low, high = self.span
+        outside = np.flatnonzero((position < low) | (position > high))
+        if len(outside):
+            beyond = np.maximum(low - position[outside], position[outside] - high)
+            worst = float(position[outside[int(np.argmax(beyond))]])
+            raise RobotError(
+                f"'{self.along}' is at {worst:.4g} and [[known_torque]] knows its torque only from "
+                f"{low:.4g} to {high:.4g}: {len(outside)} of {len(position)} samples lie outside, "
+                "and nothing is extrapolated; measure it there too, or leave these samples out."
+            )
+        if self.table:
+            return np.asarray(np.interp(position, *np.array(sorted(self.table)).T))
+        found: Array = np.polynomial.polynomial.polyval(position, self.polynomial)
+        return found
+
+    @property
+    def text(self) -> str:
+        """What it is, in a few words."""
+        if self.table:
+            return (
+                f"along {self.along} by a table of {len(self.table)} points from "
+                f"{self.span[0]:.4g} to {self.span[1]:.4g}, straight lines between them"
+            )
+        within = ""
+        if np.isfinite(self.span).any():
+            within = f" from {self.span[0]:.4g} to {self.span[1]:.4g}"
+        return f"along {self.along} by a polynomial of degree {len(self.polynomial) - 1}{within}"
+
 
 Triple = tuple[float, float, float]
 T = TypeVar("T")
@@ -167,18 +260,57 @@ class _TimeEntry(_Strict):
     unit: Literal["s", "ms", "us", "ns"] | None = key("Of `t`; else what can only be meant.", None)
 
 
-class _TorqueEntry(_Strict):
+class MeasuredTorque(_Strict):
     """What torque columns hold: τ = sign · gain · ratio · value.
 
     Measured at the `joint` with all of its rotor, at the `motor`'s rotor, or at the `link` behind
     the gear, where no rotor inertia is seen. One number is of all joints, a table by joint.
     """
 
+    model_config = ConfigDict(frozen=True)
+
     side: Side = key("Where it was measured.", "joint")
     gain: ByJoint[Factor] = key("Torque constants of currents [N·m/A].", None, {"joint1": 0.11})
     ratio: ByJoint[Factor] = key("Of the gears.", None, {"joint1": 100})
     sign: ByJoint[Literal[1, -1]] = key("−1 where a column counts the other way.", None, -1)
     compensated: bool | Names | None = key("Whether (where) drivers took the weight off.", None)
+
+    def table(self, name: str) -> dict[str, float]:
+        """Return the gains, ratios or signs by joint; one under ``""`` is for all others."""
+        said = getattr(self, name)
+        return dict(said) if isinstance(said, dict) else {} if said is None else {"": said}
+
+    def at(self, name: str, joint: str) -> float | None:
+        """Return the gain, ratio or sign of a joint; None where nobody stated it."""
+        table = self.table(name)
+        return table.get(joint, table.get(""))
+
+    def is_compensated(self, joint: str) -> bool:
+        """Return whether the torque of a joint lacks what holds the weight."""
+        said = self.compensated
+        return said if isinstance(said, bool) else joint in (said or ())
+
+    def factor(self, joint: str) -> float:
+        """Return what a log's values are multiplied by [N·m or N per unit of the log]."""
+        parts = (self.at(name, joint) for name in ("gain", "ratio", "sign"))
+        return math.prod(1.0 if part is None else part for part in parts)
+
+    def with_gains(self) -> MeasuredTorque:
+        """Return the same with 1 for each gain and ratio that is not known, in the log's unit."""
+        known = {name: {"": 1.0, **self.table(name)} for name in ("gain", "ratio")}
+        return self.model_copy(update=known)
+
+    @property
+    def text(self) -> str:
+        """What was said, in one line; nothing if nothing was."""
+        said = [f"side = {self.side}"] if self.side != "joint" else []
+        for name in ("gain", "ratio", "sign"):
+            pairs = [f"{j or 'all'} = {v:g}" for j, v in self.table(name).items()]
+            said += [f"{name}: {', '.join(pairs)}"] if pairs else []
+        if self.compensated:
+            which = "all" if isinstance(self.compensated, bool) else ", ".join(self.compensated)
+            said.append(f"compensated for gravity: {which}")
+        return "; ".join(said)
 
 
 class ServoEntry(_Strict):
@@ -307,7 +439,7 @@ class Sidecar(_Strict):
         {"fer_joint(\\d)": "panda_joint\\1", "elbow": {"scale": 0.00153, "offset": -3.14}},
     )
     time: _TimeEntry = _TimeEntry()
-    torque: _TorqueEntry = _TorqueEntry()
+    torque: MeasuredTorque = MeasuredTorque()
     servo: ServoEntry | None = None
     known_torque: list[KnownTorque] = []
     imu: ImuEntry | None = None

@@ -46,8 +46,8 @@ from identifiability.foundation.documents import Span, first_problem, read_docum
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.output import check_apart, check_ending, write_together
 from identifiability.robot.kinematics import shortest_turn
-from identifiability.robot.markup import numbers, urdf_inertial, urdf_joint
 from identifiability.robot.sidecar import Sidecar, Triple
+from identifiability.robot.write import numbers, urdf_inertial, urdf_joint
 
 #: The link on which the first ones stand.
 BASE = "base"

@@ -104,9 +104,9 @@ class JointTerms:
         return friction
 
     def force(self, stretch: Array, speed: Array, acceleration: Array) -> Array:
-        """Return friction, inertia and spring (N,) of a motion (N,) about the spring's rest."""
+        """Return what acts along a joint (N,) that is so far off its spring's rest, (N,)."""
         moving = self.friction(speed) + self.inertia * acceleration
-        return moving + self.stiffness * stretch
+        return moving + self.stiffness * stretch + self.offset
 
     def springs(self, position: Array) -> Array:
         """Return springs of which no file states a rest, at positions (N,) as the file counts."""

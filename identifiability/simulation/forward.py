@@ -18,10 +18,9 @@ from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Robot
 from identifiability.robot.closure import rest_along
-from identifiability.robot.locking import share_out
 from identifiability.robot.mjcf import quiet
 from identifiability.robot.servo import UNLIMITED, Servo
-from identifiability.robot.write import own_inertial
+from identifiability.robot.write import own_inertial, share_out
 from identifiability.simulation.forces import JointTerms, both_directions
 from identifiability.simulation.mujoco_robot import MujocoRobot, compile_robot, robot_spec
 from identifiability.simulation.rules import RULES
@@ -286,10 +285,13 @@ class ForwardRobot:
 
     def _set_joints(self, joints: Mapping[str, Mapping[str, float]]) -> None:
         """Set friction, rotors and springs."""
-        robot, model = self.robot, self.model
+        model, cables = self.model, {cable.name for cable in self.robot.cables}
         for name, numbers in joints.items():
-            if name in self._axes or any(name == cable.name for cable in robot.cables):
-                self._set_tendon(int(model.tendon(name).id), numbers, self._rest(name))
+            if name in self._axes or name in cables:
+                t = int(model.tendon(name).id)
+                for word, value in numbers.items():
+                    getattr(model, f"tendon_{word}")[t] = value
+                model.tendon_lengthspring[t] = self._rest(name)
                 continue
             joint = model.joint(name)
             model.dof_armature[joint.dofadr[0]] = numbers["armature"]
@@ -309,11 +311,6 @@ class ForwardRobot:
             return rest_along(self.robot, axes[name])
         at_home = float(self.robot.dof_position(self.robot.home[None], name)[0])
         return self.robot.rest.get(name, at_home)
-
-    def _set_tendon(self, t: int, numbers: Mapping[str, float], rest: float) -> None:
-        for word, value in numbers.items():
-            getattr(self.model, f"tendon_{word}")[t] = value
-        self.model.tendon_lengthspring[t] = rest
 
     def _constant(self, terms: Mapping[str, JointTerms]) -> tuple[Array, Array]:
         """Return what is taken off at joints (nv,) and along straight tendons (c,), always.
@@ -370,11 +367,14 @@ class ForwardRobot:
         try:
             for step in range(steps):
                 force, dry = tau[:, step], None
-                if extra is not None and alive.any():
-                    taken, added = self._evaluate(extra, step * dt, states, at, alive)
+                which = np.flatnonzero(alive)
+                if extra is not None and len(which):
+                    v, a = drives.rates([states[k] for k in which])
+                    taken, added = np.zeros((2, count, n))
+                    taken[which], added[which] = extra(which, step * dt, at[which], v, a)
                     force, dry = force - taken, np.maximum(coulomb + added, 0.0)
                 joints, cables = drives.forces(force, self._bias)
-                for k in np.flatnonzero(alive).tolist():
+                for k in which.tolist():
                     states[k].qfrc_applied[:], states[k].ctrl[:] = joints[k], cables[k]
                     if dry is not None:
                         drives.dry = dry[k]
@@ -385,16 +385,6 @@ class ForwardRobot:
         finally:
             drives.dry = coulomb
         return out
-
-    def _evaluate(
-        self, extra: Extra, later: float, states: list[Any], q: Array, alive: np.ndarray
-    ) -> tuple[Array, Array]:
-        """Return torque and dry friction of the other effects at the present states."""
-        v, a = self._drives.rates(states)
-        torque, dry = np.zeros_like(q), np.zeros_like(q)
-        which = np.flatnonzero(alive)
-        torque[which], dry[which] = extra(which, later, q[which], v[which], a[which])
-        return torque, dry
 
     def _start(self, q: Array, dq: Array) -> list[Any]:
         """Return closed configurations with their velocities."""

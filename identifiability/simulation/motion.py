@@ -22,8 +22,8 @@ from identifiability.logs import Log, signals
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.logs.source import read_table
 from identifiability.logs.spectrum import Spectrum, choose_band
+from identifiability.logs.tables import read_table
 from identifiability.robot import Robot
 
 # Prescribed motion of the actuated joints: Fourier series, from a file or at random, or a table.
@@ -280,13 +280,9 @@ def _from_file(robot: Robot, source: str) -> PrescribedMotion:
     if log.dq is not None and log.ddq is not None:
         return PrescribedMotion(log.t, log.q, log.dq, log.ddq, log.name)
     dt, gaps = signals.sampling_step(log.t), np.diff(log.t)
-    grid = np.round((log.t - log.t[0]) / dt).astype(int)
-    if grid[-1] > 2 * len(grid) or np.diff(grid).min() < 1:
-        raise LogError(f"{log.name} is not sampled evenly, as a motion is; give it on even times.")
     # Lost samples are bridged as where a log is fitted.
-    t, q = log.t[0] + dt * np.arange(grid[-1] + 1), log.q
-    if len(t) > len(q):
-        q = CubicSpline(log.t, q)(t)
+    t = log.t[0] + dt * np.arange(round((log.t[-1] - log.t[0]) / dt) + 1)
+    q = CubicSpline(log.t, log.q)(t)
     cutoff = choose_band([Spectrum.of([q], dt)]).outputs
     longest = int(np.argmax(gaps))
     if gaps[longest] > LOG_RULES.gap_bridged / cutoff:

@@ -20,7 +20,7 @@ from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.files import release_root
 from identifiability.robot.floating import BASE_JOINTS
-from identifiability.robot.markup import drop_repeated, read_markup
+from identifiability.robot.locate import drop_repeated, read_markup
 from identifiability.robot.mjcf import AXES, quiet, read_spec
 
 # A robot file as MuJoCo compiles it, and its loops and couplings in MuJoCo's terms.
@@ -47,10 +47,10 @@ def robot_spec(robot: Robot, *, balance: str = "false") -> Any:
     try:
         if robot.mjcf:
             which = None if robot.base is None else robot.base.which
-            how: dict[str, Any] = {"fixed": robot.bolted, "floating": which}
+            how: dict[str, Any] = {"fixed": robot.said.base == "fixed", "floating": which}
             spec = read_spec(robot.path, read_markup(robot.path), robot.outside, **how)
             return _with_loops(spec, robot)
-        said = "floating" if robot.base is not None else "fixed" if robot.bolted else None
+        said = robot.said.base if robot.base is None else "floating"
         root, _ = release_root(ET.parse(robot.path).getroot(), said)
         spec = mujoco.MjSpec.from_string(bare_urdf(root, balance))
     except (ValueError, OSError) as error:

@@ -83,20 +83,17 @@ class Noise:
         if text in named:
             return named[text]
         known = list(Noise.__dataclass_fields__)
-        values = {}
-        for part in text.split(","):
-            name, _, number = part.partition("=")
-            try:
-                values[name.strip()] = float(number)
-            except ValueError:
+        given = dict(part.replace(" ", "").partition("=")[::2] for part in text.split(","))
+        try:
+            values = {name: float(number) for name, number in given.items()}
+        except ValueError:
+            values = {text: 0.0}
+        for name in values:
+            if name not in known:
                 raise IdentifiabilityError(
-                    f"The noise '{text}' is not understood{near_match(text, named)} Give 'paper', "
-                    "'none', or levels such as 'motion=0.04,torque=0.05'."
-                ) from None
-            if name.strip() not in known:
-                raise IdentifiabilityError(
-                    f"There is no noise level '{name.strip()}'{near_match(name.strip(), known)} "
-                    f"The levels are {', '.join(known)}."
+                    f"There is no noise or level '{name}'{near_match(name, [*named, *known])} Give "
+                    f"'paper', 'none', or levels such as 'motion=0.04,torque=0.05' of "
+                    f"{', '.join(known)}."
                 )
         return Noise(**values)
 
@@ -194,9 +191,8 @@ def simulate(
     robot = Robot.of(robot)
     robot.check_stands("simulation")
     campaign = Campaign.of(robot, [motion], parameters)
-    move = campaign.moves[0]
     tau = noise.on_torque(campaign.torque + campaign.hidden(hide, laws), rng)
-    return _record(robot, move, tau, noise, rng, derivatives=derivatives)
+    return _record(robot, campaign.moves[0], tau, noise, rng, derivatives=derivatives)
 
 
 def _record(

@@ -1,4 +1,4 @@
-"""Logs of commands: torque that servos make of them, less what recording does to it.
+"""Logs of commands: gains of servos, and torque that they make, less what recording does to it.
 
 The servo is the torque sensor, τ = kp (q_cmd(t − d) − q) + …, but the encoder's steps, the log's
 rate and the low-pass stand in this torque and in the columns, and least squares is off by some ten
@@ -10,16 +10,19 @@ the motion, whose errors are not those of the log (calibrated instrumental varia
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from identifiability.effects.nominal import rigid_torque
 from identifiability.estimation.rollouts import (
+    Gains,
     Rollouts,
     contradicted,
+    fit_gains,
     fit_rollouts,
     record,
     roll_late,
@@ -27,15 +30,21 @@ from identifiability.estimation.rollouts import (
 )
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError, listing
-from identifiability.foundation.rounding import format_number
+from identifiability.foundation.findings import Finding, of_key, phrase
+from identifiability.foundation.names import GROUPED_KINDS, Array
+from identifiability.foundation.numbers import percent
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import check_commands, of_commands, servo_log
-from identifiability.logs.contradictions import looks_like_degrees
+from identifiability.logs.contradictions import check_units, looks_like_degrees
 from identifiability.logs.prepare import Preparation, prepare_log
+from identifiability.physical.cad_prior import thick_inertia
+from identifiability.physical.pseudo_inertia import BASIS
+from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.robot.servo import Servo, state_delay
+from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot, forgotten
 
 #: Recordings of a rollout that differ in where the encoders' steps lie.
@@ -85,23 +94,19 @@ def follow_commands(
     """
     robot, fitted, first = structure.robot, recordings.fitted, recordings.rolled
     commanded = [x for x in fitted if of_commands(x)]
-    hints = recordings.hints[bool(values) :]  # without what was said of others
+    earlier = of_key(recordings.hints, "commands", "rollouts")  # what was said of others
+    hints = tuple(hint for hint in recordings.hints if hint not in earlier)
     if robot.servo is None or not commanded:
         return recordings
     if first is None:
         refuse_scale(structure, commanded, how)
+    known, own = robot.servo.delay, [log.select(robot.joints) for log in commanded]
     try:
-        found = fit_rollouts(
-            robot,
-            [log.select(robot.joints) for log in commanded],
-            delay=robot.servo.delay,
-            fitted=values,
-        )
+        found = fit_rollouts(robot, own, delay=known, fitted=values)
     except RobotError as error:
-        said = f"{error} Torque of commands is taken as it is"
-        if robot.servo.delay is None:
-            said += ", without a delay: state it in the sidecar ([servo] delay = …)"
-        return replace(recordings, hints=(f"{said}.", *hints), commands="", rolled=None)
+        text = phrase("rollouts", "none" if known is None else "stated", error=str(error))
+        said = Finding("rollouts", text=text)
+        return replace(recordings, hints=(said, *hints), rolled=None)
     doubt = check_found(robot, commanded, found)
     if first is not None:
         found = replace(found, before=first.before)
@@ -117,13 +122,13 @@ def follow_commands(
     for other in robot.servo.doubted:
         pairs = enumerate(own_fitted)
         later.append({k: moved(x, robot.servo, other) for k, x in pairs if of_commands(x)})
-    said = doubt + state_servos(robot, commanded, found)
     rolled = any(x.rollout is not None for x in own_fitted)
+    text = doubt + state_servos(robot, commanded, found)
+    said = Finding("commands" if rolled else "rollouts", text=text)
     return replace(
         recordings,
         fitted=own_fitted,
         hints=(said, *hints),
-        commands=said if rolled else "",
         later=tuple(later),
         rolled=found,
         values=values,
@@ -153,15 +158,35 @@ def calibrate(
     """
     robot = structure.robot
     assert robot.servo is not None
-    machine, out = CommandedRobot(robot, values), list[Log]()
-    for log in logs:
-        if of_commands(log):
-            delay = delays.get(id(log), robot.servo.delay)
-            own = log.select(robot.joints)
-            out.append(_calibrate(structure, own, machine, values, delay, how, rng))
-        else:
-            out.append(log)
-    return tuple(out)
+    machine = CommandedRobot(robot, values)
+    known = {**robot.nominal, **values}
+    phi = np.array([known.get(name, 0.0) for name in structure.columns])
+
+    def without(log: Log, delay: float | None) -> Log:
+        delay, q = roll_late(machine, log, delay)
+        given = servo_log(replace(log, unmeasured=None), machine.servo, delay)
+        lost = np.zeros(q.shape, bool) if given.unmeasured is None else given.unmeasured.copy()
+        if not np.isfinite(q).all():  # nothing can be said of it
+            return given
+        left, count = np.zeros(q.shape), np.zeros(q.shape)
+        for _ in range(PHASES):
+            again = replace(given, q=record(q, log, rng), unmeasured=None)
+            samples = prepare_log(robot, servo_log(again, machine.servo, delay), how)
+            rows, moves = samples.motion.kept, samples.weight > 0
+            told = structure.model.regressor(robot, samples.motion) @ phi
+            left[rows] += np.where(moves, samples.tau - told, 0.0)
+            count[rows] += moves
+        lost |= count < PHASES
+        lost[: forgotten(log)] = True
+        tau = given.tau - left / np.maximum(count, 1)
+        return replace(given, tau=tau, unmeasured=lost if lost.any() else None, rollout=q)
+
+    return tuple(
+        without(log.select(robot.joints), delays.get(id(log), robot.servo.delay))
+        if of_commands(log)
+        else log
+        for log in logs
+    )
 
 
 def moved(log: Log, servo: Servo, other: Servo, more: float = 0.0) -> Log:
@@ -186,26 +211,17 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     LogError
     """
     assert robot.servo is not None
-    share = share_missed(found.errors, logs)
+    share, names = share_missed(found.errors, logs), [log.name for log in logs]
     k = int(np.argmax(share))
     if contradicted(share):
+        told = {"kp": robot.servo.kp[k], "kv": robot.servo.kv[k], "unit": doubt_unit(robot, logs)}
+        joint, source = robot.joints[k], robot.servo.source
         raise LogError(
-            f"The servos of {robot.servo.source} contradict the motion in "
-            f"{listing([log.name for log in logs], 4)}: moved by the commands, '{robot.joints[k]}' "
-            f"errs by {100 * share[k]:.0f} % of how far it is from its command, merely delayed, "
-            f"whatever its friction and rotor are; "
-            f"{doubt_unit(robot, logs)}check its gains (kp = {robot.servo.kp[k]:.4g}, "
-            f"kv = {robot.servo.kv[k]:.4g}) and the sign and zero of its command."
+            Finding("servos.contradicted", source, names=names, joint=joint, share=share[k], **told)
         )
     (lost,) = np.nonzero(share > ESTIMATION_RULES.rollout_contradicted)
-    if not len(lost):
-        return ""
     each = [f"'{robot.joints[j]}' ({100 * share[j]:.0f} %)" for j in lost]
-    return (
-        f"Do not use what is said of {listing(each, 4)}: moved by the commands, it errs by that "
-        "share of how far it is from its command, merely delayed, whatever its friction and rotor "
-        "are; check its gains, limit and sign, or whether something holds it. "
-    )
+    return f"{phrase('rollouts', 'lost', joints=each)} " if each else ""
 
 
 def doubt_unit(robot: Robot, logs: Sequence[Log]) -> str:
@@ -216,12 +232,8 @@ def doubt_unit(robot: Robot, logs: Sequence[Log]) -> str:
         if not robot.is_prismatic(int(robot.actuated[k]))
         and any(looks_like_degrees(log.q[:, k], *robot.limits[k]) for log in logs)
     ]
-    if not odd:
-        return ""
     return (
-        f"positions of {listing([repr(j) for j in odd], 4)} are within the limits of the robot "
-        f"file in degrees alone (the sidecar's [columns] {odd[0]} = {{scale = 0.0174533}} reads "
-        "them); else "
+        phrase("servos.unit", "says", joints=[f"'{j}'" for j in odd], first=odd[0]) if odd else ""
     )
 
 
@@ -259,49 +271,10 @@ def refuse_scale(structure: Structure, logs: Sequence[Log], how: Preparation) ->
     many = along / across
     # A servo that makes so many times the torque that the file's bodies need has other gains.
     if many > 5.0:
-        raise LogError(
-            f"The servos of {servo.source} contradict the motion in "
-            f"{listing([log.name for log in logs], 4)}: they make "
-            f"{format_number(many, 2)} times the torque that the bodies of {robot.path.name} "
-            f"need; {doubt_unit(robot, logs)}check gains "
-            f"(kp = {servo.kp[0]:.4g}, kv = {servo.kv[0]:.4g} of '{robot.joints[0]}') and masses, "
-            "and their units."
-        )
-
-
-def _calibrate(
-    structure: Structure,
-    log: Log,
-    machine: CommandedRobot,
-    values: Mapping[str, float],
-    delay: float | None,
-    how: Preparation,
-    rng: np.random.Generator,
-) -> Log:
-    """Return a log whose torque has no share of what recording a rollout of it leaves."""
-    robot = structure.robot
-    delay, q = roll_late(machine, log, delay)
-    given = servo_log(replace(log, unmeasured=None), machine.servo, delay)
-    lost = np.zeros(q.shape, bool) if given.unmeasured is None else given.unmeasured.copy()
-    if not np.isfinite(q).all():  # nothing can be said of it
-        return given
-    known = {**robot.nominal, **values}
-    phi = np.array([known.get(name, 0.0) for name in structure.columns])
-    left, count = np.zeros(q.shape), np.zeros(q.shape)
-    for _ in range(PHASES):
-        again = servo_log(
-            replace(given, q=record(q, log, rng), unmeasured=None), machine.servo, delay
-        )
-        samples = prepare_log(robot, again, how)
-        rows = samples.motion.kept
-        told = structure.model.regressor(robot, samples.motion) @ phi
-        moves = samples.weight > 0
-        left[rows] += np.where(moves, samples.tau - told, 0.0)
-        count[rows] += moves
-    lost |= count < PHASES
-    lost[: forgotten(log)] = True
-    tau = given.tau - left / np.maximum(count, 1)
-    return replace(given, tau=tau, unmeasured=lost if lost.any() else None, rollout=q)
+        told = {"names": [log.name for log in logs], "file": robot.path.name, "many": many}
+        gains = {"joint": robot.joints[0], "kp": servo.kp[0], "kv": servo.kv[0]}
+        unit = doubt_unit(robot, logs)
+        raise LogError(Finding("servos.scale", servo.source, **told, **gains, unit=unit))
 
 
 @frozen
@@ -402,27 +375,184 @@ def measure_rollouts(
 def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     """Return how torque was obtained, and what rollouts err by, in one sentence."""
     assert robot.servo is not None
-    known = "as is stated" if robot.servo.delay is not None else "found from rollouts"
     before, after = (1e3 * float(np.sqrt(np.mean(x**2))) for x in (found.before, found.errors))
-    late = state_delay(found.delays, [log.name for log in logs])
-    names = listing([log.name for log in logs], 4)
-    first = f"{robot.servo.found} " if robot.servo.found else ""
-    return (
-        f"{first}{names} {'holds' if len(logs) == 1 else 'hold'} commands and no torque: it is "
-        f"what the servos of {robot.servo.source} make of them, kp (q_cmd − q) − kv dq, "
-        f"less what sampling and encoders leave in it; {late}, {known}. Moved by these commands "
-        f"the file's robot errs by {before:.3g} mrad (rms), one with the numbers that fit "
-        f"best by {after:.3g}. {state_drift(robot)}{robot.servo.state_rate()}"
-    ).rstrip()
-
-
-def state_drift(robot: Robot) -> str:
-    """Return what servos of velocity leave unsaid, in one sentence; nothing without any."""
-    assert robot.servo is not None
+    names = [log.name for log in logs]
     drifts = [j for j, kp in zip(robot.joints, robot.servo.kp, strict=True) if not kp > 0]
-    if not drifts:
-        return ""
-    return (
-        f"The servos of {listing(drifts, 4)} hold no position, so rollouts drift there: rotors, "
-        "friction and delay are known worse than their intervals say. "
+    told = phrase(
+        "commands",
+        "made",
+        names=names,
+        source=robot.servo.source,
+        late=state_delay(found.delays, names),
+        known="as is stated" if robot.servo.delay is not None else "found from rollouts",
+        before=before,
+        after=after,
     )
+    drift = phrase("commands", "drift", joints=drifts) if drifts else ""
+    return " ".join(filter(None, (robot.servo.found, told, drift, robot.servo.state_rate())))
+
+
+# Gains of servos that nobody states: found from logs of commands, and what fixes their scale.
+#
+# Commands and positions tell ratios alone: gains, rotors, friction and bodies that are all twice as
+# large move alike. The scale comes from what is known beside the logs: bodies within a share of the
+# robot file's, or what its sidecar states of single ones (``[prior_share]``, ``[prior]``). Bodies
+# are fitted beside the gains in coordinates in which each stays a possible one,
+# J = P (1 + E)(1 + E)ᵀ Pᵀ with E upper triangular and J₀ = P Pᵀ the file's pseudo-inertia.
+
+
+#: Length of logs that gains are found from, all together [s]: more says little more of them.
+LONG: Tolerance = 60.0
+
+
+_UPPER = np.triu_indices(4)
+
+
+@frozen
+class Bodies:
+    """Bodies that are a robot file's within shares, as `estimation.rollouts.Believed`.
+
+    Attributes
+    ----------
+    robot : Robot
+    share : float
+        Within which a body is the file's, where its sidecar does not say otherwise.
+    """
+
+    robot: Robot
+    share: float = PHYSICAL_RULES.body_within
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Bodies whose inertia the file states."""
+        nominal = self.robot.nominal
+        return tuple(b for b in self.robot.bodies if nominal.get(f"{b}.m", 0.0) > 0)
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The body of each coordinate."""
+        return tuple(b for b in self.names for _ in range(len(_UPPER[0])))
+
+    @cached_property
+    def _roots(self) -> list[Array]:
+        nominal = self.robot.nominal
+        each = [np.array([nominal[f"{b}.{k}"] for k in GROUPED_KINDS]) for b in self.names]
+        pairs = zip(self.names, each, strict=True)
+        return [np.linalg.cholesky(thick_inertia(x, b)) for b, x in pairs]
+
+    @property
+    def shares(self) -> Array:
+        """Within which each body is the file's, (nb,)."""
+        return np.array([self.robot.said.prior_share.get(b, self.share) for b in self.names])
+
+    def values(self, e: Array) -> dict[str, float]:
+        """Return standard parameters at some coordinates, ten of each body (m,)."""
+        out: dict[str, float] = {}
+        for body, P, own in zip(self.names, self._roots, e.reshape(-1, 10), strict=True):
+            E = np.eye(4)
+            E[_UPPER] += own
+            J = P @ E @ E.T @ P.T
+            phi = np.linalg.lstsq(BASIS.reshape(10, 16).T, J.ravel(), rcond=None)[0]
+            out |= dict(zip((f"{body}.{k}" for k in GROUPED_KINDS), phi.tolist(), strict=True))
+        return out
+
+    def scaled(self, e: Array, by: float) -> Array:
+        """Return the coordinates of bodies that are so many times as heavy and alike."""
+        one = np.tile(np.eye(4)[_UPPER], len(self.names))
+        return np.asarray(np.sqrt(by) * (one + e) - one)
+
+    def rows(self, e: Array, numbers: Mapping[str, Array]) -> Array:
+        """Return how far bodies and stated parameters are from what is believed, (r,) [σ]."""
+        near = (e.reshape(-1, 10) / self.shares[:, None]).ravel()
+        joints = {
+            f"{joint}.{self.robot.inertia_parts[0] if kind == 'Ia' else kind}": x
+            for kind, values in numbers.items()
+            for joint, x in zip(self.robot.joints, values, strict=True)
+        }
+        found = {**(self.values(e) if self._stated else {}), **joints}
+        return np.array([*near, *((found[k] - m) / s for k, (m, s) in self._stated.items())])
+
+    @cached_property
+    def _stated(self) -> dict[str, tuple[float, float]]:
+        joints = {f"{j}.{k}" for j in self.robot.joints for k in ("Ia", "Ja", "Fv", "Fc", "off")}
+        known = {f"{b}.{k}" for b in self.names for k in GROUPED_KINDS} | joints
+        return {name: at for name, at in self.robot.prior.items() if name in known}
+
+
+def select(robot: Robot, logs: Iterable[Log]) -> list[Log]:
+    """Return logs in the robot's order of joints, if the motion does not contradict them.
+
+    Raises
+    ------
+    LogError
+        If the motion contradicts the commands.
+    """
+    own = [log.select(robot.joints) for log in logs]
+    for log in own:
+        check_commands(log)
+        check_units(robot, [log])
+    return own
+
+
+def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
+    """Return a robot whose servos have gains; logs of commands tell those nobody states.
+
+    Raises
+    ------
+    LogError
+        If no gains make it follow.
+    RobotError
+        If it cannot be rolled out.
+    """
+    every = [log for log in logs if log.q_ref is not None]
+    if robot.servo is None or not (every and robot.servo.unknown.any()):
+        return robot
+    each = LONG / len(every)
+    parts = [x.rows(0, min(len(x), round(each / signals.sampling_step(x.t)))) for x in every]
+    believed = Bodies(robot)
+    if not believed.names:
+        raise RobotError(Finding("gains.massless", robot.path))
+    found = fit_gains(robot, parts, believed)
+    share = share_missed(found.errors, parts)
+    k = int(np.argmax(share))
+    if contradicted(share):  # of a single joint rollouts with these gains tell
+        names = [x.name for x in every]
+        raise LogError(Finding("gains.none", robot.joints[k], names=names, share=share[k]))
+    values, axes = np.linalg.eigh(found.covariance)
+    doubt = (np.sqrt(np.maximum(values, 0.0)) * axes).T
+    # Doubt of a gain that is none.
+    doubt = doubt[np.linalg.norm(doubt, axis=1) > 1e-4]
+    told = state_gains(robot, [x.name for x in every], found, believed)
+    return replace(robot, servo=replace(found.servo, source=FOUND, found=told, doubt=doubt))
+
+
+def state_gains(robot: Robot, names: Sequence[str], found: Gains, believed: Bodies) -> str:
+    """Return what gains were found, and what fixes their scale."""
+    servo, asked = found.servo, robot.servo
+    assert asked is not None
+    sure = np.sqrt(np.diag(found.covariance))
+    free = np.flatnonzero(np.isnan(asked.kp))
+    each = [f"{robot.joints[k]} {servo.kp[k]:.4g} (± {percent(sure[k], 2)})" for k in free]
+    damped = np.flatnonzero(np.isnan(asked.kv) & (servo.kv > 0))
+    said = [f"kp of {listing(each, 12)}"] if each else []
+    others = [f"{robot.joints[k]} {servo.kv[k]:.4g}" for k in damped]
+    said += [f"kv of {listing(others, 12)}"] if others else []
+    text = [phrase("gains.found", "says", names=list(names), gains="; ".join(said))]
+    unit = np.tile(0.5 * np.eye(4)[_UPPER], len(believed.names)).reshape(-1, 10)
+    by = found.by_belief[: unit.size].reshape(-1, 10)
+    fixed = (by * unit).sum(1) / believed.shares
+    if fixed.sum() > 0.5:
+        # Share of the scale of a body that is named for it, where bodies fix more than
+        # half.
+        named = [
+            f"{believed.names[k]} ({100 * fixed[k]:.0f} %; within {percent(believed.shares[k])})"
+            for k in np.argsort(-fixed)
+            if fixed[k] > 0.2
+        ]
+        every = f"all bodies, each within {100 * PHYSICAL_RULES.body_within:g} %"
+        text.append(phrase("gains.found", "bodies", bodies=named or [every]))
+    else:
+        text.append(phrase("gains.found", "beside"))
+    if np.isnan(asked.kv).any() and not servo.kv[np.isnan(asked.kv)].any():
+        text.append(phrase("gains.found", "damping"))
+    return " ".join(text)

@@ -20,7 +20,7 @@ from identifiability.effects.nominal import has_masses
 from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.engines.mapping import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing
-from identifiability.foundation.findings import Level, ledger, of_key
+from identifiability.foundation.findings import Finding, Level, ledger, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
 from identifiability.foundation.output import check_ending, check_writable, csv_text, write_text
@@ -37,23 +37,18 @@ from identifiability.foundation.rounding import (
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.gaps import Gaps, StaleRule
+from identifiability.logs.gaps import Gaps
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.dataset import Dataset, explain_silence, prepare_log
-from identifiability.logs.prepare.plan import joint_log, noise_level, resolution
+from identifiability.logs.prepare.dataset import Dataset, prepare_log
+from identifiability.logs.prepare.preparation import joint_log
 from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.logs.spectrum import Spectrum
+from identifiability.logs.spectrum import Spectrum, noise_level
 from identifiability.physical.feasibility import find_impossible_bodies
-from identifiability.quality import MeasuredLogs, find_oddities
-from identifiability.quality.motion import find_stretches
 from identifiability.quality.rules import RULES as ODDITY_RULES
-from identifiability.quality.torque import flat_share, measure_factors
 from identifiability.regression.reduction import ModelLike, choose_model, find_ladder, ladder_model
-from identifiability.regression.structure import OfStructure, Structure, group_columns
+from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.robot.parts import Coupling
 from identifiability.robot.sidecar import read_sidecar
-from identifiability.workflows.alternatives import find_alternative
 from identifiability.workflows.answers import answer_next, with_hints
 from identifiability.workflows.commands import name_logs, source_name
 from identifiability.workflows.opening import (
@@ -132,27 +127,23 @@ class Need:
 
 def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
     """Return every joint: those of the tree in its order, then the locked ones."""
-    followed = {c.joint: c for c in robot.couplings}
+    followed = {c.joint: listing(c.terms, 4) for c in robot.couplings}
     actuated = {int(dof): k for k, dof in enumerate(robot.actuated)}
     kinds: dict[str, str] = {d: j.kind for j in robot.tree.joints for d in j.dofs}
     kinds |= dict.fromkeys((t.name for t in robot.cables), "tendon")
-    facts, speeds = [], robot.speed_limits
+    facts, nothing = [], (np.nan,) * 4
+    limits = np.column_stack([robot.limits, robot.speed_limits, robot.acceleration_limits])
     for dof, name in enumerate(robot.dofs):
         unit = "m" if robot.is_prismatic(dof) else "rad"
+        remarks = [f"follows {followed[name]}"] if name in followed else []
+        remarks += [f"known torque {k.text}" for k in robot.known_torque if k.along == name]
+        role: Role = "coupled" if name in followed else "passive"
+        known = nothing
         if dof in actuated:
-            k = actuated[dof]
-            known = (*robot.limits[k], speeds[k], robot.acceleration_limits[k])
-            limits = (float(x) if np.isfinite(x) else np.nan for x in known)
-            role: Role = "actuated" if name in robot.motor_joints else "floats"
-            facts.append(JointFact(name, kinds[name], role, unit, "", *limits))
-        elif name in followed:
-            remark = f"follows {listing(_leaders(followed[name]), 4)}"
-            facts.append(JointFact(name, kinds[name], "coupled", unit, remark))
-        else:
-            facts.append(JointFact(name, kinds[name], "passive", unit))
-        own = [f"known torque {k.text}" for k in robot.known_torque if k.along == name]
-        if own:
-            facts[-1] = replace(facts[-1], remark="; ".join(filter(None, [facts[-1].remark, *own])))
+            role = "actuated" if name in robot.motor_joints else "floats"
+            own = limits[actuated[dof]]
+            known = tuple(np.where(np.isfinite(own), own, np.nan).tolist())
+        facts.append(JointFact(name, kinds[name], role, unit, "; ".join(remarks), *known))
     locked = [
         JointFact(name, "", "locked", "", f"held at {at:.4g}") for name, at in robot.locked.items()
     ]
@@ -161,10 +152,6 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
         for body in robot.outside
     ]
     return (*facts, *locked, *outside)
-
-
-def _leaders(coupling: Coupling) -> list[str]:
-    return list(coupling.terms)
 
 
 def required_columns(names: Sequence[str]) -> tuple[str, ...]:
@@ -192,56 +179,24 @@ def template_frame(robot: Robot) -> pd.DataFrame:
 
 def find_needs(robot: Robot) -> tuple[Need, ...]:
     """Return what the robot file leaves open, the most important first."""
-    extra, needs = read_sidecar(robot.sidecar), []
-    wrong = find_impossible_bodies(robot)
-    if wrong:
-        needs.append(Need(wrong))
+    needs = [Need(wrong)] if (wrong := find_impossible_bodies(robot)) else []
     if robot.assembled:
         table = [f"{_key(name)} = {x:.6g}" for name, x in robot.home_table.items()]
         whole = len(table) == len(robot.tree.joints)
         needs.append(Need(robot.describe_assembly(), "\n".join(["[home]", *table] * whole)))
     grippers = [j for j in robot.joints if _GRIPPER.search(j)]
     if grippers and len(grippers) < len(robot.joints):
-        names = ", ".join(f'"{j}"' for j in grippers)
-        needs.append(
-            Need(
-                f"{listing(grippers, 4)} may be a gripper's: where it stands still, lock it (or "
-                "give --lock).",
-                f"locked = [{names}]",
-            )
-        )
-    if not robot.mjcf and extra.actuated is None:
-        needs.append(
-            Need(
-                "A URDF does not say which joints have motors: all that nothing moves are taken to "
-                "be actuated.",
-                f"actuated = [{', '.join(_quoted(robot.joints))}]",
-            )
-        )
-    needs += _missing_numbers(robot)
-    return tuple(needs)
-
-
-def _missing_numbers(robot: Robot) -> list[Need]:
-    """Return what the files state no numbers of."""
-    needs = []
+        line = f"locked = [{', '.join(_quoted(grippers))}]"
+        needs.append(Need(phrase("needs", "gripper", joints=grippers), line))
+    if not robot.mjcf and read_sidecar(robot.sidecar).actuated is None:
+        line = f"actuated = [{', '.join(_quoted(robot.joints))}]"
+        needs.append(Need(phrase("needs", "actuated"), line))
     if not has_masses(robot):
-        masses = "Masses of the file are guesses" if robot.guessed else "The file states no masses"
-        needs.append(
-            Need(
-                f"{masses}: torque cannot be compared with it, and parameters start from "
-                f"{'these' if robot.guessed else 'nothing'}. Give every link an <inertial>."
-            )
-        )
+        needs.append(Need(phrase("needs", "guessed" if robot.guessed else "masses")))
     if robot.base is not None and not (robot.base.contacts or robot.base.wrenches):
-        needs.append(
-            Need(
-                "Nothing says what touches it, so nothing but gravity is taken to act on it: state "
-                "its contacts, or wrenches that are measured.",
-                '[[contacts]]\nframe = "foot"\nflag = "foot_contact"',
-            )
-        )
-    return needs
+        line = '[[contacts]]\nframe = "foot"\nflag = "foot_contact"'
+        needs.append(Need(phrase("needs", "contacts"), line))
+    return tuple(needs)
 
 
 def _key(name: str) -> str:
@@ -252,41 +207,11 @@ def _quoted(names: Sequence[str]) -> list[str]:
     return [f'"{name}"' for name in names]
 
 
-def naming_sentence(robot: Robot) -> str:
-    """Return which parameters are named after motors, and which after joints and bodies."""
-    own = [a.name for a in robot.axes if a.mixed or a.weights is not None]
-    text = (
-        "Masses and inertias are named after bodies (link.m, link.Ixx), friction, rotor inertia "
-        "and offsets after joints (joint.Fv, joint.Ia)"
-    )
-    if own:
-        text += (
-            f"; {listing(own, 8)} {'moves' if len(own) == 1 else 'move'} several joints, and what "
-            f"is theirs bears their name ({own[0]}.Fv)"
-        )
-    return f"{text}."
-
-
 # What is in a log: its clock, its columns joint by joint, and how it would be prepared.
 
 
-@frozen
-class Trace:
-    """What is drawn of a log: the joints' motion and torque.
-
-    Attributes
-    ----------
-    t, q, tau : (N,) [s], (N, n), (N, n)
-        As they are read.
-    motion_t, dq : (M,) [s], (M, n)
-        Velocity as it is prepared; none where the log cannot be prepared.
-    """
-
-    t: Array
-    q: Array
-    tau: Array
-    motion_t: Array
-    dq: Array
+#: Keys of joints that a checks' sentence has taken the place of, for one release.
+OLDER = dict.fromkeys(("step", "torque_step", "frozen", "saturated", "scale"))
 
 
 @frozen
@@ -301,24 +226,21 @@ class Record:
     clock : mapping
         ``samples``, ``start`` and ``duration`` [s], ``rate`` [Hz], ``jitter`` (what 95 % of the
         steps differ from the usual one at most, as a share of it), ``gaps`` (steps over which
-        samples are missing) and how many seem ``lost``, the ``longest`` step [s], ``repeated``
-        (share of the samples at which every joint repeats the one before although it moves),
-        ``cutoff`` of computed derivatives [Hz], samples that are ``kept`` with their motion, and
-        ``outputs`` after decimation, and in how many ``parts`` of the log this was found.
+        samples are missing) and how many seem ``lost``, the ``longest`` step [s], ``cutoff`` of
+        computed derivatives [Hz], samples that are ``kept`` with their motion, and ``outputs``
+        after decimation, and in how many ``parts`` of the log this was found.
     joints : DataFrame
         One row a joint: range of its position (``low``, ``high``, and which share of its limits
         it is, ``room``) and torque (``torque_low``, ``torque_high``), largest ``speed`` and
-        ``acceleration`` as prepared, of what all values are multiples (``step``,
-        ``torque_step``; 0 where none is seen), ``noise`` and ``torque_noise`` (standard
-        deviation of what changes from sample to sample and is no motion), ``bandwidth`` [Hz]
-        (below it lie 99 % of the energy of its velocity), ``saturated`` (share of the samples at
-        which torque stays at an extreme value), ``frozen`` (stretches in which position or torque
-        hang), ``scale`` (measured torque over that which the file's masses ask for).
+        ``acceleration`` as prepared, ``noise`` and ``torque_noise`` (standard deviation of what
+        changes from sample to sample and is no motion), ``bandwidth`` [Hz] (below it lie 99 % of
+        the energy of its velocity).
     refused : str
         Why it cannot be prepared; empty if it can.
     notes : tuple of str
         How it is prepared.
-    trace : Trace
+    t, q, tau : (N,) [s], (N, n), (N, n)
+        As they are read.
     """
 
     name: str
@@ -329,7 +251,9 @@ class Record:
     joints: pd.DataFrame
     refused: str
     notes: tuple[str, ...]
-    trace: Trace
+    t: Array
+    q: Array
+    tau: Array
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as JSON has it; None for what is not known."""
@@ -340,19 +264,20 @@ class Record:
             "sha256": self.sha256,
             "channels": list(self.channels),
             "notes": list(self.notes),
-            "joints": [_plain(joint) for joint in self.joints.to_dict("records")],
+            "joints": [_plain(OLDER | joint) for joint in self.joints.to_dict("records")],
+            "repeated": None,
         }
 
 
-def describe_log(robot: Robot, log: Log, logs: MeasuredLogs | None, refused: str = "") -> Record:
+def describe_log(robot: Robot, log: Log, prepared: Dataset | None, refused: str = "") -> Record:
     """Return what is in a log.
 
     Parameters
     ----------
     robot : Robot
     log : Log
-    logs : MeasuredLogs or None
-        Of this log alone; None where it cannot be prepared.
+    prepared : Dataset or None
+        None where it cannot be prepared.
     refused : str
         Why.
 
@@ -361,10 +286,8 @@ def describe_log(robot: Robot, log: Log, logs: MeasuredLogs | None, refused: str
     LogError
         If it does not have the robot's joints.
     """
-    raw = [window for _, window in log.windows()]
-    windows = [joint_log(robot, window) for window in raw]
-    prepared = logs.samples[0] if logs is not None else None
-    clock = log.clock
+    windows = [joint_log(robot, window) for _, window in log.windows()]
+    survey, clock = None if prepared is None else prepared.survey, log.clock
     gaps = Gaps.of(log.name, clock, [w.t for w in windows])
     told = {
         "samples": len(log),
@@ -375,11 +298,31 @@ def describe_log(robot: Robot, log: Log, logs: MeasuredLogs | None, refused: str
         "gaps": len(gaps),
         "lost": int(gaps.lost.sum()),
         "longest": float(clock.longest.length),
-        "repeated": max(StaleRule.of(raw).share.values(), default=0.0),
         "cutoff": None if prepared is None else prepared.cutoff,
-        "kept": 0 if prepared is None else prepared.survey.kept,
-        "outputs": 0 if prepared is None else prepared.survey.outputs,
+        "kept": 0 if survey is None else survey.kept,
+        "outputs": 0 if survey is None else survey.outputs,
         "parts": len(windows),
+    }
+    t, q, tau = (np.concatenate([getattr(w, c) for w in windows]) for c in ("t", "q", "tau"))
+    reach = np.full((3, q.shape[1]), np.nan)
+    if survey is not None:
+        reach = np.maximum(np.abs(survey.low), np.abs(survey.high))
+    room = np.ptp(q, axis=0) / np.diff(robot.limits, axis=1)[:, 0]
+    slides = [robot.is_prismatic(int(dof)) for dof in robot.actuated]
+    joints = {
+        "joint": robot.joints,
+        "unit": np.where(slides, "m", "rad"),
+        "torque_unit": robot.torque_units,
+        "low": q.min(0),
+        "high": q.max(0),
+        "room": np.where(np.isfinite(robot.limits).all(1), room, np.nan),
+        "torque_low": tau.min(0),
+        "torque_high": tau.max(0),
+        "noise": np.median([noise_level(w.q) for w in windows], axis=0),
+        "torque_noise": np.median([noise_level(w.tau) for w in windows], axis=0),
+        "bandwidth": Spectrum.of([w.q for w in windows], gaps.step).bandwidths(),
+        "speed": reach[1],
+        "acceleration": reach[2],
     }
     return Record(
         name=log.name,
@@ -387,80 +330,16 @@ def describe_log(robot: Robot, log: Log, logs: MeasuredLogs | None, refused: str
         sha256=log.sha256,
         channels=log.channels,
         clock=told,
-        joints=_describe_columns(robot, windows, gaps.step, logs),
+        joints=pd.DataFrame(joints),
         refused=refused,
         notes=() if prepared is None else prepared.notes,
-        trace=_trace(windows, prepared),
+        t=t,
+        q=q,
+        tau=tau,
     )
-
-
-def _describe_columns(
-    robot: Robot, windows: Sequence[Log], step: float, logs: MeasuredLogs | None
-) -> pd.DataFrame:
-    """Return what the columns of every actuated joint hold, one row a joint."""
-    q, tau = (np.concatenate([getattr(w, c) for w in windows]) for c in ("q", "tau"))
-    limited = np.isfinite(robot.limits).all(1)
-    room = np.ptp(q, axis=0) / np.diff(robot.limits, axis=1)[:, 0]
-    reach, scale = np.full((3, q.shape[1]), np.nan), np.full(q.shape[1], np.nan)
-    if logs is not None:
-        survey = logs.samples[0].survey
-        reach = np.maximum(np.abs(survey.low), np.abs(survey.high))
-        scale = measure_factors(logs) if logs.weighs else scale
-    hung = [joint for w in windows for _, joint, *_ in find_stretches(w)]
-    slides = [robot.is_prismatic(int(dof)) for dof in robot.actuated]
-    return pd.DataFrame(
-        {
-            "joint": robot.joints,
-            "unit": np.where(slides, "m", "rad"),
-            "torque_unit": robot.torque_units,
-            "frozen": [hung.count(joint) for joint in robot.joints],
-            "low": q.min(0),
-            "high": q.max(0),
-            "room": np.where(limited, room, np.nan),
-            "torque_low": tau.min(0),
-            "torque_high": tau.max(0),
-            "step": resolution(q),
-            "torque_step": resolution(tau),
-            "noise": np.median([noise_level(w.q) for w in windows], axis=0),
-            "torque_noise": np.median([noise_level(w.tau) for w in windows], axis=0),
-            "bandwidth": Spectrum.of([w.q for w in windows], step).bandwidths(),
-            "speed": reach[1],
-            "acceleration": reach[2],
-            "scale": scale,
-            "saturated": [max(flat_share(x), flat_share(-x)) for x in tau.T],
-        }
-    )
-
-
-def _trace(windows: Sequence[Log], prepared: Dataset | None) -> Trace:
-    """Return what is drawn of a log."""
-    t, q, tau = (np.concatenate([getattr(w, c) for w in windows]) for c in ("t", "q", "tau"))
-    if prepared is None:
-        return Trace(t, q, tau, np.empty(0), np.empty((0, q.shape[1])))
-    motion = prepared.thin(1).motion
-    return Trace(t, q, tau, motion.t, motion.actuated_v)
 
 
 # `inspect`: a robot file, and logs before anything is fitted to them, as an `Inspection`.
-
-
-# `Inspection`: what a robot file says, what its logs must have, and what is in some logs.
-
-
-@frozen
-class Excited:
-    """What the motion of all logs together shows of the base parameters.
-
-    Attributes
-    ----------
-    rank : int
-        Base parameters that it excites.
-    condition : float
-        Condition number of their columns, each scaled to the same length.
-    """
-
-    rank: int
-    condition: float
 
 
 @frozen(kw_only=True)
@@ -476,8 +355,6 @@ class Inspection(OfStructure, Result):
         What the robot file leaves open.
     records : tuple of Record
         One a log.
-    excited : Excited or None
-        None where no log could be prepared.
     hints : tuple of str
         What is odd, the same that `analyze` says.
     provenance : mapping
@@ -492,7 +369,6 @@ class Inspection(OfStructure, Result):
     joints: tuple[JointFact, ...]
     needs: tuple[Need, ...]
     records: tuple[Record, ...] = ()
-    excited: Excited | None = None
     hints: tuple[str, ...] = ()
     provenance: Mapping[str, str] = field(default_factory=dict)
     preparation: Preparation = Preparation()
@@ -509,22 +385,13 @@ class Inspection(OfStructure, Result):
         return () if transmission is None else transmission.motors
 
     @property
-    def naming(self) -> str:
-        """What is named after motors, and what after joints and bodies."""
-        return naming_sentence(self.robot)
-
-    def of_role(self, role: str) -> tuple[str, ...]:
-        """Return the joints of a role: ``actuated``, ``passive``, ``coupled``, ``locked``."""
-        return tuple(j.name for j in self.joints if j.role == role)
-
-    @property
     def refused(self) -> tuple[Record, ...]:
         """Logs that cannot be prepared."""
         return tuple(r for r in self.records if r.refused)
 
     def answers(self) -> tuple[Answer, ...]:
         """Return whether logs can be used and what they show, or what the robot needs."""
-        of_logs, of_robot = (_usable, _excited, _content), (_columns, _most, _open)
+        of_logs, of_robot = (_usable, _content), (_columns, _most, _open)
         answers = [build(self) for build in (of_logs if self.records else of_robot)]
         return (*answers, answer_next(_next_commands(self)))
 
@@ -558,8 +425,7 @@ class Inspection(OfStructure, Result):
         return {
             "schema": self.schema,
             "robot": {
-                "name": robot.name,
-                "title": robot.title,
+                **robot.identity,
                 "file": robot.path.name,
                 "sidecar": robot.sidecar.name if robot.sidecar is not None else None,
                 "closed": robot.closed,
@@ -573,11 +439,11 @@ class Inspection(OfStructure, Result):
             },
             "model": list(self.effects),
             "parameters": self.base.to_frame().to_dict("records"),
-            "naming": self.naming,
+            "naming": phrase("needs", "naming"),
             "needs": [asdict(need) for need in self.needs],
             "logs": [_plain(r.to_dict()) for r in self.records],
-            "excited": self.excited.rank if self.excited is not None else None,
-            "condition": self.excited.condition if self.excited is not None else None,
+            "excited": None,  # older keys
+            "condition": None,
             "hints": list(self.hints),
             "statement": self.statement,
             "provenance": dict(self.provenance),
@@ -594,10 +460,7 @@ class Inspection(OfStructure, Result):
         check_ending(path, ".csv")
         text, place = csv_text(template_frame(self.robot)), check_writable(path)
         if place.exists() and place.read_bytes() != text.encode():
-            raise OutputError(
-                f"'{path}' is there and is no empty template; it may be a log, so nothing is "
-                "written over: give a new name."
-            )
+            raise OutputError(Finding("template.there", path))
         return self.note_written("template", write_text(path, text))
 
 
@@ -681,24 +544,16 @@ def _with_logs(
             prepared[k] = prepare_log(robot, log, settled, engine=engine, progress=reading)
         except IdentifiabilityError as error:
             refused[k] = str(error)
-    hints, excited = recordings.hints, None
+    hints = recordings.hints
     say("looking for what is odd", 0.6)
     if prepared:
         good = replace(recordings, fitted=tuple(recordings.fitted[k] for k in prepared))
         waiting = iter(prepared.values())
         sound = replace(session, recordings=good, engine=Serial())
-        opening = sound.open(prepare=lambda _log: next(waiting))
-        hints = opening.hints
-        excited = _measure(MeasuredLogs(found.structure, good.fitted, opening.samples))
-    alone = {
-        k: MeasuredLogs(found.structure, (recordings.fitted[k],), (samples,))
-        for k, samples in prepared.items()
-    }
-    if len(alone) > 1:
-        hints += tuple(text for logs in alone.values() for text in _odd_alone(logs, hints))
+        hints = sound.open(prepare=lambda _log: next(waiting)).hints
     say("looking at every column", 0.8)
     records = tuple(
-        describe_log(robot, log, alone.get(k), refused.get(k, ""))
+        describe_log(robot, log, prepared.get(k), refused.get(k, ""))
         for k, log in enumerate(recordings.fitted)
     )
     hashes = {f"sha256 {log.path or log.name}": log.sha256 for log in recordings.fitted}
@@ -707,7 +562,6 @@ def _with_logs(
         joints=found.joints,
         needs=found.needs,
         records=records,
-        excited=excited,
         hints=tuple(dict.fromkeys((*refused.values(), *hints))),
         provenance={**found.provenance, **hashes},
         preparation=how or Preparation(),
@@ -720,28 +574,6 @@ def _settle(session: Session) -> Preparation:
         return session.how
     except IdentifiabilityError:
         return session.preparation or Preparation()
-
-
-def _odd_alone(logs: MeasuredLogs, said: tuple[str, ...]) -> list[str]:
-    """Return what is odd about one log of several, which good ones may hide."""
-    if explain_silence([logs.samples[0].survey]):
-        return []
-    other = find_alternative(logs)
-    odd = find_oddities(logs, explained=other is not None)
-    name = logs.samples[0].name
-    own = [f"{name}: {other.statement}"] if other and not odd.misread else []
-    return [*own, *(x.of_log(name) for x in of_key(odd.hints) if x not in said)]
-
-
-def _measure(logs: MeasuredLogs) -> Excited:
-    """Return what the motion of some logs excites where there is torque."""
-    structure = logs.structure
-    W = structure.model.regressor(structure.robot, logs.motion)[:, :, structure.base.kept]
-    W = W * logs.data[:, :, None]
-    kept = [structure.parameters[k] for k in structure.base.kept]
-    groups = group_columns(W.reshape(-1, W.shape[2]), kept)
-    s = groups.singular_values[: groups.rank]
-    return Excited(groups.rank, float(s[0] / s[-1]) if len(s) else np.inf)
 
 
 #: Things of which the first screen says what they are.
@@ -771,37 +603,16 @@ def _usable(result: Inspection) -> Answer:
     )
 
 
-def _excited(result: Inspection) -> Answer:
-    question, rank = "How much do they show?", result.base.rank
-    if result.excited is None:
-        return Answer(question, "Nothing: no log could be prepared.", tone="vermilion")
-    found = result.excited
-    short = f"{found.rank} of {format_count(rank, 'base parameter')} are excited."
-    text = "No motion of this robot shows more." if found.rank == rank else ""
-    if np.isfinite(found.condition):
-        text += f" Condition number {format_number(found.condition, 3)}."
-    return Answer(question, short, text.strip(), "green" if found.rank == rank else "amber")
-
-
 def _content(result: Inspection) -> Answer:
-    clocks, found = [r.clock for r in result.records], result.to_frame()
-    seconds = sum(c["duration"] for c in clocks)
+    clocks = [r.clock for r in result.records]
+    seconds = format_number(sum(c["duration"] for c in clocks), 3)
     samples = format_count(sum(c["samples"] for c in clocks), "sample")
-    known = sorted(c["rate"] for c in clocks)
-    rates = [format_number(rate, 3) for rate in known]
-    short = (
-        f"{format_number(seconds, 3)} s of motion: {samples} at "
-        f"{' … '.join(dict.fromkeys((rates[0], rates[-1])))} Hz."
-    )
-    known = found[np.isfinite(found["room"])]
-    rooms = sorted(zip(known["room"], known["joint"], strict=True))
-    used = [f"{percent(x, 2)} ({joint})" for x, joint in (*rooms[:1], *rooms[-1:])]
-    text = f"Of the range that limits allow, joints use {' to '.join(dict.fromkeys(used))}."
-    text *= bool(used)
+    rates = [format_number(rate, 3) for rate in sorted(c["rate"] for c in clocks)]
+    known = " … ".join(dict.fromkeys((rates[0], rates[-1])))
+    short = f"{seconds} s of motion: {samples} at {known} Hz."
     cuts = sorted({c["cutoff"] for c in clocks if c["cutoff"] is not None})
-    if cuts:
-        text += f" Derivatives would be cut off at {format_number(cuts[0], 3)} Hz."
-    return Answer("What is in them?", short, text.strip(), "blue")
+    text = f"Derivatives would be cut off at {format_number(cuts[0], 3)} Hz." if cuts else ""
+    return Answer("What is in them?", short, text, "blue")
 
 
 def _columns(result: Inspection) -> Answer:
@@ -828,32 +639,21 @@ def _open(result: Inspection) -> Answer:
 
 def _next_commands(result: Inspection) -> list[tuple[str, str]]:
     robot = source_name(result.robot)
-    template = (
-        "Write an empty log with the right columns:",
-        f"identifiability inspect {robot} --template log.csv",
-    )
     good = [r.path or r.name for r in result.records if not r.refused]
     if not good:
+        template = f"identifiability inspect {robot} --template log.csv"
         motion = f"identifiability excite {robot} --out motion.json --report motion.html"
-        measure = ("Find a motion that is worth measuring:", motion)
-        return [measure] if result.written("template") else [template, measure]
+        known = result.written("template") is not None
+        first = [] if known else [("Write an empty log with the right columns:", template)]
+        return [*first, ("Find a motion that is worth measuring:", motion)]
     logs = name_logs(result.robot, good)
     judge = f"identifiability analyze {robot} {logs} --report report.html --json analyze.json"
-    out = [("Say which parameters they determine:", judge)]
-    if result.excited is not None and result.excited.rank < result.base.rank:
-        begun = name_logs(result.robot, good, "--start-from")
-        more = f"identifiability excite {robot} {begun} --out next.json"
-        out.append(("Find the motion that shows the rest:", more))
-    return out
+    return [("Say which parameters they determine:", judge)]
 
 
 def _share(value: float) -> str:
     # Shares below this are none: rounding of times leaves as much.
     return percent(value, 2) if not value <= 1e-5 else "no"
-
-
-def _step(value: float) -> str:
-    return format_number(value, 2) if value else "fine"
 
 
 def _tables(result: Inspection) -> tuple[Table, ...]:
@@ -865,8 +665,7 @@ def _tables(result: Inspection) -> tuple[Table, ...]:
     first = Column("joint", get=lambda row: Cell(row.joint, note=row.log if several else ""))
     return (
         Table.of("Clock and preparation", CLOCK, clocks.itertuples()),
-        Table.of("Motion of each joint [SI units]", (first, *MOTION), rows),
-        Table.of("Torque of each joint [N·m or N]", (first, *TORQUE), rows),
+        Table.of("Each joint [SI units]", (first, *MOTION), rows),
     )
 
 
@@ -878,20 +677,10 @@ MOTION = with_hints(
     Column("speed", digits(3), "speed"),
     Column("acceleration", digits(3), "acceleration"),
     Column("bandwidth", digits(3), "bandwidth"),
-    Column("resolution", _step, "step"),
     Column("noise", digits(2), "noise"),
-)
-
-
-TORQUE = with_hints(
-    "inspection.torque",
-    Column("least", digits(3), "torque_low"),
-    Column("largest", digits(3), "torque_high"),
-    Column("resolution", _step, "torque_step"),
-    Column("noise", digits(2), "torque_noise"),
-    Column("at an extreme", _share, "saturated"),
-    Column("hangs", "number", "frozen"),
-    Column("to the file's", digits(2), "scale"),
+    Column("least torque", digits(3), "torque_low"),
+    Column("largest torque", digits(3), "torque_high"),
+    Column("torque noise", digits(2), "torque_noise"),
 )
 
 
@@ -904,7 +693,6 @@ CLOCK = with_hints(
     Column("jitter", _share, "jitter"),
     Column("gaps", "number", "gaps"),
     Column("lost", "number", "lost"),
-    Column("repeated", _share, "repeated"),
     Column("cut-off [Hz]", digits(3), "cutoff"),
     Column("used", whole_percent, lambda r: r.kept / r.samples),
     Column("left", "number", "outputs"),

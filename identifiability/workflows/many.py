@@ -10,7 +10,6 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import asdict, field, replace
 from functools import partial
 from pathlib import Path
@@ -21,8 +20,9 @@ from urllib.parse import quote
 import pandas as pd
 
 from identifiability.foundation.answers import Cell, Column, Note, Table
-from identifiability.foundation.engines.local import Engine, Serial
+from identifiability.foundation.engines.mapping import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing, near_match
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import FilePath, OptionError, check_option, checked
 from identifiability.foundation.output import temporary_folder, write_bytes
@@ -32,7 +32,6 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.formats.bags import BAGS, is_bag
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.tables import write_table
-from identifiability.robot import Robot
 from identifiability.robot.locate import ENDINGS
 from identifiability.robot.sidecar import read_settings
 from identifiability.workflows.analyze import analyze
@@ -47,16 +46,6 @@ Verb = Literal["analyze", "prune", "diagnose"]
 PAGE, TABLE, JSON, ROBOTS = "index.html", "table.csv", "table.json", "robots"
 
 
-@frozen
-class Task:
-    """What is asked of the robot in a folder, with the digest of all that leads to an answer."""
-
-    folder: Path
-    verb: str
-    options: Mapping[str, Any]
-    digest: str
-
-
 def _find(folder: Path) -> tuple[Path, list[Path], list[Path]]:
     """Return the robot file in a folder, its logs, and the last of several, which is held out.
 
@@ -66,7 +55,7 @@ def _find(folder: Path) -> tuple[Path, list[Path], list[Path]]:
         If there is no folder, no log, or not one robot file.
     """
     if not folder.is_dir():
-        raise OptionError(f"There is no folder '{folder}'; give one with a robot file and logs.")
+        raise OptionError(Finding("fleet.none", folder))
     there = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
     files = [path for path in there if path.suffix.lower() in ENDINGS]
     files = [p for p in files if p.name in ("robot.xml", "robot.urdf")][-1:] or files
@@ -75,7 +64,7 @@ def _find(folder: Path) -> tuple[Path, list[Path], list[Path]]:
         raise OptionError(f"'{folder}' {has}; there must be one robot.urdf or robot.xml.")
     logs = [p for p in there if p.suffix.lower() in (".csv", ".parquet", *BAGS) or is_bag(p)]
     if not logs:
-        raise OptionError(f"'{folder}' has no logs; put CSV or Parquet files or bags into it.")
+        raise OptionError(Finding("fleet.logs", folder))
     fitted = logs[:-1] or logs
     return files[0], fitted, logs[len(fitted) :]
 
@@ -83,8 +72,6 @@ def _find(folder: Path) -> tuple[Path, list[Path], list[Path]]:
 def _digest(folder: Path, options: Mapping[str, Any]) -> str:
     """Return a digest of the content of all files that lead to an answer."""
     digest = hashlib.sha256()
-    with suppress(IdentifiabilityError):  # which is said where the robot is asked
-        digest.update(Robot.of(_find(folder)[0]).sha256.encode())
     for place in (folder, *(Path(v) for v in options.values() if isinstance(v, (str, Path)))):
         for path in sorted(place.rglob("*")) if place.is_dir() else [place]:
             if path.is_file():
@@ -94,13 +81,12 @@ def _digest(folder: Path, options: Mapping[str, Any]) -> str:
     return digest.hexdigest()
 
 
-def _function(verb: str) -> Any:
-    return {"analyze": analyze, "prune": prune, "diagnose": diagnose}[verb]
+VERBS: dict[str, Any] = {"analyze": analyze, "prune": prune, "diagnose": diagnose}
 
 
 def _check_options(verb: str, given: Mapping[str, Any]) -> None:
     """Refuse what is no option of a verb."""
-    kinds = get_type_hints(_function(verb), include_extras=True)
+    kinds = get_type_hints(VERBS[verb], include_extras=True)
     for name, value in given.items():
         if name not in kinds:
             raise OptionError(f"'{name}' is no option of {verb}{near_match(name, kinds)}")
@@ -150,16 +136,26 @@ class Row:
         return "" if self.failed else f"{ROBOTS}/{self.robot}.html"
 
 
-def run_task(task: Task) -> tuple[Row, bytes, bytes]:
-    """Return the row of a robot, its JSON and its page; whatever goes wrong stands in the row."""
-    row = Row(robot=task.folder.name)
+def run_task(
+    verb: str, options: Mapping[str, Any], task: tuple[Path, str]
+) -> tuple[Row, bytes, bytes]:
+    """Return the row of a robot, its JSON and its page; whatever goes wrong stands in the row.
+
+    Parameters
+    ----------
+    verb : str
+    options : mapping
+    task : (Path, str)
+        Its folder, with the digest of all that leads to an answer.
+    """
+    row, own = Row(robot=task[0].name), dict(options)
     try:
-        robot, fitted, held = _find(task.folder)
+        robot, fitted, held = _find(task[0])
         row = replace(row, logs=tuple(p.name for p in fitted), held=tuple(p.name for p in held))
-        own, options = read_settings(robot)["preparation"], dict(task.options)
-        if own and options.get("preparation") is None:
-            options["preparation"] = Preparation(**own)
-        result: Result = _function(task.verb)(robot, fitted, held, engine=Serial(), **options)
+        stated = read_settings(robot)["preparation"]
+        if stated and own.get("preparation") is None:
+            own["preparation"] = Preparation(**stated)
+        result: Result = VERBS[verb](robot, fitted, held, engine=Serial(), **own)
         with temporary_folder() as folder:
             told = result.to_json(Path(folder, f"{row.robot}.json")).read_bytes()
             page = result.write_report(Path(folder, f"{row.robot}.html")).read_bytes()
@@ -177,15 +173,12 @@ def _fill(row: Row, told: Mapping[str, Any]) -> Row:
     """Return a row with what the JSON of a result says."""
     row = replace(row, warnings=tuple(told["hints"]))
     if "models" not in told:  # a diagnosis
-        names = (
-            f"{' or '.join([e['effect'], *e['or']])}@{', '.join(e['joints'])}".rstrip("@")
-            for e in told["effects"]
-        )
+        effects = ((" or ".join([e["effect"], *e["or"]]), e["joints"]) for e in told["effects"])
         return replace(
             row,
             model=told["fit"]["model"]["name"],
             parameters=len(told["fit"]["names"]),
-            missing=tuple(names),
+            missing=tuple(f"{name}@{', '.join(at)}".rstrip("@") for name, at in effects),
             error=told["after"]["error_ra"],
             error_unseen=told["after"]["error_ra_validation"],
         )
@@ -226,11 +219,6 @@ class Fleet(Result):
         return [self.folder / name for name in (TABLE, JSON, PAGE)]
 
     @property
-    def kinds(self) -> list[str]:
-        """All verdicts that there are."""
-        return sorted({kind for row in self.rows for kind in row.verdicts})
-
-    @property
     def failed(self) -> tuple[Row, ...]:
         """Robots without an answer."""
         return tuple(row for row in self.rows if row.failed)
@@ -255,7 +243,7 @@ class Fleet(Result):
             Column("held out", "text", lambda r: ", ".join(r.held) or NONE),
             Column("model", "text", "model"),
             Column("size", "number", "parameters"),
-            *(Column(kind, "number", partial(_count, kind=kind)) for kind in self.kinds),
+            Column("identifiable", "number", lambda r: r.verdicts.get("identifiable")),
             Column("error", _error, "error"),
             Column("unseen", _error, "error_unseen"),
             Column("missing", "text", lambda r: "; ".join(r.missing) or NONE),
@@ -282,9 +270,8 @@ class Fleet(Result):
         frame = pd.DataFrame(self._told())
         for name in ("logs", "held", "missing", "warnings"):
             frame[name] = frame[name].map("; ".join)
-        for kind in self.kinds:
-            frame[kind] = [_count(row, kind) for row in self.rows]
-        whole = dict.fromkeys(("parameters", *self.kinds), "Int64")
+        frame["identifiable"] = [row.verdicts.get("identifiable") for row in self.rows]
+        whole = dict.fromkeys(("parameters", "identifiable"), "Int64")
         return frame.drop(columns="verdicts").astype(whole)
 
     def to_dict(self) -> dict[str, Any]:
@@ -336,11 +323,11 @@ def analyze_many(
     if twice := [place.name for place in places if counts[place.name.casefold()] > 1]:
         raise OptionError(f"Two robots are called '{twice[0]}'; rename the folder of one.")
     say("looking at robots and logs", 0.0)
-    tasks = [Task(p, verb, options, _digest(p, options)) for p in places]
+    tasks = [(place, _digest(place, options)) for place in places]
     _open(folder)
     rows: list[Row] = []
     with running(engine) as runner:
-        for row, told, page in runner.map(run_task, tasks):
+        for row, told, page in runner.map(partial(run_task, verb, options), tasks):
             rows.append(row)
             if not row.failed:
                 write_bytes(folder / ROBOTS / f"{row.robot}.json", told)
@@ -364,17 +351,10 @@ def _open(folder: Path) -> None:
     try:
         there = list(folder.iterdir()) if folder.exists() else []
         if there and not (folder / JSON).is_file():
-            raise OutputError(
-                f"'{folder}' holds '{there[0].name}' and no answer about many robots; give a new "
-                "folder (--out)."
-            )
+            raise OutputError(Finding("fleet.other", folder, name=there[0].name))
         (folder / ROBOTS).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"'{folder}' cannot be used: {error.strerror or error}.") from None
-
-
-def _count(row: Row, kind: str) -> int | None:
-    return row.verdicts.get(kind, 0) if row.verdicts else None
 
 
 def _error(error: float | None) -> str:

@@ -21,10 +21,15 @@ import numpy as np
 import pandas as pd
 
 from identifiability.foundation import __version__
-from identifiability.foundation.engines.local import NUMERICS, Processes, find_version
-from identifiability.foundation.engines.mapping import Engine, Steps
+from identifiability.foundation.engines.mapping import (
+    NUMERICS,
+    Engine,
+    Processes,
+    Steps,
+    find_version,
+)
 from identifiability.foundation.errors import LogError, listing
-from identifiability.foundation.findings import Finding, of_key
+from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
@@ -33,9 +38,8 @@ from identifiability.logs.commands import of_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import frame_of
 from identifiability.logs.formats.reader import find_parts
-from identifiability.logs.log import too_long
+from identifiability.logs.log import check_held_out, share_clock, too_long
 from identifiability.logs.prepare import Dataset, Preparation
-from identifiability.logs.repeats import check_held_out, share_clock
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.quality import Reading, mend
 from identifiability.regression.reduction import LadderSource
@@ -73,10 +77,6 @@ class Recordings:
     fitted, held_out : tuple of Log
     hints : tuple of str
         On those that are read otherwise than literally, repeat others, or have wrong samples.
-    read : tuple of (str, str)
-        Logs that were read otherwise than literally, and how; the first hints say it.
-    commands : str
-        How torque was made of commands, a hint that speaks against nothing; empty if it was not.
     later : tuple of mapping
         Fitted logs, by their place, as they are if commands act one standard deviation of the
         delay later than found, log by log, or if gains that were found are others by one.
@@ -89,8 +89,6 @@ class Recordings:
     fitted: tuple[Log, ...]
     held_out: tuple[Log, ...] = ()
     hints: tuple[str, ...] = ()
-    read: tuple[tuple[str, str], ...] = ()
-    commands: str = ""
     later: tuple[Mapping[int, Log], ...] = ()
     rolled: Rollouts | None = None
     values: Mapping[str, float] = field(default_factory=dict)
@@ -108,11 +106,11 @@ class Recordings:
             tuple(moved(x, servo, servo, by) if of_commands(x) else x for x in logs)
             for logs in (self.fitted, self.held_out)
         )
-        said = (
-            f"Most joints' commands act {1e3 * by:.2g} ms later than this, and so are those of all "
-            "taken."
+        said = phrase("commands", "later", by=1e3 * by)
+        own = of_key(self.hints, "commands")
+        hints = tuple(
+            Finding("commands", text=f"{h} {said}") if h in own else h for h in self.hints
         )
-        hints = tuple(f"{h} {said}" if h == self.commands else h for h in self.hints)
         return replace(self, fitted=fitted, held_out=held_out, hints=hints)
 
     def measure_rollouts(self, robot: Robot, values: Mapping[str, float]) -> Moved | None:
@@ -145,13 +143,13 @@ def list_logs(logs: Logs) -> list[LogLike]:
     return [logs] if one else list(logs)  # type: ignore[list-item,arg-type]
 
 
-def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log | Log]:
+def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log]:
     """Return logs, however they are given; long files stay files.
 
     What is known of logs of the robot holds for those that are read here; each episode of a
     dataset is a log. Those without a name are numbered from the number of others `before` on.
     """
-    out: list[Log | Log] = []
+    out: list[Log] = []
     given = [
         one
         for item in list_logs(logs)
@@ -165,19 +163,6 @@ def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log | Log
         else:
             out.append(item if isinstance(item, Log) else Log.open(item, known))
     return out
-
-
-def read_sides(
-    first: Logs, second: Logs, known: Conventions
-) -> tuple[list[Log | Log], list[Log | Log]]:
-    """Return logs of two sides, called by as much of their paths as tells all of them apart."""
-    one = read_logs(first, known)
-    every = [*one, *read_logs(second, known, len(one))]
-    short = shorten_paths([log.path or log.name for log in every])
-    for k, (log, name) in enumerate(zip(every, short, strict=True)):
-        if [log.name] == shorten_paths([log.path]):  # nobody called it otherwise
-            every[k] = replace(log, name=name)
-    return every[: len(one)], every[len(one) :]
 
 
 def read_recordings(
@@ -211,9 +196,12 @@ def read_recordings(
         If there is none to fit, or one is given twice.
     """
     known = known or Conventions()
-    train, held_out = read_sides(logs, validate, known)
+    train = read_logs(logs, known)
+    held_out = read_logs(validate, known, len(train))
     if not train:
-        raise LogError("No log was given; give at least one.")
+        raise LogError(Finding("logs.none"))
+    named = _told_apart([*train, *held_out])
+    train, held_out = named[: len(train)], named[len(train) :]
     check_held_out(train, held_out)
     whole, n = share_clock([*train, *held_out]), len(train)
     torque = _torque_of(known.servo) if learns and known.servo is not None else None
@@ -221,16 +209,20 @@ def read_recordings(
     every = (*mended.fitted, *mended.held_out)
     alone = [x.name for x in every if of_commands(x)]
     if alone and not commands:
-        raise LogError(
-            f"{listing(alone, 4)} {'holds' if len(alone) == 1 else 'hold'} commands and no torque, "
-            "which analyze, prune, diagnose, calibrate, inspect and predict --forward take; here "
-            "give logs "
-            "of measured torque."
-        )
+        raise LogError(Finding("logs.commands", names=alone))
     if learns:
         _refuse_silent(train)
     read = tuple((log.name, "; ".join(log.notes)) for log in (*train, *held_out) if log.notes)
-    return Recordings(mended.fitted, mended.held_out, (*state_reading(read), *mended.hints), read)
+    return Recordings(mended.fitted, mended.held_out, (*state_reading(read), *mended.hints))
+
+
+def _told_apart(logs: list[Log]) -> list[Log]:
+    """Return logs, each called by as much of its path as tells it from the others."""
+    short = shorten_paths([log.path or log.name for log in logs])
+    return [  # unless somebody called it otherwise
+        replace(log, name=name) if [log.name] == shorten_paths([log.path]) else log
+        for log, name in zip(logs, short, strict=True)
+    ]
 
 
 def _torque_of(servo: Servo) -> Callable[[list[Log]], list[Log]]:
@@ -257,13 +249,9 @@ def _refuse_silent(logs: Sequence[Log]) -> None:
     at = dict(zip(known[0].joints, np.median(q, axis=0), strict=True))
     silent = {j: at[j] for j, none in zip(at, lost & stays, strict=True) if none}
     if 0 < len(silent) < len(known[0].joints):
-        one = len(silent) == 1
         locks = " ".join(f"--lock {joint}={at:.4g}" for joint, at in silent.items())
-        raise LogError(
-            f"{listing([log.name for log in known], 4)}: nobody measured the torque of "
-            f"{listing([*silent], 4)}, which {'does' if one else 'do'} not move either; lock "
-            f"{'it where it stands' if one else 'them where they stand'}: {locks}."
-        )
+        names = [log.name for log in known]
+        raise LogError(Finding("logs.unmeasured", names=names, joints=[*silent], locks=locks))
 
 
 def state_reading(read: Sequence[tuple[str, str]]) -> list[Finding]:
@@ -287,11 +275,6 @@ def state_reading(read: Sequence[tuple[str, str]]) -> list[Finding]:
         apart[SHOWN_READINGS:] = [f"and {len(apart) - SHOWN_READINGS} more otherwise"]
     names = [name for name, _ in read]
     return [Finding("reading", names=names, text="; ".join((*shared, *apart)))]
-
-
-def is_reading(hint: str) -> bool:
-    """Whether a hint is how logs were read: what was done, and nothing that is wrong with them."""
-    return bool(of_key([hint], "reading"))
 
 
 InMemory = TypeVar("InMemory", Log, Dataset)
@@ -326,32 +309,26 @@ def state_provenance(
 ) -> dict[str, str]:
     """Return everything that decided the numbers: versions, seed, options, hashes of the inputs."""
     out = {"python": platform.python_version(), "identifiability": __version__}
-    for package in _PACKAGES:
-        out[package] = find_version(package) or "not installed"
-    out["seed"] = str(seed)
-    out["solver"] = _solver_settings()
-    out.update({name: str(value) for name, value in (options or {}).items()})
+    out |= {package: find_version(package) or "not installed" for package in _PACKAGES}
+    out |= {"seed": str(seed), "solver": _solver_settings()}
+    out |= {name: str(value) for name, value in (options or {}).items()}
     out[f"sha256 {robot.path.name}"] = robot.sha256
     if robot.sidecar is not None:
         out["sidecar"] = robot.sidecar.name
         out[f"sha256 {robot.sidecar.name}"] = sha256(robot.sidecar.read_bytes()).hexdigest()
-    if robot.columns:
-        out["columns"] = robot.columns.text
-    if robot.time_unit:
-        out["time unit"] = robot.time_unit
-    if robot.torque.text:
-        out["torque"] = robot.torque.text
-    if robot.known_torque:
-        out["known torque"] = "; ".join(k.text for k in robot.known_torque)
-    if robot.angles is not None:
-        out["angles"] = robot.angles
-    if robot.locked:
-        out["locked"] = ", ".join(f"{name} = {at:g}" for name, at in robot.locked.items())
+    said = {
+        "columns": robot.columns.text,
+        "time unit": robot.time_unit,
+        "torque": robot.torque.text,
+        "known torque": "; ".join(k.text for k in robot.known_torque),
+        "angles": robot.angles,
+        "locked": ", ".join(f"{name} = {at:g}" for name, at in robot.locked.items()),
+    }
+    out |= {name: text for name, text in said.items() if text}
     if source is not None:
         out["ladder"] = source.origin
         out["sha256 ladder"] = source.sha256
-    for s in samples:
-        out[f"sha256 {s.path or s.name}"] = s.sha256
+    out |= {f"sha256 {s.path or s.name}": s.sha256 for s in samples}
     return out
 
 

@@ -42,8 +42,7 @@ from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.physical.cad_prior import draw_bodies
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.physical.project import project
 from identifiability.physical.pseudo_inertia import entry_scale, natural_scale, to_matrix
 from identifiability.regression.reduction import DEFAULT_EFFECTS, full_model
@@ -291,7 +290,7 @@ def find_gains(
         by = {c.kind: c for c in rows.causes}
         if "load" in by:
             # Torque that was read by a gain is that of the load by this over the right one.
-            read = robot.torque.gain.get(joint, robot.torque.gain.get("", 1.0))
+            read = robot.torque.at("gain", joint) or 1.0
             unit = replace(by["gain"], torque={0: read * by["load"].torque[0] @ theta[:, None]})
             friction = (c for c in rows.causes if c.kind == "friction")
             rows = replace(rows, causes=(unit, *friction))

@@ -17,34 +17,24 @@ from pydantic import BaseModel, ConfigDict, Field
 from identifiability.effects.gravity import settle_gravity
 from identifiability.effects.vocabulary import complete_values
 from identifiability.estimation.prediction import Prediction, TorqueUncertainty
-from identifiability.estimation.torque_errors import joint_errors
 from identifiability.foundation.answers import Answer, Column, Table, frame_table
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.engines.mapping import Engine, one_thread
-from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing
+from identifiability.foundation.errors import IdentifiabilityError, RobotError
+from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import BASE, Array, shorten_paths
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import Result, shown
-from identifiability.foundation.rounding import (
-    digits,
-    error_text,
-    exact,
-    format_count,
-    join,
-    precision_of,
-    round_covariance,
-    round_known,
-    stated,
-)
+from identifiability.foundation.rounding import digits, error_text, exact, format_count, join
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import has_commands
+from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.tables import write_table
-from identifiability.physical.pseudo_inertia import check_body
 from identifiability.regression.reduction import (
     LadderEntry,
     ModelEntry,
@@ -66,14 +56,11 @@ from identifiability.workflows.answers import (
     with_hints,
 )
 from identifiability.workflows.commands import given_paths, name_export, name_logs, source_name
-from identifiability.workflows.opening import Logs
+from identifiability.workflows.opening import Logs, in_memory, read_recordings
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
 
 # `TorquePrediction`: the torque of a fitted model along logs, beside the measured one.
-
-
-# Values and their covariance as labelled tables.
 
 
 def correlation_of(covariance: Array) -> Array:
@@ -86,25 +73,6 @@ def correlation_of(covariance: Array) -> Array:
 def square_frame(matrix: Array, names: Iterable[Hashable]) -> pd.DataFrame:
     """Return a matrix (k, k) with the names of the parameters at its rows and columns."""
     return pd.DataFrame(matrix, index=list(names), columns=list(names))
-
-
-class Covaries(ABC):
-    """What knows parameters by name and how their values vary together."""
-
-    @abstractmethod
-    def covariance_frame(self) -> pd.DataFrame:
-        """Return the covariance of the values with what the noise remembers, (k, k).
-
-        Rows and columns are parameters; units are those of the two multiplied.
-        """
-
-    def correlation_frame(self) -> pd.DataFrame:
-        """Return the correlation of the values, (k, k); NaN where a variance is zero or unknown.
-
-        Near −1 the sum of two parameters is known better than either, near 1 their difference.
-        """
-        covariance = self.covariance_frame()
-        return square_frame(correlation_of(covariance.to_numpy()), list(covariance.columns))
 
 
 # `TorquePrediction`: the torque of a fitted model along logs, beside the measured one.
@@ -120,9 +88,8 @@ class TorquePrediction(Result):
 
     Attributes
     ----------
-    robot : Robot
-    model : str
-        Name of the model.
+    fit : Fit
+        The model that predicts.
     logs : tuple of str
     log : (N,) int
         Which log a sample comes from.
@@ -139,16 +106,11 @@ class TorquePrediction(Result):
     notes : mapping
         How each log was prepared.
     hints : tuple of str
-    origin : str
-        Name of the file of the result that predicts.
-    onward : (str, str)
-        What it is exported for, and to.
     """
 
     schema: ClassVar[str] = "identifiability/prediction/1"
 
-    robot: Robot
-    model: str
+    fit: Fit
     logs: tuple[str, ...]
     log: np.ndarray
     measured: tuple[bool, ...]
@@ -162,43 +124,49 @@ class TorquePrediction(Result):
     data: np.ndarray
     notes: Mapping[str, tuple[str, ...]]
     hints: tuple[str, ...] = ()
-    origin: str = "result.json"
-    onward: tuple[str, str] = ("Take its parameters along:", "fitted.json")
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.fit.robot
+
+    @property
+    def model(self) -> str:
+        """Name of the model."""
+        return self.fit.submodel.name
 
     @cached_property
-    def errors(self) -> tuple[Prediction, Prediction] | None:
-        """Errors of low-passed and of raw torque in the logs that have torque; None without."""
-        if not any(self.measured):
-            return None
-        known = np.flatnonzero(self.measured)
-        rows = np.isin(self.log, known)
-        log = np.searchsorted(known, self.log[rows])
-        times = [self.t[self.log == k] for k in known]
+    def known(self) -> np.ndarray:
+        """Where torque was measured and is data, (N, n) bool."""
+        known: np.ndarray = self.data & np.array(self.measured, bool)[self.log][:, None]
+        return known
+
+    @cached_property
+    def errors(self) -> tuple[Prediction, Prediction]:
+        """Errors of low-passed and of raw torque where it is known."""
+        times = [self.t[self.log == k] for k in range(len(self.logs))]
+        found = self.predicted[:, :, None], self.log, self.known
         low, raw = (
-            Prediction.of(times, tau[rows], self.predicted[rows, :, None], log, self.data[rows])
-            for tau in (self.tau, self.raw)
+            Prediction.of(times, np.nan_to_num(tau), *found) for tau in (self.tau, self.raw)
         )
         return low, raw
 
     @property
     def error_ra(self) -> float:
         """ε_RA of low-passed torque; nan where none was measured."""
-        return float("nan") if self.errors is None else float(self.errors[0].relative_error()[0])
+        return float(self.errors[0].relative_error()[0])
 
     @property
     def error_ra_raw(self) -> float:
         """ε_RA of raw torque; nan where none was measured."""
-        return float("nan") if self.errors is None else float(self.errors[1].relative_error()[0])
+        return float(self.errors[1].relative_error()[0])
 
     @property
     def inside(self) -> Array:
         """Share of low-passed samples inside the interval of a new one, of each joint, (n,)."""
-        rows = np.isin(self.log, np.flatnonzero(self.measured))
-        if not rows.any():
-            return np.full(len(self.robot.joints), np.nan)
-        data = self.data[rows]
-        hit = (np.abs(self.tau - self.predicted) <= self.low)[rows] & data
-        share: Array = hit.sum(0) / np.maximum(data.sum(0), 1)
+        hit = (np.abs(self.tau - self.predicted) <= self.low) & self.known
+        count = np.where(self.known.any(0), self.known.sum(0), np.nan)
+        share: Array = hit.sum(0) / count
         return share
 
     @property
@@ -248,14 +216,10 @@ class TorquePrediction(Result):
 
     def error_frame(self) -> pd.DataFrame:
         """Return one row a joint: its error over its own scale, in N or N·m, and inside what."""
-        columns: dict[str, Any] = {"joint": self.robot.joints}
-        columns["unit"] = self.robot.torque_units
-        for name, part in zip(("", "_raw"), self.errors or (None, None), strict=True):
-            nothing = np.full(len(self.robot.joints), np.nan)
-            columns |= {
-                f"error{name}": nothing if part is None else part.joint_error()[:, 0],
-                f"rms{name}": nothing if part is None else part.joint_rms()[:, 0],
-            }
+        columns: dict[str, Any] = {"joint": self.robot.joints, "unit": self.robot.torque_units}
+        for name, part in zip(("", "_raw"), self.errors, strict=True):
+            rms = np.where(self.known.any(0), part.joint_rms()[:, 0], np.nan)
+            columns |= {f"error{name}": part.joint_error()[:, 0], f"rms{name}": rms}
         return pd.DataFrame({**columns, "inside": self.inside, "unknown": self.unknown})
 
     def parameters_frame(self) -> pd.DataFrame:
@@ -274,27 +238,11 @@ class TorquePrediction(Result):
             "error_ra_raw": self.error_ra_raw,
             "joints": self.error_frame().to_dict("records"),
             "logs": [
-                {"log": name, "error": error}
-                for name, error in zip(self.logs, self._errors_by_log(), strict=True)
+                {"log": name, "error": float(self.errors[0].relative_error(k)[0])}
+                for k, name in enumerate(self.logs)
             ],
             "preparation": {name: list(notes) for name, notes in self.notes.items()},
         }
-
-    def _errors_by_log(self) -> list[float]:
-        """Return ε_RA of low-passed torque of each log; nan where none was measured."""
-        if self.errors is None:
-            return [float("nan")] * len(self.logs)
-        low, at = self.errors[0], np.maximum(np.cumsum(self.measured) - 1, 0)
-        each = [float(low.relative_error(int(k))[0]) for k in at]
-        errors: list[float] = np.where(self.measured, each, np.nan).tolist()
-        return errors
-
-    def joint_errors(self, log: int) -> Array:
-        """Return each joint's error over its own scale in one log, (n,); nan without torque."""
-        if self.errors is None or not self.measured[log]:
-            return np.full(len(self.robot.joints), np.nan)
-        sums, at = self.errors[0].sums, [sum(self.measured[:log])]
-        return joint_errors(sums.squares[at], sums.variation[at])[:, 0]
 
     def write(self, path: str | Path) -> Path:
         """Write all samples as CSV or Parquet, whole or not at all.
@@ -335,14 +283,7 @@ class MissingEntry(Entry):
 
 def state_missing(functions: Sequence[str]) -> str:
     """Return what holds of the values of a fit beside which functions are missing, if any are."""
-    if not functions:
-        return ""
-    beside = "that function" if len(functions) == 1 else "those functions"
-    return (
-        f"The result says that {listing(functions, 4)} {'is' if len(functions) == 1 else 'are'} "
-        f"missing in its model. Its fit is taken as it is; the values of its parameters' table "
-        f"stand beside {beside} and differ (diagnose finds what is missing)."
-    )
+    return phrase("result.missing", "says", functions=list(functions)) if functions else ""
 
 
 class RobotEntry(Entry):
@@ -360,11 +301,9 @@ class RobotEntry(Entry):
         """
         if self.locked.keys() == robot.locked.keys():
             return
-        was = ", ".join(f"{n} = {at:g}" for n, at in self.locked.items()) or "nothing"
-        raise IdentifiabilityError(
-            f"{path} was made with {was} locked, and now {listing(robot.locked) or 'nothing'} is; "
-            "lock the same joints (--lock, or 'locked' in the sidecar)."
-        )
+        was = [f"{n} = {at:g}" for n, at in self.locked.items()] or ["nothing"]
+        now = [*robot.locked] or ["nothing"]
+        raise IdentifiabilityError(Finding("result.locked", path, was=was, now=now))
 
 
 # `Fit`: what a result keeps of its model: values, their covariance, how torque scatters.
@@ -374,8 +313,70 @@ class RobotEntry(Entry):
 # wants these analyses the logs again.
 
 
+class Predicts(ABC):
+    """A result with a fitted model: it predicts torque, and is read back from JSON as a `Fit`."""
+
+    @property
+    @abstractmethod
+    def fit(self) -> Fit:
+        """The model to use: values, covariance, and how torque scatters about it."""
+
+    def covariance_frame(self) -> pd.DataFrame:
+        """Return the covariance of the values with what the noise remembers, (k, k).
+
+        Rows and columns are parameters; units are those of the two multiplied.
+        """
+        return square_frame(self.fit.covariance, self.fit.names)
+
+    def correlation_frame(self) -> pd.DataFrame:
+        """Return the correlation of the values, (k, k); NaN where a variance is zero or unknown.
+
+        Near −1 the sum of two parameters is known better than either, near 1 their difference.
+        """
+        covariance = self.covariance_frame()
+        return square_frame(correlation_of(covariance.to_numpy()), covariance.columns)
+
+    def predict(self, logs: Logs, *, engine: Engine | None = None) -> TorquePrediction:
+        """Return the torque of the model to use along logs, with its intervals.
+
+        Parameters
+        ----------
+        logs : log, path, DataFrame, or several
+            They are prepared like the fitted ones, with the same cut-off. They need no torque.
+        engine : Engine, optional
+            Where logs that are too long for memory are surveyed.
+
+        Raises
+        ------
+        IdentifiabilityError
+            If the fitted logs had nothing to explain, or a log does not fit the robot.
+        """
+        with one_thread("blas"):
+            return _along(self.fit, logs, engine)
+
+    @staticmethod
+    def from_json(path: str | Path, robot: RobotLike) -> Fit:
+        """Read the model to use back from the JSON of a result.
+
+        It has names, values, covariance and everything that predicting takes. Not read back:
+        verdicts, sentences, other models, posteriors, samples and resampled values.
+
+        Parameters
+        ----------
+        path : path
+        robot : Robot, path or shipped name
+            The robot that the result is about.
+
+        Raises
+        ------
+        IdentifiabilityError
+            If the file is no such result, or is about another robot.
+        """
+        return read_fit(path, robot)
+
+
 @frozen(kw_only=True)
-class Fit(Covaries):
+class Fit(Predicts):
     """A fitted model as its result keeps it.
 
     Attributes
@@ -411,6 +412,11 @@ class Fit(Covaries):
     missing: tuple[str, ...] = ()
 
     @property
+    def fit(self) -> Fit:
+        """Itself."""
+        return self
+
+    @property
     def robot(self) -> Robot:
         """The robot."""
         return self.structure.robot
@@ -425,15 +431,16 @@ class Fit(Covaries):
         """Covariance of the values, with what the noise remembers, (k, k)."""
         return self.spread.covariance
 
+    @property
+    def base(self) -> Array:
+        """Values of the base parameters, (b,)."""
+        return self.submodel.expand(self.values)
+
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter: name, value, standard deviation, unit."""
         sigma = np.sqrt(np.diag(self.covariance))
         columns = {"name": self.names, "value": self.values, "sigma": sigma}
         return pd.DataFrame({**columns, "unit": self.submodel.units})
-
-    def covariance_frame(self) -> pd.DataFrame:
-        """Return `covariance` with the names of the parameters at its rows and columns."""
-        return square_frame(self.covariance, self.names)
 
     def __repr__(self) -> str:
         """Return what it is, in one line."""
@@ -442,109 +449,52 @@ class Fit(Covaries):
     def _repr_html_(self) -> str:
         return shown(repr(self)[1:-1], self.to_frame(), "to_frame()")
 
-    @property
-    def base(self) -> Array:
-        """Values of the base parameters, (b,)."""
-        return self.submodel.expand(self.values)
-
-    def predict(self, logs: Logs, *, engine: Engine | None = None) -> TorquePrediction:
-        """Return the torque along logs, with its intervals.
-
-        Parameters
-        ----------
-        logs : log, path, DataFrame, or several
-            They are prepared like the fitted ones, with the same cut-off. They need no torque.
-        engine : Engine, optional
-            Where logs that are too long for memory are surveyed.
-
-        Raises
-        ------
-        LogError
-            If a log does not fit the robot.
-        """
-        with one_thread("blas"):
-            session = Session.read(
-                self.structure,
-                logs,
-                preparation=self.preparation,
-                engine=engine,
-                commands=False,
-                motion_alone=True,
-            )
-            known = session.recordings
-            measured = tuple(not r.motion_alone for r in known.fitted)
-            return self._along(session.prepare(known.fitted), measured, known.hints)
-
-    def _along(
-        self, samples: list[Dataset], measured: tuple[bool, ...], hints: tuple[str, ...]
-    ) -> TorquePrediction:
-        base = self.structure.base
-        what = self.robot, self.structure.model, tuple(samples), base.kept
-        regression = Regression(*what, dwelling=True)
-        found: list[tuple[Array, ...]] = []
-        for part in regression.parts(whole=True):
-            for chunk in part.chunks():
-                predicted = chunk.W @ self.base
-                reach = self.spread.reach(chunk.W @ self.submodel.M)
-                log = np.full(len(chunk.t), chunk.log)
-                known = 1.0 if measured[chunk.log] else np.nan
-                given = (chunk.t.copy(), known * chunk.tau, known * chunk.raw)
-                found.append((log, *given, predicted, *reach, chunk.data))
-        names = ("log", "t", "tau", "raw", "predicted", "mean", "low", "new", "data")
-        joined = map(np.concatenate, zip(*found, strict=True))
-        return TorquePrediction(
-            robot=self.robot,
-            model=self.submodel.name,
-            origin=self.origin,
-            onward=name_export(self.robot, self.names, self.errors),
-            logs=given_paths(samples),
-            measured=measured,
-            notes={s.path or s.name: s.notes for s in samples},
-            hints=tuple(filter(None, (state_missing(self.missing), *hints))),
-            **dict(zip(names, joined, strict=True)),
-        )
-
     def to_dict(self) -> dict[str, Any]:
         """Return what is read back, as plain values."""
         entry = model_entry(self.submodel, self.structure.base, self.structure.model.texts)
-        how = {f.name: getattr(self.preparation, f.name) for f in fields(Preparation)}
         told = {
             "model": entry.model_dump(by_alias=True, exclude_none=True),
             "names": list(self.names),
             "units": list(self.submodel.units),
-            "values": round_known(self.values, precision_of(self.covariance)[0]),
+            "values": self.values,
             **asdict(self.spread),
-            "covariance": round_covariance(self.covariance),
-            "base_covariance": round_covariance(self.base_covariance),
+            "base_covariance": self.base_covariance,
             "base_unknown": self.base_unknown,
-            "preparation": how,
+            "preparation": {f.name: getattr(self.preparation, f.name) for f in fields(Preparation)},
         }
-        scatter = {name: stated(told[name]) for name in ("low", "raw", "dof")}
-        return {**exact(told), **scatter}
+        found: dict[str, Any] = exact(told)
+        return found
 
-    def state_robot(self, told: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a real robot with the digits of its parameters that torque and bodies need.
 
-        Parameters
-        ----------
-        told : mapping
-            As `real_robot_dict` returns it.
-        """
-        parameters = told["parameters"]
-        columns, bodies = self.structure.columns, self.structure.inertial
-        at = [columns.index(name) if name in columns else -1 for name in parameters]
-        G = np.pad(self.structure.G, ((0, 0), (0, 1)))[:, at]
-        values = np.array([*parameters.values()])
-        whole = [rows for rows in bodies.tolist() if set(rows) <= set(at)]
-
-        def exist(phi: Array) -> Array:
-            bodies = [check_body(phi[[at.index(k) for k in rows]], "").feasible for rows in whole]
-            return np.array(bodies, bool)
-
-        before, precision = exist(values), G.T @ precision_of(self.base_covariance)[0] @ G
-        found = round_known(values, precision, lambda phi: bool((exist(phi) >= before).all()))
-        again = {name: exact(told[name]) for name in ("shapes", "gravity") if name in told}
-        return {**told, **again, "parameters": dict(zip(parameters, exact(found), strict=True))}
+def _along(fit: Fit, logs: Logs, engine: Engine | None) -> TorquePrediction:
+    """Return the torque of a fitted model along logs."""
+    structure, how = fit.structure, fit.preparation
+    session = Session.read(
+        structure, logs, (), how, engine=engine, commands=False, motion_alone=True
+    )
+    known = session.recordings
+    samples = session.prepare(known.fitted)
+    measured = tuple(not r.motion_alone for r in known.fitted)
+    rows = structure.robot, structure.model, tuple(samples), structure.base.kept
+    found: list[tuple[Array, ...]] = []
+    for part in Regression(*rows, dwelling=True).parts(whole=True):
+        for chunk in part.chunks():
+            predicted = chunk.W @ fit.base
+            reach = fit.spread.reach(chunk.W @ fit.submodel.M)
+            log = np.full(len(chunk.t), chunk.log)
+            sensed = 1.0 if measured[chunk.log] else np.nan
+            given = (chunk.t.copy(), sensed * chunk.tau, sensed * chunk.raw)
+            found.append((log, *given, predicted, *reach, chunk.data))
+    names = ("log", "t", "tau", "raw", "predicted", "mean", "low", "new", "data")
+    joined = map(np.concatenate, zip(*found, strict=True))
+    return TorquePrediction(
+        fit=fit,
+        logs=given_paths(samples),
+        measured=measured,
+        notes={s.path or s.name: s.notes for s in samples},
+        hints=tuple(filter(None, (state_missing(fit.missing), *known.hints))),
+        **dict(zip(names, joined, strict=True)),
+    )
 
 
 class PreparationEntry(Entry):
@@ -641,15 +591,9 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
     robot = Robot.of(robot)
     content = read_document(path, ResultEntry, "JSON", "result", IdentifiabilityError)
     if content.nothing:
-        raise IdentifiabilityError(
-            f"Nothing can be predicted, because {content.nothing} ({path}); give a result of other "
-            "logs."
-        )
+        raise IdentifiabilityError(Finding("result.nothing", path, why=content.nothing))
     if content.fit is None:
-        raise IdentifiabilityError(
-            f"{path} keeps no fitted model: give the JSON of analyze, prune or diagnose, made by "
-            "this version or a newer one."
-        )
+        raise IdentifiabilityError(Finding("result.unfitted", path))
     content.robot.check_locked(robot, path)
     fit = _build(content.fit, robot, f"{path} is about '{content.robot.name}'")
     missing = tuple(f.text for f in content.missing_functions)
@@ -689,16 +633,11 @@ def _shaped(rows: list[Any], shape: tuple[int, ...], where: str) -> Array:
     try:
         return np.array(rows, float).reshape(shape)
     except ValueError:
-        raise IdentifiabilityError(
-            f"{where}, and its fitted model has tables of another size: it was changed by hand."
-        ) from None
+        raise IdentifiabilityError(Finding("result.tables", where)) from None
 
 
 def _other_robot(where: str, robot: Robot, why: str) -> IdentifiabilityError:
-    return IdentifiabilityError(
-        f"{where}, and the robot given is {robot.name}: {why} Give the robot that the result was "
-        "made with."
-    )
+    return IdentifiabilityError(Finding("result.other", where, robot=robot.name, why=why))
 
 
 def settled(given: object, samples: Sequence[Dataset]) -> Preparation:
@@ -706,59 +645,6 @@ def settled(given: object, samples: Sequence[Dataset]) -> Preparation:
     known = given if isinstance(given, Preparation) else Preparation()
     own = next(({"cutoff": s.cutoff, "outputs": s.band} for s in samples if s.cutoff), {})
     return Preparation(**{f.name: getattr(known, f.name) for f in fields(Preparation)} | own)
-
-
-# `Predicts`: what results that hold one fitted model have in common.
-
-
-class Predicts(Covaries):
-    """A result with a fitted model: it predicts torque, and is read back from JSON as a `Fit`."""
-
-    @property
-    @abstractmethod
-    def fit(self) -> Fit:
-        """The model to use: values, covariance, and how torque scatters about it."""
-
-    def covariance_frame(self) -> pd.DataFrame:
-        """Return the covariance of the values of the model to use, by name, (k, k)."""
-        return self.fit.covariance_frame()
-
-    def predict(self, logs: Logs, *, engine: Engine | None = None) -> TorquePrediction:
-        """Return the torque of the model to use along logs, with its intervals.
-
-        Parameters
-        ----------
-        logs : log, path, DataFrame, or several
-            They are prepared like the fitted ones, with the same cut-off. They need no torque.
-        engine : Engine, optional
-            Where logs that are too long for memory are surveyed.
-
-        Raises
-        ------
-        IdentifiabilityError
-            If the fitted logs had nothing to explain, or a log does not fit the robot.
-        """
-        return self.fit.predict(logs, engine=engine)
-
-    @staticmethod
-    def from_json(path: str | Path, robot: RobotLike) -> Fit:
-        """Read the model to use back from the JSON of a result.
-
-        It has names, values, covariance and everything that predicting takes. Not read back:
-        verdicts, sentences, other models, posteriors, samples and resampled values.
-
-        Parameters
-        ----------
-        path : path
-        robot : Robot, path or shipped name
-            The robot that the result is about.
-
-        Raises
-        ------
-        IdentifiabilityError
-            If the file is no such result, or is about another robot.
-        """
-        return read_fit(path, robot)
 
 
 # `find_fit`: the fitted model of a result, however the result is given.
@@ -782,17 +668,15 @@ def find_fit(result: FitLike, robot: Robot) -> Fit:
         return read_fit(result, robot)
     fit = result if isinstance(result, Fit) else result.fit
     if fit.robot.joints != robot.joints or fit.robot.bodies != robot.bodies:
-        raise OptionError(
-            f"The result is about {fit.robot.name}, and the robot given is {robot.name}; give the "
-            "robot that the result was made with."
-        )
+        where = f"The result is about {fit.robot.name}"
+        raise OptionError(str(_other_robot(where, robot, "it has other joints.")))
     return fit
 
 
 def _what(result: TorquePrediction) -> Answer:
     joints = format_count(len(result.robot.joints), "joint")
     short = f"The torque of {joints} along {join(shorten_paths(result.logs), 3)}."
-    text = f"By the model “{result.model}” of {result.origin}, at "
+    text = f"By the model “{result.model}” of {result.fit.origin}, at "
     text += f"{format_count(len(result.t), 'sample')}."
     silent = [
         n for n, has in zip(shorten_paths(result.logs), result.measured, strict=True) if not has
@@ -814,43 +698,29 @@ def _trust(result: TorquePrediction) -> Answer:
     for joint, share in zip(result.robot.joints, result.unknown, strict=True):
         if share > 0:
             new.append(joint)
-    text = ""
-    if new:
-        text = (
-            f" At {join(new)} this motion acts on parameters that the fitted motion never showed: "
-            "there the interval has no end."
-        )
+    text = f" {phrase('predicted', 'new', joints=new)}" if new else ""
     if not any(result.measured):
         return Answer(question, "Nothing was measured that could tell.", text.strip(), "grey")
     inside, few = float(result.inside.mean()), _few(result)
     size = f"{error_text(inside)} of the samples lie in their 95 % interval."
     if few:
-        why = (
-            f"Too few samples of {join(few, 6)} do. A load, a temperature or the "
-            "robot changed since, or this motion shows what the model leaves out."
-        )
+        why = phrase("predicted", "few", joints=few)
         return Answer(question, f"No: only {size}", why + text, "vermilion")
     return Answer(question, f"Yes: {size}", text.strip(), "amber" if new else "green")
 
 
 def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:
-    robot, given = source_name(result.robot), quote(result.origin)
+    robot, given = source_name(result.robot), quote(result.fit.origin)
     every = name_logs(result.robot, result.logs)
     pairs = zip(result.logs, result.measured, strict=True)
     measured = name_logs(result.robot, [n for n, known in pairs if known])
     line = f"identifiability predict {robot} {given} {every} --out torque.csv"
     table = [("Have every sample with its intervals as a table:", line)]
     table *= result.written("table") is None
-    if any(result.measured) and _few(result):
-        page = f"{measured} --report missing.html"
-        return [
-            (
-                "Find out what is missing on this motion:",
-                f"identifiability diagnose {robot} {page}",
-            ),
-            *table,
-        ]
-    text, name = result.onward
+    if _few(result):
+        line = f"identifiability diagnose {robot} {measured} --report missing.html"
+        return [("Find out what is missing on this motion:", line), *table]
+    text, name = name_export(result.robot, result.fit.names, result.fit.errors)
     return [*table, (text, f"identifiability export {robot} {given} --out {name}")]
 
 
@@ -946,13 +816,15 @@ class PositionPrediction(Result):
     @property
     def totals(self) -> Array:
         """Error of each run over all joints that turn, or if none does, slide (rms), (runs,)."""
-        return np.asarray(np.sqrt(np.mean(self.errors[:, self.alike] ** 2, axis=1)))
+        return self._together(self.errors)
 
     @property
     def window_totals(self) -> Array:
         """The same over windows of a second."""
-        each = np.array([run.window_errors[self.alike] for run in self.runs])
-        return np.asarray(np.sqrt(np.mean(each**2, axis=1)))
+        return self._together(np.array([run.window_errors for run in self.runs]))
+
+    def _together(self, errors: Array) -> Array:
+        return np.asarray(np.sqrt(np.mean(errors[:, self.alike] ** 2, axis=1)))
 
     def answers(self) -> tuple[Answer, ...]:
         """Return by how much positions err, and what moved the robots, and when."""
@@ -988,10 +860,10 @@ class PositionPrediction(Result):
         """
         parts = []
         for k, log in enumerate(self.logs):
+            found = [("q", log.q), *((run.name, run.q[k]) for run in self.runs)]
             columns: dict[str, Any] = {"log": log.name, "t": log.t}
             for i, joint in enumerate(log.joints):
-                columns[f"{joint}.q"] = log.q[:, i]
-                columns |= {f"{joint}.{run.name}": run.q[k][:, i] for run in self.runs}
+                columns |= {f"{joint}.{name}": q[:, i] for name, q in found}
             parts.append(pd.DataFrame(columns))
         return write_table(path, pd.concat(parts, ignore_index=True))
 
@@ -1105,9 +977,12 @@ def predict(
         return find_fit(cast("FitLike", result), robot).predict(logs, engine=engine)
     with one_thread("blas"):
         robot.check_stands("predict --forward")
-        from identifiability.workflows.servo_gains import read_moving  # noqa: PLC0415 - MuJoCo
+        from identifiability.workflows.commanded import select  # noqa: PLC0415 - MuJoCo
 
-        read, hints = read_moving(robot, logs)
+        # Torque beside commands is not looked at; motions that come again all count.
+        known = replace(Conventions.of(robot), commands=robot.servo is not None)
+        given = read_recordings(logs, known=known, commands=True, learns=False)
+        read = select(robot, in_memory(given.fitted))
         runs = [(robot, _file_name(robot), dict[str, float]())]
         other = result if isinstance(result, Robot) else None
         if other is None and not (isinstance(result, Predicts) or str(result).endswith(".json")):
@@ -1115,16 +990,14 @@ def predict(
         if other is None:
             runs.append(_moved_by(robot, result))
         elif other.joints != robot.joints:
-            raise RobotError(
-                f"{other.path} has the actuated joints {listing(other.joints)}, and "
-                f"{robot.path} {listing(robot.joints)}; give robots with the same joints."
-            )
+            told = {"own": [*other.joints], "path": robot.path, "joints": [*robot.joints]}
+            raise RobotError(Finding("robots.joints", other.path, **told))
         elif other.sha256 != robot.sha256:
             runs.append((other, _file_name(other), {}))
         if robot.servo is not None and robot.servo.unknown.any():
             runs[0] = (replace(robot, servo=runs[-1][0].servo), *runs[0][1:])
         moved = [_move(*run, read) for run in runs]
-    return PositionPrediction(robot=robot, logs=tuple(read), runs=tuple(moved), hints=hints)
+    return PositionPrediction(robot=robot, logs=tuple(read), runs=tuple(moved), hints=given.hints)
 
 
 def _file_name(robot: Robot) -> str:

@@ -27,10 +27,9 @@ from identifiability.estimation.estimate import (
 )
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.groups import NO_ALTERNATIVES, Alternatives, find_alternatives
-from identifiability.foundation.engines.local import Serial
-from identifiability.foundation.engines.mapping import Engine
-from identifiability.foundation.errors import LogError, listing
-from identifiability.foundation.findings import Finding
+from identifiability.foundation.engines.mapping import Engine, Serial
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import frozen
@@ -60,9 +59,7 @@ from identifiability.workflows.opening import (
     list_logs,
     quiet,
     read_recordings,
-    read_sides,
     share,
-    state_reading,
 )
 
 #: Why no verdict stands on columns that are read as what they are not, for after "because".
@@ -70,9 +67,6 @@ MISREAD = (
     "a column seems to have the wrong sign, unit or joint, or to be aliased, as the first remark "
     "says: mend that, and run again"
 )
-
-#: Stretches that are listed.
-LISTED = 3
 
 #: What follows the statement of an alternative of the model that is used.
 SO = "All that follows is said under that reading."
@@ -96,8 +90,6 @@ class Opening(OfStructure):
         Why no verdict stands, if columns are not what they are read as, by what the data say.
     alternative : Alternative or None
         The model that fitted rows prefer by far to the one that was given.
-    commands : str
-        Of the hints, that which says how torque was made of commands (`Recordings.commands`).
     """
 
     structure: Structure
@@ -107,7 +99,6 @@ class Opening(OfStructure):
     explained: bool = False
     misread: str = ""
     alternative: Alternative | None = None
-    commands: str = ""
 
     @cached_property
     def regression(self) -> Regression:
@@ -125,11 +116,15 @@ class Opening(OfStructure):
         return explain_silence([s.survey for s in self.samples])
 
 
+def _say(text: str) -> Finding:
+    return Finding("alternative", text=text)
+
+
 def find_missing(opening: Opening) -> Alternatives:
     """Return what may be missing beside the unpruned model."""
     if opening.silence:
         return NO_ALTERNATIVES
-    commanded = bool(opening.commands)
+    commanded = bool(of_key(opening.hints, "commands"))
     rows = opening.regression, opening.unseen
     return find_alternatives(opening.structure, *rows, commanded=commanded)
 
@@ -215,27 +210,20 @@ class Session:
         Raises
         ------
         LogError
-            If a log stands on both.
+            If a log stands on both, or on the second is none.
         """
-        first, second = read_sides(first, second, Conventions.of(structure.robot))
-        one = cls.read(structure, first, (), preparation, engine=engine, commands=False)
-        if alone and not list_logs(second):
-            return one, replace(one, recordings=Recordings(()))
-        other = cls.read(structure, second, (), preparation, engine=engine, commands=False)
-        own, more = one.recordings, other.recordings
-        seen = {r.sha256 for r in own.fitted if r.sha256}
-        twice = [r.name for r in more.fitted if r.sha256 in seen]
-        if twice:
-            raise LogError(
-                f"{listing(twice, 4)} stands on both sides, and differs in nothing from itself; "
-                "give another log."
-            )
-        said = state_reading((*own.read, *more.read))
-        left, right = (side.hints[len(state_reading(side.read)) :] for side in (own, more))
-        return (
-            replace(one, recordings=replace(own, hints=(*said, *left))),
-            replace(other, recordings=replace(more, hints=right)),
-        )
+        if not (alone or list_logs(second)):
+            raise LogError(Finding("logs.none"))
+        try:
+            both = cls.read(structure, first, second, preparation, engine=engine, commands=False)
+        except LogError as error:
+            if error.key == "twice.held":
+                raise LogError(Finding("twice.sides")) from None
+            raise
+        known = both.recordings
+        sides = Recordings(known.fitted, (), known.hints), Recordings(known.held_out)
+        one, other = (replace(both, recordings=side) for side in sides)
+        return one, other
 
     def beside(self, other: Session) -> Self:
         """Return the session of the logs of both, fitted together."""
@@ -277,54 +265,36 @@ class Session:
 
         Bodies that the file weighs wrongly move the delay with which its rollouts follow, and
         servos that are stiff make much torque of that: so it is found again with the bodies fitted,
-        until it moves by less than its own error. Rollouts that err more are refused. Where all
-        that moved it by less than the error it was first stated with, the first is as good.
+        where rollouts then err less.
         """
-        found = self._follow_bodies(rng, method, kind, cad_weight)
-        given = found.recordings
-        if given.rolled is None:
+        found = self.follow(rng)
+        start = found.recordings.rolled
+        if start is None:
             return found
+        if start.delay_errors.any():  # not where delays are known
+            better = found._with_fitted_bodies(rng, method, kind, cad_weight)
+            after = None if better is None else better.recordings.rolled
+            if better and after and np.mean((after.errors / start.errors) ** 2) < 1:
+                found = better
+        given = found.recordings
         from identifiability.workflows.commanded import calibrate  # noqa: PLC0415 - MuJoCo
 
         unseen = calibrate(self.structure, given.held_out, given.values, self.how, rng, {})
         return replace(found, recordings=replace(given, held_out=unseen))
 
-    def _follow_bodies(
+    def _with_fitted_bodies(
         self, rng: np.random.Generator, method: Method, kind: Kind, cad_weight: float | None
-    ) -> Session:
-        first = self.follow(rng)
-        start = first.recordings.rolled
-        if start is None or not start.delay_errors.any():  # none, or delays are known
-            return first
-        session, before = first, start
-        # A robot is fitted to what commands make of torque, and this is calibrated on it,
-        # so often.
-        for _ in range(5):
-            fitted = replace(session, recordings=replace(session.recordings, held_out=()))
-            opening = fitted.open()
-            if opening.silence or opening.misread:
-                break
-            rows = fitted.weigh(opening, method, kind)
-            estimator = settle_noise(rows.estimator, rows.information)
-            submodel = full_model(rows.opening.structure.base)
-            model = FittedModel.of(rows.opening.structure, submodel, rows.information, estimator)
-            values = find_nearest(model, cad_weight or WEAK).parameters()
-            if not values:
-                break
-            better = session.follow(rng, values)
-            after = better.recordings.rolled
-            if after is None:
-                break
-            gained = 1 - float(np.mean((after.errors / before.errors) ** 2))
-            if gained < 0:
-                break
-            settled = np.abs(after.delays - before.delays) <= after.delay_errors
-            session, before = better, after
-            # Share of the squared error of rollouts that is worth another one.
-            if settled.all() and gained < 0.1:
-                break
-        moved = np.abs(before.delays - start.delays) > start.delay_errors
-        return session if moved.any() else first
+    ) -> Session | None:
+        """Return the session with torque calibrated on fitted bodies; None where none are."""
+        opening = replace(self, recordings=replace(self.recordings, held_out=())).open()
+        if opening.silence or opening.misread:
+            return None
+        rows = self.weigh(opening, method, kind)
+        estimator = settle_noise(rows.estimator, rows.information)
+        submodel = full_model(rows.opening.structure.base)
+        model = FittedModel.of(rows.opening.structure, submodel, rows.information, estimator)
+        values = find_nearest(model, cad_weight or WEAK).parameters()
+        return self.follow(rng, values) if values else None
 
     def settle(
         self, done: str = "", prepare: Callable[[Log], Dataset] | None = None
@@ -350,7 +320,7 @@ class Session:
         read = replace(given, fitted=fitted, held_out=held_out)
         session = replace(self, structure=other.structure(self.structure), recordings=read)
         opening = session.open(done, prepare, seek=False)
-        hints = (other.statement, SO, *opening.hints)
+        hints = (_say(other.statement), _say(SO), *opening.hints)
         return session, replace(opening, alternative=other, hints=hints)
 
     def open(
@@ -373,11 +343,7 @@ class Session:
         seek : bool
             Whether alternatives of the model are looked for.
         """
-        own_way, recordings, structure = (
-            prepare or self._preparing(),
-            self.recordings,
-            self.structure,
-        )
+        own_way, recordings = prepare or self._preparing(), self.recordings
         each = map if prepare is None else self.engine.map
         train = tuple(each(own_way, recordings.fitted))
         held_out = tuple(each(own_way, recordings.held_out))
@@ -385,26 +351,22 @@ class Session:
             require_signal(train, done)
         require_signal(held_out, "verified")
         split = (text for s in (*train, *held_out) for text in s.hints)
-        own = MeasuredLogs(structure, recordings.fitted, train)
-        hints = (*find_always(own), *recordings.hints, *split)
-        opening = Opening(
-            structure=structure,
-            samples=train,
-            validation=held_out,
-            hints=hints,
-            commands=recordings.commands,
-        )
+        looked = MeasuredLogs(self.structure, recordings.fitted, train)
+        hints = (*find_always(looked), *recordings.hints, *split)
+        opening = Opening(structure=self.structure, samples=train, validation=held_out, hints=hints)
         if opening.silence:
             return replace(opening, validation=())
-        looked = MeasuredLogs(structure, recordings.fitted, train)
         other = find_alternative(looked) if seek else None
         odd = find_oddities(looked, explained=other is not None)
         other = None if odd.misread else other  # of positions that are misread the torque is none
-        explained = odd.explains or other is not None
-        why = MISREAD if odd.misread else ""
-        said = () if other is None else (other.statement,)
-        known = replace(opening, structure=structure, explained=explained, misread=why)
-        return replace(known, alternative=other, hints=(*said, *odd.hints, *hints))
+        said = () if other is None else (_say(other.statement),)
+        return replace(
+            opening,
+            alternative=other,
+            explained=odd.explains or other is not None,
+            misread=MISREAD if odd.misread else "",
+            hints=(*said, *odd.hints, *hints),
+        )
 
     def prepare(self, recordings: Sequence[Log], done: str = "") -> list[Dataset]:
         """Return some of the logs prepared, for verbs to which what is odd about them is no sign.
@@ -468,12 +430,7 @@ class Session:
             for log, s in zip(logs, samples, strict=True)
         ]
         if always and None in found:
-            raise LogError(
-                f"{logs[found.index(None)].name} has no second record of its motion in memory, "
-                "which instrumental variables need: repeat the motion, or log '<joint>.dq' and "
-                "'<joint>.ddq' as measured or the command in '<joint>.q_ref'; else leave out the "
-                "estimator."
-            )
+            raise LogError(Finding("instrument.none", logs[found.index(None)].name))
         if len(short) < len(samples) or not any(found):
             return opening, plain
         note = "it has no second record of its motion, and is fitted as by least squares"
@@ -550,10 +507,8 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Out
         named.append(f"{log.name} from t = {start:.5g} to {stop:.5g} s")
     beyond = found.beyond.max(0)
     worst = int(np.argmax(beyond))
-    return (
-        f"{listing(named, LISTED)}: the torque of {joints[worst]} is up to "
-        f"{np.sqrt(beyond[worst]):.0f} times farther from the model than usual, and"
-    )
+    far = float(np.sqrt(beyond[worst]))
+    return phrase("outliers", "where", stretches=named, joint=joints[worst], far=far)
 
 
 def settle_gains(robot: Robot, logs: Logs) -> Robot:
@@ -565,11 +520,13 @@ def settle_gains(robot: Robot, logs: Logs) -> Robot:
     ------
     LogError
     """
-    if robot.servo is None or not robot.servo.unknown.any():
+    if robot.servo is None or not (robot.servo.unknown.any() and list_logs(logs)):
         return robot
-    from identifiability.workflows.servo_gains import find_gains  # noqa: PLC0415 - MuJoCo
+    from identifiability.workflows.commanded import learn_gains, select  # noqa: PLC0415 - MuJoCo
 
-    return find_gains(robot, logs)
+    given = read_recordings(logs, known=Conventions.of(robot), commands=True, learns=False)
+    alone = (x for x in given.fitted if x.commanded and x.motion_alone)
+    return learn_gains(robot, select(robot, alone))
 
 
 def settle_prior(
@@ -590,10 +547,7 @@ def settle_prior(
         If both are asked for.
     """
     if share is not None and cad_weight is not None:
-        raise OptionError(
-            "--prior and --set cad_prior say the same twice: a share of 0.2 is the weight "
-            f"{share_weight(0.2):g}; give one."
-        )
+        raise OptionError(Finding("prior.twice", weight=share_weight(0.2)))
     if share is None:
         share = PHYSICAL_RULES.body_within if commanded and cad_weight is None else 0.0
     return share, share_weight(share) if share else cad_weight
@@ -614,8 +568,5 @@ def require_signal(samples: Sequence[Dataset], done: str) -> None:
     """
     why = explain_silence([s.survey for s in samples]) if samples else ""
     if why:
-        names = listing([s.name for s in samples], 4)
-        raise LogError(
-            f"Nothing can be {done}, because {why} ({names}); give logs in which the robot moves "
-            "and its torque changes."
-        )
+        names = [s.name for s in samples]
+        raise LogError(Finding("logs.silent", done, why=why, names=names))

@@ -31,12 +31,10 @@ from spoil import (
     TABLE,
     TOML,
     XML,
-    Message,
     Spoilt,
     spoil_bytes,
     spoil_csv,
     spoil_document,
-    spoil_messages,
     spoil_parquet,
     spoil_xml,
     to_toml,
@@ -92,43 +90,29 @@ class Reader:
     read: Callable[[Path], object]
 
 
-def record(messages: list[Message]) -> bytes:
-    """Return joint states as a bag."""
-    from rosbags.rosbag2 import StoragePlugin, Writer
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.ROS2_JAZZY)
-    kinds = [f"{k}/msg/{n}" for k, n in (("builtin_interfaces", "Time"), ("std_msgs", "Header"))]
-    state = "sensor_msgs/msg/JointState"
-    stamp, header, message = (store.types[k] for k in (*kinds, state))
-    with tempfile.TemporaryDirectory() as place:
-        folder = Path(place) / "bag"
-        with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-            connection = writer.add_connection("/joint_states", state, typestore=store)
-            for k, (time_ns, names, *values) in enumerate(messages):
-                head = header(stamp(*divmod(time_ns, 10**9)), "")
-                one = message(head, names, *(np.array(v, float) for v in values))
-                writer.write(connection, k * 1_000_000, store.serialize_cdr(one, state))
-        return next(folder.glob("*.mcap")).read_bytes()
-
-
 def bag_reader(frame: pd.DataFrame, read: Callable[[Path], object]) -> dict[str, Reader]:
     """Return the reader of bags, or nothing without the extra ``ros``."""
     try:
-        import rosbags  # noqa: F401
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        from rosbags.typesys import Stores, get_typestore
     except ImportError:
         return {}
-    good: list[Message] = [
-        (
-            10**9 + round(row["t"] * 1e9),
-            ["shoulder", "elbow"],
-            *([row[f"{j}.{c}"] for j in ("shoulder", "elbow")] for c in ("q", "dq", "tau")),
-        )
-        for _, row in frame.iterrows()
-    ]
-    whole = record(good)
-    spoilt = st.one_of(spoil_bytes(whole, BAG), spoil_messages(good).map(record))
-    return {"bag": Reader(".mcap", whole, spoilt, read)}
+    store, kind = get_typestore(Stores.ROS2_JAZZY), "sensor_msgs/msg/JointState"
+    stamp, header = (
+        store.types[f"{k}"] for k in ("builtin_interfaces/msg/Time", "std_msgs/msg/Header")
+    )
+    joints = ["shoulder", "elbow"]
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "bag"
+        with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+            connection = writer.add_connection("/joint_states", kind, typestore=store)
+            for k, row in frame.iterrows():
+                each = (row[[f"{j}.{c}" for j in joints]].to_numpy() for c in ("q", "dq", "tau"))
+                head = header(stamp(*divmod(10**9 + round(1e9 * row["t"]), 10**9)), "")
+                message = store.serialize_cdr(store.types[kind](head, joints, *each), kind)
+                writer.write(connection, k * 1_000_000, message)
+        whole = next(folder.glob("*.mcap")).read_bytes()
+    return {"bag": Reader(".mcap", whole, spoil_bytes(whole, BAG), read)}
 
 
 @cache

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from hypothesis import strategies as st
 
@@ -238,38 +237,3 @@ def spoil_parquet(good: pd.DataFrame) -> Spoilt:
         return stream.getvalue()
 
     return st.builds(write, spoil_frames(good), st.sampled_from(["snappy", "gzip", "zstd", "none"]))
-
-
-def odd_numbers(size: int) -> st.SearchStrategy[list[float]]:
-    """Fields of a message: as many numbers as joints, or none, or others."""
-    number = st.sampled_from([0.0, 1.0, -1.0, np.nan, np.inf, 1e300])
-    right = st.lists(number, min_size=size, max_size=size)
-    return st.one_of(right, st.just([]), st.lists(number, max_size=3))
-
-
-#: Time of measurement [ns], names, position, velocity, effort.
-Message = tuple[int, list[str], list[float], list[float], list[float]]
-
-
-def spoil_messages(good: list[Message]) -> st.SearchStrategy[list[Message]]:
-    """Joint states with some lost, moved in time, of other joints, or with odd fields."""
-    times = st.sampled_from([0, 1, 10**9, 2**31 * 10**9 - 1])
-    names = st.lists(st.sampled_from(["shoulder", "elbow", "wrist", "", "é"]), max_size=3)
-    edit = st.one_of(
-        st.tuples(st.sampled_from([2, 3, 4]), _NUMBER, st.booleans(), odd_numbers(2)),
-        st.tuples(st.just(1), _NUMBER, st.booleans(), names),
-        st.tuples(st.just(0), _NUMBER, st.booleans(), times),
-        st.tuples(st.just(-1), _NUMBER, st.booleans(), st.none()),
-    )  # fmt: skip
-
-    def apply(edits: list[tuple[int, int, bool, Any]]) -> list[Message]:
-        out = [list(m) for m in good]
-        for field, at, every, value in edits:
-            rows = range(len(out)) if every else range(len(out))[at % max(len(out), 1) :][:1]
-            if field < 0:
-                out = [] if every else [m for k, m in enumerate(out) if k not in rows]
-            for k in rows if field >= 0 else ():
-                out[k][field] = value
-        return [tuple(m) for m in out]
-
-    return st.lists(edit, min_size=1, max_size=4).map(apply)

@@ -7,7 +7,6 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.source import check_header
 from identifiability.robot import Robot
 
 
@@ -70,7 +69,7 @@ FORMS = {
 def test_other_forms_are_read_and_said_short_and_long_alike(
     form, encoding, bare, known, write, monkeypatch
 ):
-    monkeypatch.setattr("identifiability.logs.source.PIECE_BYTES", 5000)
+    monkeypatch.setattr("identifiability.logs.tables.PIECE_BYTES", 5000)
     options, before, note = FORMS[form]
     path = write("log.txt", (before + text_of(bare, **options)).encode(encoding))
     log = read_both(path, known)
@@ -113,7 +112,7 @@ def test_stated_units_are_converted_and_others_refused(bare, known, write):
 
 
 def test_cells_of_a_header_may_stand_over_several_lines(bare, known, write, monkeypatch):
-    monkeypatch.setattr("identifiability.logs.source.PIECE_BYTES", 5000)
+    monkeypatch.setattr("identifiability.logs.tables.PIECE_BYTES", 5000)
     angles = bare.assign(**{"elbow.q": np.degrees(bare["elbow.q"])})
     names = {"elbow.q": '"elbow.q\n[deg]"', "shoulder.tau": '"shoulder.tau\n[Nm]"'}
     for before in ("", "# run 3\n", "Recorded on Monday\n"):
@@ -183,9 +182,6 @@ def test_a_unit_that_is_not_known_is_refused_with_its_column(
     with pytest.raises(LogError) as refused:
         Log.read(path, known)
     assert says in str(refused.value)
-    with pytest.raises(LogError) as sooner:
-        check_header(path, known)
-    assert str(sooner.value) == str(refused.value)
 
 
 @pytest.mark.parametrize("mapped", ["elbow.q [deg]", "elbow.q"])

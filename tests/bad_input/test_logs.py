@@ -62,7 +62,10 @@ def test_wrong_columns_are_named_with_the_near_match(change, sentence, refuses, 
 @pytest.mark.parametrize(
     ("lost", "sentence"),
     [
-        (["elbow.q"], "has 'elbow.tau' but no position column 'elbow.q'. Every actuated joint"),
+        (
+            ["elbow.q"],
+            "of 'elbow' but no position column 'elbow.q'. Every actuated joint needs both",
+        ),
         (
             ["elbow.q", "elbow.dq", "elbow.ddq", "elbow.tau"],
             "has no columns for the actuated joint elbow; every actuated joint needs",

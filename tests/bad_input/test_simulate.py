@@ -39,7 +39,7 @@ def test_unknown_motion_is_refused(robot, motion, sentence, simulates):
     [
         ("--hide", "stribek_friction", "cannot be hidden, did you mean 'stribeck_friction'?"),
         ("--hide", "stribeck_friction=-1", "give its share of the joint's torque"),
-        ("--noise", "motoin=0.1", "no noise level 'motoin', did you mean 'motion'?"),
+        ("--noise", "motoin=0.1", "no noise or level 'motoin', did you mean 'motion'?"),
         ("--noise", "correlation=1", "correlation must be .* and below 1, not 1.0"),
     ],
 )

@@ -1,11 +1,7 @@
 """Every reader's stated limits (docs/reference/limits.md): one sentence past them, at once."""
 
-import io
 import os
-import zipfile
 
-import numpy as np
-import pandas as pd
 import pytest
 
 from identifiability import Log, Robot
@@ -13,15 +9,11 @@ from identifiability.foundation.documents import MOST_BYTES as DOCUMENT
 from identifiability.foundation.documents import MOST_KEYS, MOST_VALUES
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Renames
-from identifiability.logs.formats import reader as sizes
-from identifiability.logs.formats.reader import find_parts
-from identifiability.logs.tables import LONGEST_CELL
 from identifiability.robot import markup as magnitudes
 from identifiability.robot import markup as xml
 from identifiability.robot.files import read_geometry
 
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-COLUMNS = ("t", "shoulder.q", "elbow.q", "shoulder.tau", "elbow.tau")
 
 #: Letters of the longest sentence that anybody reads.
 READABLE = 900
@@ -219,83 +211,6 @@ def test_rules_for_names_end(rule):
         Renames.of({rule: "x"})
     assert Renames.of({r"fer_(.*)_joint(\d+)": r"\1_\2"}).apply("fer_a_joint1") == "a_1"
     assert Renames.of({".*.*.*x": "y"}).apply("x" * 201) == "x" * 201
-
-
-def table(path):
-    frame = pd.DataFrame({c: np.zeros(100) for c in COLUMNS})
-    frame.assign(x="a" * (2 * LONGEST_CELL)).to_parquet(path, use_dictionary=False)
-
-
-def zeros(count, kind="<f8"):
-    """Write an array of so many zeros in few bytes."""
-
-    def write(path):
-        head = io.BytesIO()
-        declared = {"descr": kind, "fortran_order": False, "shape": (count,)}
-        np.lib.format.write_array_header_1_0(head, declared)
-        size = count * np.dtype(kind).itemsize
-        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr("t.npy", head.getvalue() + bytes(size))
-
-    return write
-
-
-def cut(path):
-    from scipy.io import savemat
-
-    savemat(path, {"run": {"t": np.zeros(9)}})
-    path.write_bytes(path.read_bytes()[:-8])
-
-
-LOGS = {
-    "a line": ("run.csv", b"t,q," * 100_000, "no end of a line in its first 262 kB"),
-    "columns of a CSV": (
-        "run.csv",
-        ",".join(f"x{k}" for k in range(501)) + "\n" + "0," * 500 + "0\n",
-        "501 columns; logs of up to 500",
-    ),
-    "cells": ("run.parquet", table, "the cells of 'x' are longer than 4096 bytes"),
-    "bytes of arrays": ("run.npz", zeros(600_000), "unpacks to more than 4 MB"),
-}
-
-
-@pytest.mark.parametrize("what", LOGS)
-def test_limits_of_logs(refuses, what, monkeypatch):
-    monkeypatch.setattr(sizes, "MOST_BYTES", 4_000_000)
-    monkeypatch.setattr(sizes, "MOST_VALUES", 3_000_000)
-    monkeypatch.setattr(sizes, "MOST_COLUMNS", 500)
-    name, content, sentence = LOGS[what]
-    refuses(Log.read, name, content, sentence)
-
-
-def dataset(info, **columns):
-    """Write a LeRobot folder."""
-
-    def write(path):
-        (path / "meta").mkdir(parents=True)
-        (path / "data").mkdir()
-        (path / "meta" / "info.json").write_text(info)
-        pd.DataFrame({"timestamp": [0.0], "episode_index": [0], **columns}).to_parquet(
-            path / "data" / "a.parquet"
-        )
-
-    return write
-
-
-KNOWN = '"codebase_version": "v2.1", "total_episodes": '
-DATASETS = {
-    "episodes": (f"{{{KNOWN} 100000000}}", "has 100000000 episodes, each a log, and up to 1000"),
-    "depth": ("[" * 100_000, "cannot be read as JSON"),
-    "values": (f"{{{KNOWN} 1}}", r"holds 40\d{3} values; up to"),
-}
-
-
-@pytest.mark.parametrize("what", DATASETS)
-def test_limits_of_datasets(refuses, what, monkeypatch):
-    monkeypatch.setattr(sizes, "MOST_VALUES", 30_000)
-    info, sentence = DATASETS[what]
-    content = dataset(info, **{"observation.state": [[0.1] * 40_000]})
-    refuses(lambda path: [Log.read(p) for p in find_parts(path)], "data", content, sentence)
 
 
 @pytest.mark.parametrize("name", ["robot.xml", "sidecar.toml", "run.csv", "run.parquet"])

@@ -154,4 +154,4 @@ def test_the_command_answers_first_and_writes_what_was_asked(tmp_path):
     assert "Friction of elbow rose by " in page.read_text(encoding="utf-8")
     out = CliRunner().invoke(app, ["compare", PLANAR, str(first), str(first)])
     assert out.exit_code == 2
-    assert "monday.csv stands on both sides" in out.stderr.replace("\n", " ")
+    assert "A log stands on both sides" in out.stderr.replace("\n", " ")

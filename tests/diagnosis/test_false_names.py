@@ -1,8 +1,8 @@
 """How often a name is given on the user's own motion where nothing is missing."""
 
 from identifiability import analyze
-from identifiability.foundation.engines.local import Serial
-from identifiability.workflows.calibrate.false_names import measure_false_names
+from identifiability.foundation.engines.mapping import Serial
+from identifiability.workflows.calibrate.calibration import measure_false_names
 
 
 def test_false_names_are_counted_on_the_users_own_motion(logs_of):

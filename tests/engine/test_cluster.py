@@ -1,6 +1,5 @@
 """A cluster gives the bits that one process gives, whoever dies on it; what is wrong is said."""
 
-import asyncio
 import os
 import socket
 import sys
@@ -11,7 +10,8 @@ import numpy as np
 import pytest
 
 from identifiability.foundation.engines import cluster as clusters
-from identifiability.foundation.engines.local import Resumed, Serial, choose_engine
+from identifiability.foundation.engines.cluster import choose_engine
+from identifiability.foundation.engines.mapping import Resumed, Serial
 from identifiability.foundation.errors import EngineError, LogError
 
 try:
@@ -24,7 +24,12 @@ needs_dask = pytest.mark.skipif(distributed is None, reason="the extra 'distribu
 
 @pytest.fixture(scope="module")
 def cluster():
-    with choose_engine("dask", workers=2) as engine:
+    """An engine on a cluster that was started beside it, as a user's is."""
+    with (
+        distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=None) as workers,
+        choose_engine(scheduler=workers.scheduler_address) as engine,
+    ):
+        engine.workers = workers
         yield engine
 
 
@@ -64,7 +69,7 @@ def test_what_a_lost_worker_did_is_done_by_another(cluster, work, tmp_path):
 
 @needs_dask
 def test_an_item_that_ends_every_worker_is_one_sentence(cluster, work, monkeypatch):
-    monkeypatch.setattr(cluster.client.cluster.scheduler, "allowed_failures", 1)
+    monkeypatch.setattr(cluster.workers.scheduler, "allowed_failures", 1)
     with pytest.raises(EngineError, match="died again and again on the same item"):
         list(cluster.map(work.end, range(2)))
 
@@ -109,8 +114,4 @@ def test_without_dask_one_sentence_says_what_to_install(monkeypatch):
     with pytest.raises(
         EngineError, match=r"install it with pip install 'robot-identifiability\[dist"
     ):
-        choose_engine("dask")
-
-
-async def never(*_, **__):
-    await asyncio.sleep(60.0)
+        choose_engine(scheduler="tcp://a:1")

@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import signal
 import sys
 import time
@@ -11,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from identifiability.cli import app
-from identifiability.foundation.engines.local import Processes
+from identifiability.foundation.engines.mapping import Processes
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +33,6 @@ def test_a_calibration_is_taken_up_again(log, tmp_path):
     assert run.exit_code == 0, run.output
     assert "posterior" not in run.output  # without simulation-based calibration nothing is said
     kept = {p: p.stat().st_mtime_ns for p in (tmp_path / "work").rglob("*.result")}
-    assert "kept nothing" not in run.stderr
     assert len(kept) == 4
     victim = min(kept)
     victim.unlink()
@@ -43,15 +41,6 @@ def test_a_calibration_is_taken_up_again(log, tmp_path):
     now = {p: p.stat().st_mtime_ns for p in (tmp_path / "work").rglob("*.result")}
     assert now.keys() == kept.keys()
     assert {p for p in now if now[p] != kept[p]} == {victim}
-
-
-def test_work_that_is_done_in_one_piece_says_that_nothing_was_kept(log, tmp_path):
-    words = ["inspect", "two-link", str(log.write(tmp_path / "log.csv"))]
-    run = CliRunner().invoke(app, [*words, "--set", f"resume={tmp_path / 'work'}"])
-    assert run.exit_code == 0, run.output
-    assert not list((tmp_path / "work").rglob("*.result"))
-    assert "resume kept nothing in" in run.stderr
-    assert "kept nothing" not in CliRunner().invoke(app, words).stderr
 
 
 @pytest.mark.parametrize(
@@ -88,9 +77,7 @@ def test_ctrl_c_ends_a_calibration_and_its_workers_at_once(log, spawn, group, tm
     os.killpg(running.pid, signal.SIGINT)  # as a terminal does
     stdout, stderr = running.communicate(timeout=600)
     assert running.returncode == 130
-    *told, last = stderr.strip().splitlines()
-    assert last == "Stopped; no file was left half-written."
-    assert all(re.fullmatch(r" *\d+ %  [a-z ]+", line) for line in told)  # progress of slow work
+    assert stderr.strip() == "Stopped; no file was left half-written."
     assert stdout == ""
     until = time.monotonic() + 60
     while group(running.pid) and time.monotonic() < until:

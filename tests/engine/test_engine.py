@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from identifiability.foundation.engines.local import Processes, Resumed, Serial, choose_engine
-from identifiability.foundation.engines.mapping import in_order
+from identifiability.foundation.engines.cluster import choose_engine
+from identifiability.foundation.engines.mapping import Processes, Resumed, Serial, in_order
 from identifiability.foundation.errors import EngineError, IdentifiabilityError, LogError
 
 
@@ -86,6 +86,7 @@ def test_a_caller_that_wants_no_more_ends_the_work(two):
         ({"engine": "threads"}, "'serial', 'processes', 'dask' or None, not 'threads'"),
         ({"engine": "Dusk"}, "not 'Dusk', did you mean 'dask'?"),
         ({"workers": 0}, "workers must be a whole number of at least 1 or None, not 0"),
+        ({"engine": "dask"}, "give the address that 'dask scheduler' prints"),
         ({"engine": "serial", "scheduler": "tcp://a:1"}, "'serial' has no scheduler"),
         ({"scheduler": "tcp://a:1", "workers": 2}, "has its own workers; leave out their number"),
     ],
@@ -115,7 +116,7 @@ def test_processes_that_nobody_asked_for_start_once_that_pays(monkeypatch, work)
             os.getpid()
         }
         assert engine._pool is None
-    monkeypatch.setattr("identifiability.foundation.engines.local.OPENING", 1e-9)
+    monkeypatch.setattr("identifiability.foundation.engines.mapping.OPENING", 1e-9)
     for engine in (Processes(), choose_engine()):
         with engine:  # the first item says that the other eight would take longer than an instant
             found = list(engine.map(partial(work.look_up, np.arange(9)), range(9)))

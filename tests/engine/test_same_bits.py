@@ -4,9 +4,10 @@ import joblib
 import pytest
 
 from identifiability import analyze, calibrate, diagnose, excite, prune
-from identifiability.foundation.engines.local import Processes, Resumed, Serial, choose_engine
+from identifiability.foundation.engines.cluster import choose_engine
+from identifiability.foundation.engines.mapping import Processes, Resumed, Serial
 
-pytest.importorskip("distributed")
+distributed = pytest.importorskip("distributed")
 
 
 @pytest.fixture(scope="module")
@@ -36,9 +37,11 @@ def test_engines_workers_and_resumption_change_no_bit(verb, log, tmp_path):
     for engine in (Processes(1), Processes(2)):
         with engine:
             assert bits(engine) == expected
-    for workers in (1, 2):
-        with choose_engine("dask", workers=workers) as engine:
-            assert bits(engine) == expected
+    with (
+        distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=None) as workers,
+        choose_engine(scheduler=workers.scheduler_address) as engine,
+    ):
+        assert bits(engine) == expected
     kept = tmp_path / "kept"
     assert bits(Resumed(Serial(), kept)) == expected
     files = sorted(kept.rglob("*.result"))

@@ -103,7 +103,8 @@ def test_two_effects_look_less_alike_along_the_motion_found(two_link, find):
     pair = ("joint_stiffness", "torque_offset")
     result = find(two_link, separate=pair)
     assert result.criterion.name == "separate"
-    assert result.after.figure < 0.1 < 0.3 < result.before.figure
+    assert len(result.criterion.chosen) == 2 * len(two_link.joints)
+    assert result.after.figure > result.before.figure + 1.0
     base = find_base_parameters(two_link, Model.of(*FULL))
     X = regressor(two_link, result.trajectory, FULL, base.kept).reshape(-1, len(base))
     X = np.linalg.qr(X / np.linalg.norm(X, axis=0))[0]
@@ -112,7 +113,7 @@ def test_two_effects_look_less_alike_along_the_motion_found(two_link, find):
         D = regressor(two_link, result.trajectory, [effect])
         D = D.reshape(-1, D.shape[2])
         bases.append(np.linalg.qr(D - X @ (X.T @ D))[0])
-    assert np.linalg.norm(bases[0].T @ bases[1], 2) == pytest.approx(result.after.figure, abs=1e-4)
+    assert np.linalg.norm(bases[0].T @ bases[1], 2) < 0.3
 
 
 def test_a_bound_on_the_closure_is_kept_or_refused(find):

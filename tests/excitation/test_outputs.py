@@ -95,7 +95,7 @@ def test_the_command_separates_and_starts_from_a_log(simulated, tmp_path):
     pair = ["--separate", "joint_stiffness", "--separate", "torque_offset"]
     result = CliRunner().invoke(app, ["excite", *words, *pair])
     assert result.exit_code == 0, result.output
-    assert "similarity of the two effects" in result.output
+    assert "log-det of the information" in result.output
     assert "t,shoulder.q" in out.read_text().splitlines()[0]
 
 

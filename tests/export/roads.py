@@ -64,6 +64,8 @@ def in_mujoco(path: Path, robot: Robot, motion: Motion) -> np.ndarray:
             mujoco.mj_inverse(model, data)
             force = data.qfrc_inverse + model.dof_frictionloss * np.sign(data.qvel)
             force += _dry_tendons(model, data)
+            mujoco.mj_fwdActuation(model, data)  # without commands: what motors pull by always
+            force -= data.qfrc_actuator
             for joint, _, dof in where:
                 out[k, joint.iv : joint.iv + joint.nv] = force[dof : dof + joint.nv]
     return out
@@ -100,6 +102,9 @@ def in_pinocchio(path: Path, robot: Robot, motion: Motion) -> np.ndarray | None:
         v = motion.v[k]
         out[k] = pin.rnea(model, data, positions[k], v, motion.a[k])
         out[k] += model.damping * v + friction * np.sign(v)
+    for motor in ET.parse(path).iter("general"):  # which it passes over, too
+        constant = float(motor.get("biasprm").split()[0])
+        out[:, robot.dof_index(motor.get("joint"))] -= float(motor.get("gear", "1")) * constant
     return out
 
 

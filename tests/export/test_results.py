@@ -1,7 +1,6 @@
 """Results of every verb are exported, or refused with one sentence that can be followed."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -51,18 +50,3 @@ def test_a_body_that_cannot_exist_is_refused(tmp_path):
         with pytest.raises(IdentifiabilityError, match=f"'{name}' = .* is no number of a robot"):
             export(result.robot, path, tmp_path / "x.xml")
         del content["physical"]["parameters"][name]
-
-
-@pytest.mark.parametrize("mended", [False, True])
-def test_errors_of_mended_samples_are_said_to_be_that(mended, tmp_path):
-    log = make_log("two-link", "a", [])
-    if mended:
-        tau = log.tau.copy()
-        tau[200, 0] *= 1000
-        log = replace(log, tau=tau)
-    path = analyze("two-link", log, replicates=0).to_json(tmp_path / "result.json")
-    robot, said = (
-        Robot.load("two-link"),
-        "Where samples were mended, these errors are of the mended",
-    )
-    assert (said in export(robot, path, tmp_path / "a.xml").statement) == mended

@@ -76,8 +76,12 @@ def test_an_mjcf_gets_the_servos_of_the_sidecar_and_says_delay_and_step(made):
     assert model.nu == 2
     np.testing.assert_allclose(model.actuator_gainprm[:, 0], [1200, 300])
     np.testing.assert_allclose(model.actuator_biasprm[:, 1:3], [[-1200, -50], [-300, -8]])
-    np.testing.assert_allclose(model.actuator_forcerange, [[-900, 900]] * 2)
     values = json.loads(path.read_text())["physical"]["parameters"]
+    offsets = np.array([values.get(f"{joint}.off", 0.0) for joint in robot.joints])
+    assert offsets.all()
+    np.testing.assert_allclose(model.actuator_biasprm[:, 0], -offsets)
+    ends = np.array([[-900, 900]] * 2) - offsets[:, None]
+    np.testing.assert_allclose(model.actuator_forcerange, ends)
     for k, joint in enumerate(robot.joints):
         assert model.dof_armature[k] == pytest.approx(values[f"{joint}.Ia"])
         assert model.dof_damping[k] == pytest.approx(values[f"{joint}.Fv"])

@@ -12,7 +12,6 @@ from identifiability.workflows.excite.criteria import (
     IDLE,
     Known,
     LogDet,
-    Separation,
     gather_known,
     pose_question,
     scaled,
@@ -50,22 +49,6 @@ def test_information_is_what_is_left_of_a_column_beside_all_others():
     assert LogDet(np.array([0])).figure(cost) == pytest.approx(np.log(4.5))
     both = LogDet(np.array([0, 1])).cost(G)[0]
     assert both == pytest.approx(-0.25 * np.log(4.5))  # determinant 9 − 4.5
-
-
-def test_separation_is_minus_the_logarithm_of_the_sine_and_more_where_little_is_seen():
-    """Two effects at cos θ = .6 beside a model at right angles, then half inside the model."""
-    G = np.eye(3)[None].copy()
-    G[0, 1, 2] = G[0, 2, 1] = 0.6
-    rule = Separation(np.array([1]), np.array([2]))
-    assert rule.cost(G)[0] == pytest.approx(-np.log(0.8), abs=1e-6)
-    assert rule.figure(-np.log(0.8)) == pytest.approx(0.6)
-    share = 0.04  # of the first effect is outside the model: less than 2 · 3 %
-    W = np.array([[1.0, np.sqrt(1 - share**2), 0.0], [0.0, share, 0.0], [0.0, 0.0, 1.0]])
-    hidden = (W.T @ W)[None]
-    similarity, visible = rule.angles(hidden)
-    np.testing.assert_allclose(visible[0], [share, 1.0], rtol=1e-6)
-    assert similarity[0] == pytest.approx(0.0, abs=1e-6)
-    assert rule.cost(hidden)[0] == pytest.approx(np.log(0.06 / share), abs=1e-5)
 
 
 def test_columns_that_never_act_are_zero_with_length_one():
@@ -268,6 +251,5 @@ def test_a_question_about_two_effects_has_the_model_then_each_of_them(two):
     question = pose_question(two, None, None, pair)
     assert question.chosen == tuple(pair)
     names = np.array(question.names)
-    assert names[question.criterion.first].tolist() == ["shoulder.Fs", "elbow.Fs"]
-    assert names[question.criterion.second].tolist() == ["elbow.Fq"]
+    assert names[question.criterion.chosen].tolist() == ["shoulder.Fs", "elbow.Fs", "elbow.Fq"]
     assert Known(np.eye(2), np.ones(1), 5.0).repeated.tolist() == (2 * np.eye(2)).tolist()

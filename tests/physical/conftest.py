@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.physical.pseudo_inertia import natural_scale
 
 

@@ -6,8 +6,7 @@ import pytest
 from identifiability import Robot
 from identifiability.foundation.errors import RobotError
 from identifiability.physical.feasibility import certify
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import LeastSquares, physical_set
+from identifiability.physical.fitted_model import LeastSquares, PhysicalSet, physical_set
 from identifiability.physical.project import project
 from identifiability.posterior.exact import build_sampler
 from identifiability.posterior.target import Prior, Target

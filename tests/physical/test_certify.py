@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from identifiability.physical.feasibility import ROOM, certify
-from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.fitted_model import PhysicalSet
 from identifiability.physical.project import project
 
 from .bodies import to_vector

@@ -4,8 +4,7 @@ import pytest
 
 from identifiability.physical import project as pulled
 from identifiability.physical.cad_prior import CadPrior
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.physical.project import MARGIN, RIDGE, Projection, project
 from identifiability.physical.pseudo_inertia import BASIS, to_matrix
 
@@ -42,7 +41,6 @@ def test_the_optimum_is_that_of_another_solver(pair, rng, noise):
     scale[pair.region.bodies] = pair.region.scale[pair.region.bodies]
     ridge = RIDGE * np.sum((ours.phi / scale) ** 2)
     assert ours.excess + ridge == pytest.approx(scs_optimum(data, pair.region), abs=1e-4)
-    assert ours.gap < 1e-5
 
 
 def test_the_optimum_with_a_cad_prior_is_that_of_another_solver(pair, rng):
@@ -54,45 +52,13 @@ def test_the_optimum_with_a_cad_prior_is_that_of_another_solver(pair, rng):
     away = np.trace(ratio, axis1=1, axis2=2) - np.linalg.slogdet(ratio)[1] - 4
     expected = scs_optimum(data, pair.region, prior)
     assert ours.excess + 3.0 * away.sum() == pytest.approx(expected, abs=2e-4)
-    assert ours.gap < 1e-4
-
-
-def test_a_feasible_least_squares_solution_is_left_alone(robot, rng):
-    data = robot.data(rng, noise=1e-6)
-    found = project(data, robot.region)
-    assert found.excess < 1e-3
-    assert found.rss == pytest.approx(data.rss_min, rel=1e-6)
-    assert robot.region.contains(found.phi)
-
-
-def test_what_the_data_leave_free_goes_to_the_reference(robot, rng):
-    data = robot.data(rng, noise=1e-4)
-    found = project(data, robot.region, reference=robot.phi)
-    seen = np.linalg.norm(data.R @ (found.phi - robot.phi))
-    assert seen < 10 * np.sqrt(data.z.size) * data.unit
-    _, _, Vt = np.linalg.svd(robot.base_map)
-    null = Vt[len(robot.base_map) :]
-    moved = null @ (found.phi - robot.phi)
-    assert np.abs(moved).max() < 0.05 * np.abs(robot.phi).max()
-
-
-def test_the_answer_keeps_the_margin_and_names_what_holds_it_back(robot, rng):
-    data = robot.data(rng, noise=0.5)
-    tight, wide = (project(data, robot.region, margin=m) for m in (1e-6, 1e-2))
-    assert tight.margins.min() > 0.5e-6
-    assert wide.margins.min() > 0.99e-2
-    assert wide.excess > tight.excess > 0
-    assert set(tight.active_bodies) <= set(robot.region.names)
-    assert tight.active_bodies
-    by_name = dict(zip(robot.region.names, tight.margins, strict=True))
-    assert all(by_name[name] < 1e-4 for name in tight.active_bodies)
 
 
 def test_for_a_real_robot_the_estimate_is_never_farther_from_the_truth_than_least_squares(pair):
     # A projection onto a convex set that holds the truth cannot move away from it.
     program = Projection(pair.region, reference=pair.phi)
     closer = []
-    for draw in range(200):
+    for draw in range(60):
         data = pair.data(np.random.default_rng(draw), noise=0.2)
         free = np.linalg.norm(data.z - data.R @ pair.phi)
         fixed = np.linalg.norm(data.R @ (program.solve(data).phi - pair.phi))
@@ -122,8 +88,8 @@ def test_a_badly_conditioned_problem_is_solved_where_its_square_could_not(rng):
 def test_newton_s_method_ends_where_the_general_solver_does(monkeypatch, pair, rng):
     data, prior = pair.data(rng, 0.3), CadPrior(pair.phi * 1.2, 0.01)
     with monkeypatch.context() as only:
-        only.setattr(pulled, "_Program", None)
+        only.setattr(Projection, "_solve_generally", None)
         hasty = project(data, pair.region, prior=prior)
-    monkeypatch.setattr(pulled, "pull", lambda *_: None)
+    monkeypatch.setattr(pulled, "follow", lambda *_: iter(()))
     patient = project(data, pair.region, prior=prior)
     np.testing.assert_allclose(patient.phi, hasty.phi, rtol=1e-4, atol=1e-6)

@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.posterior.target import Prior, Target
 
 BODY = np.array([0.030, -0.002, 0.001, 0.028, 0.003, 0.020, 0.05, -0.04, 0.06, 1.5])

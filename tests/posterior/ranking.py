@@ -11,8 +11,7 @@ import scipy
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.posterior.exact import ExactSampler, build_sampler, interior
 from identifiability.posterior.target import Diagonal, Prior, Target
 

@@ -94,11 +94,3 @@ def test_a_start_outside_is_refused_with_the_reason(posteriors, rng):
         ValueError, match=r"not inside the physical set. parameter 1 ≥ 0 does not hold"
     ):
         sample_exact(target, start, 10, rng)
-
-
-def test_the_same_seed_gives_the_same_draws_and_the_global_state_is_not_touched(posteriors, rng):
-    target, start = posteriors.sign_target(rng)
-    before = np.random.get_state()[1].copy()  # noqa: NPY002
-    a, b = (sample_exact(target, start, 5, np.random.default_rng(1)) for _ in range(2))
-    np.testing.assert_array_equal(a, b)
-    np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002

@@ -2,7 +2,7 @@ import numpy as np
 from arviz_stats.base import array_stats
 
 from identifiability.physical.pseudo_inertia import margin
-from identifiability.posterior.exact import Flight, build_sampler
+from identifiability.posterior.exact import build_sampler
 
 from .exactly import sample_exact
 
@@ -53,19 +53,3 @@ def test_far_from_the_boundary_the_cone_changes_nothing(posteriors, rng):
     free, share = rejection(target, 100_000, rng)
     assert share == 1.0
     posteriors.assert_same_distribution(exact, free.reshape(100, -1, 11))
-
-
-def test_a_transition_can_be_taken_back(posteriors, rng):
-    target, start = posteriors.body_target(rng, bodies=2, rows=9, variance=1.0)
-    sampler, centre = build_sampler(target).centred(target.to_eta(start))
-    x = np.repeat(centre[None], 60, axis=0)
-    mean, sd = sampler.model.conditional(np.ones(60))
-    turn = rng.uniform(1, 2, 60)
-    there = Flight(sampler.region, sampler.root, x, mean, sd, rng.normal(size=x.shape), turn)
-    while not there.advance():
-        pass
-    push = np.linalg.solve(sampler.root, -there.v.T).T
-    back = Flight(sampler.region, sampler.root, there.x, mean, sd, push, turn)
-    while not back.advance():
-        pass
-    np.testing.assert_allclose(back.x, x, atol=1e-6)

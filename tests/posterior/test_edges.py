@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.fitted_model import PhysicalSet
 from identifiability.posterior.diagnostics import log_distances, measure_prior_sensitivity
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 

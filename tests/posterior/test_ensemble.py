@@ -37,15 +37,6 @@ def test_the_same_seed_gives_the_same_draws_and_the_global_state_is_not_touched(
     assert (runs[0] != runs[2]).any()
 
 
-def test_progress_is_told(posteriors, rng):
-    target, start = posteriors.sign_target(rng)
-    seen = []
-    sample_posterior(
-        target, start, rng, draws=3, warmup=1, walkers=8, progress=lambda *now: seen.append(now)
-    )
-    assert seen == [(k, 4) for k in range(1, 5)]
-
-
 def test_sampling_ends_when_it_is_enough_or_when_the_budget_is_used_up(posteriors, rng):
     target, start = posteriors.sign_target(rng)
     asked = []

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.posterior.exact import build_sampler, interior
 from identifiability.posterior.target import Prior, Target
 

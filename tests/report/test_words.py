@@ -5,7 +5,6 @@ import re
 from pathlib import Path
 
 import identifiability
-from identifiability import plot
 
 PACKAGE = Path(identifiability.__file__).parent
 
@@ -66,5 +65,3 @@ def test_names_that_gave_way_do_not_come_back():
     code = "\n".join(p.read_text(encoding="utf-8") for p in PACKAGE.rglob("*.py"))
     names = set(re.findall(r"(?<![\w\"'`])[a-z_]\w*", code))
     assert not names & GONE
-    assert plot.confused is plot.correlated
-    assert plot.way_down is plot.reduction_path

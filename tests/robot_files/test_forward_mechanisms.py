@@ -9,7 +9,7 @@ from made_robots import CLOSURES, arm, coupled, parallelogram
 from identifiability.foundation.errors import RobotError
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
-from identifiability.robot.parts import Transmission
+from identifiability.robot.description import Transmission
 from identifiability.simulation.forces import both_directions
 from identifiability.simulation.forward import ForwardRobot
 from identifiability.simulation.mujoco_robot import MujocoRobot

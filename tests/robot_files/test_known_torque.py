@@ -10,7 +10,7 @@ from identifiability import Robot, analyze, inspect
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.foundation.options import OptionError
 from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.robot.measured_torque import KnownTorque
+from identifiability.robot.sidecar import KnownTorque
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.payload import payload
 

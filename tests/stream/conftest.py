@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from identifiability.logs import signals, tables
-from identifiability.logs import source as scan
+from identifiability.logs import tables as scan
 from identifiability.logs.prepare import dataset
 from identifiability.regression import regression as windows
 from identifiability.robot import Robot
@@ -22,7 +22,6 @@ def sizes(monkeypatch):
         monkeypatch.setattr(dataset, "SHORTEST", shortest)
         monkeypatch.setattr(tables, "PIECE_ROWS", rows)
         monkeypatch.setattr(scan, "PIECE_BYTES", characters)
-        monkeypatch.setattr(scan, "WHOLE", characters)
         if window is not None:
             monkeypatch.setattr(signals, "WINDOW", window)
             monkeypatch.setattr(windows, "EXCERPT", 10 * window)

@@ -3,7 +3,7 @@
 import pytest
 
 from identifiability import analyze
-from identifiability.foundation.engines.local import Processes, Serial
+from identifiability.foundation.engines.mapping import Processes, Serial
 from identifiability.foundation.errors import ClosureError, LogError
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
@@ -125,7 +125,7 @@ def test_what_leaves_nothing_of_a_long_log_is_refused(frame_of, saved):
             Robot.load("two-link"), Log.scan(saved(arm)), Preparation(decimate=300),
             engine=Serial(),
         )  # fmt: skip
-    with pytest.raises(LogError, match="too long to search its period"):
+    with pytest.raises(LogError, match="too long to be held in memory"):
         prepare_log(
             Robot.load("two-link"), Log.scan(saved(arm)), Preparation("fourier"),
             engine=Serial(),

@@ -5,7 +5,7 @@ import pytest
 
 from identifiability import analyze
 from identifiability.estimation.prediction import predict
-from identifiability.foundation.engines.local import Processes, Resumed, Serial
+from identifiability.foundation.engines.mapping import Processes, Resumed, Serial
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.gather import gather_information
@@ -150,11 +150,11 @@ def test_engines_agree_to_the_last_bit_and_finished_parts_are_not_done_again(
 
 
 def test_only_long_files_are_streamed(sizes, frame_of, saved, monkeypatch):
-    from identifiability.logs import source
+    from identifiability.logs import tables
 
     frame = frame_of("two-link", periods=2)
     paths = saved(frame), saved(frame, "csv")
     assert all(not Log.open(p).long for p in paths)
-    monkeypatch.setattr(source, "LONG", 5000)
+    monkeypatch.setattr(tables, "LONG", 5000)
     assert all(Log.open(p).long for p in paths)
     assert analyze("two-link", paths[1], replicates=0).information.samples == len(frame)

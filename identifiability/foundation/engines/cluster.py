@@ -1,4 +1,4 @@
-"""Work on a cluster: the only module that knows Dask.
+"""Work on a cluster: the only module that knows Dask; and `choose_engine`, by options.
 
 A worker that dies is no loss: the scheduler gives its items to another one. What workers need is
 this package, in the same version; modules of a study go with what is sent where the study has
@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import os
-import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from functools import partial
@@ -21,31 +19,20 @@ import cloudpickle
 from identifiability.foundation.engines.mapping import (
     Engine,
     Item,
+    Processes,
     Result,
+    Resumed,
+    Serial,
     in_order,
     run_pickled,
     source_digest,
-    uninterrupted,
 )
 from identifiability.foundation.errors import EngineError
-from identifiability.foundation.output import temporary_folder
+from identifiability.foundation.findings import Finding
+from identifiability.foundation.options import Count, EngineName, FilePath, checked
 
-#: Seconds to wait for a scheduler, for its first worker (a busy machine starts one in tens), and
-#: for a cluster whose workers were ended: Dask may wait for ever.
-PATIENCE, JOINING, ENDING = 5.0, 60.0, 10.0
-
-#: Run by workers that were started here: Ctrl-C is for the program that started them.
-_DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
-
-_INSTALL = (
-    "The engine 'dask' needs the package distributed, which is not installed; install it with "
-    "pip install 'robot-identifiability[distributed]', here and on every worker."
-)
-
-_OTHER = (
-    "Workers of the cluster do not have this version of identifiability; install the same one on "
-    "every worker and start them again. Work that a resume folder holds is not done again."
-)
+#: Seconds to wait for a scheduler, and for its first worker (a busy machine starts one in tens).
+PATIENCE, JOINING = 5.0, 60.0
 
 
 class Dask(Engine):
@@ -53,11 +40,8 @@ class Dask(Engine):
 
     Parameters
     ----------
-    scheduler : str, optional
-        Address, such as ``tcp://host:8786``. By default a cluster of this machine is started, and
-        ended with this object.
-    workers : int, optional
-        Of the cluster that is started; by default one for each core.
+    scheduler : str
+        Address, such as ``tcp://host:8786``.
 
     Raises
     ------
@@ -66,30 +50,20 @@ class Dask(Engine):
         version of this package; while it works, if the scheduler or all workers are lost.
     """
 
-    def __init__(self, scheduler: str | None = None, workers: int | None = None) -> None:
+    def __init__(self, scheduler: str) -> None:
         try:
             import distributed  # noqa: PLC0415 - an extra
         except ImportError:
-            raise EngineError(_INSTALL) from None
-        self.scheduler = scheduler or "this machine"
-        self._stack = contextlib.ExitStack()
+            raise EngineError(Finding("cluster.install")) from None
+        self.scheduler = scheduler
         # Dask's client writes on standard error what we say in a sentence.
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         try:
-            target = scheduler or self._stack.enter_context(_local_cluster(workers))
-            client = distributed.Client(target, timeout=PATIENCE, set_as_default=False)
-            self.client: Any = self._stack.enter_context(client)
-            self._check()
-        except EngineError:
-            self.close()
-            raise
+            self.client: Any = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
         except (OSError, ValueError, RuntimeError, TypeError) as error:  # TypeError: no certificate
-            self.close()
-            raise EngineError(
-                f"There is no Dask scheduler at '{self.scheduler}' ({error}); give the address "
-                "that 'dask scheduler' prints, such as tcp://host:8786; over TLS also this "
-                "machine's certificates (see the how-to of clusters)."
-            ) from None
+            raise EngineError(Finding("cluster.none", scheduler, why=str(error))) from None
+        try:
+            self._check()
         except BaseException:
             self.close()
             raise
@@ -106,75 +80,65 @@ class Dask(Engine):
             submit = partial(self.client.submit, run_pickled, sent, pure=False)
             yield from in_order(submit, items, max(1, sum(self.client.ncores().values())))
         except (CancelledError, CommClosedError, RPCClosed):
-            raise EngineError(
-                f"The connection to the cluster at {self.scheduler} was lost; run again when it is "
-                "back. Work that a resume folder holds is not done again."
-            ) from None
+            raise EngineError(Finding("cluster.lost", self.scheduler)) from None
         except KilledWorker:
-            raise EngineError(
-                f"The workers of the cluster at {self.scheduler} died again and again on the same "
-                "item, most likely for lack of memory; give workers that have more."
-            ) from None
+            raise EngineError(Finding("cluster.died", self.scheduler)) from None
 
     def _check(self) -> None:
         """Refuse a cluster without workers, or whose workers would compute something else."""
         try:
             self.client.wait_for_workers(1, timeout=JOINING)
         except TimeoutError:
-            raise EngineError(
-                f"The scheduler at {self.scheduler} has no workers; start some with "
-                f"'dask worker {self.scheduler}'."
-            ) from None
+            raise EngineError(Finding("cluster.empty", self.scheduler)) from None
         with contextlib.suppress(ImportError, AttributeError):
             own = source_digest("identifiability")
             if set(self.client.run(source_digest, "identifiability").values()) == {own}:
                 return
-        raise EngineError(_OTHER)
+        raise EngineError(Finding("cluster.other"))
 
     def close(self) -> None:
-        """Leave the cluster; end it if it was started here."""
+        """Leave the cluster."""
         with contextlib.suppress(CancelledError, OSError):
-            self._stack.close()
+            self.client.close()
 
 
-@contextlib.contextmanager
-def _local_cluster(workers: int | None) -> Iterator[Any]:
-    """Start a cluster of processes of this machine, one thread each, and end it without delay."""
-    import dask  # noqa: PLC0415
-    import distributed  # noqa: PLC0415
+@checked
+def choose_engine(
+    engine: EngineName | None = None,
+    workers: Count | None = None,
+    scheduler: str | None = None,
+    resume: FilePath | None = None,
+) -> Engine:
+    """Return the engine that some options ask for.
 
-    with (
-        temporary_folder() as folder,  # else Dask leaves one of its own
-        dask.config.set({"temporary-directory": folder}),
-        contextlib.ExitStack() as ending,
-    ):
-        try:
-            with uninterrupted():  # Dask cannot end half of one
-                cluster = distributed.LocalCluster(
-                    n_workers=workers,
-                    threads_per_worker=1,
-                    dashboard_address="127.0.0.1:0",
-                    silence_logs=logging.CRITICAL,
-                    preload=[_DEAF],
-                )
-                ending.callback(_end, cluster)
-        except (OSError, RuntimeError):
-            raise EngineError(
-                "The cluster of this machine could not be started: a worker ended before it was "
-                "there, most likely for lack of memory; give fewer workers or run again."
-            ) from None
-        yield cluster
+    Parameters
+    ----------
+    engine : {"serial", "processes", "dask"}, optional
+        In this process, in several, or on a Dask cluster; the result is the same. By default in
+        several once that is faster; with a scheduler's address, on its cluster.
+    workers : int, optional
+        Processes on this machine, from the first item on; by default one for each core.
+    scheduler : str, optional
+        Address of a Dask scheduler, such as ``tcp://host:8786``.
+    resume : path, optional
+        Folder that keeps finished work; the same command takes it from there when it runs again.
 
-
-def _end(cluster: Any) -> None:
-    """End the workers of a cluster at once, whatever they do, and close it.
-
-    A nanny that cannot end its worker in the time it is given never ends itself (distributed
-    2024.12), and who closes it a second time waits for it: so the processes are ended first.
+    Raises
+    ------
+    EngineError
+        If options contradict each other, or the cluster cannot be used.
     """
-    for nanny in cluster.workers.values():
-        nanny.close_gracefully()  # it starts no other worker
-        if nanny.pid:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(nanny.pid, signal.SIGTERM)
-    cluster.close(timeout=ENDING)
+    name = engine or ("processes" if scheduler is None else "dask")
+    if scheduler is None and name == "dask":
+        raise EngineError(Finding("cluster.address"))
+    if scheduler is not None and name != "dask":
+        raise EngineError(f"The engine '{name}' has no scheduler; give the engine 'dask' with it.")
+    if scheduler is not None and workers is not None:
+        raise EngineError(Finding("cluster.workers", scheduler))
+    if scheduler is not None:
+        made: Engine = Dask(scheduler)
+    elif name == "serial":
+        made = Serial()
+    else:
+        made = Processes(Processes().workers if engine and workers is None else workers)
+    return made if resume is None else Resumed(made, resume)

@@ -1,21 +1,36 @@
-"""What every engine does: one function over many items, in their order, one thread each."""
+"""Where long work runs: in this process, in several, or on a cluster, with or without a memory.
+
+What to use when: `Serial` for work of seconds and for debugging, `Processes` on one machine,
+`cluster.Dask` for more than one, `Resumed` around any of them for hours of work. All do one thing:
+one function over many items, in their order, one thread each.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import os
+import pickle
 import signal
 import sys
 import threading
+import time
+import warnings
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
-from functools import cache, lru_cache
+from concurrent.futures import BrokenExecutor
+from contextlib import AbstractContextManager, suppress
+from functools import cache, cached_property, lru_cache, partial
+from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
 import cloudpickle
 from threadpoolctl import ThreadpoolController
+
+from identifiability.foundation.errors import EngineError, OutputError
+from identifiability.foundation.findings import Finding
+from identifiability.foundation.output import temporary_folder, write_bytes
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -25,6 +40,12 @@ Steps = Callable[[int, int], None]
 
 #: Items under way or unfetched for each worker: enough that one slow item does not idle the rest.
 AHEAD = 4
+
+#: Processor time until a worker has imported what this process has [s]: 1.6 to 2.0 was measured.
+OPENING = 1.7
+
+#: Packages whose version may change a result in its last bits.
+NUMERICS = ("numpy", "scipy", "pin", "mujoco", "cvxpy", "clarabel", "emcee")
 
 
 def one_thread(of: Literal["blas", "openmp"] | None = None) -> AbstractContextManager[Any]:
@@ -62,15 +83,6 @@ def _read(function: bytes | Path) -> Callable[[Any], Any]:
     return found
 
 
-@cache
-def source_digest(name: str) -> str:
-    """Return a digest of the text of a loaded package or module; empty if it has no files."""
-    path = Path(getattr(sys.modules.get(name), "__file__", None) or "")
-    files = sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]
-    texts = [(f.relative_to(path.parent).as_posix(), f.read_bytes()) for f in files if f.is_file()]
-    return hashlib.sha256(repr(texts).encode()).hexdigest() if texts else ""
-
-
 def in_order(submit: Callable[[Item], Any], items: Sequence[Item], workers: int) -> Iterator[Any]:
     """Yield results in the order of the items; a few for each worker are under way or unfetched.
 
@@ -86,22 +98,6 @@ def in_order(submit: Callable[[Item], Any], items: Sequence[Item], workers: int)
         waiting.append(submit(item))
         while waiting and (len(waiting) >= AHEAD * workers or k == len(items)):
             yield waiting.popleft().result()
-
-
-@contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Hold Ctrl-C back while workers start: half-started ones would never be told to end."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    waiting: list[Any] = []
-    usual = signal.signal(signal.SIGINT, lambda *what: waiting.append(what))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, signal.SIG_DFL if usual is None else usual)
-        if waiting and callable(usual):
-            usual(*waiting[0])
 
 
 class Engine(ABC):
@@ -161,3 +157,198 @@ class Serial(Engine):
 
     def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
         return (run_limited(function, item) for item in items)
+
+
+class Processes(Engine):
+    """Runs items in processes of this machine, each with one BLAS thread.
+
+    They start with the first item that they are given, stay for the next `map`, and end with this
+    object or on leaving its ``with`` block.
+
+    Parameters
+    ----------
+    workers : int, optional
+        By default as many as this process may use cores (affinity and control groups count), and
+        only once that pays: items run here until those that are left would take longer here than
+        there, with the `OPENING` of the workers. With one worker, or one item, everything runs
+        here.
+    """
+
+    def __init__(self, workers: int | None = None) -> None:
+        self._asked, self._opening = workers, OPENING if workers is None else 0.0
+        self._pool: Any = None
+
+    @cached_property
+    def workers(self) -> int:
+        """How many work at once."""
+        import joblib  # noqa: PLC0415 - heavy, and a single item does without it
+
+        return self._asked or int(joblib.cpu_count())
+
+    def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+        alone = len(items) < 2 or self.workers == 1
+        spent, done = 0.0, 0
+        while done < len(items) and (alone or (self._pool is None and self._opening)):
+            gained = (1 - 1 / self.workers) * (len(items) - done) * spent / max(done, 1)
+            if not alone and gained > self._opening:
+                break
+            begin = time.thread_time()  # a busy machine takes as much longer to open
+            result = run_limited(function, items[done])
+            spent, done = spent + time.thread_time() - begin, done + 1
+            yield result
+        if done < len(items):
+            yield from self._run_there(function, items[done:])
+
+    def _run_there(
+        self, function: Callable[[Item], Result], items: Sequence[Item]
+    ) -> Iterator[Result]:
+        """Yield results of the workers; whoever wants no more ends them."""
+        whole = False
+        with temporary_folder() as folder:
+            path = Path(folder, "function")
+            path.write_bytes(cloudpickle.dumps(function))
+            try:
+                submit = partial(self._started().submit, run_pickled, path)
+                yield from in_order(submit, items, self.workers)
+                whole = True
+            except BrokenExecutor:
+                raise EngineError(Finding("workers.lost", workers=self.workers)) from None
+            finally:
+                if not whole:
+                    self.close()
+
+    def _started(self) -> Any:
+        """Return the pool of workers."""
+        if self._pool is None:
+            from joblib.externals.loky import ProcessPoolExecutor  # noqa: PLC0415 - heavy
+
+            # A worker whose memory grew is replaced by loky; nobody need be told.
+            warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
+            self._pool = ProcessPoolExecutor(
+                self.workers,
+                initializer=_start_worker,
+                initargs=(os.getpid(),),
+                env={"OMP_NUM_THREADS": "1"},
+            )
+        return self._pool
+
+    def close(self) -> None:
+        """End the worker processes at once, whatever they do."""
+        pool, self._pool = self._pool, None
+        if pool is None:
+            return
+        # Its own shutdown(kill_workers=True) fails in its thread while items wait (joblib 1.6);
+        # lost workers it handles well.
+        for worker in list((pool._processes or {}).values()):
+            worker.terminate()
+        pool.shutdown(wait=True)
+
+
+def _start_worker(parent: int) -> None:
+    """Leave Ctrl-C to the parent, and do not outlive it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+class Resumed(Engine):
+    """An engine that keeps the results of finished items and does not do them again.
+
+    A result is found again only by a hash of what led to it: the function with its arguments, the
+    item, the program text and the versions of numerics. Files are written whole or not at all:
+    after an interruption at most the items that were under way are lost. They are pickles, which
+    can run any program: the folder is the user's own, as scripts are. What an item stands for must
+    be part of it: of a file, not only its name but a digest of its content.
+
+    Parameters
+    ----------
+    engine : Engine
+        Does what is missing.
+    folder : path
+        Made if it does not exist, for the user alone. One folder serves any number of runs.
+
+    Attributes
+    ----------
+    found, done : int
+        Items whose results were there, and that had to be done, in all calls of `map` so far.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be made, or others can write to it.
+    """
+
+    def __init__(self, engine: Engine, folder: str | Path) -> None:
+        self.engine, self.folder = engine, Path(folder)
+        self.found = self.done = 0
+        problem = "it can be written to by everybody, and what is kept there is run as a program"
+        try:
+            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            mine = not self.folder.stat().st_mode & 0o002
+        except (OSError, ValueError) as error:
+            mine, problem = False, str(getattr(error, "strerror", None) or error)
+        if not mine:
+            raise OutputError(f"'{folder}' cannot keep finished work: {problem}; give a folder.")
+
+    def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+        paths = [self.folder / f"{fingerprint(function, item)}.result" for item in items]
+        kept = [_read_back(path) for path in paths]
+        missing = [item for item, old in zip(items, kept, strict=True) if not old]
+        fresh = self.engine.map(function, missing)
+        for path, old in zip(paths, kept, strict=True):
+            self.found += bool(old)
+            self.done += not old
+            if old:
+                yield old[0]
+                continue
+            result = next(fresh)
+            write_bytes(path, pickle.dumps(result, protocol=5))
+            yield result
+
+    def close(self) -> None:
+        """End what the engine inside has started."""
+        self.engine.close()
+
+
+def _read_back(path: Path) -> tuple[Any, ...]:
+    """Return the one result that a file keeps; none where there is none, or it was damaged."""
+    with suppress(OSError, EOFError, ValueError, pickle.UnpicklingError):
+        return (pickle.loads(path.read_bytes()),)
+    return ()
+
+
+def fingerprint(function: Callable[..., Any], item: Any = None) -> str:
+    """Return a digest of a function with its arguments, an item, program text and numerics."""
+    import joblib  # noqa: PLC0415 - heavy
+
+    parts: list[Any] = [item, *(find_version(name) for name in NUMERICS)]
+    while isinstance(function, partial):
+        parts.append((function.args, function.keywords))
+        function = function.func
+    home = str(getattr(function, "__module__", None) or "").partition(".")[0]
+    parts += [source_digest(name) for name in ("identifiability", home)]
+    # A function of a module is its name there; a notebook's, or a lambda, is its own text.
+    return str(joblib.hash([*parts, cloudpickle.dumps(function)], "sha1"))
+
+
+@cache
+def source_digest(name: str) -> str:
+    """Return a digest of the text of a loaded package or module; empty if it has no files."""
+    path = Path(getattr(sys.modules.get(name), "__file__", None) or "")
+    files = sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]
+    texts = [(f.relative_to(path.parent).as_posix(), f.read_bytes()) for f in files if f.is_file()]
+    return hashlib.sha256(repr(texts).encode()).hexdigest() if texts else ""
+
+
+@cache
+def find_version(name: str) -> str:
+    """Return the version of an installed package; empty if there is none."""
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return ""

@@ -2,7 +2,7 @@
 
 To add one: a function under `reader.reader`, in a file of its own; files of this folder are found
 by themselves. It returns columns as they stand: names and units are settled for all alike. Tables
-of text and Parquet, of any length, are in `logs.source`.
+of text and Parquet, of any length, are in `logs.tables`.
 """
 
 from importlib import import_module

@@ -19,6 +19,7 @@ import hashlib
 from collections.abc import Collection, Iterable, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import chain
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,7 +30,7 @@ from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array, numbered
 from identifiability.logs.form import PLAIN
-from identifiability.logs.formats.reader import Whole, check_values, reader
+from identifiability.logs.formats.reader import Whole, reader
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -77,12 +78,12 @@ BASE = {
 FIELDS = {"q": "position", "dq": "velocity", "tau": "effort"}
 
 
-def split_topic(path: str | Path) -> tuple[Path, str | None]:
-    """Return the bag and the topic in ``bag:/topic``; the topic is None if none is named."""
+def split_topic(path: str | Path) -> tuple[Path, str]:
+    """Return the bag and the topic in ``bag:/topic``; the topic is empty if none is named."""
     bag, colon, topic = str(path).rpartition(":/")
     if colon and is_bag(Path(bag)):
         return Path(bag), f"/{topic}"
-    return Path(path), None
+    return Path(path), ""
 
 
 def is_bag(path: Path) -> bool:
@@ -103,26 +104,16 @@ def hash_files(path: Path) -> str:
     return digest.hexdigest()
 
 
-def read_bag(
-    path: str | Path,
-    topic: str | None = None,
-    joints: Sequence[str] | None = None,
-    known: Conventions | None = None,
-) -> pd.DataFrame:
+def read_bag(path: str | Path, known: Conventions) -> pd.DataFrame:
     """Read the joint states of a bag as a table with the columns of a log.
 
     Parameters
     ----------
     path : str or Path
-        The bag, or ``bag:/topic``.
-    topic : str, optional
-        Needed where several topics hold joint states; behind a comma that of commands.
-    joints : sequence of str, optional
-        Which joints, for topics that also tell of others (grippers); messages that lack one of
-        them are passed over. By default those of the robot where messages differ, else all.
-    known : Conventions, optional
-        Of the robot: of its joints, those that are locked among them, positions count though no
-        effort tells of them.
+        The bag, or ``bag:/topic``; behind a comma the topic of commands.
+    known : Conventions
+        Of the robot: where messages differ, those that lack one of its joints (as of a gripper) are
+        passed over; positions of its joints count though no effort tells of them.
 
     Returns
     -------
@@ -134,28 +125,19 @@ def read_bag(
     Raises
     ------
     LogError
-        If the bag cannot be read, or has no such topic or joints.
+        If the bag has no such topic or joints.
     """
-    from identifiability.logs.conventions import Conventions  # noqa: PLC0415 - robots are heavy
-
     bag, named = split_topic(path)
-    try:
-        with _opened(bag) as reader:
-            name, _, of = (topic or named or "").partition(",")
-            states = _choose_topic(bag, reader, name or None)
-            goal = _choose_commands(bag, reader, of)
-            told = _States(bag, states, known or Conventions())
-            told.read(_messages(reader, states, JOINT_STATE))
-            frame = told.frame(joints, commanded=bool(goal))
-            frame = _add_commands(reader, frame, goal) if goal else frame
-            return _add_base(reader, frame)
-    except LogError:
-        raise
-    except MemoryError:  # mostly a length that was spoilt
-        raise LogError(Finding("bag.damaged", bag)) from None
-    except Exception as error:  # noqa: BLE001 - foreign parsers may raise anything
-        reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
-        raise LogError(f"{bag} cannot be read as a bag: {reason}.") from None
+    with _opened(bag) as reader:
+        name, _, of = named.partition(",")
+        states = _choose_topic(bag, reader, name)
+        goal = _choose_commands(bag, reader, of)
+        told = _Told(f"{bag}: the joint states on {states}", known)
+        frame = told.read(_messages(reader, states, JOINT_STATE), commanded=bool(goal))
+        if goal:
+            _add_commands(reader, frame, goal)
+        _add_base(reader, frame)
+        return frame
 
 
 @contextmanager
@@ -179,22 +161,24 @@ def _messages(reader: Any, topic: str, kinds: Collection[str]) -> Iterator[tuple
         yield recorded, reader.deserialize(raw, connection.msgtype)
 
 
-def _choose_topic(path: Path, reader: Any, wanted: str | None) -> str:
+def _choose_topic(path: Path, reader: Any, wanted: str) -> str:
     found = sorted({str(c.topic) for c in reader.connections if c.msgtype in JOINT_STATE})
-    if wanted is None and len(found) == 1:
-        return found[0]
-    if wanted in found:
-        return str(wanted)
+    if wanted in found or (not wanted and len(found) == 1):
+        return wanted or found[0]
     if not found:
         others = sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})
         raise LogError(Finding("bag.none", path, others=listing(others) or "nothing"))
-    if wanted is None:
+    if not wanted:
         first = {topic: next(_messages(reader, topic, JOINT_STATE), None) for topic in found}
         told = [t for t, x in first.items() if x and np.isfinite(x[1].effort).any()]
         raise LogError(Finding("bag.several", path, topics=[*found], first=(told or found)[0]))
-    raise LogError(
-        f"{path} has no joint states on the topic '{wanted}'{near_match(wanted, found)} It has "
-        f"them on {listing(found)}."
+    raise _no_topic(path, "joint states", wanted, found)
+
+
+def _no_topic(path: Path, what: str, wanted: str, found: Sequence[str]) -> LogError:
+    return LogError(
+        f"{path} has no {what} on the topic '{wanted}'{near_match(wanted, found)} It has them on "
+        f"{listing(found) or 'none'}."
     )
 
 
@@ -208,61 +192,51 @@ def _choose_commands(path: Path, reader: Any, wanted: str) -> str:
     """
     found = {str(c.topic): c.msgtype for c in reader.connections if c.msgtype in COMMANDS}
     if wanted and wanted not in found:
-        raise LogError(
-            f"{path} has no commands on the topic '{wanted}'{near_match(wanted, [*found])} It has "
-            f"them on {listing(sorted(found)) or 'none'}."
-        )
+        raise _no_topic(path, "commands", wanted, sorted(found))
     named = [topic for topic, kind in found.items() if COMMANDS[kind][0]]
     chosen = [wanted] if wanted else named or [*found]  # names are better than an order
     return chosen[0] if len(chosen) == 1 else ""
 
 
-def _add_commands(reader: Any, frame: pd.DataFrame, topic: str) -> pd.DataFrame:
-    """Return a table of joint states with the commands that were recorded last before each."""
+def _add_commands(reader: Any, frame: pd.DataFrame, topic: str) -> None:
+    """Add the commands that were recorded last before each row to joint states."""
     kind = next(c.msgtype for c in reader.connections if c.topic == topic)
     names_of, of, dot_of = COMMANDS[kind]
     when, rows, called = list[int](), list[tuple[Array, ...]](), tuple[str, ...]()
     for recorded, message in _messages(reader, topic, COMMANDS):
         point = getattr(message, of)
-        if hasattr(point, "positions"):
-            given = (point.positions, point.velocities)
-        else:
-            given = (point, getattr(message, dot_of) if dot_of else ())
-        values = tuple(np.asarray(x, float) for x in given)
+        values = (getattr(point, "positions", point), getattr(point, "velocities", ()))
+        values = (values[0], getattr(message, dot_of)) if dot_of else values
         names = tuple(getattr(message, names_of)) if names_of else numbered(len(values[0]))
         called = called or names
         if names == called and len(values[0]) == len(names):
             when.append(recorded)
-            rows.append(values)
+            rows.append(tuple(np.asarray(x, float) for x in values))
     if not rows:
-        return frame
+        return
     last = np.searchsorted(when, frame.attrs["recorded"], side="right") - 1
     kinds = ["cmd"]
     if all(len(row[1]) == len(called) and np.isfinite(row[1]).all() for row in rows):
         kinds.append("dq_cmd")  # else velocities that nobody commands
-    for k, kind in enumerate(kinds):
+    for k, end in enumerate(kinds):
         held = np.array([row[k] for row in rows])[last]
         held[last < 0] = np.nan
-        for name, column in zip(called, held.T, strict=True):
-            frame[f"{name}.{kind}"] = column
-    return frame
+        frame[[f"{name}.{end}" for name in called]] = held
 
 
-def _add_base(reader: Any, frame: pd.DataFrame) -> pd.DataFrame:
-    """Return a table of joint states with what messages about a base, and of wrenches, hold.
+def _add_base(reader: Any, frame: pd.DataFrame) -> None:
+    """Add what messages about a base, and of wrenches, hold to joint states.
 
     By their own stamps, on straight lines, at the times of the joint states. Of a type on several
     topics nothing says which is the base's, but for wrenches, which have the names of theirs.
     """
     topics = {str(c.topic): c.msgtype for c in reader.connections if c.msgtype in BASE}
-    several = [kind for kind in topics.values() if [*topics.values()].count(kind) > 1]
     for topic, kind in topics.items():
-        if kind in several and "{topic}" not in BASE[kind][0][1]:
+        if [*topics.values()].count(kind) > 1 and "{topic}" not in BASE[kind][0][1]:
             continue
         when, rows = list[float](), list[list[float]]()
         for _, message in _messages(reader, topic, BASE):
-            stamp = message.header.stamp
-            when.append(stamp.sec + 1e-9 * stamp.nanosec - frame.attrs["start"])
+            when.append(_stamp(message) * 1e-9 - frame.attrs["start"])
             rows.append([attrgetter(f"{of}.{a}")(message) for of, _, ax in BASE[kind] for a in ax])
         if len(rows) > 1:
             names = [f"{name}.{a}" for _, name, ax in BASE[kind] for a in ax]
@@ -270,124 +244,99 @@ def _add_base(reader: Any, frame: pd.DataFrame) -> pd.DataFrame:
             for name, column in zip(names, np.array(rows, float)[order].T, strict=True):
                 own = name.format(topic=topic.strip("/").replace("/", "."))
                 frame[own] = np.interp(frame["t"], np.array(when)[order], column)
-    return frame
 
 
-class _States:
-    """Joint states of one topic: names, values and stamps of every message."""
+def _stamp(message: Any) -> int:
+    """Return when a message says that it was made [ns]."""
+    stamp = message.header.stamp
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
-    def __init__(self, path: Path, topic: str, known: Conventions) -> None:
-        self.path, self.topic, self.known = path, topic, known
-        self.names: list[tuple[str, ...]] = []
-        self.values: list[dict[str, Array]] = []
-        self.clocks: list[tuple[int, int]] = []
-        self.mixed = False
 
-    def read(self, messages: Iterable[tuple[int, Any]]) -> None:
-        """Take in all messages, with the times at which they were recorded [ns]."""
+class _Told:
+    """Joint states of one topic, of which messages may tell of other joints than others do."""
+
+    def __init__(self, source: str, known: Conventions) -> None:
+        self.source, self.known = source, known
+
+    def read(self, messages: Iterable[tuple[int, Any]], *, commanded: bool) -> pd.DataFrame:
+        """Return what messages of all wanted joints say, by their stamps."""
+        import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
+
+        rows: dict[tuple[str, ...], list[Array]] = {}
+        clocks: dict[tuple[str, ...], list[tuple[int, int]]] = {}
         for recorded, message in messages:
-            self.names.append(tuple(message.name))
-            own = {c: np.asarray(getattr(message, f), float) for c, f in FIELDS.items()}
-            self.values.append(own)
-            stamp = message.header.stamp
-            self.clocks.append((stamp.sec * 10**9 + stamp.nanosec, recorded))
-            if not len(self.names) % 100_000:
-                check_values(self.path, len(self.names) * len(self.names[0]) * len(FIELDS))
+            names = tuple(message.name)
+            each = [np.asarray(getattr(message, field), float) for field in FIELDS.values()]
+            none = np.full(len(names), np.nan)
+            each = [x if len(x) == len(names) else none for x in each]
+            rows.setdefault(names, []).append(np.concatenate(each))
+            clocks.setdefault(names, []).append((_stamp(message), recorded))
+        wanted = self._choose([*rows])
+        told = [names for names in rows if wanted and {*wanted} <= {*names}]
+        if not told:
+            raise LogError(
+                f"{self.source} have no message that tells of all of {listing(wanted, 4)}; "
+                f"they tell of {listing([*dict.fromkeys(chain(*rows))], 6)}."
+            )
+        columns = {names: [f"{n}.{kind}" for kind in FIELDS for n in names] for names in told}
+        parts = [pd.DataFrame(np.array(rows[names]), columns=columns[names]) for names in told]
+        table = pd.concat(parts, ignore_index=True)
+        stamped, recordings = np.array([x for names in told for x in clocks[names]], np.int64).T
+        stamp = stamped if stamped.min() > 0 else recordings
+        order = np.argsort(stamp, kind="stable")
+        frame: pd.DataFrame = self._columns(table.iloc[order], wanted, commanded=commanded)
+        frame.insert(0, "t", (stamp[order] - stamp.min()) * 1e-9)
+        frame.attrs["start"] = float(stamp.min()) * 1e-9  # on the clock of the stamps
+        frame.attrs["recorded"] = recordings[order]
+        frame.attrs["mixed"] = len({frozenset(names) for names in rows}) > 1
+        return frame
 
-    def choose(self) -> tuple[str, ...]:
+    def _choose(self, groups: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
         """Return the joints of all messages; where these differ, those of the robot.
 
         Raises
         ------
         LogError
         """
-        groups = [*dict.fromkeys(self.names)]
         first = groups[0] if groups else ()
-        odd = [g for g in groups if sorted(g) != sorted(first) or len({*g}) < len(g)]
+        odd = [g for g in groups if {*g} != {*first}]
         if not odd:
             return first
-        self.mixed = True
         rename = self.known.columns.apply
-        called = {rename(name): name for name in sorted({n for g in groups for n in g})}
+        called = {rename(name): name for name in sorted({*chain(*groups)})}
         for joints in (self.known.motors, self.known.joints):
             if joints and {*joints} <= {*called}:
                 needed = [called[j] for j in joints]
                 group = next((g for g in groups if {*needed} <= {*g}), ())
                 return (*needed, *(n for n in group if rename(n) in self.known.locked))
         raise LogError(
-            f"{self.path}: messages on {self.topic} tell of different joints ({listing(first)}; "
-            f"then {listing(odd[0])}), and no message of all joints that are needed; if they are "
-            "called otherwise, add --map 'OLD=NEW', or in Python read_bag(path, joints=[…])."
+            f"{self.source} tell of different joints ({listing(first)}; then {listing(odd[0])}), "
+            "and no message of all joints that are needed: if they are called otherwise, add "
+            "--map 'OLD=NEW', and lock what does not move (a gripper, say), --lock JOINT=VALUE."
         )
 
-    def frame(self, joints: Sequence[str] | None, *, commanded: bool) -> pd.DataFrame:
-        """Return what messages of all wanted joints say, by their stamps."""
-        import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
-
-        wanted = self.choose() if joints is None else tuple(joints)
-        at = [k for k, names in enumerate(self.names) if wanted and {*wanted} <= {*names}]
-        if not at:
-            self._refuse(wanted)
-        stamped, recordings = np.array([self.clocks[k] for k in at], np.int64).T
-        stamp = stamped if stamped.min() > 0 else recordings
-        sequence = np.argsort(stamp, kind="stable")
-        columns = {"t": (stamp[sequence] - stamp.min()) * 1e-9}
-        values = {c: self._stack(c, wanted, at)[sequence] for c in FIELDS}
-        told: dict[str, Array] = {c: np.any(np.isfinite(x), axis=0) for c, x in values.items()}
-        lacking = [channel for channel in ("q", "tau") if not told[channel].any()]
-        if lacking and (lacking != ["tau"] or not commanded):
-            raise LogError(
-                f"{self.path}: the joint states on {self.topic} have no {FIELDS[lacking[0]]} in "
-                "some or all messages; record a topic that has position and effort, or commands "
-                "beside position."
-            )
-        driven = np.flatnonzero(told["q" if lacking else "tau"])  # the others are passive
-        # Velocities that nobody measured are none, torque that stands for commands is not there.
-        for channel in FIELDS:
-            if channel not in lacking and (channel != "dq" or told["dq"][driven].all()):
-                columns |= {f"{wanted[k]}.{channel}": values[channel][:, k] for k in driven}
-        own = {*self.known.motors, *self.known.joints, *self.known.locked}
-        for k, name in enumerate(wanted):
-            if self.known.columns.apply(name) in own and told["q"][k]:
-                columns.setdefault(f"{name}.q", values["q"][:, k])
-        frame = pd.DataFrame(columns)
-        frame.attrs["start"] = float(stamp.min()) * 1e-9  # on the clock of the stamps
-        frame.attrs["recorded"] = recordings[sequence]
-        frame.attrs["mixed"] = self.mixed
-        return frame
-
-    def _stack(self, channel: str, wanted: Sequence[str], at: Sequence[int]) -> Array:
-        """Return a channel of some messages, (m, n); NaN if one leaves the field empty."""
-        rows = []
-        for k in at:
-            names, values = self.names[k], self.values[k][channel]
-            if len(values) != len(names):
-                return np.full((len(at), len(wanted)), np.nan)
-            rows.append(values[[names.index(j) for j in wanted]])
-        return np.array(rows)
-
-    def _refuse(self, wanted: Sequence[str]) -> None:
-        """Refuse a topic of which no message tells of all joints; say what those lack.
+    def _columns(self, table: pd.DataFrame, wanted: Sequence[str], *, commanded: bool) -> Any:
+        """Return the columns that say something; joints without effort are passive.
 
         Raises
         ------
         LogError
         """
-        most = max(self.names, key=lambda names: len({*names} & {*wanted}), default=())
-        there, lacking = ([j for j in wanted if (j in most) is told] for told in (True, False))
-        if not there:
+        there = table.notna()
+        told = {kind: [n for n in wanted if there[f"{n}.{kind}"].any()] for kind in FIELDS}
+        lacking = [kind for kind in ("q", "tau") if not told[kind]]
+        if lacking and (lacking != ["tau"] or not commanded):
             raise LogError(
-                f"{self.path} has no joint states on {self.topic} that tell of "
-                f"{listing(wanted, 4)}."
+                f"{self.source} have no {FIELDS[lacking[0]]} in some or all messages; record a "
+                "topic that has position and effort, or commands beside position."
             )
-        pairs = [*zip(self.names, self.values, strict=True)][::-1]  # the first counts
-        stands = {n: x for names, own in pairs for n, x in zip(names, own["q"], strict=False)}
-        locks = " ".join(f"--lock {j}={stands.get(j, 0.0):.4g}" for j in lacking)
-        raise LogError(
-            f"{self.path}: the messages on {self.topic} that tell of {listing(there, 3)} do not "
-            f"tell of {listing(lacking, 4)}, which the robot has a motor for. If it does not move "
-            f"(a gripper, say), lock it where it stands: {locks}."
-        )
+        driven = told["q" if lacking else "tau"]
+        # Velocities that nobody measured are none, torque that stands for commands is not there.
+        kinds = [k for k in FIELDS if k not in lacking and (k != "dq" or {*driven} <= {*told[k]})]
+        own = {*self.known.motors, *self.known.joints, *self.known.locked}
+        still = [n for n in told["q"] if n not in driven and self.known.columns.apply(n) in own]
+        names = [*(f"{n}.{kind}" for kind in kinds for n in driven), *(f"{n}.q" for n in still)]
+        return table[names].reset_index(drop=True)
 
 
 @reader(
@@ -407,7 +356,7 @@ def read_joints(path: Path, known: Conventions) -> Whole:
     """
     bag = split_topic(path)[0]
     digest = hash_files(bag) if bag.exists() else ""
-    frame = read_bag(path, known=known)
+    frame = read_bag(path, known)
     if hash_files(bag) != digest:
         raise LogError(f"{bag} changed while it was read; wait until it is complete.")
     note = "messages that do not tell of the robot's joints were passed over"

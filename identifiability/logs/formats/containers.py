@@ -19,14 +19,7 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import numbered
 from identifiability.logs.form import PLAIN, Form, find_form
-from identifiability.logs.formats.reader import (
-    Whole,
-    check_archive,
-    check_columns,
-    check_sheets,
-    check_values,
-    reader,
-)
+from identifiability.logs.formats.reader import Whole, reader
 from identifiability.logs.names import guess_column
 
 if TYPE_CHECKING:
@@ -51,9 +44,6 @@ def read_npz(path: Path, _: Conventions) -> Whole:
         If it holds no table.
     """
     content = path.read_bytes()
-    if not content.startswith(b"PK"):
-        raise LogError(f"{path} is no archive of arrays, as numpy.savez writes it.")
-    check_archive(path, content)
     try:
         with np.load(BytesIO(content), allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
@@ -73,8 +63,15 @@ def read_mat(path: Path, _: Conventions) -> Whole:
     LogError
         If it holds no table.
     """
+    from scipy.io import loadmat  # noqa: PLC0415 - only who has such a file pays for it
+
     content = path.read_bytes()
-    return frame_of(_read_mat(path, content), str(path)), PLAIN, sha256(content).hexdigest()
+    if content.startswith(_NEWER):
+        raise LogError(Finding("arrays.matlab", path, name=path.name))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # on objects of MATLAB's own, which hold no arrays
+        arrays = loadmat(BytesIO(content), simplify_cells=True)
+    return frame_of(arrays, str(path)), PLAIN, sha256(content).hexdigest()
 
 
 @reader("Excel", ".xlsx", ".xlsm")
@@ -86,8 +83,30 @@ def read_sheet(path: Path, _: Conventions) -> Whole:
     LogError
         If it holds no table.
     """
+    import pandas as pd  # noqa: PLC0415
+
     content = path.read_bytes()
-    return *_read_sheet(path, content), sha256(content).hexdigest()
+    try:
+        sheets = pd.read_excel(
+            BytesIO(content), sheet_name=None, header=None, dtype=object, engine="openpyxl"
+        )
+    except ImportError:
+        raise LogError(Finding("arrays.excel", path)) from None
+    cut = {str(k): x.dropna(how="all").dropna(axis=1, how="all") for k, x in sheets.items()}
+    filled = {name: sheet for name, sheet in cut.items() if not sheet.empty}
+    if not filled:
+        raise LogError(f"{path} has no sheet that holds anything.")
+    name, sheet = next(iter(filled.items()))
+    lines = sheet.map(lambda cell: " ".join(cell.split()) if isinstance(cell, str) else cell)
+    text = lines.to_csv(index=False, header=False, lineterminator="\n")
+    form = find_form(text, "utf-8")
+    rows = sheet.iloc[form.lines :].reset_index(drop=True).set_axis(list(form.columns), axis=1)
+    others = [other for other in filled if other != name]
+    notes = form.notes
+    if others:
+        notes = (*notes, f"only its sheet '{name}' was read, not {listing(others, 4)}")
+    form = Form(columns=form.columns, units=form.units, notes=notes)
+    return rows.infer_objects(), form, sha256(content).hexdigest()
 
 
 def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:
@@ -109,7 +128,6 @@ def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:
     import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
 
     flat = _shortened(_flatten(arrays))
-    check_values(source, sum(x.size for x in flat.values()))
     names = _joint_names(flat)
     numbers = {k: x for k, x in flat.items() if x.dtype.kind in "fiumM"}
     shaped = {k: np.atleast_1d(x.squeeze()) for k, x in numbers.items()}
@@ -131,7 +149,6 @@ def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:
             columns |= {f"{j}.{name}": array[:, k] for k, j in enumerate(names)}
         else:
             columns |= {f"{name}[{k}]": array[:, k] for k in range(array.shape[1])}
-    check_columns(source, len(columns))
     kinds = {g.kind for k in columns if (g := guess_column(k, k, names))}
     if not {"q", "tau"} <= kinds and lost:
         shapes = [f"{k} {_shape(flat[k])}" for k in lost]
@@ -210,42 +227,3 @@ def _joint_names(arrays: Mapping[str, np.ndarray]) -> list[str]:
             if texts and all(texts):
                 return texts
     return []
-
-
-def _read_mat(path: Path, content: bytes) -> Mapping[str, Any]:
-    """Return the variables of a MATLAB file."""
-    from scipy.io import loadmat  # noqa: PLC0415 - only who has such a file pays for it
-
-    if content.startswith(_NEWER):
-        raise LogError(Finding("arrays.matlab", path, name=path.name))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # on objects of MATLAB's own, which hold no arrays
-        found: Mapping[str, Any] = loadmat(BytesIO(content), simplify_cells=True)
-    return found
-
-
-def _read_sheet(path: Path, content: bytes) -> tuple[pd.DataFrame, Form]:
-    """Return the first sheet of a workbook that holds anything."""
-    import pandas as pd  # noqa: PLC0415
-
-    check_sheets(path, content)
-    try:
-        sheets = pd.read_excel(
-            BytesIO(content), sheet_name=None, header=None, dtype=object, engine="openpyxl"
-        )
-    except ImportError:
-        raise LogError(Finding("arrays.excel", path)) from None
-    cut = {str(k): x.dropna(how="all").dropna(axis=1, how="all") for k, x in sheets.items()}
-    filled = {name: sheet for name, sheet in cut.items() if not sheet.empty}
-    if not filled:
-        raise LogError(f"{path} has no sheet that holds anything.")
-    name, sheet = next(iter(filled.items()))
-    lines = sheet.map(lambda cell: " ".join(cell.split()) if isinstance(cell, str) else cell)
-    text = lines.to_csv(index=False, header=False, lineterminator="\n")
-    form = find_form(text, "utf-8")
-    rows = sheet.iloc[form.lines :].reset_index(drop=True).set_axis(list(form.columns), axis=1)
-    others = [other for other in filled if other != name]
-    notes = form.notes
-    if others:
-        notes = (*notes, f"only its sheet '{name}' was read, not {listing(others, 4)}")
-    return rows.infer_objects(), Form(columns=form.columns, units=form.units, notes=notes)

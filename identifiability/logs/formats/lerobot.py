@@ -21,13 +21,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import numbered
 from identifiability.logs.form import PLAIN
-from identifiability.logs.formats.reader import (
-    MOST_DESCRIBED,
-    Whole,
-    check_columns,
-    check_values,
-    reader,
-)
+from identifiability.logs.formats.reader import Whole, reader
 from identifiability.logs.names import KINDS
 
 if TYPE_CHECKING:
@@ -48,9 +42,6 @@ FEATURES = {
 }
 
 _COMMANDS = {"q": "cmd", "dq": "dq_cmd", "tau": "tau_cmd", "current": "current_cmd"}
-
-#: Episodes that are read together.
-MOST_EPISODES = 1_000
 
 #: Numbers of episodes behind a colon.
 _EPISODES = re.compile(r"(\d{1,9})(?:-(\d{1,9}))?")
@@ -82,26 +73,15 @@ def list_episodes(path: str | Path) -> list[Path]:
     """
     folder, text = split_episodes(path)
     info = _read_info(folder)
-    try:
-        count = int(info.get("total_episodes", 0))
-    except (TypeError, ValueError, OverflowError):
-        count = 0
-    if count < 1:
+    count = info.get("total_episodes", 0)
+    if not (isinstance(count, int) and count > 0):
         raise LogError(f"{folder} holds no episode; record one.")
-    first, last = 0, count - 1
     named = _EPISODES.fullmatch(text)
-    if named:
-        first = int(named[1])
-        last = first if named[2] is None else int(named[2])
-        if not first <= last < count:
-            raise LogError(
-                f"{folder} has the episodes 0 to {count - 1}, not {text}; name one as "
-                f"'{folder.name}:0', or several as '{folder.name}:0-{count - 1}'."
-            )
-    if last - first >= MOST_EPISODES:
+    first, last = (int(named[1]), int(named[2] or named[1])) if named else (0, count - 1)
+    if not first <= last < count:
         raise LogError(
-            f"{folder} has {last - first + 1} episodes, each a log, and up to {MOST_EPISODES} are "
-            f"read together; name some, as '{folder.name}:0-99'."
+            f"{folder} has the episodes 0 to {count - 1}, not {text}; name one as "
+            f"'{folder.name}:0', or several as '{folder.name}:0-{count - 1}'."
         )
     return [Path(f"{folder}:{k}") for k in range(first, last + 1)]
 
@@ -140,24 +120,17 @@ def read_episode(path: str | Path) -> pd.DataFrame:
         raise LogError(f"{folder} has no row of episode {number}; its files are not complete.")
     columns: dict[str, Any] = {"t": _times(rows["timestamp"], info, folder)}
     for feature in wanted:
-        check_values(path, rows[feature].nbytes // 8)  # Python's numbers are four times as large
-        values = np.array(rows[feature].to_pylist(), float)
-        values = values.reshape(rows.num_rows, -1)
-        check_values(path, values.size)
+        values = np.array(rows[feature].to_pylist(), float).reshape(rows.num_rows, -1)
         columns |= zip(_columns(feature, values.shape[1], info), values.T, strict=True)
-    check_columns(folder, len(columns))
     return pd.DataFrame(columns)
 
 
 def _read_info(folder: Path) -> Mapping[str, Any]:
     try:
-        if (folder / INFO).stat().st_size > MOST_DESCRIBED:
-            raise LogError(f"{folder / INFO} is larger than {MOST_DESCRIBED // 10**6} MB.")
         info = json.loads((folder / INFO).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())[:200].rstrip(".")
-        raise LogError(f"{folder / INFO} cannot be read as JSON: {reason}.") from None
-    version = str(info.get("codebase_version", "")) if isinstance(info, dict) else ""
+        version = str(info.get("codebase_version", ""))
+    except (OSError, ValueError, AttributeError, RecursionError) as error:
+        raise LogError(f"{folder / INFO} cannot be read as JSON: {error}.") from None
     if not version.startswith(("v2.", "v3.")):
         raise LogError(Finding("dataset.version", folder, version=version))
     return dict(info)

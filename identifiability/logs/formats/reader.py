@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import re
-import zipfile
 from collections.abc import Callable
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -154,90 +151,3 @@ def check_text(path: Path, start: bytes) -> None:
     if b"\0" in start:
         kind = f"a {path.suffix} file" if path.suffix else "a file without an ending"
         raise LogError(Finding("file.kind", path, kind=kind, read=READ))
-
-
-# How large a log may be, so that one without end is a sentence and not all the memory.
-
-
-#: Columns of any log.
-MOST_COLUMNS = 5_000
-
-#: Of files of arrays and sheets, which are read at once: bytes as they are unpacked, bytes of a
-#: sheet (some 75,000 samples of six joints), values, and parts.
-MOST_BYTES, MOST_SHEET_BYTES = 250_000_000, 50_000_000
-MOST_VALUES, MOST_PARTS = 30_000_000, 1_000
-
-#: Bytes of what describes a workbook or a bag beside its data.
-MOST_DESCRIBED = 2_000_000
-
-#: Where a cell or a row of a sheet is.
-_PLACE = re.compile(rb"""\br\s*=\s*["']([A-Z]*)(\d+)""")
-
-_INSTEAD = "write Parquet, which is read piece by piece"
-
-
-def check_columns(path: Path | str, count: int) -> None:
-    """Refuse a log with more columns than any robot has.
-
-    Raises
-    ------
-    LogError
-    """
-    if count > MOST_COLUMNS:
-        raise LogError(Finding("file.columns", path, count=count, most=MOST_COLUMNS))
-
-
-def check_values(path: Path | str, count: int) -> None:
-    """Refuse a container of more values than are held in memory.
-
-    Raises
-    ------
-    LogError
-    """
-    if count > MOST_VALUES:
-        raise LogError(
-            f"{path} holds {count} values; up to {MOST_VALUES} are read from such a file: "
-            f"{_INSTEAD}."
-        )
-
-
-def check_archive(path: Path, content: bytes, most: int | None = None) -> None:
-    """Refuse an archive (.npz, .xlsx) that unpacks to more than is held in memory.
-
-    Raises
-    ------
-    LogError
-    """
-    with zipfile.ZipFile(BytesIO(content)) as archive:
-        parts = archive.infolist()
-    if len(parts) > MOST_PARTS:
-        raise LogError(f"{path} has {len(parts)} parts; files of up to {MOST_PARTS} are read.")
-    most = most or MOST_BYTES
-    if sum(part.file_size for part in parts) > most:
-        raise LogError(Finding("file.size", path, most=most // 10**6, instead=_INSTEAD))
-
-
-def check_sheets(path: Path, content: bytes) -> None:
-    """Refuse a workbook that is larger than memory, or has cells far out.
-
-    Raises
-    ------
-    LogError
-    """
-    check_archive(path, content, MOST_SHEET_BYTES)
-    with zipfile.ZipFile(BytesIO(content)) as archive:
-        for name in archive.namelist():
-            if name.startswith("xl/worksheets/"):
-                _check_places(path, archive.read(name))
-
-
-def _check_places(path: Path, sheet: bytes) -> None:
-    """Refuse a sheet with cells far out: what reads it fills all that is in between."""
-    height = width = 1
-    for letters, digits in set(_PLACE.findall(sheet)):
-        column = 0
-        for letter in letters[:4]:
-            column = 26 * column + letter - 64
-        width, height = max(width, column), max(height, int(digits[:9]))
-    check_columns(path, width)
-    check_values(path, width * height)

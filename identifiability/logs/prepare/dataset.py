@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.foundation.engines.local import Serial
-from identifiability.foundation.engines.mapping import Engine, Steps
+from identifiability.foundation.engines.mapping import Engine, Serial, Steps
 from identifiability.foundation.errors import ClosureError, LogError, RobotError
 from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.names import Array
@@ -27,8 +26,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.base import AFTER, UP
 from identifiability.logs.log import join_logs
-from identifiability.logs.prepare.plan import Plan, joint_log
-from identifiability.logs.prepare.preparation import Preparation, make_plan
+from identifiability.logs.prepare.preparation import Plan, Preparation, joint_log, make_plan
 from identifiability.logs.rules import RULES
 from identifiability.logs.signals import is_constant, never_moves
 from identifiability.logs.tables import is_parquet
@@ -747,7 +745,6 @@ def prepare_log(
             )
         plan = replace(plan, factor=plan.factor - 1)
         found = replace(found, decimation=plan.decimation)
-    notes = [*notes, *plan.remarks]
     if plan.decimation is not None:
         what = {"factor": plan.factor, "rate": 1.0 / (plan.step * plan.factor)}
         notes.append(Finding("decimated", log.name, rows=len(log), columns=("all",), **what))

@@ -24,8 +24,9 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, fourier, signals
 from identifiability.logs.prepare.dataset import Dataset
-from identifiability.logs.prepare.plan import joint_log, lowest_cutoff, noise_level, resolution
+from identifiability.logs.prepare.preparation import joint_log
 from identifiability.logs.rules import RULES
+from identifiability.logs.spectrum import lowest_cutoff, noise_level, resolution
 from identifiability.robot import Motion, Robot, complete_motion
 
 #: Position, velocity and acceleration of the actuated joints at all N rows of a log, each (N, n),

@@ -1,6 +1,7 @@
 """How a log is turned into motion: what is asked for, and the plan that is made of it once.
 
-Decisions are made on windows of long logs; lost samples are decided upon there.
+Decisions are made on windows of long logs; lost samples are decided upon there. `DwellRule` says
+where joints stand.
 """
 
 from __future__ import annotations
@@ -10,31 +11,550 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from scipy.ndimage import binary_propagation, maximum_filter1d
+from scipy.special import bdtrc
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Count, Derivatives, Positive, check_fields
 from identifiability.foundation.rounding import format_count
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier, signals
+from identifiability.logs.base import ACC, GYRO
 from identifiability.logs.commands import of_commands
-from identifiability.logs.contradictions import check_units, find_contradictions
-from identifiability.logs.gaps import Gaps, StaleRule, fill
-from identifiability.logs.log import join_logs
-from identifiability.logs.prepare.plan import (
-    ORDER,
-    Plan,
-    Smoothing,
-    Stays,
-    ever_stand,
-    has_motors,
-    joint_log,
-)
+from identifiability.logs.contradictions import check_units
+from identifiability.logs.gaps import Gaps, Grid, StaleRule, fill
+from identifiability.logs.log import join_logs, too_long
 from identifiability.logs.rules import RULES
-from identifiability.logs.spectrum import Band, Spectrum, choose_band, spectra_of
+from identifiability.logs.spectrum import (
+    ORDER,
+    Band,
+    Spectrum,
+    choose_band,
+    noise_level,
+    noise_parts,
+    resolution,
+    spectra_of,
+)
 from identifiability.robot import Robot
+from identifiability.robot.floating import BASE_JOINTS, SIX, base_acceleration
+
+# Velocities that were measured with noise are smoothed: signs of speed are taken of what is left.
+
+
+#: Cut-offs of the smoothed velocity that are tried, and in how many times the best one smoothing
+#: ends: what it takes from the motion is the same in every period, and no data average it out. It
+#: falls with the eighth power of the cut-off, the noise rises with its root.
+TRIED = 48
+WIDER: Tolerance = 1.5
+
+
+@frozen
+class Smoothing:
+    """How velocities that were measured with noise are smoothed, for their signs.
+
+    Attributes
+    ----------
+    cutoff : float [Hz]
+        Of the low-pass.
+    sd : (n,) [rad/s or m/s]
+        Standard deviation of what is smoothed.
+    raw : (n,) bool
+        Velocities that are left as they are: near rest they have less noise than the smoothed
+        ones, as where noise is a share of the speed.
+    """
+
+    cutoff: float
+    sd: Array
+    raw: np.ndarray
+
+    @staticmethod
+    def choose(windows: Sequence[Array], dt: float) -> Smoothing | None:
+        """Return what smooths velocities with the least error; None where noise is negligible.
+
+        The cut-off has the least unbiased estimate of the mean square error, of what it takes from
+        the motion and what it leaves of the noise [Mallows 1973].
+
+        Parameters
+        ----------
+        windows : sequence of (N, n)
+            Velocities, of equal length.
+        dt : float [s]
+        """
+        level = np.sqrt(np.mean([noise_level(x) ** 2 for x in windows], axis=0))
+        size = np.sqrt(np.mean([x.var(0) for x in windows], axis=0))
+        noisy = level > RULES.noise_negligible * size
+        if not noisy.any():
+            return None
+        spectrum = Spectrum.of(windows, dt, 1)
+        f, power = spectrum.f[1:], spectrum.power[1:, noisy]
+        tried = np.geomspace(f[0], 0.45 / dt, TRIED)
+        ratio = np.tan(np.pi * f * dt) / np.tan(np.pi * tried * dt)[:, None]
+        passed = 1.0 / (1.0 + ratio**8)  # fourth order, there and back
+        share = (passed**2).mean(1) * (f[-1] * 2 * dt)
+        density = 2 * dt * level[noisy] ** 2
+        taken = ((1 - passed) ** 2) @ ((power - density) / density) * f[0]
+        best = int(np.argmin(taken.sum(1) + noisy.sum() * 0.5 * share / dt))
+        cutoff = min(WIDER * float(tried[best]), float(tried[-1]))
+        sd = np.sqrt(np.interp(cutoff, tried, share)) * level
+        at_rest = np.sqrt(np.mean([noise_parts(x)[0] for x in windows], axis=0))
+        # Noise at rest of less than this share of that in motion (rms) cannot be told
+        # from none.
+        at_rest[~noisy | (at_rest < 0.3 * level)] = 0.0
+        raw = at_rest <= sd
+        return None if not at_rest.any() else Smoothing(cutoff, np.minimum(at_rest, sd), raw)
+
+    def apply(self, x: Array, dt: float) -> Array:
+        """Return velocities x (N, n) smoothed, and their standard deviation, (N, 2, n)."""
+        smooth = np.where(self.raw, x, signals.lowpass(x, dt, self.cutoff))
+        return np.stack([smooth, np.broadcast_to(self.sd, x.shape)], axis=1)
+
+
+# `Plan`: what was decided about the preparation of a log once; `DwellRule`: where joints stand.
+
+
+#: Samples of a dwell at least.
+SEVERAL = 3
+
+
+@frozen
+class DwellRule:
+    """When a joint stands or sticks: it stays about zero speed for longer than any reversal.
+
+    Dry friction holds a joint that does not move with whatever is left of its level, so what its
+    motor supplies meanwhile says nothing of the robot. A reversal is passed through in the time
+    that its acceleration takes; its torque is data where no joint ever stands. Where one does,
+    friction sticks: it turns when the low-pass of the motion cannot tell, a joint that sticks for
+    that long cannot be told from one that does not, and a few such rows are off by tens of standard
+    errors.
+
+    Attributes
+    ----------
+    speeds : bool
+        Whether recorded speeds tell what is within the errors of the record; positions without.
+    width : (n,) [rad or m; rad/s or m/s]
+        Range of recorded positions, or of speeds about zero, that is within their errors.
+    least : (n,) [samples]
+        How long a joint stays within it at least.
+    creep : (k, n) [rad/s or m/s]
+        Speeds that say nothing, whatever the record could tell.
+    slow : (k, n) [samples]
+        How long a joint stays below them at least.
+    beside : int
+        Samples on each side whose speed and acceleration the low-pass mixes with a dwell.
+    turning : int
+        Samples on each side of a reversal that are no data; 0 where they are.
+    """
+
+    speeds: bool
+    width: Array
+    least: np.ndarray
+    creep: Array
+    slow: np.ndarray
+    beside: int
+    turning: int = 0
+
+    @property
+    def reach(self) -> int:
+        """Samples on each side that decide whether a joint dwells."""
+        return int(max(self.least.max(), self.slow.max())) + max(self.beside, self.turning) + 1
+
+    def masking(self, stands: bool) -> DwellRule:
+        """Return the rule by which reversals are data unless a joint ever stands."""
+        return replace(self, turning=max(1, self.beside) if stands else 0)
+
+    def find(self, log: Log, dq: Array) -> np.ndarray:
+        """Return where each joint dwells, (N, n) bool; dq (N, n) are the speeds that are used."""
+        out, speed = np.zeros(dq.shape, bool), np.abs(dq)
+        for j, least in enumerate(self.least.tolist()):
+            if self.speeds and log.dq is not None:
+                span = _largest(np.abs(log.dq[:, j]), least)
+            else:
+                span = _largest(log.q[:, j], least) + _largest(-log.q[:, j], least)
+            out[:, j] = _in_any(span <= self.width[j], least)
+            for limit, slow in zip(self.creep[:, j], self.slow[:, j].tolist(), strict=True):
+                out[:, j] |= _lasting(speed[:, j] <= limit, slow)
+            if out[:, j].any():
+                still = out[:, j] | (speed[:, j] <= self.creep[0, j])
+                out[:, j] = binary_propagation(out[:, j], mask=still)
+        out = _reached(out, self.beside)
+        if self.turning:
+            out |= _reached(_reversals(dq), self.turning)
+        return out
+
+
+def _reversals(dq: Array) -> np.ndarray:
+    """Return the samples behind which the speeds dq (N, n) cross zero, (N, n) bool."""
+    turns = np.zeros(dq.shape, bool)
+    turns[:-1] = np.sign(dq[:-1]) != np.sign(dq[1:])
+    return turns
+
+
+def _largest(x: Array, window: int) -> Array:
+    """Return the largest of x (N,) in a window about each sample; infinite where it is cut off."""
+    half = window // 2
+    out = np.full(len(x), np.inf)
+    if len(x) > 2 * half:
+        found = maximum_filter1d(x, 2 * half + 1)
+        out[half : len(x) - half] = found[half : len(x) - half]
+    return out
+
+
+def _lasting(x: np.ndarray, window: int) -> np.ndarray:
+    """Return where x (N,) bool is true for at least a window about some sample."""
+    out, wide = np.zeros(len(x), bool), np.zeros(len(x) + 2, bool)
+    wide[1:-1] = x
+    edges = np.flatnonzero(wide[1:] != wide[:-1])
+    for start, stop in edges.reshape(-1, 2)[np.diff(edges)[::2] > 2 * (window // 2)].tolist():
+        out[start:stop] = True
+    return out
+
+
+def _in_any(centres: np.ndarray, window: int) -> np.ndarray:
+    """Return the samples that lie in the window about any of some (N,) bool."""
+    half = min(window // 2, len(centres))  # of a joint that hardly moves it has no bound
+    found: np.ndarray = maximum_filter1d(centres, 2 * half + 1)
+    return found
+
+
+@frozen
+class Stays:
+    """How long joints stay about zero speed in windows of a log, beside what a reversal takes.
+
+    Attributes
+    ----------
+    plan : Plan
+        With its decimation.
+    windows : tuple of Log
+        Joints in the robot's order.
+    speeds : tuple of (N, n) [rad/s or m/s]
+        Those that are used.
+    recorded : bool
+        Whether speeds are recorded.
+    width : (n,) [rad or m; rad/s or m/s]
+        Range that is within the errors of the record.
+    creep : (k, n) [rad/s or m/s]
+        Speeds that say nothing.
+    typical : (n,) [rad/s² or m/s²]
+        Standard deviation of the acceleration.
+    never : (n,) bool
+        Whether a joint never moves.
+    """
+
+    plan: Plan
+    windows: tuple[Log, ...]
+    speeds: tuple[Array, ...]
+    recorded: bool
+    width: Array
+    creep: Array
+    typical: Array
+    never: np.ndarray
+
+    @staticmethod
+    def of(plan: Plan, windows: Sequence[Log], origins: Sequence[int]) -> Stays:
+        """Return those in windows whose first samples are these rows of the whole log."""
+        recorded = all(w.dq is not None for w in windows)
+        records = [w.dq if w.dq is not None and recorded else w.q for w in windows]
+        levels = [noise_level(x, w.t) ** 2 for x, w in zip(records, windows, strict=True)]
+        noise = np.sqrt(np.mean(levels, axis=0))
+        step = np.min([resolution(x) for x in records], axis=0)
+        # The errors of a record as a multiple of its noise's standard deviation.
+        width = np.maximum((1 if recorded else 2) * 3.0 * noise, step)
+        parts = [plan.derive(w, k) for w, k in zip(windows, origins, strict=True)]
+        q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
+        # How often a speed that says nothing is halved.
+        creep = RULES.creep * np.abs(dq).max(0) / 2.0 ** np.arange(5 + 1)[:, None]
+        moving = np.where(np.abs(dq) > creep[0], np.abs(ddq), np.nan)
+        never = signals.never_moves(q.min(0), q.max(0)) | np.isnan(moving).all(0)
+        typical = np.full(len(never), np.inf)  # of a Gaussian the median is .67 of its spread
+        typical[~never] = np.nanmedian(moving[:, ~never], axis=0) / 0.6745
+        typical = np.where(typical > 0, typical, np.inf)
+        speeds = tuple(v for _, v, _ in parts)
+        return Stays(plan, tuple(windows), speeds, recorded, width, creep, typical, never)
+
+    def rule(self, rare: int = 1) -> DwellRule:
+        """Return the rule of what so few in as many reversals again last as long as."""
+        plan, width, creep = self.plan, self.width, self.creep
+        # Rayleigh distributed: a share p of reversals is slower than in proportion to its root.
+        # Slower reversals of Gaussian motion are 2 %: √(−2 ln .98) [Rice 1944].
+        slow = 0.2 / np.sqrt(rare) * self.typical
+        stay = 2 * width / slow if self.recorded else 2 * np.sqrt(2 * width / slow)
+        least = np.maximum(np.ceil(stay / plan.step), SEVERAL).astype(int)
+        crossing = 2 * creep / (RULES.dwell_creep / np.sqrt(rare) * self.typical)
+        blurred = 0.0 if plan.cutoff is None else 1.0 / plan.cutoff
+        told = (crossing >= blurred) & ((creep >= width) if self.recorded else True)
+        told[0] = True
+        # Below, the record or the filter tells nothing apart.
+        creep, crossing = (np.where(told, x, x[0]) for x in (creep, crossing))
+        longer = np.maximum(np.ceil(crossing / plan.step), SEVERAL).astype(int)
+        beside = int(np.ceil(RULES.reversal_blur * blurred / plan.step))
+        width = np.where(self.never, np.inf, width)
+        return DwellRule(self.recorded, width, least, creep, longer, beside)
+
+    def count(self, rare: int = 1) -> tuple[int, int]:
+        """Return how many stays of all joints there are by a rule, and how many reversals."""
+        rule, stays, reversals = replace(self.rule(rare), beside=0), 0, 0
+        for window, v in zip(self.windows, self.speeds, strict=True):
+            dwells = rule.find(window, v)[:, ~self.never]
+            stays += int((np.diff(dwells, axis=0, prepend=False) & dwells).sum())
+            reversals += int((_reversals(v)[:, ~self.never] & ~dwells).sum())
+        return stays, stays + reversals
+
+
+def ever_stand(logs: Sequence[Stays]) -> bool:
+    """Return whether joints ever stand in any of some logs that are used together.
+
+    Of the reversals of smooth motion one in twenty is as slow as a dwell: joints stand where more
+    are than chance makes of them, or where one lasts longer than the slowest of so many.
+    """
+    slower = -np.expm1(-0.5 * RULES.dwell_creep**2)
+    found, reversals = np.sum([x.count() for x in logs], axis=0)
+    if not reversals:  # nor any stay, which would be counted among them
+        return False
+    if bdtrc(found - 1, reversals, slower) <= slower:
+        return bool(found)
+    return any(x.count(int(reversals))[0] for x in logs)
+
+
+@frozen
+class Plan:
+    """What was decided about a log once, for all its samples.
+
+    Attributes
+    ----------
+    step : float [s]
+        Sampling step.
+    cutoff : float or None [Hz]
+        Low-pass of computed derivatives; None where there is none.
+    series : FourierFit or None
+        Motion as a Fourier series, in time since `start`.
+    start : float [s]
+        First time of the log.
+    dwells : DwellRule or None
+        When a joint's torque is no data because it stands; None takes all.
+    factor : int
+        Decimation; 1 for none.
+    notes : tuple of str
+        How derivatives are made, for the report.
+    stale : StaleRule or None
+        Which values repeat the sample before and are interpolated; None leaves all as they are.
+    grid : Grid or None
+        Where samples are missing; None if none are.
+    smoothing : Smoothing or None
+        Of measured velocities, of which signs are taken; None where there is none.
+    hints : tuple of str
+        What to say of it where every reader looks.
+    band : float or None [Hz]
+        Up to where torque and columns are kept beside computed derivatives; None without these.
+    spare : int
+        Of every so many samples all is known that columns are made of.
+    """
+
+    step: float
+    cutoff: float | None
+    series: fourier.FourierFit | None
+    start: float
+    dwells: DwellRule | None
+    factor: int
+    notes: tuple[str, ...]
+    stale: StaleRule | None = None
+    grid: Grid | None = None
+    smoothing: Smoothing | None = None
+    hints: tuple[str, ...] = ()
+    band: float | None = None
+    spare: int = 1
+
+    @property
+    def decimation(self) -> signals.Decimation | None:
+        """The decimation, if there is any."""
+        return signals.Decimation(self.factor, self.spare) if self.factor > 1 else None
+
+    @property
+    def filter_reach(self) -> int:
+        """Samples on each side that derivatives and dwells draw on."""
+        filtered = 0
+        if self.cutoff is not None:
+            filtered = signals.settling_rows(self.step, self.cutoff) + 2 * signals.REACH
+        elif self.smoothing is not None:
+            filtered = signals.settling_rows(self.step, self.smoothing.cutoff)
+        return filtered + (0 if self.dwells is None else self.dwells.reach) + 1
+
+    @property
+    def reach(self) -> int:
+        """Samples on each side that an output draws on."""
+        return self.filter_reach + (0 if self.decimation is None else self.decimation.reach)
+
+    def mend(self, log: Log, origin: int = 0) -> Log:
+        """Return a log, as it was recorded, with repeated values interpolated.
+
+        Parameters
+        ----------
+        log : Log
+        origin : int
+            Row of its first sample in the whole log.
+        """
+        if self.stale is None or self.grid is None:
+            return log if self.stale is None else self.stale.mend(log)
+        return join_logs(
+            [self.stale.mend(log.rows(a, b)) for a, b in self.stretches(len(log), origin)]
+        )
+
+    def derive(self, log: Log, origin: int = 0) -> tuple[Array, Array, Array]:
+        """Return position, velocity and acceleration of the actuated joints, each (N, n).
+
+        The computed derivatives of a joint that never moves are zero: the sign of what rounding
+        leaves there would pass for friction, another one on every processor.
+
+        Parameters
+        ----------
+        log : Log
+        origin : int
+            Row of its first sample in the whole log.
+        """
+        if log.base is not None:
+            return self._derive_floating(log, origin)
+        if self.cutoff is None and self.series is None:
+            assert log.dq is not None
+            assert log.ddq is not None
+            return log.q, log.dq, log.ddq
+        if self.series is not None:
+            q, dq, ddq = self.series.motion(log.t - self.start)
+        else:
+            stretches = self.stretches(len(log), origin)
+            parts = [self._filter(log.rows(a, b), origin + a) for a, b in stretches]
+            q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
+        moves = ~signals.never_moves(log.q.min(0), log.q.max(0))
+        return q, np.where(moves, dq, 0.0), np.where(moves, ddq, 0.0)
+
+    def _derive_floating(self, log: Log, origin: int) -> tuple[Array, Array, Array]:
+        """Return the motion of joints, those first that stand for the base."""
+        assert log.base is not None
+        q, dq, ddq = (np.array(x) for x in self.derive(replace(log, base=None), origin))
+        stretches = self.stretches(len(log), origin)
+        for a, b in stretches:
+            at = np.arange(b - a) if self.grid is None else self.grid.places(origin + a, origin + b)
+            if self.grid is not None and b - a < self.grid.least:
+                continue
+            # Not low-passed: it enters the columns linearly, and those are, as torque is.
+            record = fill(log.base[a:b, :6], at)
+            alpha = signals.differentiate(record[:, GYRO], self.step)[at]
+            dq[a:b, 3:6] = record[at, GYRO]
+            ddq[a:b, :SIX] = base_acceleration(record[at, ACC], record[at, GYRO], alpha)
+        return q, dq, ddq
+
+    def smooth_speed(self, log: Log, origin: int = 0) -> Array | None:
+        """Return smoothed velocities and their standard deviation, (N, 2, n); None if not needed.
+
+        Parameters
+        ----------
+        log : Log
+        origin : int
+            Row of its first sample in the whole log.
+        """
+        if self.smoothing is None or log.dq is None:
+            return None
+        parts = []
+        for a, b in self.stretches(len(log), origin):
+            at = np.arange(b - a) if self.grid is None else self.grid.places(origin + a, origin + b)
+            parts.append(self.smoothing.apply(fill(log.dq[a:b], at), self.step)[at])
+        return np.concatenate(parts)
+
+    def lacking(self, unmeasured: np.ndarray) -> np.ndarray:
+        """Return where torque is no data, from where it was not measured, (N, n) bool.
+
+        A decimation filter mixes it with what is beside. What lacks less than an output's step is
+        known from there.
+        """
+        if self.factor == 1:
+            return unmeasured
+        short = _reached(~_reached(~unmeasured, self.factor // 2), self.factor // 2) & unmeasured
+        return _reached(short, self.factor)
+
+    def stretches(self, rows: int, origin: int) -> list[tuple[int, int]]:
+        """Return the stretches without a long gap of so many rows from `origin` on."""
+        return [(0, rows)] if self.grid is None else self.grid.stretches(origin, origin + rows)
+
+    def _filter(self, log: Log, origin: int) -> tuple[Array, Array, Array]:
+        """Return the motion of a stretch; short gaps are filled before and forgotten after."""
+        assert self.cutoff is not None
+        if self.grid is None:
+            at = np.arange(len(log))
+        elif len(log) < self.grid.least:  # it will be left out
+            return log.q, np.zeros_like(log.q), np.zeros_like(log.q)
+        else:
+            at = self.grid.places(origin, origin + len(log))
+        q = signals.lowpass(fill(log.q, at), self.step, self.cutoff)
+        if log.dq is None:
+            dq = signals.differentiate(q, self.step)
+        else:
+            dq = signals.lowpass(fill(log.dq, at), self.step, self.cutoff)
+        ddq = signals.differentiate(dq, self.step)
+        return (q, dq, ddq) if len(q) == len(log) else (q[at], dq[at], ddq[at])
+
+
+def _reached(x: np.ndarray, reach: int) -> np.ndarray:
+    """Return (N, n) bool true within some samples of where it is."""
+    out: np.ndarray = maximum_filter1d(x, 2 * min(reach, len(x)) + 1, axis=0)
+    return out
+
+
+def joint_log(robot: Robot, log: Log) -> Log:
+    """Return a log with its joints in the robot's order, motors converted to joints.
+
+    Raises
+    ------
+    LogError
+        If the log has other joints than the robot.
+    """
+    if log.joints == robot.joints:
+        return log
+    gear = robot.transmission
+    motors = has_motors(robot, log)
+    log = log.select(robot.motor_joints or BASE_JOINTS[:1], gear.motors if gear else ())
+    if gear is None or not motors:
+        return _on_base(robot, log)
+    q, tau = gear.joint_side(log.q, log.tau)
+
+    def rate(x: Array | None) -> Array | None:
+        return None if x is None else gear.joint_rate(x)
+
+    q_ref = None if log.q_ref is None else gear.joint_side(log.q_ref, log.tau)[0]
+    log = replace(log, joints=robot.motor_joints, tau=tau, q_ref=q_ref)
+    if log.unmeasured is not None:  # torque of a joint is what all its motors give
+        log = replace(log, unmeasured=log.unmeasured @ (gear.coupling != 0))
+    log = replace(log, dq_ref=rate(log.dq_ref), tau_ff=None)
+    return _on_base(robot, replace(log, q=q, dq=rate(log.dq), ddq=rate(log.ddq)))
+
+
+def _on_base(robot: Robot, log: Log) -> Log:
+    """Return a log with the joints that stand for a base that floats, which nothing drives.
+
+    Raises
+    ------
+    LogError
+        If the log was read as that of a robot that stands.
+    """
+    if robot.base is None:
+        return log
+    if log.base is None:
+        raise LogError(
+            f"{log.name} was read without what it says of the base, which floats: read it with "
+            "Conventions.of(robot), or give its file."
+        )
+    before, own = np.zeros((len(log), SIX)), len(robot.motor_joints)
+    found = log.each(lambda x: np.hstack([before, x[:, :own]]), joints=robot.joints)
+    return replace(found, base=log.base)
+
+
+def has_motors(robot: Robot, log: Log) -> bool:
+    """Return whether a log has the robot's motors instead of its joints."""
+    gear = robot.transmission
+    return gear is not None and all(m in log.joints for m in gear.motors)
+
 
 # Where decisions about a log are made, and what is decided about the samples that are lost.
 
@@ -123,9 +643,6 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
 #: What a Fourier series is fitted to.
 WORDS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
 
-#: Samples of a piece when a long log is read for a Fourier series.
-PIECE = 65_536
-
 #: So few samples do not tell noise from the motion.
 SHORT = 4 * ORDER
 
@@ -156,8 +673,8 @@ class Preparation:
         the bandwidth of the motion with one that is chosen.
     keep_rest : bool
         Take the torque of joints that stand, too. Dry friction is anything up to its level there,
-        so it is no data for that joint (`identifiability.logs.prepare.plan.DwellRule`), whatever
-        model is fitted; of a robot without dry friction it is.
+        so it is no data for that joint (`identifiability.logs.prepare.preparation.DwellRule`),
+        whatever model is fitted; of a robot without dry friction it is.
     """
 
     derivatives: Derivatives = "auto"
@@ -293,12 +810,7 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
         stands = ever_stand([stays]) if stands is None else stands
         # What friction does as a joint turns, a rollout does, too, and calibrated torque lacks.
         dwells = stays.rule().masking(stands and not of_commands(log))
-    return replace(
-        plan,
-        dwells=dwells,
-        notes=(*plan.notes, *notes),
-        remarks=tuple(find_contradictions(join_logs(windows))),
-    )
+    return replace(plan, dwells=dwells, notes=(*plan.notes, *notes))
 
 
 def _find_stays(robot: Robot, log: Log, raw: Windows, how: Preparation) -> Stays:
@@ -366,15 +878,11 @@ def _plan_series(robot: Robot, log: Log, plan: Plan, how: Preparation) -> Plan:
             f"it must lie between {low:.4g} s (its sampling) and {high:.4g} s (its length)."
         )
     if how.period is None and log.long:
-        raise LogError(
-            f"{log.name} is too long to search its period; give the period of the motion [s]."
-        )
-    period = how.period or fourier.find_period(
-        log.t - plan.start, joint_log(robot, log).q, how.harmonics
-    )
-    parts = (joint_log(robot, raw) for *_, raw in log.pieces(PIECE))
-    pieces = ((part.t - plan.start, part.q, part.dq, part.ddq) for part in parts)
-    fit, left = fourier.fit_fourier_pieces(pieces, period, how.harmonics)
+        raise too_long(log.name)
+    own = joint_log(robot, join_logs([window for _, window in log.windows()]))
+    period = how.period or fourier.find_period(own.t - plan.start, own.q, how.harmonics)
+    fit = fourier.fit_fourier(own.t - plan.start, own.q, period, how.harmonics, own.dq, own.ddq)
+    left = float(np.sqrt(np.mean((fit.motion(own.t - plan.start)[0] - own.q) ** 2)))
     words = [WORDS[c] for c in ("q", "dq", "ddq") if c in log.channels]
     fitted = " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
     note = (

@@ -13,13 +13,14 @@ function drawTraces(figure) {
     const axis = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1 } };
     const digits = (u, x) => (x == null ? "\u2014" : Number(x.toPrecision(4)).toString());
     plot = new uPlot({
-      width: box.clientWidth, height: Math.max(240, Math.min(420, box.clientWidth * 0.36)),
+      width: box.clientWidth - 20, height: Math.max(240, Math.min(420, box.clientWidth * 0.36)),
       scales: { x: { time: false } },
       cursor: { drag: { x: true, y: false } },
       legend: { live: true },
       axes: [{ ...axis, label: data.x }, { ...axis, label: data.axis, size: 64 }],
       series: [{ label: data.x, value: digits }, ...data.names.map((name, k) => ({
         label: name, stroke: strokes[k], width: k ? 1.4 : 2.6, value: digits,
+        dash: name.endsWith(" allowed") ? [6, 4] : [],
         points: { show: data.dots && !k, size: 4, fill: strokes[k] },
         ...(data.dots && !k ? { paths: () => null } : {}),
       }))],

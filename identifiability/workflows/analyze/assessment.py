@@ -33,6 +33,7 @@ from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH, percent
 from identifiability.foundation.result import Result
+from identifiability.foundation.rounding import exact
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import (
@@ -408,7 +409,7 @@ def tell_with_file(
     thresholds : Thresholds
     """
     robot = models[0].structure.robot
-    if not (share or robot.prior or robot.prior_share) or not models[0].estimate.kept:
+    if not (share or robot.prior or robot.said.prior_share) or not models[0].estimate.kept:
         return tuple(results), ("",) * len(results)
     both = [_add_file(m, r, share, thresholds) for m, r in zip(models, results, strict=True)]
     reported, hints = zip(*both, strict=True)
@@ -777,7 +778,7 @@ class Laddered(Result, Opening, Predicts):
                 "error_ra_validation": used.error_ra_physical,
                 "used": used.physical_used,
                 "elsewhere": False,  # an older key
-                **(self._real_robot if self.nothing else self.fit.state_robot(self._real_robot)),
+                **exact(self._real_robot, "parameters", "shapes", "gravity"),
             },
             **({} if self.moved is None else {"rollout": self.moved.to_dict()}),
             "hints": list(self.hints),

@@ -25,9 +25,8 @@ from identifiability.foundation.errors import (
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.physical.feasibility import check_nominal
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares
+from identifiability.physical.feasibility import find_impossible_bodies
+from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares, PhysicalSet
 from identifiability.physical.project import project
 from identifiability.posterior.diagnostics import (
     Convergence,
@@ -482,14 +481,16 @@ def state_prior(model: FittedModel, share: float = 0.0) -> Prior:
     """
     structure, data = model.structure, model.data
     robot = structure.robot
-    check_nominal(robot)
+    impossible = find_impossible_bodies(robot)
+    if impossible:
+        raise IdentifiabilityError(f"{robot.path}: {impossible}")
     reach = np.linalg.norm(data.R, axis=0)
     size = float(np.linalg.norm(data.z))
     # A parameter without a nominal value gets a prior sd that makes this many times the
     # torque.
     floor = np.where(reach > 0, 10.0 * size / np.where(reach > 0, reach, 1.0), 1.0)
     prior = Prior.around(
-        structure.nominal, structure.inertial, share or robot.prior_relative, floor
+        structure.nominal, structure.inertial, share or robot.said.prior_relative, floor
     )
     return add_stated(structure, prior)
 
@@ -505,7 +506,7 @@ def add_stated(structure: Structure, prior: Prior) -> Prior:
     robot, names = structure.robot, structure.columns
     mean, sd = np.array(prior.mean), np.array(prior.sd)
     for stem, columns in zip(structure.bodies, structure.inertial, strict=True):
-        own = robot.prior_share.get(stem.removesuffix("."))
+        own = robot.said.prior_share.get(stem.removesuffix("."))
         if own:
             known = Prior.around(structure.nominal, columns[None], own, sd)
             mean[columns], sd[columns] = known.mean[columns], known.sd[columns]

@@ -66,7 +66,6 @@ from identifiability.workflows.commands import (
     on_file,
     source_name,
 )
-from identifiability.workflows.opening import is_reading
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -504,11 +503,8 @@ def _answer_use(analysis: Analysis) -> Answer:
 
 def _cautions(analysis: Analysis) -> tuple[Note, ...]:
     """Return the caveats, gravest first."""
-    own = analysis.commands
-    kinds = (
-        "commands" if h == own else "read" if is_reading(h) else "hint" for h in analysis.hints
-    )
-    notes = [note(kind, hint=h) for kind, h in zip(kinds, analysis.hints, strict=True)]
+    kinds = {"commands": "commands", "reading": "read"}
+    notes = [note(kinds.get(getattr(h, "key", ""), "hint"), hint=h) for h in analysis.hints]
     if analysis.nothing:
         why = f"{analysis.nothing[0].upper()}{analysis.nothing[1:]}"
         notes.append(note("nothing", why=why))

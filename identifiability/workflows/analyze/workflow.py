@@ -16,6 +16,7 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import take_turns
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import LogError, ModelError
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
     NotNegative,
@@ -443,7 +444,9 @@ def analyze(
                     raise
                 # Its models are of parameters that there are under the model as it was given.
                 session, opening = given, given.open(seek=False)
-                opening = replace(opening, hints=(other.statement, *opening.hints))
+                opening = replace(
+                    opening, hints=(Finding("alternative", text=other.statement), *opening.hints)
+                )
                 submodels = build_comparison(entry, opening.structure)
             rows = session.weigh(opening, base, estimator)
             settings = {
@@ -556,7 +559,6 @@ def _conclude(
         recordings=recordings.fitted,
         several=several,
         missing=missing,
-        commands=opening.commands,
         rolled=recordings.rolled,
         late=delays.together(whole) @ whole.M.T,
     )

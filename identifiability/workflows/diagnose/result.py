@@ -22,7 +22,7 @@ from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import digits, error_text, join, percent
+from identifiability.foundation.rounding import digits, error_text, exact, join, percent
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
@@ -181,7 +181,7 @@ class Diagnosis(Result, Findings, Predicts):
             "robot": self.completed.robot.identity,
             "model": list(self.structure.model.texts),
             **pick(self, "fixed", "statement", "hints", "seed"),
-            "physical": self.fit.state_robot(self.physical),
+            "physical": exact(self.physical, "parameters", "shapes", "gravity"),
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
             "effects": [_effect_row(e) for e in self.effects],
             "refuted": [pick(x, "name", "place", "unseen", odds="before") for x in self.refuted],

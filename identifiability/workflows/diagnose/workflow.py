@@ -178,7 +178,7 @@ def diagnose(
         found = replace(
             found,
             nothing="" if found.fixed else opening.misread,
-            alternative="" if opening.alternative is None else opening.hints[0],
+            alternative="" if opening.alternative is None else opening.alternative.statement,
             hints=(*hints, *free_again(model), *unused_ladder(robot, model)),
             provenance=state_provenance(robot, used, seed, None, options),
         ).moved_by(given)
@@ -464,7 +464,7 @@ def _curve(naming: Naming, values: Array, k: int, placed: Placement) -> Curve:
     columns = {j: naming.columns([k], j) for j in joints}
     j = max(joints, key=lambda j: float(np.abs(columns[j] @ placed.values).sum()))
     left, law = naming.left(range(len(naming.parts)), values), columns[j]
-    added, of = law @ placed.values, c.family.drawn_over(c.effect, robot, j)
+    added, of = law @ placed.values, c.effect.drawn_over(robot, j)
     if c.family.against in ("velocity", "position") and not (c.family.remembers or robot.closed):
         # As it is, not as the low-pass leaves it, which depends on where the motion came from.
         every = np.zeros((*rows.measured.shape, law.shape[1]))

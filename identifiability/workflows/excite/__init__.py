@@ -5,22 +5,19 @@ What to use when:
 - `excite` finds the motion: for a first log (condition number), for what to measure next about
   some parameters (information), or to tell two effects apart;
 - `excite_commands` finds commands of position servos, for robots without torque sensors;
-- `find_limits` reads limits; `Objective` is the cost of any candidate motions, many at a time.
+- `find_limits` reads limits.
 
-The method, in the order of the files: what must be kept (`limits`), what is asked (`criteria`,
-`question`), how many candidates keep and answer it, and at what cost (`candidates`), the search
-(`search`), and the answer (`result`).
+The method, in the order of the files: what must be kept (`limits`), what is asked (`criteria`),
+what candidates cost and the search among them (`search`), and the answer (`result`).
 """
 
-from identifiability.workflows.excite.commands import Commands, excite_commands
-from identifiability.workflows.excite.limits import Limits, find_limits
+from identifiability.workflows.excite.commands import excite_commands
+from identifiability.workflows.excite.limits import find_limits
 from identifiability.workflows.excite.result import Excitation
 from identifiability.workflows.excite.workflow import excite
 
 __all__ = [
-    "Commands",
     "Excitation",
-    "Limits",
     "excite",
     "excite_commands",
     "find_limits",

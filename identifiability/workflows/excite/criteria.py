@@ -23,14 +23,13 @@ from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choos
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import BaseParameters, Structure
 from identifiability.robot import Robot
-from identifiability.workflows.excite.rules import RULES
 
 # What an exciting motion is good for: the criteria, on Gram matrices ``WᵀW``.
 #
 # What to use when: `LogDet` for a first log or the next one, about some parameters beside all
-# others [Swevers 1997] (D_s-optimality, [Atkinson 2007, sec. 10.3]); `Separation` for two effects
-# of unknown size; `Discrimination` for effects of known size, from rivals or from the model. Each
-# gives a cost that is to be made small, batched over candidates, and the figure that a reader
+# others [Swevers 1997] (D_s-optimality, [Atkinson 2007, sec. 10.3]), two effects among them that
+# are to be told apart; `Discrimination` for effects of known size, from rivals or from the model.
+# Each gives a cost that is to be made small, batched over candidates, and the figure that a reader
 # knows it by.
 
 
@@ -48,10 +47,12 @@ class LogDet:
     ----------
     chosen : (c,) int
         Columns.
+    name : {"information", "separate"}
+        Whether it is about parameters, or about the columns of two effects.
     """
 
     chosen: np.ndarray
-    name = "information"
+    name: str = "information"
     title = "log-det of the information"
 
     def cost(self, G: Array) -> Array:
@@ -67,58 +68,6 @@ class LogDet:
     def figure(self, cost: float) -> float:
         """Return the log-determinant."""
         return float(-2 * len(self.chosen) * cost)
-
-
-@frozen
-class Separation:
-    """Similarity of two effects: their largest canonical correlation beside the model.
-
-    Attributes
-    ----------
-    first, second : (·,) int
-        Columns of the two effects; all others are the model.
-    """
-
-    first: np.ndarray
-    second: np.ndarray
-    name = "separate"
-    title = "similarity of the two effects"
-
-    def cost(self, G: Array) -> Array:
-        """Return ``−log sin θ`` of the smallest angle, more where an effect is hardly visible."""
-        similarity, remaining = self.angles(G)
-        sine2 = np.maximum(1 - similarity**2, 1e-12)
-        hidden = np.maximum(np.log(2 * RULES.visible / np.maximum(remaining, 1e-9)), 0.0)
-        cost: Array = -0.5 * np.log(sine2) + hidden.sum(1)
-        return cost
-
-    def figure(self, cost: float) -> float:
-        """Return the similarity of visible effects."""
-        return float(np.sqrt(np.maximum(1 - np.exp(-2 * cost), 0.0)))
-
-    def angles(self, G: Array) -> tuple[Array, Array]:
-        """Return similarities (m,) and remaining shares of both effects (m, 2).
-
-        The share of an effect is that of its least visible column.
-        """
-        unit, _ = scaled(G)
-        a, b = self.first, self.second
-        both = np.concatenate([a, b])
-        model = np.setdiff1d(np.arange(G.shape[1]), both)
-        S = unit[:, both][:, :, both]
-        if len(model):
-            base = unit[:, model][:, :, model] + 1e-12 * np.eye(len(model))
-            cross = unit[:, model][:, :, both]
-            S = S - cross.transpose(0, 2, 1) @ np.linalg.solve(base, cross)
-        left = np.sqrt(np.maximum(np.diagonal(S, axis1=1, axis2=2), 0.0))
-        acts = np.diagonal(unit, axis1=1, axis2=2)[:, both] > 0
-        left = np.where(acts, left, np.inf)
-        n = len(a)
-        remaining = np.stack([left[:, :n].min(1), left[:, n:].min(1)], 1)
-        remaining = np.where(np.isfinite(remaining), remaining, 0.0)
-        C = _inverse_root(S[:, :n, :n]) @ S[:, :n, n:] @ _inverse_root(S[:, n:, n:])
-        similarity = np.minimum(np.linalg.norm(C, 2, axis=(1, 2)), 1.0)
-        return similarity, remaining
 
 
 @frozen
@@ -185,7 +134,7 @@ class Discrimination:
 
 #: A figure of merit of Gram matrices (m, k, k): its `cost` (m,) is made small, its `figure` is what
 #: a reader knows a cost by.
-Criterion: TypeAlias = LogDet | Separation | Discrimination
+Criterion: TypeAlias = LogDet | Discrimination
 
 
 def scaled(G: Array) -> tuple[Array, Array]:
@@ -205,15 +154,6 @@ def _log_det(G: Array) -> Array:
     values = np.linalg.eigvalsh(G) if G.shape[1] else np.ones((len(G), 1))
     total: Array = np.log(np.maximum(values, FLOOR)).sum(1)
     return total
-
-
-def _inverse_root(S: Array) -> Array:
-    values, vectors = np.linalg.eigh(S)
-    # What is added to the scaled Gram matrix of what remains of an effect: directions of
-    # which less than a ten-thousandth remains have no angle.
-    root = 1 / np.sqrt(np.maximum(values, 0.0) + 1e-8)
-    inverse: Array = (vectors * root[:, None, :]) @ vectors.transpose(0, 2, 1)
-    return inverse
 
 
 # `Question`: which columns a motion should tell apart, and what logs say of them already.
@@ -296,9 +236,8 @@ def pose_question(
     model = choose_model(model, default_effects(robot, USUAL_EFFECTS))
     question = add_beside(robot, model, pair)
     if separate is not None:
-        k, widths = len(question.columns), question.model.widths(robot)
-        split = k - widths[-1]
-        rule = Separation(np.arange(split - widths[-2], split), np.arange(split, k))
+        k, both = len(question.columns), sum(question.model.widths(robot)[-2:])
+        rule = LogDet(np.arange(k - both, k), "separate")
         return replace(question, chosen=tuple(separate), criterion=rule)
     at = _find_parameters(question.structure.base, parameters)
     chosen = tuple(question.names[k] for k in at) if parameters else ()

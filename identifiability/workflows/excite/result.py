@@ -29,7 +29,7 @@ from identifiability.robot import Robot, complete_motion
 from identifiability.simulation.motion import PrescribedMotion, Trajectory, write_trajectory_bag
 from identifiability.workflows.answers import answer_next
 from identifiability.workflows.commands import name_logs, on_file, source_name
-from identifiability.workflows.excite.criteria import Criterion, LogDet, Separation
+from identifiability.workflows.excite.criteria import Criterion, LogDet
 from identifiability.workflows.excite.limits import Clearance, Drive, Limits, survey
 from identifiability.workflows.excite.rules import RULES
 
@@ -96,10 +96,6 @@ def _keeps(
 # `Excitation`: a motion to measure, what it is good for, and what it keeps.
 
 
-#: Similarity above which a diagnosis gives both names.
-CONFUSABLE: Tolerance = 0.9
-
-
 @frozen
 class Merit:
     """What a motion tells, together with the logs there are.
@@ -107,16 +103,13 @@ class Merit:
     Attributes
     ----------
     figure : float
-        Condition number, log-det of the information, similarity, or standard deviations.
+        Log-det of the information, or standard deviations.
     sigma : (k,)
         Standard deviations under white noise, up to a factor shared by all motions compared.
-    visible : (2,)
-        Share of each effect that is to be separated which is outside the model; else empty.
     """
 
     figure: float
     sigma: Array
-    visible: Array
 
 
 @frozen(kw_only=True)
@@ -332,11 +325,6 @@ class Excitation(Result):
             rise = self.after.figure - self.before.figure
             share = float(np.exp(-rise / (2 * len(self.criterion.chosen))))
             text += f" Standard deviations become {percent(share, 2)} of those (geometric mean)."
-        for name, share in zip(self.chosen, self.after.visible, strict=False):
-            if share < RULES.visible:
-                text += f" {name} leaves only {percent(share, 2)} outside the model."
-        if isinstance(self.criterion, Separation) and self.after.figure > CONFUSABLE:
-            text += " Within these limits a diagnosis would still give both names."
         return text
 
     @property

@@ -14,9 +14,6 @@ class Rules(RuleTable):
 
     title = "Limits that exciting motions keep, and by which they are compared"
 
-    visible: Annotated[
-        float, "share of an effect beside the model that a motion shows, by hand"
-    ] = 0.03
     clearance: Annotated[
         float, "twice the distance that bodies keep at every sample [m], by hand"
     ] = 0.01

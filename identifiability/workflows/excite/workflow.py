@@ -32,7 +32,6 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.excite.criteria import (
     Known,
     Question,
-    Separation,
     gather_known,
     pose_question,
     scaled,
@@ -271,7 +270,4 @@ def _merit(question: Question, G: Array) -> Merit:
     inverse = np.linalg.pinv(unit, rcond=1e-13, hermitian=True)
     sigma = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / length
     rule = question.criterion
-    if isinstance(rule, Separation):
-        similarity, visible = rule.angles(G[None])
-        return Merit(float(similarity[0]), sigma, visible[0])
-    return Merit(rule.figure(float(rule.cost(G[None])[0])), sigma, np.empty(0))
+    return Merit(rule.figure(float(rule.cost(G[None])[0])), sigma)

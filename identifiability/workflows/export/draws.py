@@ -143,7 +143,7 @@ def draw_robots(
     if share is None:
         # Share of their size by which bodies differ from the file's, where logs hold no
         # torque.
-        share = robot.prior_relative if robot.servo is None else 0.2
+        share = robot.said.prior_relative if robot.servo is None else 0.2
     if not share > 0:
         raise IdentifiabilityError(
             f"Bodies within a share of {share:g} of the file's are the file's; give a positive one."

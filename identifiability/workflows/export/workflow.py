@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -19,11 +21,13 @@ from identifiability.effects.vocabulary import (
     every_parameter,
     file_kinds,
     read_back,
+    settle_asymmetry,
     settle_springs,
     stated_numbers,
     values_in_file,
 )
-from identifiability.foundation.documents import read_document
+from identifiability.estimation.prediction import predict
+from identifiability.foundation.documents import read_document, toml_text
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
 from identifiability.foundation.names import BASE, GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.foundation.numbers import percent
@@ -31,52 +35,28 @@ from identifiability.foundation.options import ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
+from identifiability.logs.prepare import Preparation
 from identifiability.physical.cad_prior import state_mass
-from identifiability.physical.feasibility import is_another
 from identifiability.physical.pseudo_inertia import check_body
-from identifiability.physical.rules import RULES as PHYSICAL_RULES
+from identifiability.regression.regression import Model, Regression
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.robot.markup import LARGEST, SMALLEST
-from identifiability.robot.other_format import write_converted
+from identifiability.robot.locate import LARGEST, SMALLEST
 from identifiability.robot.servo import state_delay
-from identifiability.robot.write import write_robot
-from identifiability.workflows.answers import hides_joints, list_worst
-from identifiability.workflows.predict import (
-    Entry,
-    GravityEntry,
-    MissingEntry,
-    RobotEntry,
-    RolloutEntry,
-    state_missing,
-)
+from identifiability.robot.write import write_converted, write_robot
+from identifiability.workflows.opening import Logs, list_logs
+from identifiability.workflows.predict import Entry, FitEntry, RealEntry, ResultEntry, state_missing
+from identifiability.workflows.session import Session
 
 # What is exported of a result: its JSON, checked against the robot.
 
 
-class JointEntry(Entry):
-    """The error of a joint over its own scale: of all that was fitted, and of files alone."""
-
-    joint: str
-    error: float | None
-    error_files: dict[str, float | None] = Field(default={})
-
-
-class FindingEntry(Entry):
-    """What was noticed of the logs, or done with them."""
-
-    key: str
-
-
-class PhysicalEntry(Entry):
+class PhysicalEntry(RealEntry):
     """The nearest real robot."""
 
-    parameters: dict[str, float]
     shapes: dict[str, float] = Field(default={})
-    error_ra: float | None
     error_ra_file: float | None
-    error_ra_files: dict[str, float | None] = Field(default={})
-    error_joints: tuple[JointEntry, ...] = ()
-    gravity: GravityEntry | None = None
+    error_joints: tuple[dict[str, Any], ...] = ()
     cad_prior: float = 0.0
     certificate: str = ""
     sentence: str = ""
@@ -90,22 +70,11 @@ class VerdictEntry(Entry):
     verdict: str
 
 
-class Result(Entry):
+class Result(ResultEntry):
     """The part of a result that is exported."""
 
-    robot: RobotEntry
     physical: PhysicalEntry
-    nothing: str | None = None
-    missing_functions: tuple[MissingEntry, ...] = ()
     full_parameters: tuple[VerdictEntry, ...] = ()
-    rollout: RolloutEntry | None = None
-    findings: tuple[FindingEntry, ...] = ()
-    preparation: Mapping[str, tuple[str, ...]] = Field(default_factory=dict)
-
-    @property
-    def mended(self) -> bool:
-        """Whether samples of the logs were replaced: errors are of the logs as they are then."""
-        return any(found.key == "spikes" for found in self.findings)
 
 
 def check_result(robot: Robot, path: Path, content: Result, known: set[str]) -> None:
@@ -175,7 +144,7 @@ def write_parameters_json(
         "shapes": physical.shapes,
         "bodies": bodies,
         "error_ra": physical.error_ra,
-        "error_joints": [{"joint": e.joint, "error": e.error} for e in physical.error_joints],
+        "error_joints": [{k: e.get(k) for k in ("joint", "error")} for e in physical.error_joints],
     }
     return write_json(out, told)
 
@@ -289,7 +258,8 @@ def write_parameters(
                 f"'{name}' is of no body, joint, motor or axis of {robot.name}"
                 f"{near_match(owner, known)}"
             )
-    robot, values = settle_springs(robot, complete_values(robot, parameters, keep=keep))
+    whole = settle_asymmetry(robot, complete_values(robot, parameters, keep=keep))
+    robot, values = settle_springs(robot, whole)
     alone = read_back(robot, values)
     nominal = {n: v for n, v in values.items() if v != alone.get(n, 0.0)}
     tables = {
@@ -339,8 +309,8 @@ class Exported:
     error_ra, error_ra_file : float or None
         ε_RA on the fitted logs of all that was fitted, and of what the robot file alone holds;
         None where the torque does not vary.
-    error_joints : mapping
-        Both of each joint over its own scale, by name; empty where nobody measured them.
+    unseen : Unseen or None
+        Errors of the files on logs that were not fitted, where some were given.
     mass : str
         What is wrong with the total mass, and the remedy; empty if nothing is.
     anew : bool
@@ -349,8 +319,6 @@ class Exported:
         Torque that is known beforehand, which was taken off and stands in the sidecar alone.
     gravity : str
         Where it points, if not as the robot's own file says.
-    mended : bool
-        Whether samples of the logs were replaced: the errors are of the logs after that.
     missing : tuple of str
         Functions of a joint's motion or load that the result says are missing.
     commanded : str
@@ -363,11 +331,10 @@ class Exported:
     error_ra: float | None
     error_ra_file: float | None
     mass: str
-    error_joints: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    unseen: Unseen | None = None
     anew: bool = False
     known: tuple[str, ...] = ()
     gravity: str = ""
-    mended: bool = False
     missing: tuple[str, ...] = ()
     commanded: str = ""
 
@@ -400,9 +367,7 @@ class Exported:
                 f"{self.robot.name} alone holds was not measured when the result was made: make it "
                 "again to know."
             )
-        parts.append(self._state_joints())
-        if self.error_ra is not None and self.mended:
-            parts.append("Where samples were mended, these errors are of the mended ones.")
+        parts += [self.unseen.text] if self.unseen is not None else []
         if self.anew:
             parts.append(
                 f"{self.robot.name} is of another format than the robot's own file: it has no "
@@ -410,16 +375,6 @@ class Exported:
             )
         parts.append(state_missing(self.missing))
         return " ".join(filter(None, parts))
-
-    def _state_joints(self) -> str:
-        """Return the errors of joints where those of all together hide them."""
-        joints, each = list(self.error_joints), np.array([*self.error_joints.values()]).T
-        together = [np.inf if e is None else e for e in (self.error_ra, self.error_ra_file)]
-        if not any(hides_joints(e, all_) for e, all_ in zip(each, together, strict=False)):
-            return ""
-        real, alone = (list_worst(joints, 100 * e, "%") for e in each)
-        told = f"Each joint over its own variation: {real}"
-        return f"{told}." if real == alone else f"{told}; {self.robot.name} alone: {alone}."
 
     def _repr_html_(self) -> str:
         files = " and ".join(str(path) for path in (self.robot, self.sidecar) if path is not None)
@@ -433,6 +388,7 @@ def export(
     out: FilePath,
     form: Format | None = None,
     *,
+    validate: Logs = (),
     force: bool = False,
 ) -> Exported:
     """Write the nearest real robot of a JSON result as a robot file, and a sidecar if it needs one.
@@ -450,15 +406,17 @@ def export(
         What to write; by default what the ending says. From an MJCF comes a URDF as well, and the
         other way round, without geometry; isaaclab is a configuration of actuators for robots with
         servos.
+    validate : log, path, DataFrame, or several
+        Logs that were not fitted, on which the file that is written is compared with the robot's
+        own.
     force : bool
-        Whether a robot file is written that alone errs by more than three times the error of all
-        that was fitted.
+        Whether a robot file is written that errs more on these than the robot's own.
 
     Raises
     ------
     IdentifiabilityError
-        If the file is no result, one of another robot, or has no masses; if a robot file alone
-        errs much more than all that was fitted.
+        If the file is no result, one of another robot, or has no masses; if a robot file errs more
+        than the one that it comes from.
     """
     robot = Robot.of(robot)
     content = read_document(result, Result, "JSON", "result", IdentifiabilityError)
@@ -467,10 +425,9 @@ def export(
             f"Nothing can be exported, because {content.nothing} ({result}); give a result of "
             "other logs."
         )
-    physical = content.physical
+    physical, own = content.physical, robot
     if robot.servo is not None and content.rollout is not None:
         robot = replace(robot, servo=content.rollout.settle(robot.servo, robot.joints))
-    missing = tuple(f.text for f in content.missing_functions)
     shapes = physical.shapes
     effect_of = {n: FAMILIES[p.group] for n, p in every_parameter(robot, shapes).items()}
     check_result(robot, Path(result), content, {*effect_of, *robot.nominal})
@@ -480,49 +437,138 @@ def export(
         robot = robot.turned(np.array(physical.gravity.direction))
     robot, given = settle_gravity(robot, given)
     loaded = any(value and n in effect_of and effect_of[n].loaded for n, value in given.items())
-    reference = reference_values(robot) if loaded else {}
-    wanted = _find_format(Path(out), form)
-    alone, sidecar = physical.error_ra, None
+    wanted, unseen = _find_format(Path(out), form), None
+    alone, written = physical.error_ra, Written(Path(out), None, ())
     kind: Kind | None = None
-    beside: dict[str, list[str]] = {}
     if wanted == "json":
-        path = write_parameters_json(robot, given, physical, Path(out))
+        write_parameters_json(robot, given, physical, Path(out))
     elif wanted == "isaaclab":
-        path = write_isaaclab(robot, given, content, Path(out))
+        write_isaaclab(robot, given, content, Path(out))
     else:
         kind = "urdf" if wanted == "urdf" else "mjcf"
         alone = _error_of_file(robot, physical, kind)
-        if not force:
-            _refuse_another(robot, Path(out), physical, alone, kind)
-        written = write_parameters(
-            robot,
-            given,
-            out,
-            keep=False,
-            shapes=shapes,
-            reference=reference,
-            comment=state_servos(robot, content),
-        )
-        path, sidecar = written.robot, written.sidecar
-        for name in written.beside:
-            if name not in effect_of and name[:-1] in written.beside:
-                continue  # one way of a level that both have
+        what: dict[str, Any] = {
+            "keep": False,
+            "shapes": shapes,
+            "reference": reference_values(robot) if loaded else {},
+            "comment": state_servos(robot, content),
+        }
+        if list_logs(validate):
+            with temporary_folder() as folder:
+                tried = write_parameters(robot, given, Path(folder) / Path(out).name, **what)
+                unseen = judge_files(own, tried, validate, content.fit)
+            if unseen.written > unseen.before and not force:
+                raise IdentifiabilityError(
+                    f"{unseen.text} So {Path(out).name} would be worse than the file that it comes "
+                    "from: export to .json, or write it all the same with --force."
+                )
+        written = write_parameters(robot, given, out, **what)
+    beside: dict[str, list[str]] = {}
+    for name in written.beside:
+        if name in effect_of or name[:-1] not in written.beside:  # else one way of both
             title = effect_of[name].title if name in effect_of else name
             beside.setdefault(title, []).append(name)
     return Exported(
-        robot=path,
-        sidecar=sidecar,
+        robot=written.robot,
+        sidecar=written.sidecar,
         beside={title: tuple(names) for title, names in beside.items()},
         error_ra=physical.error_ra,
         error_ra_file=alone,
-        error_joints=_joints_of_file(physical, kind),
+        unseen=unseen,
         mass=state_mass(robot, given, physical.cad_prior),
         anew=kind is not None and kind != file_kinds(robot)[0],
         known=() if kind is None else tuple(k.text for k in robot.known_torque),
         gravity="" if robot.tilt is None else robot.tilt.text,
-        mended=content.mended,
-        missing=missing,
+        missing=tuple(f.text for f in content.missing_functions),
         commanded="" if content.rollout is None else content.rollout.statement,
+    )
+
+
+# How much files err on logs that were not fitted, as this package reads them.
+
+
+#: Tables of a sidecar that no simulator reads: without them a robot is what its file alone says.
+_BESIDE = ("nominal", "shapes", "reference", "rest", "known_torque")
+
+
+@frozen
+class Unseen:
+    """Errors of robot files on logs that were not fitted.
+
+    Attributes
+    ----------
+    logs : tuple of str
+    names : (str, str)
+        Of the robot's own file, and of the one that was written.
+    before, written, both : float
+        ε_RA of the robot's own file, of the written one, and of that with its sidecar.
+    """
+
+    logs: tuple[str, ...]
+    names: tuple[str, str]
+    before: float
+    written: float
+    both: float
+
+    @property
+    def text(self) -> str:
+        """They, in a sentence."""
+        before, written, both = map(percent, (self.before, self.written, self.both))
+        beside = f" and with its sidecar by {both}" if self.both != self.written else ""
+        return (
+            f"On {listing(self.logs, 4)} (not fitted) {self.names[1]} alone errs by {written}"
+            f"{beside}, where {self.names[0]} alone errs by {before}."
+        )
+
+
+def judge_files(robot: Robot, written: Written, logs: Logs, fit: FitEntry | None) -> Unseen:
+    """Return how much a robot's own file and another one err, each read as any file is.
+
+    Parameters
+    ----------
+    robot : Robot
+    written : Written
+    logs : log, path, DataFrame, or several
+        With torque.
+    fit : FitEntry or None
+        Which says how logs become motion.
+    """
+    how = None if fit is None else Preparation(**fit.preparation.model_dump())
+    paths = [(robot.path, robot.sidecar, True), (written.robot, written.sidecar, True)]
+    paths += [(written.robot, written.sidecar, False)] if written.sidecar else []
+    errors = []
+    for path, sidecar, alone in paths:
+        copy = _reread(robot, path, sidecar, alone=alone)
+        named = {name for name, value in copy.nominal.items() if value}
+        model = Model(
+            tuple(
+                family.effect
+                for family in FAMILIES.values()
+                if family.name != "coulomb_friction"  # one level stands for both directions, too
+                and any(p.name in named for p in family.effect.parameters(copy))
+            )
+        )
+        structure = Structure.of(copy, model)
+        session = Session.read(structure, logs, preparation=how, commands=False)
+        samples = tuple(session.prepare(session.recordings.fitted, "compared"))
+        found = predict(Regression(copy, model, samples), structure.nominal[:, None])
+        errors.append(float(found.relative_error()[0]))
+    names = tuple(s.name for s in samples)
+    return Unseen(names, (robot.path.name, written.robot.name), errors[0], errors[1], errors[-1])
+
+
+def _reread(robot: Robot, path: Path, sidecar: Path | None, *, alone: bool) -> Robot:
+    """Return what a robot file says, or says alone, of logs that are named as the robot's are."""
+    with temporary_folder() as folder:
+        given = {} if sidecar is None else tomllib.loads(sidecar.read_text("utf-8-sig"))
+        kept = {key: x for key, x in given.items() if not alone or key not in _BESIDE}
+        beside = Path(folder) / "sidecar.toml"
+        write_text(beside, toml_text(kept))
+        lock = {name: robot.locked[name] for name in robot.lock_option}
+        base: Any = robot.base_option
+        copy = Robot.load(path, beside, lock=lock, base=base)
+    return replace(
+        copy, columns=robot.columns, time_unit=robot.time_unit, angles=robot.angles, sidecar=None
     )
 
 
@@ -634,39 +680,3 @@ def _error_of_file(robot: Robot, physical: PhysicalEntry, kind: Kind) -> float |
     if values_in_file(robot, physical.parameters, kind) == physical.parameters:
         return physical.error_ra
     return physical.error_ra_file if kind == file_kinds(robot)[0] else None
-
-
-def _joints_of_file(physical: PhysicalEntry, kind: Kind | None) -> dict[str, tuple[float, float]]:
-    """Return both errors of each joint, the second of what a robot file holds, if it is one."""
-    pairs = {
-        e.joint: (e.error, e.error if kind is None else e.error_files.get(kind))
-        for e in physical.error_joints
-    }
-    return {j: (a, b) for j, (a, b) in pairs.items() if a is not None and b is not None}
-
-
-def _refuse_another(
-    robot: Robot, out: Path, physical: PhysicalEntry, alone: float | None, kind: Kind
-) -> None:
-    """Refuse a robot file that alone errs much more than all that was fitted.
-
-    Raises
-    ------
-    IdentifiabilityError
-    """
-    whole = physical.error_ra
-    if whole is None or alone is None or not is_another(whole, alone):
-        return
-    other = next(k for k in file_kinds(robot) if k != kind)
-    error = _error_of_file(robot, physical, other)
-    better = ""
-    if error is not None and error < alone:
-        better = f", or to {out.with_suffix(ENDINGS[other]).name} (alone {percent(error)})"
-    given = physical.parameters
-    lost = [n for n, x in values_in_file(robot, given, kind).items() if x != given[n]]
-    raise IdentifiabilityError(
-        f"On the fitted logs {out.name} alone would err by {percent(alone)}, more than "
-        f"{PHYSICAL_RULES.another_robot:g} times the {percent(whole)} of all that was fitted, "
-        f"because it cannot hold {listing(lost, 4)}: export to .json{better}, or write it all the "
-        "same with --force."
-    )

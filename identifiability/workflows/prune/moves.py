@@ -24,6 +24,7 @@ from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
+from identifiability.robot.description import Link
 from identifiability.robot.kinematics import WORLD, Joint
 
 # What a pruning step does to the columns of a model: zero some, or make some equal.
@@ -259,40 +260,9 @@ class Mirror:
         return moved.reshape(10, 16).T
 
 
-@frozen
-class Link:
-    """A body and the joint that carries it, which may turn about several axes at one point.
-
-    Attributes
-    ----------
-    first, last : int
-        Its joint's axes in the robot's tree.
-    parent : int
-        The body that carries it, or `WORLD`.
-    """
-
-    first: int
-    last: int
-    parent: int
-
-
-def find_links(robot: Robot) -> list[Link]:
-    """Return the links of the robot's bodies, in their order."""
-    links: list[Link] = []
-    at, owner = 0, {WORLD: WORLD}
-    for k in range(1, robot.model.njoints):
-        first, freedoms = at, 0
-        while freedoms < robot.model.joints[k].nv:
-            freedoms += robot.tree.joints[at].nv
-            owner[at] = len(links)
-            at += 1
-        links.append(Link(first, at - 1, owner[robot.tree.joints[first].parent]))
-    return links
-
-
 def attachments(robot: Robot) -> list[list[Attachment]]:
     """Return what each body is fixed by: its own joint, the joints on it, and loop closures."""
-    joints, links = robot.tree.joints, find_links(robot)
+    joints, links = robot.tree.joints, robot.links
     body_of = {last: k for k, last in enumerate(link.last for link in links)}
     found: list[list[Attachment]] = [[] for _ in links]
     for k, link in enumerate(links):
@@ -342,7 +312,7 @@ def find_mirrors(parts: list[Attachment]) -> list[Mirror]:
 
 def find_equal_bodies(robot: Robot) -> list[tuple[int, ...]]:
     """Return the sets of bodies at the same place of equal chains from the base."""
-    joints, links = robot.tree.joints, find_links(robot)
+    joints, links = robot.tree.joints, robot.links
     parts = attachments(robot)
 
     @cache

@@ -30,6 +30,7 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import take_turns
 from identifiability.foundation.engines.mapping import Engine, Steps, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
+from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import (
@@ -197,7 +198,6 @@ def prune(
             samples=opening.samples,
             validation=opening.validation,
             hints=tuple(filter(None, (*hints, thinned, *unused_ladder(robot, ladder)))),
-            commands=opening.commands,
             information=rows.information,
             start=start,
             selected=selected,
@@ -229,16 +229,16 @@ def _hint(
 ) -> tuple[str, ...]:
     """Return what seems to be wrong with robot file, logs and their cut-off."""
     result, opening = measured.result, rows.opening
-    first = 2 * (opening.alternative is not None)
+    other = of_key(opening.hints, "alternative")
     return (
-        *opening.hints[:first],  # under what all is said
+        *other,  # under which all is said
         contradicted,
         state_foreign(measured),
         state_disagreement(measured),
         rows.burst,
         state_weak(result),
         state_mounting(session.structure.robot, result.verdicts),
-        *opening.hints[first:],
+        *(hint for hint in opening.hints if hint not in other),
         *(() if session.recordings.commanded else say_band(session.how)),
         compare_logs(opening.samples, result).hint,
     )

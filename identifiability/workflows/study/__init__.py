@@ -13,9 +13,10 @@ from string import Template
 from tempfile import TemporaryDirectory
 from typing import Annotated
 
-from identifiability.foundation.errors import LogError, OutputError, listing
+from identifiability.foundation.errors import LogError, OutputError
+from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.options import Expected, FilePath, checked
-from identifiability.foundation.output import check_writable, write_bytes
+from identifiability.foundation.output import check_writable, write_together
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.logs.formats.reader import check_there
@@ -77,13 +78,8 @@ class Study:
     @property
     def statement(self) -> str:
         """What is there, and what to do next."""
-        if self.has_logs:
-            told = f"with {listing([*self.fitted, *filter(None, [self.held_back])])}"
-        else:
-            told = (
-                f"without logs: record {', '.join(RUNS)} with the columns of template.csv, or name "
-                "your own in study.py and Makefile"
-            )
+        logs = [*self.fitted, *filter(None, [self.held_back])]
+        told = phrase("study", "logs" if self.has_logs else "alone", logs=logs, runs=[*RUNS])
         return f"{self.folder} is a study of {self.robot}, {told}. Begin with: {self.next_line}"
 
     def _repr_html_(self) -> str:
@@ -127,11 +123,9 @@ def new_study(
     for log in logs:
         check_there(Path(log))
         if set(str(log)) & set(" #$:"):
-            raise LogError(f"A Makefile cannot name '{log}'; give a path without spaces, # and $.")
+            raise LogError(Finding("study.log", log))
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise OutputError(
-            f"{folder} is there already and nothing is written over; give a new folder."
-        )
+        raise OutputError(Finding("study.there", folder))
     check_writable(folder / source.name if folder.is_dir() else folder)
     shipped = str(robot) in shipped_robots()
     files = _shipped(source) if shipped else {source.name: source}
@@ -153,20 +147,16 @@ def new_study(
     whole |= {name: text.encode() for name, text in texts.items()}
     new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
-    written: list[Path] = []
     try:
-        for name, content in whole.items():
-            written.append(write_bytes(folder / name, content))
+        write_together([(folder / name, content) for name, content in whole.items()])
     except BaseException:  # a full disk, Ctrl-C: half a study would be in the way of the next one
-        for path in written:
-            path.unlink()
         if new:
             folder.rmdir()
         raise
     return Study(
         folder=folder,
         robot=source.name,
-        written=tuple(written),
+        written=tuple(folder / name for name in whole),
         fitted=tuple(fitted),
         held_back=held_back,
         has_logs=has_logs,

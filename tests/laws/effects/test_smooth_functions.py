@@ -6,22 +6,15 @@ import numpy as np
 import pytest
 
 from identifiability.effects import FAMILIES, Part, Placed
-from identifiability.effects.functions import (
-    FunctionOfLoad,
-    FunctionOfOtherVelocity,
-    FunctionOfPosition,
-    FunctionOfPositionAndVelocity,
-    FunctionOfSessionTime,
-    FunctionOfTime,
-    FunctionOfVelocity,
-    FunctionOfVelocityAndLoad,
-    splines,
-    straight_beyond,
-)
+from identifiability.effects.functions import FunctionOfVelocity, splines, straight_beyond
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 
 T = np.linspace(0, 2.5, 400)
+
+
+def function_of(what, largest, joint):
+    return FAMILIES[f"function_of_{what}"].at(largest, joint)
 
 
 @pytest.mark.parametrize("pieces", [3, 4])
@@ -55,7 +48,7 @@ def spanned(columns, target):
 def test_a_function_of_velocity_is_odd_or_even(polar, move):
     """What turns with the motion, and what does not, are columns apart."""
     m = move(polar, T)
-    effect, back = FunctionOfVelocity(0.8, "lift"), replace(m, v=-m.v)
+    effect, back = function_of("velocity", 0.8, "lift"), replace(m, v=-m.v)
     W, again = (Model((Placed([Part(effect, "lift")]),)).regressor(polar, x) for x in (m, back))
     np.testing.assert_allclose(again[:, 0], W[:, 0] * np.repeat([-1.0, 1.0], [4, 3]), atol=1e-12)
 
@@ -69,13 +62,13 @@ def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
     other = m.actuated_v[:, 1]
     other = np.sign(other) * np.sqrt(np.minimum(np.abs(other) / 0.3, 1.0))
     for effect, count, target in (
-        (FunctionOfVelocity(0.8, "lift"), 7, root**2 - root - np.sign(v)),
-        (FunctionOfLoad(90.0, "lift"), 6, (load / 90) ** 2),
-        (FunctionOfTime(2.5, "lift"), 6, m.t**2 - m.t),
-        (FunctionOfPosition(0.6, "lift"), 6, (x + 0.1) ** 2),
-        (FunctionOfOtherVelocity(2.0, "lift"), 6, other**2 + other),
-        (FunctionOfPositionAndVelocity(0.6, "lift"), 15, x**2 * v - np.sign(v) * x),
-        (FunctionOfVelocityAndLoad(90.0, "lift"), 15, load**2 * np.sign(v)),
+        (function_of("velocity", 0.8, "lift"), 7, root**2 - root - np.sign(v)),
+        (function_of("load", 90.0, "lift"), 6, (load / 90) ** 2),
+        (function_of("time", 2.5, "lift"), 6, m.t**2 - m.t),
+        (function_of("position", 0.6, "lift"), 6, (x + 0.1) ** 2),
+        (function_of("other_velocity", 2.0, "lift"), 6, other**2 + other),
+        (function_of("position_and_velocity", 0.6, "lift"), 15, x**2 * v - np.sign(v) * x),
+        (function_of("velocity_and_load", 90.0, "lift"), 15, load**2 * np.sign(v)),
     ):
         W = Model((Placed([Part(effect, "lift")]),)).regressor(polar, m)
         assert W.shape[2] == count
@@ -124,7 +117,7 @@ def test_the_time_of_the_session_is_asked_for_where_logs_share_a_clock(polar, mo
 
 
 def test_a_function_of_the_session_goes_on_from_log_to_log(polar, move):
-    m, effect = move(polar, T), FunctionOfSessionTime(12.5, "lift")
+    m, effect = move(polar, T), function_of("session_time", 12.5, "lift")
     model = Model((Placed([Part(effect, "lift")]),))
     first, last, later = (
         model.regressor(polar, replace(m, start=start))[:, 0] for start in (0.0, 10.0, 20.0)
@@ -148,8 +141,8 @@ def test_a_model_with_a_function_has_its_constant_once():
 def test_a_text_with_its_shape_gives_the_function_back(polar, move):
     m = move(polar, T)
     for text, effect in (
-        ("function_of_velocity@lift:0.8", FunctionOfVelocity(0.8, "lift")),
-        ("function_of_other_velocity@reach:1", FunctionOfOtherVelocity(1.0, "reach")),
+        ("function_of_velocity@lift:0.8", function_of("velocity", 0.8, "lift")),
+        ("function_of_other_velocity@reach:1", function_of("other_velocity", 1.0, "reach")),
     ):
         again = Model.of(text).regressor(polar, m)
         owner = text.partition("@")[2].partition(":")[0]

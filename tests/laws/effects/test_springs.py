@@ -12,7 +12,7 @@ from identifiability.foundation.errors import ModelError
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 from identifiability.robot.closure import known_torque
-from identifiability.robot.measured_torque import KnownTorque
+from identifiability.robot.sidecar import KnownTorque
 
 T = np.linspace(0, 2.5, 80)
 

@@ -13,7 +13,7 @@ from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.robot.parts import name_numbers
+from identifiability.robot.description import name_numbers
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 
 #: All that the simulated arm has, and the drag: nothing is missing beside them.

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import Fixed, LeastSquares
+from identifiability.physical.fitted_model import Fixed, LeastSquares, PhysicalSet
 from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.target import Prior, Target
 

@@ -11,7 +11,7 @@ from identifiability.foundation.numbers import (
     exact_share,
 )
 from identifiability.regression.reduction import Submodel
-from identifiability.workflows.calibrate.outcome import Experiment, Outcome, count_outcomes
+from identifiability.workflows.calibrate.world import Experiment, Outcome, count_outcomes
 
 
 def outcome(value, white=1.0, robust=1.0, called=(), paper=()):

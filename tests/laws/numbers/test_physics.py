@@ -5,8 +5,7 @@ import pytest
 
 from identifiability.physical.cad_prior import CadPrior
 from identifiability.physical.feasibility import certify
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.physical.project import Projection, project
 from identifiability.physical.pseudo_inertia import check_body, margin, natural_scale, to_matrix
 
@@ -63,7 +62,7 @@ def test_the_margin_is_the_smallest_eigenvalue_of_the_dimensionless_matrix():
     [
         ({9: -1.0}, "mass -1 kg must be positive"),
         ({9: 0.0}, "mass 0 kg cannot be zero while its moments are not"),
-        ({0: 1.0}, "break the triangle inequality: 0.9955 > 0.06469 + 0.01837"),
+        ({0: 1.0}, "0.9955 is more than the other two together"),
         ({0: -0.1, 3: -0.1, 5: -0.1}, "none may be negative"),
     ],
 )

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.logs.prepare.plan import noise_level, resolution
+from identifiability.logs.spectrum import noise_level, resolution
 from identifiability.robot import Robot
 
 STEP = 0.005

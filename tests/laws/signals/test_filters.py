@@ -1,7 +1,5 @@
 """Filters, derivatives, fits and decimation on polynomials and sinusoids, against closed forms."""
 
-import itertools
-
 import numpy as np
 import pytest
 
@@ -117,19 +115,6 @@ def test_a_fourier_fit_has_the_series_coefficients_and_derivatives():
         np.testing.assert_allclose(found, exact, atol=1e-8)
 
 
-def test_a_fit_in_pieces_is_the_fit_of_the_whole():
-    rng = np.random.default_rng(0)
-    t = DT * np.arange(3000)
-    q = np.stack([series(t, 1.5)[0], 1e3 + series(t, 1.5)[0]], 1)
-    q += 0.01 * rng.standard_normal(q.shape)
-    whole = fourier.fit_fourier(t, q, 1.5, 3)
-    cuts = [0, 11, 700, 3000]
-    pieces = [(t[a:b], q[a:b]) for a, b in itertools.pairwise(cuts)]
-    fit, left = fourier.fit_fourier_pieces(pieces, 1.5, 3)
-    np.testing.assert_allclose(fit.coefficients, whole.coefficients, atol=1e-9)
-    assert left == pytest.approx(np.sqrt(np.mean((q - whole.motion(t)[0]) ** 2)), rel=1e-6)
-
-
 @pytest.mark.parametrize("factor", [2, 5, 9])
 def test_decimation_is_a_symmetric_average_of_20_neighbours_a_sample(factor):
     d = signals.Decimation(factor)
@@ -182,11 +167,6 @@ def test_measured_derivatives_are_fitted_with_the_positions_by_how_noisy_they_ar
     alone = fourier.fit_fourier(t, noisy[0], 1.5, H)
     error, before = (np.abs(f.motion(t)[2] - exact[2]).max() for f in (fit, alone))
     assert error < 0.2 * before
-    cuts = [0, 11, 700, 6000]
-    pieces = [(t[a:b], *(x[a:b] for x in noisy)) for a, b in itertools.pairwise(cuts)]
-    again, left = fourier.fit_fourier_pieces(pieces, 1.5, H)
-    np.testing.assert_allclose(again.coefficients, fit.coefficients, atol=1e-9)
-    assert left == pytest.approx(np.sqrt(np.mean((noisy[0] - fit.motion(t)[0]) ** 2)), rel=1e-6)
     # Exact channels are no division by nothing.
     still = [np.zeros_like(x) for x in exact]
     np.testing.assert_allclose(fourier.fit_fourier(t, still[0], 1.5, H, *still[1:]).coefficients, 0)

@@ -8,15 +8,14 @@ import pandas as pd
 import pytest
 
 from identifiability.effects.measurement import TimeDelay
-from identifiability.foundation.engines.local import Serial
+from identifiability.foundation.engines.mapping import Serial
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.gaps import Gaps, fill
 from identifiability.logs.prepare import Preparation, dataset, prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.logs.prepare.plan import noise_level
 from identifiability.logs.signals import has_gap
-from identifiability.logs.spectrum import bandwidth_of_windows
+from identifiability.logs.spectrum import bandwidth_of_windows, noise_level
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import find_base_parameters
@@ -82,7 +81,7 @@ def test_a_bridged_gap_changes_the_motion_by_what_a_cubic_misses(two):
 def test_a_gap_is_bridged_below_half_of_the_period_of_the_cut_off(two, lost, split):
     s = prepared(two, without(4000, (1999, lost)))
     assert len(s.breaks) == split == len(s.hints)
-    assert not split or "(data row 2000): it was taken as 2 stretches" in s.hints[0]
+    assert not split or "after data row 2000: it was taken as 2 stretches" in s.hints[0]
     assert s.survey.lost == split
     assert sum("beside long gaps" in note for note in s.notes) == split
 

@@ -11,7 +11,7 @@ from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
-from identifiability.robot.measured_torque import MeasuredTorque
+from identifiability.robot.sidecar import MeasuredTorque
 
 #: Two hinges and nothing else.
 ARM = """

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from identifiability.foundation.errors import LogError
-from identifiability.logs import Log, source
+from identifiability.logs import Log, tables
 from identifiability.logs.reading import unify_rates
 
 W = 2 * np.pi * np.array([0.8, 1.1])
@@ -145,16 +145,16 @@ def test_a_long_file_of_several_rates_is_read_as_a_short_one(tmp_path, monkeypat
     q, tau = 0.002 * np.arange(4000) + 0.0007, 0.01 * np.arange(790) + 0.0031
     merged(topic(q, "q"), topic(tau, "tau")).to_parquet(path)
     short = Log.open(path)
-    monkeypatch.setattr(source, "LONG", 100)
+    monkeypatch.setattr(tables, "LONG", 100)
     long = Log.open(path)
     assert long.notes == short.notes
     np.testing.assert_array_equal(long.q, short.q)
-    monkeypatch.setattr(source, "MOST", 100)
+    monkeypatch.setattr(tables, "MOST", 100)
     with pytest.raises(LogError, match=r"log.parquet has columns at rates of their own and is too"):
         Log.open(path)
     same = topic(q, "q").join(topic(q, "tau").drop(columns="t"))
     same.to_parquet(path)
     assert Log.open(path).long
-    monkeypatch.setattr(source, "MOST", 10**6)
+    monkeypatch.setattr(tables, "MOST", 10**6)
     same.iloc[(np.arange(4000) // 5) * 5].assign(t=q).to_parquet(path)
     assert len(Log.open(path)) == 800

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from identifiability.logs import Log
+from identifiability.logs.log import share_clock
 from identifiability.logs.prepare import prepare_log
-from identifiability.logs.repeats import share_clock
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, random_trajectory
 from identifiability.workflows.diagnose.motion import prepare_rows
