@@ -83,7 +83,7 @@ def verdicts() -> Figure:
     """Which interval gets which verdict."""
     rows = (
         ("identifiable", 1.0, 0.07, GOOD, "σ ≤ 20 % and the sign is certain"),
-        ("weak", 0.9, 0.28, DOUBT, "the sign is certain, the rest is not"),
+        ("sign only", 0.9, 0.28, DOUBT, "the sign is certain, the rest is not"),
         ("negligible", 0.01, 0.04, INK, "no value in it moves the torque that matters"),
         ("not identifiable", 0.35, 0.45, BAD, "zero and the other sign fit as well"),
     )

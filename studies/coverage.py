@@ -21,7 +21,7 @@ from scipy.special import ndtr
 from shared import study_parser
 
 from identifiability.estimation.estimate import find_estimator, weigh_outliers
-from identifiability.estimation.noise import ResidualNoise
+from identifiability.estimation.noise import Noise as Remembering
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH, holm
 from identifiability.foundation.output import write_json
@@ -133,7 +133,8 @@ def measure_red(
     cells = []
     for k, ((rho, level), own) in enumerate(zip(product(RHO, LEVELS), streams, strict=True)):
         say(f"AR(1) noise, {method.upper()}", k / len(streams))
-        noise = ResidualNoise.first_order(level * world.noise.sd, rho)
+        times = np.full(len(robot.joints), (1 + rho) / (1 - rho))
+        noise = Remembering.of(level**2 * world.noise.variance, times)
         repeat = replace(world, noise=noise).repeat
         outcomes, truth = zip(*(repeat(s) for s in own.spawn(trials)), strict=True)
         names = analysis.chosen.submodel.columns

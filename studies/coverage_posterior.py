@@ -19,7 +19,8 @@ from shared import study_parser
 
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.fit import Fit
-from identifiability.estimation.noise import ResidualNoise, autocorrelation_time
+from identifiability.estimation.noise import Noise as Remembering
+from identifiability.estimation.noise import autocorrelation_time
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.output import write_json
 from identifiability.physical.fitted_model import FittedModel
@@ -109,8 +110,7 @@ class Subject:
     def observe(self, first: float, others: float, rng: np.random.Generator) -> Array:
         """Return the torque of one log."""
         rho = np.array([first, *[others] * (len(self.sd) - 1)])
-        pacf = tuple(np.array([r]) if r else np.empty(0) for r in rho)
-        noise = ResidualNoise(pacf, self.sd * np.sqrt(1 - rho**2))
+        noise = Remembering.of(self.sd**2, (1 + rho) / (1 - rho))
         return self.base @ self._base_truth() + noise.simulate([(0, len(self.base))], rng)
 
     def _base_truth(self) -> Array:

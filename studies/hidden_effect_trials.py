@@ -19,8 +19,7 @@ from identifiability.regression.structure import Structure, find_base_parameters
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, Noise, random_trajectory, shipped_trajectory
 from identifiability.workflows.diagnose import Diagnosis, Setting, diagnose, look
-from identifiability.workflows.diagnose.motion import prepare_rows
-from identifiability.workflows.diagnose.problem import Gap, know_nothing
+from identifiability.workflows.diagnose.problem import Gap, know_nothing, prepare_rows
 
 #: Noise of the torque as a share of its rms, its correlation at 100 Hz, and encoders [m or rad].
 LEVEL, RHO = 0.012, 0.9

@@ -101,7 +101,7 @@ def examine(path: Path) -> dict[str, Any]:
     ]
     named += [
         {"family": c.family, "unnamed": False, "joint": c.place, "shape": float("nan"),
-         "weight": c.weight, "or": [list(other) for other in c.others], "when": c.when}
+         "weight": c.weight, "or": [list(other) for other in c.rivals], "when": c.when}
         for c in d.changes
     ]  # fmt: skip
     effects = truth["effects"]

@@ -107,14 +107,14 @@ def state(robot: Robot, fitted: list[Log], other: Log) -> dict[str, Any]:
     alone, told = analyze(robot, fitted, replicates=0), analyze(robot, fitted, other, replicates=0)
     at = alone.selected
     used, seen = alone.models[at], told.models[at]
-    free, real = 100 * seen.error_ra_validation, 100 * seen.error_ra_physical
+    free, real = 100 * seen.unseen_by(0), 100 * seen.unseen_by(1)
     return {
         "model": f"{used.name}, {len(used.submodel)} parameters",
         "estimated [%]": free,
         "nearest real robot [%]": real,
         "recommended [%]": real if used.physical_used else free,
         "expected [%]": 100 * used.error_ra_validation,
-        "expected of a real robot [%]": 100 * used.error_ra_physical,
+        "expected of a real robot [%]": 100 * used.unseen_by(1),
         "prior": used.physical.cad_weight,
         "mass [kg]": total_mass(robot, used.physical.parameters()),
         "mass of the file [kg]": total_mass(robot, robot.nominal),
@@ -126,7 +126,7 @@ def state_pruned(robot: Robot, fitted: list[Log], other: Log) -> dict[str, Any]:
     found = prune(robot, fitted, other, replicates=0)
     return {
         f"{name} [%]": f"{len(r)} parameters: {100 * r.error_ra_validation:.2f} "
-        f"({100 * r.error_joints_validation:.2f})"
+        f"({100 * float(r.unseen.error_over_joints()[0]):.2f})"
         for name, r in (("unpruned", found.full), ("pruned", found.chosen))
     }
 

@@ -402,7 +402,7 @@ def judge(
     out = {"cpu [s]": time.process_time() - began}
     structure = found.structure
     phi = np.array([{**robot.nominal, **truth}.get(n, 0.0) for n in structure.columns])
-    table = found.to_frame()[["name", "value", "interval95", "verdict"]]
+    table = found.to_frame()[["name", "value", "interval95", "verdict", "flags"]]
     table = table.assign(true=structure.G @ phi, kind=table["name"].str.rpartition(".")[2])
     assert found.rolled is not None
     # What a servo takes up at its next step acts later than it came; rows hold it later, too.
@@ -459,7 +459,7 @@ def summarise(judged: list[Judged]) -> str:
             lines.append(f"{kind} {own['inside'].mean():.3f} of {len(own)}{called}")
     sure = every[every["told"]]
     lines.append(f"identifiable {sure['inside'].mean():.3f} of {len(sure)}")
-    prior = every[every["verdict"] == "prior-dominated"]
+    prior = every[["by the prior" in flags for flags in every["flags"]]]
     if len(prior):
         lines.append(f"by the file {prior['inside'].mean():.3f} of {len(prior)}")
     numbers = pd.DataFrame([j.numbers for j in judged])
@@ -504,7 +504,7 @@ def hide(
         for e in found.effects
         for p in e.placements
     ]
-    named += [{(c.family, c.place), *c.others} for c in found.changes]
+    named += [{(c.family, c.place), *c.rivals} for c in found.changes]
     true = {(name, robot.joints[fault.joint]) for name in FAULTS[kind][0]}
     right = [bool(x & true) for x in named]
     place = robot.joints[fault.joint]

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from identifiability import analyze
 from identifiability.cli import app
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.noise import JointRuns, ResidualNoise, fit_residual_noise
+from identifiability.estimation.noise import JointRuns, Noise, fit_residual_noise
 from identifiability.foundation.numbers import REACH
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import find_base_parameters
@@ -33,7 +33,7 @@ def outcomes(analysis, noise, trials):
     """Outcomes of Model 1 under AR(1) noise of the residual's size, and the truth of each."""
     rng = np.random.default_rng(0)
     world = World.of(analysis, analysis.chosen, 80, rng)
-    world = replace(world, noise=noise(world.noise.sd))
+    world = replace(world, noise=noise(world.noise.variance))
     found = [world.repeat(seed) for seed in np.random.SeedSequence(0).spawn(trials)]
     return tuple(zip(*found, strict=True))
 
@@ -41,7 +41,7 @@ def outcomes(analysis, noise, trials):
 @pytest.fixture(scope="module")
 def red(analysis):
     """Model 1, AR(1) noise with ρ = 0.9 of the size of the residual."""
-    return outcomes(analysis, lambda sd: ResidualNoise.first_order(sd, 0.9), 32)
+    return outcomes(analysis, lambda square: Noise.of(square, np.full(len(square), 19.0)), 32)
 
 
 def test_a_repetition_is_asked_what_is_left_out_as_the_logs_are(analysis):
@@ -144,7 +144,7 @@ def test_planted_values_rank_uniformly_in_their_posterior(analysis, model, repli
 def test_a_log_without_noise_is_calibrated_without_a_word(analysis):
     W = np.random.default_rng(0).normal(size=(200, 2, 5))
     found = fit_residual_noise(W @ np.arange(5.0), W, runs_of(W, [(0, 200)]))
-    assert found.orders == (0, 0)
-    assert (found.sd < 1e-12).all()
+    assert [len(own.pacf) for own in found.joints] == [0, 0]
+    assert (found.variance < 1e-24).all()
     zero = fit_residual_noise(np.zeros((200, 2)), W, runs_of(W, [(0, 200)]))
-    np.testing.assert_array_equal(zero.sd, 0.0)
+    np.testing.assert_array_equal(zero.variance, 0.0)

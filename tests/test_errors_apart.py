@@ -30,14 +30,13 @@ def result(logs):
 
 def test_errors_are_those_of_definition(result):
     frame = result.error_frame().set_index("name")
-    k = result.selected
     for j, joint in enumerate(result.robot.joints):
         for column, p in (("error", result.fitted), ("error_validation", result.held_out)):
-            off = np.sqrt(np.mean(p.residual[:, j, k] ** 2))
+            off = np.sqrt(np.mean(p.residual[:, j, 0] ** 2))
             assert frame.loc[joint, column] == pytest.approx(off / p.tau[:, j].std(), rel=1e-5)
     for at, log in enumerate(("good", "bad")):
         part = result.fitted.log == at
-        off = np.abs(result.fitted.residual[part][:, :, k]).sum()
+        off = np.abs(result.fitted.residual[part][:, :, 0]).sum()
         tau = result.fitted.tau[part]
         assert frame.loc[log, "error"] == pytest.approx(
             off / np.abs(tau - tau.mean()).sum(), rel=1e-5

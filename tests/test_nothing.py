@@ -107,9 +107,9 @@ def test_an_analysis_of_nothing_says_the_same_everywhere(case, arm, tmp_path):
 def test_where_there_is_nothing_to_explain_there_is_no_error_and_no_robot(case, arm):
     out = analyze("two-link", arm(case), replicates=20)
     for m in out.models:
-        assert np.isnan([m.error_ra, m.error_ra_validation, m.error_ra_physical]).all()
+        assert np.isnan([m.error_ra, m.error_ra_validation, m.unseen_by(1)]).all()
         assert m.paper_identified == 0
-        assert m.possible == "open"
+        assert m.physical.certificate is None
         assert m.physical.parameters() == {}
     assert np.isnan(out.held_out.constant_error())
     assert np.isnan(out.held_out.joint_error()).all()

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
-from identifiability.estimation.estimator import Estimate, Estimator, Noise
+from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Folds, Score
+from identifiability.estimation.noise import Noise
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.linalg import ROUNDOFF
@@ -62,7 +63,7 @@ def settle_noise(estimator: Estimator, whole: Information) -> Estimator:
     """
     fresh = replace(estimator, noise=None)
     fit = fit_whole(replace(fresh, instruments=False), whole)
-    return fresh if fit is None else replace(fresh, noise=Noise(fit.variance, fit.times))
+    return fresh if fit is None else replace(fresh, noise=Noise.of(fit.variance, fit.times))
 
 
 def fit_whole(estimator: Estimator, whole: Information) -> Estimate | None:

@@ -42,9 +42,9 @@ from functools import cached_property
 import numpy as np
 from scipy.special import stdtrit
 
-from identifiability.estimation.estimator import Estimate, Noise
+from identifiability.estimation.estimator import Estimate, combine
 from identifiability.estimation.gaussian import RIDGE, Normal, predictive_density, square_root
-from identifiability.estimation.instrumental import combine
+from identifiability.estimation.noise import Noise
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
@@ -509,12 +509,12 @@ class Evidence:
     @property
     def level(self) -> Level:
         """What the error over all joints says."""
-        return self._level(self.error, 1)
-
-    @property
-    def joint_levels(self) -> tuple[Level, ...]:
-        """What the error of each joint says; right for all of them together."""
-        return tuple(self._level(gain, len(self.joint_errors)) for gain in self.joint_errors)
+        low, high = self.interval(self.error)
+        if low > 0:
+            return Level.BETTER
+        if high < 0:
+            return Level.WORSE
+        return Level.AS_GOOD if low > -np.log1p(LEVELS.rise) else Level.OPEN
 
     @property
     def replaceable(self) -> bool:
@@ -532,14 +532,6 @@ class Evidence:
         tail = 0.5 * (1.0 - LEVELS.confidence) / max(among, 1)
         reach = float(-stdtrit(self.folds - 1, tail)) * gain.se
         return gain.value - reach, gain.value + reach
-
-    def _level(self, gain: Gain, among: int) -> Level:
-        low, high = self.interval(gain, among)
-        if low > 0:
-            return Level.BETTER
-        if high < 0:
-            return Level.WORSE
-        return Level.AS_GOOD if low > -np.log1p(LEVELS.rise) else Level.OPEN
 
 
 def _sum_gain(each: Array, ratio: float) -> Gain:

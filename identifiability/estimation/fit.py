@@ -17,7 +17,6 @@ from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import Mixture
 from identifiability.estimation.groups import LabelAlternatives
 from identifiability.estimation.rules import RULES, Thresholds
-from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.linalg import ROUNDOFF, sandwich, unit_coordinates
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.numbers import ENDS, LEVEL, REACH, holm
@@ -41,14 +40,12 @@ class Bootstrap:
 
     Attributes
     ----------
-    columns : tuple of str
     values : (replicates, k)
         Columns that the estimate dropped are zero.
     blocks : int
         Number of blocks that were drawn from.
     """
 
-    columns: tuple[str, ...]
     values: Array
     blocks: int
 
@@ -92,19 +89,30 @@ def merge_blocks(information: Information, length: float) -> Information:
     return information.merge(np.concatenate(starts))
 
 
-def draw_blocks(blocks: int, replicates: int, rng: np.random.Generator) -> Array:
-    """Return how often each block is drawn in each replicate, (replicates, blocks)."""
-    draws: Array = rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), size=replicates)
-    return draws.astype(float)
+def merge_stretches(information: Information, time: float) -> Information:
+    """Return the information in stretches of several memories, or as many as tell a scatter.
+
+    Parameters
+    ----------
+    information : Information
+    time : float [samples]
+        Autocorrelation time of the residual.
+    """
+    least = min(RULES.memories * time, information.samples / RULES.stretches_fewest)
+    merged = merge_blocks(information, least)
+    fewest = min(RULES.stretches_fewest, len(information.counts))
+    while len(merged.counts) < fewest:  # logs cut stretches short
+        # By how much stretches get shorter while there are too few.
+        least *= 0.9
+        merged = merge_blocks(information, least)
+    return merged
 
 
 def bootstrap(
     information: Information,
     estimate: Estimate,
     rng: np.random.Generator,
-    *,
-    replicates: int = 1000,
-    length: float = 1.0,
+    replicates: int,
 ) -> Bootstrap:
     """Refit on resampled blocks.
 
@@ -116,26 +124,11 @@ def bootstrap(
         Its estimator refits the columns that it kept.
     rng : numpy.random.Generator
     replicates : int
-    length : float
-        Samples a block.
-
-    Raises
-    ------
-    IdentifiabilityError
-        If there are too few blocks to resample.
     """
-    merged = merge_blocks(information, length)
-    blocks = len(merged.counts)
-    if blocks < RULES.blocks_fewest:
-        raise IdentifiabilityError(
-            f"The residual is correlated over {length:.0f} samples, so {information.samples} "
-            f"samples make only {blocks} independent blocks; the bootstrap needs "
-            f"{RULES.blocks_fewest}: give longer or more logs, or a higher cut-off."
-        )
-    counts = draw_blocks(blocks, replicates, rng)
-    values = estimate.estimator.refit(merged, estimate, counts)
-    good = np.isfinite(values).all(1)
-    return Bootstrap(information.columns, values[good], blocks)
+    blocks = len(information.counts)
+    counts = rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), size=replicates)
+    values = estimate.estimator.refit(information, estimate, counts.astype(float))
+    return Bootstrap(values[np.isfinite(values).all(1)], blocks)
 
 
 # Standard deviations from the scatter of scores over stretches of time, column by column.
@@ -186,19 +179,12 @@ def scatter_scores(information: Information, fit: Estimate, time: float) -> Scor
     time : float [samples]
         Autocorrelation time of the residual.
     """
-    least = min(RULES.memories * time, information.samples / RULES.stretches_fewest)
-    merged = merge_blocks(information, least)
-    fewest = min(RULES.stretches_fewest, len(information.counts))
-    while len(merged.counts) < fewest:  # logs cut stretches short
-        # By how much stretches get shorter while there are too few.
-        least *= 0.9
-        merged = merge_blocks(information, least)
+    merged = merge_stretches(information, time)
     B = len(merged.counts)
     if not fit.kept or RULES.stretches_fewest > B:
         return None
     variance = (fit.estimator.influence(merged, fit) ** 2).sum(0)
-    length = merged.samples / B
-    sd = np.sqrt(variance * longer(variance, fit, length))
+    sd = np.sqrt(variance * longer(variance, fit, merged.samples / B))
     return ScoreScatter(np.where(fit.determined, sd, np.inf), B, count_freedom(merged, fit))
 
 
@@ -254,12 +240,12 @@ def longer(variance: Array, fit: Estimate, length: float) -> Array:
 #
 # What a model leaves out is no noise while one motion lasts: it moves the values by as much in
 # every stretch of a log, and by something else in the next log. So the values of each log by itself
-# are compared, a parameter at a time [Welch 1951; Holm 1979]. Two or three logs say next to nothing
+# are compared, a parameter at a time [Holm 1979]. Two or three logs say next to nothing
 # about one parameter's excess, so it is one ratio of variance for each kind of parameter (bodies,
 # each friction, offsets …): model errors, like noise, move most what a motion shows least.
 
 
-#: Blocks may be so many autocorrelation times short where longer ones would be too few.
+#: Blocks that are independent are no shorter than so many autocorrelation times.
 LEAST_MEMORIES: Tolerance = 2.0
 
 #: Stretches over which the scores of one log scatter, at most: more say little and cost.
@@ -339,7 +325,7 @@ def compare_motions(information: Information, fit: Estimate, time: float) -> Mot
         return None
     which, values, sd, dof = (np.array(x) for x in zip(*found, strict=True))
     sd = np.where(fit.determined & (sd > 0), sd, np.inf)
-    own, p, free = _welch(values, sd, dof)
+    own, p, free = _differ(values, sd, dof)
     p = holm(p)
     # One ratio of variance, where logs surely differ, for each kind of parameter.
     kinds = np.array([name.rsplit(".", 1)[-1] for name in fit.columns])
@@ -355,25 +341,20 @@ def compare_motions(information: Information, fit: Estimate, time: float) -> Mot
     return Motions(which, values, sd, p, ratio, few, wide * np.sqrt(excess))
 
 
-def _welch(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:
-    """Return Welch's F of each parameter, its p-value, and logs less one, (k,) each.
+def _differ(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:
+    """Return F of the values of logs, its p-value, and logs less one, of each parameter, (k,).
 
     Parameters
     ----------
     values, sd : (L, k)
     dof : (L,)
+        Of the standard deviations.
     """
     weight = sd**-2.0
-    total = np.maximum(weight.sum(0), 1e-300)
-    count = np.isfinite(sd).sum(0)
-    d = np.maximum(count - 1, 0)
-    at = np.maximum(d, 1)
-    square = (weight * (values - (weight * values).sum(0) / total) ** 2).sum(0)
-    lost = ((1 - weight / total) ** 2 * np.isfinite(sd) / dof[:, None]).sum(0)
-    wide = np.maximum(count**2 - 1, 3)
-    ratio = square / at / (1 + 2 * np.maximum(count - 2, 0) / wide * lost)
-    p = np.where(d > 0, fdtrc(at, wide / (3 * np.maximum(lost, 1e-12)), ratio), 1.0)
-    return ratio, p, d
+    free = np.maximum(np.isfinite(sd).sum(0) - 1, 0)
+    mean = (weight * values).sum(0) / np.maximum(weight.sum(0), 1e-300)
+    ratio = (weight * (values - mean) ** 2).sum(0) / np.maximum(free, 1)
+    return ratio, np.where(free > 0, fdtrc(np.maximum(free, 1), dof.sum(), ratio), 1.0), free
 
 
 # What a reduced model's numbers stand for, and how far that is from their labels.
@@ -583,8 +564,6 @@ class Fit:
         Scatter of each column's scores over stretches of time; None if there are too few.
     bootstrap : Bootstrap or None
         Refits on resampled blocks, beside it; None where none were asked for or blocks are few.
-    block : float
-        Block length of the bootstrap [samples].
     note : str
         Why blocks are too few, if they are.
     motions : Motions or None
@@ -607,7 +586,6 @@ class Fit:
     column_noise: Array
     scores: ScoreScatter | None
     bootstrap: Bootstrap | None = None
-    block: float = 1.0
     note: str = ""
     motions: Motions | None = None
     shared: Mapping[str, Array] = field(default_factory=dict)
@@ -630,24 +608,24 @@ class Fit:
         replicates : int
             Of the bootstrap; 0 for none.
         """
-        memory, short = float(fit.times.max()), information.samples / (2 * RULES.blocks_fewest)
-        length = RULES.memories * memory
-        if information.samples < RULES.blocks_fewest * length:
-            length = max(LEAST_MEMORIES * memory, short)
-        drawn, note = None, ""
-        if fit.kept:
-            try:
-                drawn = bootstrap(information, fit, rng, replicates=replicates, length=length)
-            except IdentifiabilityError as error:
-                note = str(error)
+        stretches, note, drawn = merge_stretches(information, fit.memory), "", None
+        apart = information.samples / max(LEAST_MEMORIES * fit.memory, 1.0)
+        blocks = min(int(apart), len(stretches.counts))
+        if fit.kept and blocks < RULES.blocks_fewest:
+            note = (
+                f"The residual remembers {fit.memory:.0f} samples, so {information.samples} "
+                f"samples make only {blocks} independent blocks; to judge takes "
+                f"{RULES.blocks_fewest}: give longer or more logs, or a higher cut-off."
+            )
+        elif replicates and fit.kept:
+            drawn = bootstrap(stretches, fit, rng, replicates)
         mended = fit.correction
         return Fit(
             estimate=fit,
             column_rms=column_rms(information),
             column_noise=column_noise(information, fit),
             scores=scatter_scores(information, fit, fit.memory),
-            bootstrap=drawn if replicates else None,
-            block=length,
+            bootstrap=drawn,
             note=note,
             motions=compare_motions(information, fit, fit.memory),
             shared={} if mended is None else {"bias": mended.bias},

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from copy import copy
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -468,12 +469,12 @@ class RestrictedLikelihood:
 
 @frozen
 class JointNoise:
-    """Noise of one joint.
+    """Stationary autoregressive noise of one joint.
 
     Attributes
     ----------
     pacf : (p,)
-        Partial autocorrelations.
+        Partial autocorrelations; none for white noise.
     sigma : float [N·m or N]
         Standard deviation of the innovations.
     """
@@ -481,9 +482,70 @@ class JointNoise:
     pacf: Array
     sigma: float
 
+    @property
+    def variance(self) -> float:
+        """Variance of the noise [torque²]."""
+        return float(self.sigma**2 * autocovariance(self.pacf, 0)[0])
+
+    @property
+    def density(self) -> float:
+        """Variance times memory: what the noise weighs in an average over time [torque²]."""
+        predictors, _ = levinson(self.pacf)
+        return float((self.sigma / (1.0 - predictors[-1].sum())) ** 2)
+
 
 #: Noise of all joints, which are independent.
 ARNoise = tuple[JointNoise, ...]
+
+
+@frozen
+class Noise:
+    """The noise of n joints, which are independent.
+
+    Attributes
+    ----------
+    joints : ARNoise
+    """
+
+    joints: ARNoise
+
+    @staticmethod
+    def of(variance: Array, times: Array) -> Noise:
+        """Return noise of first order with a variance and an autocorrelation time, (n,) each."""
+        rho = (times - 1.0) / (times + 1.0)
+        pairs = zip(rho, np.sqrt(variance * (1.0 - rho**2)), strict=True)
+        return Noise(tuple(JointNoise(np.array([r]), float(sigma)) for r, sigma in pairs))
+
+    @property
+    def variance(self) -> Array:
+        """Variance at each joint, (n,) [torque²]."""
+        return np.array([own.variance for own in self.joints])
+
+    @property
+    def times(self) -> Array:
+        """Integrated autocorrelation time at each joint, (n,) [samples]."""
+        unit = [JointNoise(own.pacf, 1.0) for own in self.joints]
+        return np.array([own.density / own.variance for own in unit])
+
+    def scaled(self, by: Array) -> Noise:
+        """Return noise that is so many times as large at each joint, (n,)."""
+        pairs = zip(self.joints, by.tolist(), strict=True)
+        return Noise(tuple(replace(own, sigma=x * own.sigma) for own, x in pairs))
+
+    def simulate(self, runs: Runs, rng: np.random.Generator) -> Array:
+        """Return noise, each stretch by itself, (N, n).
+
+        Parameters
+        ----------
+        runs : sequence of (start, stop)
+            Stretches without gaps; together they are all samples.
+        rng : numpy.random.Generator
+        """
+        out = rng.standard_normal((runs[-1][1], len(self.joints)))
+        for j, own in enumerate(self.joints):
+            for start, stop in runs:
+                out[start:stop, j] = colour(out[start:stop, j], own.pacf)
+        return out * [own.sigma for own in self.joints]
 
 
 def span_columns(X: Array, most: int) -> Array:
@@ -578,73 +640,11 @@ def _principal(Z: Array) -> Array:
     return kept
 
 
-# Noise that resembles a residual: autoregressive at each actuator, for simulated repetitions.
-#
-# A residual looks whiter and smaller than the noise was, because slow noise is swallowed by the
-# columns that are fitted; on the motion of one log a correlation of 0.97 from sample to sample
-# looks like 0.75. So the noise is fitted beside these columns by restricted likelihood [Harville
-# 1977].
-
-
-@frozen
-class ResidualNoise:
-    """Stationary autoregressive noise; actuators are independent.
-
-    Attributes
-    ----------
-    pacf : tuple of (p,)
-        Partial autocorrelations of each actuator; empty for white noise.
-    innovation : (n,) [N·m or N]
-        Standard deviation of what is new in each sample.
-    """
-
-    pacf: tuple[Array, ...]
-    innovation: Array
-
-    @staticmethod
-    def first_order(sd: Array, rho: float) -> ResidualNoise:
-        """Return AR(1) noise of a size (n,) and a correlation from sample to sample."""
-        return ResidualNoise(tuple(np.array([rho]) for _ in sd), sd * np.sqrt(1 - rho**2))
-
-    @property
-    def orders(self) -> tuple[int, ...]:
-        """Order at each actuator."""
-        return tuple(len(p) for p in self.pacf)
-
-    @property
-    def sd(self) -> Array:
-        """Standard deviation of the noise at each actuator, (n,) [N·m or N]."""
-        unit = [float(autocovariance(p, 0)[0]) for p in self.pacf]
-        size: Array = self.innovation * np.sqrt(unit)
-        return size
-
-    @property
-    def times(self) -> Array:
-        """Integrated autocorrelation time at each actuator, (n,) [samples]."""
-        out = []
-        for p in self.pacf:
-            predictors, _ = levinson(p)
-            out.append(1.0 / (1.0 - predictors[-1].sum()) ** 2 / autocovariance(p, 0)[0])
-        return np.array(out)
-
-    def simulate(self, runs: Runs, rng: np.random.Generator) -> Array:
-        """Return noise, each stretch by itself, (N, n).
-
-        Parameters
-        ----------
-        runs : sequence of (start, stop)
-            Stretches without gaps; together they are all samples.
-        rng : numpy.random.Generator
-        """
-        out = rng.standard_normal((runs[-1][1], len(self.pacf)))
-        for j, pacf in enumerate(self.pacf):
-            for start, stop in runs:
-                out[start:stop, j] = colour(out[start:stop, j], pacf)
-        return out * self.innovation
-
-
-def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> ResidualNoise:
+def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> Noise:
     """Return the noise of torque beside the columns that are fitted to it.
+
+    A residual looks whiter and smaller than the noise was, because slow noise is swallowed by the
+    columns that are fitted: on the motion of one log a correlation of 0.97 looks like 0.75.
 
     Parameters
     ----------
@@ -655,10 +655,8 @@ def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> ResidualNoise:
     """
     pairs = zip(tau.T, runs.each, strict=True)
     each = [rich_noise([W[:, j]], y, own) for j, (y, own) in enumerate(pairs)]
-    innovation = np.array([own.sigma for own in each])
-    return ResidualNoise(
-        tuple(own.pacf for own in each), np.where(np.isfinite(innovation), innovation, 0.0)
-    )
+    sure = (own.sigma if np.isfinite(own.sigma) else 0.0 for own in each)
+    return Noise(tuple(replace(own, sigma=x) for own, x in zip(each, sure, strict=True)))
 
 
 def find_runs(samples: Sequence[Dataset]) -> list[tuple[int, int]]:

@@ -61,14 +61,11 @@ NEARER: tuple[Tolerance, ...] = (0.6, 1.0, 1.7)
 
 #: A step is taken again, more damped, so often; and the search ends where one promises less than
 #: these shares of the error and of what noise makes of one number (σ²), or after so many
-#: derivatives, which are used again while steps gain this share of what they promise; and at its
-#: end the error is no less than this share of theirs.
+#: derivatives.
 TRIED = 6
 GAIN: Tolerance = 5e-3
 CLOSE: Tolerance = 0.1
 STEPS = 8
-KEPT: Tolerance = 0.5
-FAR: Tolerance = 0.5
 
 
 @frozen
@@ -85,8 +82,6 @@ class Rollouts:
         Of positions (rms), by joint.
     before : (n,) [rad or m]
         The same at the start.
-    steps : int
-        How many were taken.
     delay_errors : (L,) [s]
         Standard deviations of the delays; zero where they are known.
     """
@@ -95,7 +90,6 @@ class Rollouts:
     delays: Array
     errors: Array
     before: Array
-    steps: int
     delay_errors: Array
 
     def parameters(self, robot: Robot) -> dict[str, float]:
@@ -146,16 +140,18 @@ def fit_rollouts(
     if not fitted and all(t[-1] - t[0] > ENOUGH for t in (log.t for log in thirds)):
         # Begun anew all the time, a rollout follows even where numbers are far from the robot's.
         x, *_ = _descend(Problem(machine, thirds, delay, anew=TOGETHER), x, steps)
-        x, errors, taken, *_ = _descend(Problem(machine, thirds, delay), x, steps)
+        middle = Problem(machine, thirds, delay)
+        x, q, *_ = _descend(middle, x, steps)
+        errors = middle.errors(q)
         if contradicted(share_missed(errors, logs)):  # nor will whole logs be followed
             numbers, delays, _ = problem.unpack(x)
-            return Rollouts(numbers, delays, errors, before, taken, np.zeros(len(logs)))
+            return Rollouts(numbers, delays, errors, before, np.zeros(len(logs)))
     # Step of rollouts whose differences alone are looked at [s], and of those that tell
     # numbers.
-    x, errors, taken, J, r = _descend(problem, x, steps, 0.25 * STEP)
+    x, q, J, r = _descend(problem, x, steps, 0.25 * STEP)
     numbers, delays, _ = problem.unpack(x)
     sure = np.zeros(len(logs)) if delay is not None else problem.delay_errors(J, r, x)
-    return Rollouts(numbers, delays, errors, before, taken, sure)
+    return Rollouts(numbers, delays, problem.errors(q), before, sure)
 
 
 class Believed(Protocol):
@@ -234,7 +230,7 @@ def fit_gains(robot: Robot, logs: Sequence[Log], believed: Believed) -> Gains:
     for part, of in ((thirds, None), (thirds, believed), (logs, believed)):
         problem = Problem(machine, tuple(part), servo.delay, kinds, free, of)
         x = problem.extended(x)
-        x, errors, _, J, _ = _descend(problem, x, 3 * STEPS)
+        x, q, J, _ = _descend(problem, x, 3 * STEPS)
     numbers, _, _ = problem.unpack(x)
     n, at = len(robot.joints), kinds.index("kp") * len(robot.joints)
     size = np.linalg.norm(J, axis=0)
@@ -245,7 +241,7 @@ def fit_gains(robot: Robot, logs: Sequence[Log], believed: Believed) -> Gains:
     found = free["kp"] if free["kp"].any() else np.ones(n, bool)
     mean = (found / kp / found.sum()) @ H[at : at + n]
     by = J[len(J) - problem.believed_rows :] @ mean
-    return Gains(machine.servo.having(numbers), numbers, errors, covariance, by)
+    return Gains(machine.servo.having(numbers), numbers, problem.errors(q), covariance, by)
 
 
 def _start(robot: Robot, servo: Servo, log: Log) -> tuple[Servo, dict[str, Array]]:
@@ -327,47 +323,37 @@ def _middle(log: Log) -> Log:
 
 def _descend(
     problem: Problem, x: Array, steps: int, width: float = STEP
-) -> tuple[Array, Array, int, Array, Array]:
-    """Return the vector after damped Gauss–Newton steps, errors (n,), and how many were taken.
+) -> tuple[Array, list[Array], Array, Array]:
+    """Return the vector after damped Gauss–Newton steps, and positions along the logs.
 
     Then the last derivative of the residual (r, p), and the last residual (r,). Rollouts are of
     that width [s].
     """
     q = problem.roll([x], width)[0]
-    taken, damping = 0, 1e-3
+    damping = 1e-3
     J, r = np.zeros((0, len(x))), np.zeros(0)
     for _ in range(steps):
         weights, memory = problem.weights(q)
         J, r = problem.linearise(x, weights), problem.residual(q, weights, x)
         Q, R = np.linalg.qr(J)
-        size = np.sqrt((R**2).sum(0)) + 1e-12
-        failed, fresh, more, begun = 0, True, True, float(r @ r)
-        # Derivatives cost many rollouts, and are used as long as steps gain what they promise.
-        while failed < TRIED and more:
-            low, high = problem.bounds(x)
-            rows, right = np.vstack([R, np.sqrt(damping) * np.diag(size)]), Q.T @ r
+        size, right = np.sqrt((R**2).sum(0)) + 1e-12, Q.T @ r
+        least = min(GAIN, CLOSE * memory / len(r)) * float(r @ r)
+        for _ in range(TRIED):
+            rows = np.vstack([R, np.sqrt(damping) * np.diag(size)])
             wanted = np.concatenate([-right, np.zeros(len(size))])
-            step = scipy.optimize.lsq_linear(rows, wanted, (low, high), method="bvls").x
-            cost, left = float(r @ r), right + R @ step
-            promised = float(right @ right - left @ left)
-            if promised <= min(GAIN, CLOSE * memory / len(r)) * cost:
-                if fresh or cost > FAR * begun:
-                    return x, problem.errors(q), taken, J, r
-                break  # derivatives are those of another place
+            step = scipy.optimize.lsq_linear(rows, wanted, problem.bounds(x), method="bvls").x
+            left = right + R @ step
+            if right @ right - left @ left <= least:
+                return x, q, J, r
             moved = problem.roll([x + step], width)[0]
             found = problem.residual(moved, weights, x + step)
-            gained = cost - float(found @ found)
-            if gained > 0:
-                x, q, r = x + step, moved, found
-                taken, damping, failed = taken + 1, max(damping / 10, 1e-8), 0
-                more, fresh = gained > KEPT * promised, False
-            elif fresh:
-                damping, failed = 10 * damping, failed + 1
-            else:
-                more = False
-        if failed:
+            if found @ found < r @ r:
+                x, q, r, damping = x + step, moved, found, max(damping / 10, 1e-8)
+                break
+            damping = 10 * damping
+        else:
             break
-    return x, problem.errors(q), taken, J, r
+    return x, q, J, r
 
 
 def roll_late(machine: CommandedRobot, log: Log, delay: float | None = None) -> tuple[float, Array]:

@@ -18,16 +18,14 @@ class Thresholds(RuleTable):
     sigma_percent: Annotated[
         Positive, "largest robust σ of an identifiable parameter [%], by hand"
     ] = 20.0
-    sign_level: Annotated[
-        Share, "family-wise level at which the sign must be certain (Holm), level"
-    ] = 0.05
+    sign_level: Annotated[Share, "level at which the sign must be certain, level"] = 0.05
     negligible_share: Annotated[
         Share, "most that a negligible parameter moves of any residual, by hand"
     ] = 0.1
     constraint_variance: Annotated[
         Share, "share to which bodies narrow an open variance, by hand"
     ] = 0.5
-    contraction: Annotated[Share, "least contraction that is not prior-dominated, by hand"] = 0.5
+    contraction: Annotated[Share, "least contraction that is not by the prior, by hand"] = 0.5
     outputs_per_parameter: Annotated[
         Positive, "fewest independent outputs to judge by, by hand"
     ] = 3.0

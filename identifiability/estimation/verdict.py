@@ -10,28 +10,40 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtr
 
-from identifiability.estimation.estimator import settle_signs
 from identifiability.estimation.fit import OF_VALUES, Fit
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.rounding import percent_digits
 from identifiability.foundation.values import frozen
-from identifiability.regression.information import Information
-from identifiability.regression.reduction import Submodel
 
 
 class Class(StrEnum):
-    """The classes of verdict; the value is the public word."""
+    """The verdicts, best first; the value is the public word."""
 
     IDENTIFIABLE = "identifiable"
-    WEAK = "weak"
+    SIGN_ONLY = "sign only"
+    NOT_IDENTIFIABLE = "not identifiable"
+
+
+class Flag(StrEnum):
+    """What is said beside a verdict; the value is the public word."""
+
     NEGLIGIBLE = "negligible"
     IN_DOUBT = "model in doubt"
-    NOT_IDENTIFIABLE = "not identifiable"
-    CONSTRAINT = "constraint-determined"
-    PRIOR = "prior-dominated"
+    BY_CONE = "by the cone"
+    BY_PRIOR = "by the prior"
     NOT_JUDGED = "not judged"
+    STRUCTURAL = "structural"
+
+
+#: What had another name while every flag was a verdict; it answers for one release.
+BEFORE = {
+    Class.SIGN_ONLY: "weak",
+    Flag.BY_CONE: "constraint-determined",
+    Flag.BY_PRIOR: "prior-dominated",
+    Flag.STRUCTURAL: "not identifiable",
+}
 
 
 #: Attributes of a verdict that stand in a row under their own names.
@@ -61,10 +73,12 @@ class Verdict:
         σ% below 10 × the smallest of the model (white noise).
     verdict : Class
     reason : str
+    flags : tuple of Flag
+        The one that explains the verdict first.
     nominal : float or None
         Value that the robot file states.
     believed : tuple of float or None
-        Central 95 % of the physical posterior, where constraints or prior decided the verdict.
+        Central 95 % of the physical posterior, where bodies or the prior narrow it.
     stands_for : str
         What the value is in truth, such as ``slider1.Jr + 0.02·platform.m``; empty if its label.
     projected : float or None
@@ -84,12 +98,33 @@ class Verdict:
     paper_rule: bool
     verdict: Class
     reason: str
+    flags: tuple[Flag, ...] = ()
     sigma_bootstrap: float = float("nan")
     nominal: float | None = None
     believed: tuple[float, float] | None = None
     stands_for: str = ""
     projected: float | None = None
     bias_sigma: float | None = None
+
+    @property
+    def word(self) -> str:
+        """The verdict with its flags."""
+        return ", ".join((self.verdict, *self.flags))
+
+    @property
+    def look(self) -> str:
+        """The word whose mark it bears: the first flag's, or the verdict's."""
+        return str(next(iter(self.flags), self.verdict))
+
+    @property
+    def sure(self) -> bool:
+        """Whether its sign is certain, and nothing casts doubt on it."""
+        return self.verdict is not Class.NOT_IDENTIFIABLE and not self.flags
+
+    @property
+    def open(self) -> bool:
+        """Whether the data leave open what bodies that can exist, or a prior, may narrow."""
+        return self.verdict is not Class.IDENTIFIABLE and set(self.flags) <= {Flag.STRUCTURAL}
 
     @property
     def interval95(self) -> tuple[float, float]:
@@ -140,8 +175,10 @@ class Verdict:
         row = {name: getattr(self, name) for name in IN_A_ROW}
         row |= {name: list(row[name]) for name in ("interval95", "data_interval95")}
         row |= {"verdict": self.verdict.value, "torque_share": self.share}
-        row["terms"] = dict(self.terms)
-        # Older names of terms answer for one release.
+        row |= {"flags": [flag.value for flag in self.flags], "terms": dict(self.terms)}
+        # Older names of verdicts and terms answer for one release.
+        first = next(iter(self.flags), self.verdict)
+        row["verdict_before"] = BEFORE.get(first, first.value)
         omitted, alternatives = (self.terms.get(k, 0.0) for k in ("omitted", "alternatives"))
         more = self.terms.get("models", 0.0)
         row["sigma_models"] = float(np.hypot(self.sigma_robust, more)) if more else None
@@ -149,10 +186,15 @@ class Verdict:
         return row | {"sigma_doubt": alternatives}
 
 
+def narrow(v: Verdict, flag: Flag, text: str, ends: tuple[float, float] | None) -> Verdict:
+    """Return a verdict with what else narrows the value, and the interval that is believed then."""
+    return replace(v, flags=(flag, *v.flags), reason=f"{v.reason} {text}", believed=ends)
+
+
 def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:
     """Return verdicts that believe no parameter, for a reason that holds for all of them."""
-    reason = f"{why[0].upper()}{why[1:]}."
-    return tuple(replace(v, verdict=Class.NOT_IDENTIFIABLE, reason=reason) for v in verdicts)
+    none, reason = Class.NOT_IDENTIFIABLE, f"{why[0].upper()}{why[1:]}."
+    return tuple(replace(v, verdict=none, flags=(), reason=reason) for v in verdicts)
 
 
 def percent_of(sigma: float, value: float) -> float:
@@ -163,46 +205,11 @@ def percent_of(sigma: float, value: float) -> float:
 # `judge`: from a fitted model to the verdict on each of its parameters, in words.
 
 
-#: Verdicts that are sure of a sign; and those that a function that is missing may take away.
-SURE = (Class.IDENTIFIABLE, Class.WEAK)
-LOST = (*SURE, Class.NEGLIGIBLE)
-
 #: Why a sign that is certain is not believed.
 FORBIDDEN = (
     "Its sign is certain, and physics forbids it: the model misses something (diagnose), or an "
     "axis or a torque has the wrong sign."
 )
-
-
-def judge_model(
-    submodel: Submodel,
-    information: Information,
-    fit: Fit,
-    torque: float,
-    aliases: Sequence[str],
-    thresholds: Thresholds | None = None,
-    nominal: Array | None = None,
-) -> tuple[Verdict, ...]:
-    """Return the verdicts on the k parameters of a model.
-
-    Parameters
-    ----------
-    submodel : Submodel
-    information : Information
-        About the model's columns.
-    fit : Fit
-    torque : float [N·m or N]
-        Root mean square of the measured torque.
-    aliases : sequence of str
-        What each parameter cannot be told from, where the motion leaves it open.
-    thresholds : Thresholds, optional
-    nominal : (k,), optional
-        Values that the robot file states.
-    """
-    signed, estimate = submodel.nonnegative, fit.estimate
-    forbidden = signed & estimate.determined & (settle_signs(information, estimate, signed) < 0)
-    told = submodel.labels, submodel.units, torque, aliases, forbidden, nominal
-    return judge(fit, *told, thresholds or Thresholds())
 
 
 def judge(
@@ -212,16 +219,26 @@ def judge(
     torque: float,
     aliases: Sequence[str],
     forbidden: np.ndarray,
-    nominal: Array | None,
-    rules: Thresholds,
+    nominal: Array | None = None,
+    rules: Thresholds | None = None,
 ) -> tuple[Verdict, ...]:
-    """Return the verdict on every parameter; arguments as of `judge_model`.
+    """Return the verdicts on the k parameters of a model.
 
     Parameters
     ----------
+    fit : Fit
+    labels, units : sequence of str
+    torque : float [N·m or N]
+        Root mean square of the measured torque.
+    aliases : sequence of str
+        What each parameter cannot be told from, where the motion leaves it open.
     forbidden : (k,) bool
         Whether physics forbids the sign of the value.
+    nominal : (k,), optional
+        Values that the robot file states.
+    rules : Thresholds, optional
     """
+    rules = rules or Thresholds()
     e, unjudged = fit.estimate, fit.why_unjudged(rules)
     if all(unjudged):  # values that no verdict stands on are those of the fit
         fit = replace(fit, alternatives=None)
@@ -241,20 +258,25 @@ def judge(
     for k, name in enumerate(e.columns):
         reach = abs(value[k]) + REACH * sigma[k] if np.isfinite(sigma[k]) else 0.0
         percent = percent_of(float(sigma[k]), float(value[k]))
+        kind, flags, reason = Class.NOT_IDENTIFIABLE, tuple[Flag, ...](), aliases[k]
         if not e.determined[k]:
-            kind, reason = Class.NOT_IDENTIFIABLE, aliases[k]
+            flags = (Flag.STRUCTURAL,)
         elif unjudged[k]:
-            kind, reason = Class.NOT_JUDGED, unjudged[k]
+            flags, reason = (Flag.NOT_JUDGED,), unjudged[k]
         else:
             effect = float(reach * fit.column_noise[k])
-            kind, reason = _decide(bool(certain[k]), percent, effect, rules)
-        if kind in SURE and forbidden[k]:
-            kind, reason = Class.IN_DOUBT, FORBIDDEN
-        elif without and without[k].verdict in LOST and kind is not without[k].verdict:
-            kind, reason = Class.IN_DOUBT, _say_missing(fit, k, without[k], percent)
-        if kind not in (Class.NOT_JUDGED, Class.NEGLIGIBLE) and e.determined[k]:
+            kind, flags, reason = _decide(bool(certain[k]), percent, effect, rules)
+        clean = without[k] if without else None
+        lost = clean and (clean.sure or clean.flags == (Flag.NEGLIGIBLE,))
+        if kind is not Class.NOT_IDENTIFIABLE and forbidden[k]:
+            kind, flags, reason = Class.NOT_IDENTIFIABLE, (Flag.IN_DOUBT,), FORBIDDEN
+        elif clean and lost and (kind, flags) != (clean.verdict, clean.flags):
+            kind = max(kind, clean.verdict, key=list(Class).index)
+            flags, reason = (Flag.IN_DOUBT,), _say_missing(fit, k, clean, percent)
+        if e.determined[k] and not {Flag.NOT_JUDGED, Flag.NEGLIGIBLE} & set(flags):
             reason += _condition(fit, k, float(robust[k]))
-        reason += _compare(kind, bool(paper[k]), float(e.sigma_percent[k]), least)
+        if Flag.NOT_JUDGED not in flags:
+            reason += _compare(kind, bool(paper[k]), float(e.sigma_percent[k]), least)
         out.append(
             Verdict(
                 name=name,
@@ -267,6 +289,7 @@ def judge(
                 paper_rule=bool(paper[k]),
                 verdict=kind,
                 reason=reason,
+                flags=flags,
                 sigma_bootstrap=float(drawn[k]),
                 nominal=None if nominal is None else float(nominal[k]),
                 stands_for="" if left is None else left.stands_for[k],
@@ -290,7 +313,7 @@ def _bias(fit: Fit, sigma: Array) -> list[float | None]:
 def _say_missing(fit: Fit, k: int, without: Verdict, percent: float) -> str:
     """Return why a parameter loses the verdict that it would have if nothing were missing."""
     assert fit.alternatives is not None
-    known = f"±{percent_digits(without.sigma_label_percent)} % ({without.verdict.value})"
+    known = f"±{percent_digits(without.sigma_label_percent)} % ({without.word})"
     seems = "seems to be" if fit.alternatives.named[k] else "may be"
     return (
         f"By the logs {fit.alternatives.names[k]} {seems} missing in the model. Without it this "
@@ -299,22 +322,26 @@ def _say_missing(fit: Fit, k: int, without: Verdict, percent: float) -> str:
     )
 
 
-def _decide(certain: bool, percent: float, effect: float, rules: Thresholds) -> tuple[Class, str]:
+def _decide(
+    certain: bool, percent: float, effect: float, rules: Thresholds
+) -> tuple[Class, tuple[Flag, ...], str]:
+    """Return the verdict on a value of which enough is known to judge, its flags, and why."""
     about = percent_digits(percent)
     if certain and percent <= rules.sigma_percent:
         limit = f"limit {rules.sigma_percent:g} %"
-        return Class.IDENTIFIABLE, f"Known to ±{about} % ({limit}) and its sign is certain."
+        return Class.IDENTIFIABLE, (), f"Known to ±{about} % ({limit}) and its sign is certain."
     if certain:
-        return Class.WEAK, f"Its sign is certain, but it is known only to ±{about} %."
+        return Class.SIGN_ONLY, (), f"Its sign is certain, but it is known only to ±{about} %."
     if effect <= rules.negligible_share:
-        return Class.NEGLIGIBLE, (
+        reason = (
             "No value in its interval moves the torque of any joint by more than "
             f"{100 * effect:.2g} % of its residual: about zero for this motion, safe to leave out."
         )
+        return Class.NOT_IDENTIFIABLE, (Flag.NEGLIGIBLE,), reason
     chance = (
         "even the sign may be chance" if percent < 100 else "zero and the other sign fit as well"
     )
-    return Class.NOT_IDENTIFIABLE, f"σ is {about} % of the value: {chance}."
+    return Class.NOT_IDENTIFIABLE, (), f"σ is {about} % of the value: {chance}."
 
 
 def _condition(fit: Fit, k: int, robust: float) -> str:
@@ -348,7 +375,7 @@ def _condition(fit: Fit, k: int, robust: float) -> str:
 
 def _compare(kind: Class, paper: bool, percent: float, least: float) -> str:
     """Return why the paper's rule says otherwise, if it does."""
-    if kind is Class.NOT_JUDGED or paper == (kind is Class.IDENTIFIABLE):
+    if paper == (kind is Class.IDENTIFIABLE):
         return ""
     does, than, why = "rejects", ">", " only because another parameter is known much better."
     if paper:

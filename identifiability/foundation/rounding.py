@@ -43,13 +43,14 @@ class Mark:
 
 MARKS = {
     "identifiable": Mark("blue", "●"),
-    "weak": Mark("amber", "◐", "o", "left"),
+    "sign only": Mark("amber", "◐", "o", "left"),
     "negligible": Mark("grey", "○", "o", "none"),
     "model in doubt": Mark("amber", "!", "^", "none"),
     "not identifiable": Mark("vermilion", "✕", "x"),
     "not judged": Mark("grey", "?", "s", "none"),
-    "constraint-determined": Mark("purple", "◆", "D"),
-    "prior-dominated": Mark("sky", "◇", "D", "none"),
+    "by the cone": Mark("purple", "◆", "D"),
+    "by the prior": Mark("sky", "◇", "D", "none"),
+    "structural": Mark("vermilion", "✕", "x"),
     "data": Mark("blue", "●"),
     "constraint": Mark("purple", "◆", "D"),
     "prior": Mark("sky", "◇", "D", "none"),

@@ -13,17 +13,14 @@ from typing import Any
 import numpy as np
 
 from identifiability.effects import title_of
-from identifiability.estimation.fit import Motions
 from identifiability.estimation.torque_errors import loaded_joints
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Cell, Column, Note, Table, badge_cell, measured_cells
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.rounding import (
-    NONE,
     digits,
     format_count,
-    format_measured,
     format_number,
     join,
     stated_text,
@@ -59,7 +56,7 @@ from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.belief import Source, Summary
 from identifiability.workflows.analyze.result import (
-    SeveralLogs,
+    compare_logs,
     error_tables,
     model_title,
     parameter_table,
@@ -97,8 +94,8 @@ def analysis_sections(analysis: Analysis) -> list[Section | None]:
         found.insert(0, section_prediction(analysis))
         if not analysis.nothing:
             found.append(section_correlated(analysis.fit))
-        found += [section_motions(analysis), section_residuals(analysis)]
-        found.append(section_physics(analysis))
+        motions = section("analysis.motions", compare_logs(analysis.samples, analysis.chosen)[0])
+        found += [motions, section_residuals(analysis), section_physics(analysis)]
         if analysis.belief is not None:
             found += [section_posterior(analysis), section_standard(analysis)]
     found.append(section_structure(analysis))
@@ -190,7 +187,7 @@ def section_prediction(analysis: Analysis) -> Section:
     out, robot = analysis.held_out, analysis.robot
     name = (analysis.validation or analysis.samples)[0].name
     t, loaded = out.t[0], loaded_joints(out.rms)
-    measured, predicted = (x[: len(t), loaded] for x in out.to_draw(analysis.selected))
+    measured, predicted = (x[: len(t), loaded] for x in out.to_draw(0))
     return section(
         "analysis.prediction",
         torque_traces(
@@ -221,7 +218,7 @@ def _tell_windows(analysis: Analysis) -> str:
 def section_residuals(analysis: Analysis) -> Section:
     """Return what is left of unseen torque over velocity, of each joint."""
     out, robot = analysis.held_out, analysis.robot
-    measured, predicted = out.to_draw(analysis.selected)
+    measured, predicted = out.to_draw(0)
     residual = measured - predicted
     groups = []
     for k, joint in enumerate(robot.joints):
@@ -259,55 +256,14 @@ def section_correlated(fit: Fit) -> Section:
     return section("analysis.correlated", picture("correlated", figure), text=text)
 
 
-# Whether the logs lead to the same values: each by itself, beside each other.
-
-
-#: Parameters and logs that the table shows, those that differ most first.
-SHOWN, LOGS = 12, 6
-
-
-def section_motions(analysis: Analysis) -> Section:
-    """Return what the logs say of each other, or stretches of one log."""
-    found = analysis.several
-    if found is None:
-        return section("analysis.motions")
-    if found.motions is None:
-        return section("analysis.motions", found.statement)
-    fold = Fold("Values of each by itself", (_table(found, found.motions),))
-    return section("analysis.motions", found.statement, fold)
-
-
-def _table(found: SeveralLogs, m: Motions) -> Table:
-    shown = range(min(LOGS, len(m.values)))
-    columns = (
-        Column("parameter", "code"),
-        *(Column(found.names[k], "error") for k in shown),
-        Column("p, all of them", digits(2)),
-    )
-    rows = [
-        (
-            found.columns[j],
-            *(_value(m.values[k, j], m.sd[k, j]) for k in shown),
-            m.p[j],
-        )
-        for j in np.argsort(m.p)[:SHOWN]
-    ]
-    return Table.of("Fitted one by one; those that differ most first", columns, rows)
-
-
-def _value(value: float, sd: float) -> Cell:
-    if not np.isfinite(sd):
-        return Cell(NONE, float("nan"))
-    return Cell(" ± ".join(format_measured(float(value), float(sd))), float(value))
-
-
 # What the robot's structure allows to determine, and whether a real robot can have the values.
 
 
 def section_physics(analysis: Analysis) -> Section:
     """Return the certificate, and the nearest real robot with the room that its bodies have."""
-    physical = analysis.chosen.physical
-    nearest, known = physical.nearest, analysis.robot.nominal
+    physical, known = analysis.chosen.physical, analysis.robot.nominal
+    assert physical is not None
+    nearest = physical.nearest
     active = () if nearest is None else nearest.active_bodies
     held = sentence("analysis.held", "some" if active else "none", names=join(list(active)))
     certificate = f"{physical.sentence} {analysis.mass_warning}".rstrip()

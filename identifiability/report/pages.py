@@ -25,7 +25,6 @@ from identifiability.foundation.rounding import (
     format_number,
     join,
     percent,
-    percent_text,
     rough_percent,
 )
 from identifiability.report import plot
@@ -55,26 +54,13 @@ from identifiability.report.figures import (
     draw_residual,
 )
 from identifiability.report.skeleton import Part, move_skeletons, sketch_parts, sketch_verdicts
-from identifiability.workflows.answers import (
-    SIGMA,
-    UNIT,
-    VALUE,
-    VERDICT,
-    bias_columns,
-    count_joints,
-    level_table,
-    note,
-    sentence,
-    with_hints,
-    words,
-)
+from identifiability.workflows.answers import count_joints, level_table, note, sentence, words
 
 if TYPE_CHECKING:
     from identifiability.workflows.calibrate.calibration import Calibration
     from identifiability.workflows.compare import Comparison
-    from identifiability.workflows.diagnose.findings import Curve
     from identifiability.workflows.diagnose.forward import ForwardGap
-    from identifiability.workflows.diagnose.result import Diagnosis
+    from identifiability.workflows.diagnose.result import Curve, Diagnosis
     from identifiability.workflows.excite.result import Excitation
     from identifiability.workflows.inspect import Inspection, Record
     from identifiability.workflows.payload import Load
@@ -126,12 +112,12 @@ def comparison_heading(result: Comparison) -> tuple[str, str]:
 
 def comparison_sketch(result: Comparison) -> Sketch | None:
     """Return the robot with what was found drawn on it, if it can be drawn."""
-    from identifiability.workflows.compare import ALL_JOINTS, describe  # noqa: PLC0415
+    from identifiability.estimation.differences import ALL_JOINTS  # noqa: PLC0415
 
     parts = {name: Part("grey", "nothing changed for sure") for name in result.robot.joints}
     for change in result.changes:
         owners = result.robot.joints if change.place == ALL_JOINTS else (change.place,)
-        parts |= {owner: Part("vermilion", describe(change)) for owner in owners}
+        parts |= {owner: Part("vermilion", change.called) for owner in owners}
     return sketch_parts(result.robot, parts, "decision.changed")
 
 
@@ -162,7 +148,7 @@ def diagnosis_sketch(d: Diagnosis) -> Sketch | None:
         for p in e.placements:
             missing.setdefault(p.place, []).append(e.title)
     for c in d.changes:
-        missing.setdefault(c.place, []).append(f"{title_of(c.family)} {c.when}")
+        missing.setdefault(c.place, []).append(f"{c.what} {c.when}")
     parts = {joint: Part("grey", "nothing was found to be missing") for joint in d.robot.joints}
     parts |= {place: Part("vermilion", f"misses {join(t)}") for place, t in missing.items()}
     return sketch_parts(d.completed.robot, parts, "decision.missing")
@@ -179,13 +165,6 @@ def diagnosis_below(d: Diagnosis) -> Picture | None:
     states = {"before": before, "after": after}
     figure = draw_residual(x, states, f"{joint} on unseen motion", _labels(d, c))
     return picture("named", figure, joint=joint, over=_over(c))
-
-
-def diagnosis_notes(d: Diagnosis) -> list[Note]:
-    """Return what should be known with the answer."""
-    from identifiability.workflows.diagnose.findings import remarks  # noqa: PLC0415
-
-    return remarks(d)
 
 
 def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
@@ -315,7 +294,7 @@ THEN = Column("then", digits(3), "after", "Beside what was named as well.")
 
 def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
     """Return all that was asked with its evidence, what was not, and how."""
-    from identifiability.workflows.diagnose.findings import PLACES  # noqa: PLC0415
+    from identifiability.workflows.diagnose.result import PLACES  # noqa: PLC0415
 
     order = sorted(d.evidence, key=lambda x: -x.before)
     table = Table.of("The likeliest of all that was asked", (*GROUP, THEN), order[:LISTED])
@@ -627,8 +606,9 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
     """Return the sections of the page."""
     from identifiability.report.analysis import mass_table, section_correlated  # noqa: PLC0415
 
-    masses = mass_table(ladder.robot, ladder.result.physical.parameters())
-    said = filter(None, (ladder.result.physical.sentence, ladder.mass_statement))
+    masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
+    real = ladder.chosen.physical
+    said = filter(None, ("" if real is None else real.sentence, ladder.mass_statement))
     settings = {"method": ladder.method, "seed": ladder.seed}
     text = words("pruning.how", effects=", ".join(ladder.effects), **settings)
     some = not ladder.nothing
@@ -653,22 +633,12 @@ def section_ladder(ladder: Ladder) -> Section:
 def section_survivors(ladder: Ladder) -> Section:
     """Return the parameters of the model to use."""
     from identifiability.report.analysis import fold_verdicts  # noqa: PLC0415
-    from identifiability.workflows.analyze.result import label_note  # noqa: PLC0415
+    from identifiability.workflows.analyze.result import parameter_table  # noqa: PLC0415
 
-    own = with_hints(
-        "survivors",
-        Column("parameter", get=lambda v: Cell(v.name, note=label_note(v))),
-        VALUE,
-        SIGMA,
-        UNIT,
-        Column("σ%", percent_text, "sigma_label_percent"),
-        *bias_columns(ladder.verdicts),
-        VERDICT,
-    )
-    table = Table.of("", own, ladder.verdicts, filter_by=-1)
-    size = format_count(len(ladder.chosen), "parameter")
+    table, size = parameter_table(ladder, ladder.chosen), len(ladder.chosen)
     tables = fold_verdicts(table, ladder.verdicts)
-    return section("pruning.survivors", *tables, *ladder.tables()[1:], size=size)
+    said = format_count(size, "parameter")
+    return section("pruning.survivors", *tables, *ladder.tables()[1:], size=said)
 
 
 def _refused(ladder: Ladder) -> Section | None:

@@ -59,7 +59,7 @@ def precision(result: Analysis, model: str | None = None) -> Figure:
         [(v.sigma_percent, v.sigma_label_percent) for v in drawn.verdicts], float
     ).T
     names = [v.name for v in drawn.verdicts]
-    kinds = [v.verdict.value for v in drawn.verdicts]
+    kinds = [v.look for v in drawn.verdicts]
     limit = ESTIMATION_RULES.paper_factor * float(np.min(white, initial=np.inf))
     return draw_precision(names, white, known, kinds, result.thresholds.sigma_percent, limit)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from markupsafe import Markup, escape
 
-from identifiability.estimation.verdict import Class, Verdict
+from identifiability.estimation.verdict import Class, Flag, Verdict
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import join, mark_of
 from identifiability.foundation.values import frozen
@@ -289,7 +289,7 @@ def _names(places: Mapping[str, Array], points: Array) -> list[str]:
 
 
 #: Verdicts by what the drawing prefers to show of a body that has several.
-BEST = (Class.IDENTIFIABLE, Class.WEAK, Class.NEGLIGIBLE, Class.NOT_JUDGED)
+BEST = (Class.IDENTIFIABLE, Class.SIGN_ONLY, Flag.NEGLIGIBLE, Flag.NOT_JUDGED)
 
 #: Poses that the drawn one is chosen from.
 POSES = 24
@@ -349,7 +349,7 @@ def typical_pose(robot: Robot) -> Array:
 
 
 def _part(verdicts: Sequence[Verdict]) -> Part:
-    kinds = [v.verdict for v in verdicts]
+    kinds = [v.look for v in verdicts]
     best = next((c for c in BEST if c in kinds), kinds[0])
-    counts = [f"{kinds.count(k)} {k.value}" for k in dict.fromkeys(kinds)]
-    return Part(mark_of(best.value).tone, join(counts))
+    counts = [f"{kinds.count(k)} {k}" for k in dict.fromkeys(kinds)]
+    return Part(mark_of(best).tone, join(counts))

@@ -6,7 +6,7 @@ straight tendons.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -168,8 +168,6 @@ class Drives:
         self.model, self._lines = kinematics.model, kinematics.cables
         #: Where they are in velocities and positions, which lengths of tendons follow.
         self._dofs, self._at = kinematics.actuated, kinematics.positions
-        names = [cable.name for cable in kinematics.robot.cables]
-        self._tendons = np.array([self.model.tendon(name).id for name in names], int)
 
     def forces(self, force: Array, bias: tuple[Array, Array]) -> tuple[Array, Array]:
         """Return forces (K, n) of K copies as the model takes them, at joints and actuators.
@@ -180,20 +178,6 @@ class Drives:
         full[:, self._dofs] = force
         return full[:, : self.model.nv] - bias[0], full[:, self.model.nv :] - bias[1]
 
-    @property
-    def dry(self) -> Array:
-        """Levels of dry friction, (n,)."""
-        lines = self.model.tendon_frictionloss[self._tendons]
-        levels: Array = np.append(self.model.dof_frictionloss, lines)[self._dofs]
-        return levels
-
-    @dry.setter
-    def dry(self, levels: Array) -> None:
-        inside = self._dofs < self.model.nv
-        self.model.dof_frictionloss[self._dofs[inside]] = levels[inside]
-        lines = self._tendons[self._dofs[~inside] - self.model.nv]
-        self.model.tendon_frictionloss[lines] = levels[~inside]
-
     def positions(self, copies: Sequence[Any]) -> Array:
         """Return positions of K copies, (K, n)."""
         out = []
@@ -202,17 +186,6 @@ class Drives:
                 mujoco.mj_kinematics(self.model, data)
             out.append(np.append(data.qpos, [c.length(data) for c in self._lines])[self._at])
         return np.array(out)
-
-    def rates(self, copies: Sequence[Any]) -> tuple[Array, Array]:
-        """Return velocities and accelerations of K copies, (K, n) each."""
-        v, a = np.empty((2, len(copies), len(self._dofs)))
-        for k, data in enumerate(copies):
-            slopes = [-c.apart(self.model, data)[1][0] for c in self._lines]
-            bent = [-float(c.rate(self.model, data)[0] @ data.qvel) for c in self._lines]
-            v[k] = np.append(data.qvel, [x @ data.qvel for x in slopes])[self._dofs]
-            pulled = [x @ data.qacc + y for x, y in zip(slopes, bent, strict=True)]
-            a[k] = np.append(data.qacc, pulled)[self._dofs]
-        return v, a
 
 
 # Forward simulation: many short stretches of motion from measured states, by MuJoCo.
@@ -224,13 +197,6 @@ class Drives:
 
 #: Impedance of dry friction: how little a joint that sticks creeps.
 HARD: tuple[Tolerance, Tolerance] = (0.9999, 0.9999)
-
-
-#: What a model has beyond bodies, viscous and Coulomb friction and rotors, at each step of some of
-#: the stretches: from their indices (K,), the time since they began [s], and position, velocity and
-#: acceleration of the actuated joints, each (K, n): torque that is taken off (K, n), and dry
-#: friction that is added to the Coulomb levels (K, n), so that joints can stick.
-Extra = Callable[[np.ndarray, float, Array, Array, Array], tuple[Array, Array]]
 
 
 class ForwardRobot:
@@ -329,7 +295,7 @@ class ForwardRobot:
         return joints, lines
 
     @quiet()
-    def run(self, q: Array, dq: Array, tau: Array, dt: float, extra: Extra | None = None) -> Array:
+    def run(self, q: Array, dq: Array, tau: Array, dt: float) -> Array:
         """Return the positions that the torques lead to, (K, S, n).
 
         Parameters
@@ -339,8 +305,6 @@ class ForwardRobot:
         tau : (K, S, n) [N·m or N]
             Torque during each of S steps.
         dt : float [s]
-        extra : callable, optional
-            Effects that MuJoCo does not have, asked at the start of every step.
 
         Raises
         ------
@@ -360,30 +324,16 @@ class ForwardRobot:
         states = self._start(q, dq)
         out = np.full((count, steps, n), np.nan)
         drives = self._drives
-        coulomb = drives.dry
         alive = np.ones(count, bool)
         limit = RULES.diverged * (np.abs(q).max(0) + np.abs(dq).max(0) * dt * steps + 1.0)
-        at = drives.positions(states)
-        try:
-            for step in range(steps):
-                force, dry = tau[:, step], None
-                which = np.flatnonzero(alive)
-                if extra is not None and len(which):
-                    v, a = drives.rates([states[k] for k in which])
-                    taken, added = np.zeros((2, count, n))
-                    taken[which], added[which] = extra(which, step * dt, at[which], v, a)
-                    force, dry = force - taken, np.maximum(coulomb + added, 0.0)
-                joints, cables = drives.forces(force, self._bias)
-                for k in which.tolist():
-                    states[k].qfrc_applied[:], states[k].ctrl[:] = joints[k], cables[k]
-                    if dry is not None:
-                        drives.dry = dry[k]
-                    mujoco.mj_step(self.model, states[k], inner)
-                at = drives.positions(states)
-                alive &= np.all(np.abs(at) < limit, axis=1)
-                out[alive, step] = at[alive]
-        finally:
-            drives.dry = coulomb
+        for step in range(steps):
+            joints, cables = drives.forces(tau[:, step], self._bias)
+            for k in np.flatnonzero(alive).tolist():
+                states[k].qfrc_applied[:], states[k].ctrl[:] = joints[k], cables[k]
+                mujoco.mj_step(self.model, states[k], inner)
+            at = drives.positions(states)
+            alive &= np.all(np.abs(at) < limit, axis=1)
+            out[alive, step] = at[alive]
         return out
 
     def _start(self, q: Array, dq: Array) -> list[Any]:

@@ -16,14 +16,7 @@ import numpy as np
 
 from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.verdict import Verdict
-from identifiability.foundation.answers import (
-    Answer,
-    Column,
-    Note,
-    Table,
-    badge_cell,
-    measured_cells,
-)
+from identifiability.foundation.answers import Answer, Cell, Column, Note, Table, measured_cells
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.rounding import NONE, error_text, format_count, format_number
@@ -139,7 +132,7 @@ SIGMA = Column("± σ", "error", lambda v: measured_cells(v.value, v.sigma_robus
 UNIT = Column("unit", get="unit")
 
 
-VERDICT = Column("verdict", "badge", lambda v: badge_cell(v.verdict.value, v.reason), quiet=True)
+VERDICT = Column("verdict", "badge", lambda v: Cell(v.word, v.word, v.reason, v.look), quiet=True)
 
 
 def tone_of(error: float) -> str:
@@ -171,7 +164,9 @@ def answer_next(commands: Sequence[tuple[str, str]]) -> Answer:
     return Answer("What next?", short, commands=tuple(commands))
 
 
-def answer_quality(error: float, joints: Sequence[str], each: Array, kind: str) -> Answer:
+def answer_quality(
+    error: float, joints: Sequence[str], each: Array, kind: str, more: str = ""
+) -> Answer:
     """Return how good the predictions are, in words, and where they are best and worst.
 
     Parameters
@@ -183,13 +178,16 @@ def answer_quality(error: float, joints: Sequence[str], each: Array, kind: str) 
         The same of each joint over its own scale.
     kind : str
         What it was measured on.
+    more : str
+        What the error leaves out.
     """
     if not np.isfinite(error):
         return Answer("How good is it?", "There is no error to tell.", tone="grey")
     judged, short, spread = state_error(error, joints, each)
     use = sentence("decision.uses", grade_of(judged))
     text = sentence("decision.quality", use=use, spread=spread)
-    return Answer("How good is it?", short, f"{text} Measured on {kind}.", tone_of(judged))
+    text = " ".join(f"{text} Measured on {kind}. {more}".split())
+    return Answer("How good is it?", short, text, tone_of(judged))
 
 
 def state_error(error: float, joints: Sequence[str], each: Array) -> tuple[float, str, str]:

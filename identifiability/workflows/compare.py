@@ -20,26 +20,29 @@ import pandas as pd
 from scipy.interpolate import CubicSpline
 
 from identifiability.estimation.differences import (
+    ALL_JOINTS,
     EXCERPT,
-    Cause,
+    NAMED,
+    Change,
     Differences,
     Known,
     LogRows,
     find_causes,
+    find_changes,
     find_lacks,
+    frame_changes,
     load_bodies,
     pooled_values,
-    relative_scale,
+    table_changes,
 )
-from identifiability.estimation.groups import Excerpt, describe_term, place_of
+from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.mixed_model import Term, Terms
 from identifiability.estimation.noise import JointNoise, JointRuns
 from identifiability.estimation.rules import RULES, Thresholds
-from identifiability.foundation.answers import Answer, Table, frame_table
+from identifiability.foundation.answers import Answer, Table
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
 from identifiability.foundation.names import Array, shorten_paths
-from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import rough_percent
@@ -124,7 +127,6 @@ def find_differences(
         rows=subtract(structure, base, bodies, pairs)
         if pairs
         else LogRows.of(structure, seen, base, bodies),
-        logs=len(asked["patterns"][0]),
         lacks=None if pairs else find_lacks(structure, seen),
         # Those that share a log share its noise.
         shared=(max(serves.values(), default=1) + 1) / 2,
@@ -134,8 +136,8 @@ def find_differences(
 
 def find_patterns(asked: Array, count: int) -> tuple[Array, ...]:
     """Return in which logs a change may be: those asked about, or any one of the first so many."""
-    single = [x for x in np.eye(len(asked))[:count] if np.ptp(np.abs(x - asked))]
-    return (asked, *single)
+    single = [x[None] for x in np.eye(len(asked))[:count] if np.ptp(np.abs(x - asked))]
+    return (asked[None], *single)
 
 
 def subtract(
@@ -196,7 +198,7 @@ def _on_one_clock(
     return first, second
 
 
-# `Change`: what differs, of which size, in which logs; and what it may be instead.
+# How small a change would be found.
 
 
 #: What is less than this share is the same; values that hang together are known by rounding where
@@ -205,124 +207,6 @@ SAME: Tolerance = 1e-6
 WHITE: Tolerance = 1e-12
 #: Standard deviation that a share has of which nothing is known.
 WIDE: Tolerance = 1e3
-#: Where something is that is at all places.
-ALL_JOINTS = "all joints"
-
-
-@frozen(kw_only=True)
-class Change:
-    """What changed.
-
-    Attributes
-    ----------
-    kind : {"load", "friction", "offset", "gain"}
-    what, place : str
-        In words, and the body or joint; ``all joints`` where it is everywhere.
-    log : str
-        In which alone it is; empty where it is in all of those that are asked about.
-    names, units : tuple of str
-        Of its q numbers.
-    sizes, sd : (q,)
-        Of these, beside all others that changed.
-    share, share_sd : float
-        Of its torque before; NaN where that is not known.
-    odds : float
-        Log odds, averaged over sizes, less what families and places cost; those of its surest part.
-    others : tuple of str
-        What else it may be.
-    """
-
-    kind: str
-    what: str
-    place: str
-    log: str
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    sizes: Array
-    sd: Array
-    share: float
-    share_sd: float
-    odds: float
-    others: tuple[str, ...]
-
-
-def find_changes(
-    structure: Structure, found: Differences, terms: Terms, names: Sequence[str]
-) -> tuple[Change, ...]:
-    """Return what terms say of logs, the surest first; kinds of friction at one place together.
-
-    Parameters
-    ----------
-    structure : Structure
-    found : Differences
-    terms : tuple of Term
-    names : sequence of str
-        Of the logs.
-    """
-    model, causes = found.model, found.rows.causes
-    columns, value, covariance = model.values(terms)
-    known = found.known
-    base = known.base + known.directions @ value[: len(known.precision)]
-    unchanged = dict(zip(structure.base.names, base.tolist(), strict=True))
-    together: dict[tuple[str, str, int], list[int]] = {}
-    for k, term in enumerate(terms):
-        own, pattern = found.said[term.key][1]
-        if own:
-            together.setdefault((causes[own[0]].kind, place_of(term), pattern), []).append(k)
-    out = []
-    for (kind, place, pattern), which in together.items():
-        parts = [causes[c] for k in which for c in found.said[terms[k].key][1][0]]
-        asked = [terms[k].columns for k in which]
-        at = [columns.tolist().index(c) for c in np.concatenate(asked)]
-        sizes, spread = value[at], covariance[np.ix_(at, at)]
-        before = [unchanged.get(c.names[0]) or c.before[0] for c in parts]
-        share, share_sd = _share(parts, np.array(before), sizes, spread)
-        family = parts[0].family if len({c.family for c in parts}) == 1 else kind
-        others = [
-            _what(found, r, names) for k in which for r in model.rivals(terms, k) if r.odds > 0
-        ]
-        out.append(
-            Change(
-                kind=kind,
-                what=f"{family} of {place}",
-                place=place,
-                log=_log(found, pattern, names),
-                names=tuple(n for c in parts for n in c.names)[: len(at)],
-                units=tuple(u for c in parts for u in c.units)[: len(at)],
-                sizes=sizes,
-                sd=np.sqrt(np.diag(spread)),
-                share=share,
-                share_sd=share_sd,
-                odds=max(terms[k].odds for k in which),
-                others=tuple(dict.fromkeys(others)),
-            )
-        )
-    return tuple(sorted(out, key=lambda c: -c.odds))
-
-
-def _what(found: Differences, term: Term, names: Sequence[str]) -> str:
-    """Return what a group is, in words."""
-    own, pattern = found.said[term.key][1]
-    if not own:
-        return f"{describe_term(term)} that the model lacks"
-    where = f" in {_log(found, pattern, names)}" if pattern else ""
-    return f"{found.rows.causes[own[0]].family} of {place_of(term)}{where}"
-
-
-def _log(found: Differences, pattern: int, names: Sequence[str]) -> str:
-    """Return in which log alone a change is; nothing where it is in those that are asked about."""
-    return names[int(np.argmax(found.patterns[pattern]))] if pattern else ""
-
-
-def _share(
-    parts: Sequence[Cause], before: Array, sizes: Array, spread: Array
-) -> tuple[float, float]:
-    """Return by which share the torque of a change grew, and its standard deviation."""
-    if parts[0].kind == "offset" or not (np.abs(before) > 0).all():
-        return float("nan"), float("nan")
-    rms = np.array([np.sqrt(sum(np.mean(x**2) for x in c.torque.values())) for c in parts])
-    slope = rms * np.sign(before) / float(np.abs(before) @ rms)
-    return float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))
 
 
 def found_from(found: Differences, terms: Terms) -> dict[str, float]:
@@ -351,9 +235,6 @@ def found_from(found: Differences, terms: Terms) -> dict[str, float]:
 
 
 TABLE = "What changed, with 95 % intervals"
-
-#: Changes that a sentence names.
-NAMED = 6
 
 
 @frozen(kw_only=True)
@@ -401,7 +282,7 @@ class Comparison(OfStructure, Result):
     def answer(self) -> str:
         """What changed, in one sentence."""
         if self.changes:
-            text = "; ".join([describe(change) for change in self.changes[:NAMED]])
+            text = "; ".join([change.called for change in self.changes[:NAMED]])
             return f"{text[0].upper()}{text[1:]}."
         # Where friction must change by more than this share everywhere, an unchanged
         # robot is no news.
@@ -429,20 +310,12 @@ class Comparison(OfStructure, Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a number that changed."""
-        own = self.to_frame().drop(columns=["kind", "share_sd", "p"])
-        table = frame_table(own.rename(columns={"log_odds": "log odds", "logs": "in"}), TABLE)
+        table = table_changes(self.changes, TABLE)
         return (replace(table, columns=with_hints("changes", *table.columns)),)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a number that changed: what, by how much, interval, log odds."""
-        rows = [
-            [c.what, c.kind, name, size, size - REACH * sd, size + REACH * sd, unit, *rest]
-            for c in self.changes
-            for rest in [(c.share, c.share_sd, c.odds, c.log, "; ".join(c.others))]
-            for name, size, sd, unit in zip(c.names, c.sizes, c.sd, c.units, strict=True)
-        ]
-        columns = "what kind name change low high unit share share_sd log_odds logs or"
-        return pd.DataFrame(rows, columns=columns.split()).assign(p=np.nan)
+        return frame_changes(self.changes)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison in the documented JSON schema."""
@@ -457,31 +330,6 @@ class Comparison(OfStructure, Result):
             "found_from": dict(self.found_from),
             "changes": self.to_frame().to_dict("records"),
         }
-
-
-def describe(change: Change) -> str:
-    """Return what a change is, without a capital letter, and what it may be instead."""
-    text = _described(change)
-    if change.log:
-        text += f" in {change.log}"
-    if change.others:
-        text += f", or {' or '.join(change.others[:NAMED])}"
-    # As sure as what fitted and unseen rows together name.
-    return text if change.odds >= RULES.name + RULES.keep else f"perhaps {text}"
-
-
-def _described(change: Change) -> str:
-    """Return what a change is; of one everywhere what is sure, where its sum is not."""
-    what, half = change.what, REACH * change.sd
-    size, reach, unit = 100 * change.share, 100 * REACH * change.share_sd, "%"
-    words = "rose", "fell"
-    if change.kind == "load":
-        size, reach, unit, words = change.sizes[0], half[0], "kg", ("grew", "shrank")
-    if abs(size) > reach:
-        return f"{what} {words[int(size < 0)]} by {measured(abs(size), reach, unit)}"
-    every = zip(change.names, change.sizes, half, change.units, strict=True)
-    parts = [f"{n} by {measured(x, h, u)}" for n, x, h, u in every if abs(x) > h]
-    return f"{what} changed{': ' if parts else ''}{listing(parts, NAMED)}"
 
 
 # `compare`: what changed between two results, or between logs of one robot.
@@ -554,8 +402,7 @@ def _compare_results(robot: Robot, before: Any, after: Any) -> Comparison:
     found = Differences(
         rows=rows_of_results(one, other),
         known=Known.nothing(base[:, None][:, :0], base),
-        logs=2,
-        patterns=(np.array([0.0, 1.0]),),
+        patterns=(np.array([[0.0, 1.0]]),),
         noise=(JointNoise(np.empty(0), 1.0),),
     )
     sides = {"before": names[0], "after": names[1]}
@@ -587,7 +434,7 @@ def rows_of_results(one: Fit, other: Fit) -> LogRows:
         found = np.linalg.lstsq(flat @ submodel.M, columns, rcond=SAME)[0]
         lost = np.linalg.norm(columns - flat @ submodel.M @ found) > SAME * np.linalg.norm(columns)
         own = {} if lost else {0: whiten @ found[known]}
-        causes.append(replace(c, torque=own, size=relative_scale(c, c.torque, rms)))
+        causes.append(replace(c, torque=own, size=c.scale(rms)))
     count = len(whiten)
     return LogRows(
         X=np.zeros((count, 1, len(one.base))),
@@ -649,10 +496,11 @@ def _conclude(
 ) -> Comparison:
     """Return what logs of some names, or results, differ by; all else is `said` as it is."""
     terms = found.model.search()
+    before = dict(zip(structure.base.names, found.values_before(terms).tolist(), strict=True))
     return Comparison(
         structure=structure,
         submodel=submodel,
-        changes=find_changes(structure, found, terms, logs),
+        changes=find_changes(found, terms, logs, before),
         found_from=found_from(found, terms),
         drift=float(np.sqrt(2.0)) * found.model.drift(terms),
         **said,

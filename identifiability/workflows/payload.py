@@ -19,13 +19,15 @@ import pandas as pd
 from identifiability.estimation.differences import (
     KINDS,
     OPEN,
+    Change,
     Differences,
     Known,
     LogRows,
+    find_changes,
     pooled_values,
     tool_bodies,
 )
-from identifiability.estimation.groups import Excerpt
+from identifiability.estimation.groups import Excerpt, describe_term
 from identifiability.estimation.prediction import TorqueUncertainty
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Table, frame_table
@@ -53,9 +55,6 @@ from identifiability.robot.robot import Point, body_of, ten_parameters
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.compare import (
-    Change,
-    describe,
-    find_changes,
     find_differences,
     find_pairs,
     find_patterns,
@@ -96,8 +95,8 @@ class LoadEstimate:
         ``|root (θ − theta)|²`` is the distance of another load from this one, in σ².
     unknown : (10, d)
         Directions that the logs do not tell, orthonormal.
-    rms : (n,) [N·m or N]
-        What is left of the torque.
+    lacks : tuple of str
+        What the model seems to lack in these logs.
     changes : tuple of Change
         What else differs.
     """
@@ -106,7 +105,7 @@ class LoadEstimate:
     covariance: Array
     root: Array
     unknown: Array
-    rms: Array
+    lacks: tuple[str, ...]
     changes: tuple[Change, ...]
 
 
@@ -115,21 +114,21 @@ def estimate_load(found: Differences, structure: Structure, names: Sequence[str]
     model = found.model
     terms = model.search()
     theta, spread = model.widened(terms, found.always_at()[ORDER])
-    (part,) = (p for p in found.parts if p.role == "always")
-    scale = part.scale[ORDER]
+    (load,) = (found.rows.causes[k] for k in found.always)
+    scale = load.scale(found.rows.size)[ORDER]
     square, turn = np.linalg.eigh(spread * np.outer(scale, scale))
     open_ = square > UNTOLD**2
     size = np.sqrt(np.maximum(square[~open_], np.finfo(float).tiny))
     told = turn[:, ~open_] * size / scale[:, None]
     unknown = np.linalg.qr(turn[:, open_] / scale[:, None])[0]
-    left = found.residual(terms)[found.patterns[0][found.rows.log] > 0]
+    before = dict(zip(structure.base.names, found.values_before(terms).tolist(), strict=True))
     return LoadEstimate(
         theta=theta,
         covariance=told @ told.T,
         root=(turn[:, ~open_] / size).T * scale,
         unknown=unknown,
-        rms=np.sqrt(np.mean(left**2, axis=0)),
-        changes=find_changes(structure, found, terms, names),
+        lacks=tuple(describe_term(t) for t in terms if not found.said[t.key][1][0]),
+        changes=find_changes(found, terms, names, before),
     )
 
 
@@ -328,8 +327,6 @@ class Load(Result):
         What the logs say by themselves.
     parameters : (10,)
         Of the nearest real body, in the order of `GROUPED_KINDS`, about the origin of the frame.
-    worse : (n,)
-        How many times more is left of each joint's torque than in the result's own logs.
     quantities : tuple of Quantity
         Mass, centre, and moments of inertia about it.
     gains : tuple of Quantity
@@ -351,7 +348,6 @@ class Load(Result):
     pairs: tuple[tuple[str, str], ...]
     estimate: LoadEstimate
     parameters: Array
-    worse: Array
     quantities: tuple[Quantity, ...]
     gains: tuple[Quantity, ...] = ()
     known: float | None = None
@@ -418,11 +414,8 @@ class Load(Result):
     @property
     def caveats(self) -> tuple[str, ...]:
         """What makes the answer doubtful, and what to do."""
-        k = int(np.argmax(self.worse))
-        if self.pairs or self.worse[k] < RULES.grows:
-            return ()
-        own = {"joint": self.robot.joints[k], "ratio": f"{self.worse[k]:.2g}"}
-        return (sentence(WORDS_OF, "changed", **own),)
+        lacks = self.estimate.lacks
+        return (sentence(WORDS_OF, "changed", lacks=listing(lacks, 4)),) if lacks else ()
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a quantity: ``name``, value, interval, unit, whether it is told, why.
@@ -549,7 +542,6 @@ def payload(
         pairs=tuple((paths[p.at[0]], paths[p.at[1]]) for p in pairs),
         estimate=estimate,
         parameters=nearest,
-        worse=estimate.rms / np.maximum(fit.spread.low, 1e-300),
         quantities=state_quantities(estimate, nearest, length),
         gains=gains,
         known=mass,
@@ -628,7 +620,7 @@ def _trust(result: Load) -> Answer:
         text = "One motion cannot show what another would change."
     elif any(change.kind == "load" for change in result.estimate.changes):
         short, text, tone = "With care: the logs have different loads.", "", "amber"
-    if changes := [describe(change) for change in result.estimate.changes]:
+    if changes := [change.called for change in result.estimate.changes]:
         text += f" Found beside it: {listing(changes)}."
     if result.caveats:
         short, tone = "With care: the robot changed since.", "amber"

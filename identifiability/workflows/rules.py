@@ -28,7 +28,6 @@ class Rules(RuleTable):
     alternative_error: Annotated[
         float, "its error falls to this share of the given model's, by hand"
     ] = 0.9
-    grows: Annotated[float, "an error is said that is so many times the usual, by hand"] = 1.5
 
 
 RULES = Rules()

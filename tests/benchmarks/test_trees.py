@@ -72,6 +72,6 @@ def test_a_tree_of_many_joints_is_held_in_its_own_rows(joints, tmp_path):
     assert held <= 8 * rows
     assert held <= 10e6  # dense Gram blocks: 2 GB
     fit = estimate(information)
-    found = bootstrap(information, fit, np.random.default_rng(0), replicates=100, length=20.0)
+    found = bootstrap(information, fit, np.random.default_rng(0), replicates=100)
     spread = np.median(found.sd[fit.determined] / fit.sigma[fit.determined])
     assert 0.7 < spread < 1.3  # white noise: both are right

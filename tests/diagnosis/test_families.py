@@ -111,7 +111,7 @@ def test_a_family_that_a_study_registers_is_named(cubic, logs_of, named):
         )
     d = diagnose("two-link", logs[:4], logs[4:])
     assert named(d) == [("cubic_drag", ("elbow",))]
-    assert d.statement.startswith("Cubic drag")
+    assert d.statement.startswith("What is missing? Cubic drag")
     with pytest.raises(ModelError, match="effect 'cubic_drag' already"):
         register(cubic)
 

@@ -16,14 +16,14 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import Campaign, Noise, random_trajectory
 from identifiability.workflows.diagnose import diagnose, find_next
-from identifiability.workflows.diagnose.findings import Rival
-from identifiability.workflows.diagnose.motion import prepare_rows
 from identifiability.workflows.diagnose.next_experiment import (
     LIKELY,
     PERIODS,
     Bench,
     decision_chance,
 )
+from identifiability.workflows.diagnose.problem import prepare_rows
+from identifiability.workflows.diagnose.result import Rival
 from identifiability.workflows.excite.criteria import Ask, Discrimination
 
 BASE = ("rigid_body", "viscous_friction", "coulomb_friction")

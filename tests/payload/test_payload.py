@@ -99,9 +99,9 @@ def test_what_a_motion_does_not_tell_is_said(fit, make_logs, planted):
 
 def test_a_robot_that_changed_is_said(fit, make_logs, planted, moves):
     odd = np.zeros_like(moves(ARM).torque)
-    odd[:, 2] = 12.0 * np.sin(7.0 * moves(ARM).move.q[:, 1])
+    odd[:, 2] = 12.0 * np.sin(7.0 * moves(ARM).move.q[:, 2])
     found = payload(ARM, fit(ARM), make_logs(ARM, planted, seed=10, extra=odd)[1])
-    assert "But the torque of joint_3 is left" in found.statement
+    assert "unction of position in joint_3 is seen" in found.statement
     assert not payload(ARM, fit(ARM), make_logs(ARM, planted, seed=11)[1]).caveats
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identifiability import Robot, analyze, simulate
-from identifiability.estimation.noise import ResidualNoise
+from identifiability.estimation.noise import Noise as Remembering
 from identifiability.logs import Log
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 
@@ -25,7 +25,8 @@ def clean(name: str, trajectory: str) -> Log:
 def noisy(name: str, trajectory: str, seed: int, rho: float = 0.0) -> Log:
     """A log with noise of 5 % of the torque of trajectory a, alike in all logs."""
     log, rng = clean(name, trajectory), np.random.default_rng(seed)
-    noise = ResidualNoise.first_order(SHARE * clean(name, "a").tau.std(0), rho)
+    variance = (SHARE * clean(name, "a").tau.std(0)) ** 2
+    noise = Remembering.of(variance, np.full(len(variance), (1 + rho) / (1 - rho)))
     added = log.tau + noise.simulate([(0, len(log))], rng)
     columns = {f"{joint}.tau": added[:, k] for k, joint in enumerate(log.joints)}
     return Log.from_frame(log.to_frame().assign(**columns), f"{trajectory}{seed}")

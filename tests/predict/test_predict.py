@@ -25,7 +25,7 @@ def test_a_result_predicts_its_own_log_as_it_fitted_it(analysis, make_log):
     assert found.error_ra == pytest.approx(analysis.chosen.error_ra, rel=1e-9)
     frame = found.to_frame()
     frame = {name: frame[name].to_numpy() for name in frame}
-    own = analysis.fitted.predicted[:, :, analysis.selected]
+    own = analysis.fitted.predicted[:, :, 0]
     for k, joint in enumerate(analysis.robot.joints):
         assert frame[f"{joint}.predicted"] == pytest.approx(own[:, k], abs=1e-9)
         left = frame[f"{joint}.tau"] - frame[f"{joint}.predicted"]

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from identifiability import Robot, analyze
-from identifiability.simulation import Noise, random_trajectory, simulate
+from identifiability.foundation.numbers import percent
+from identifiability.simulation import Noise, random_trajectory, shipped_trajectory, simulate
 from identifiability.workflows.predict import read_fit
 
 
@@ -24,21 +25,51 @@ def found():
 def test_a_robot_that_can_exist_predicts_better_than_noise_that_cannot(found):
     chosen = found.chosen
     assert not chosen.feasible
-    assert chosen.error_ra_physical < chosen.error_ra_validation
+    assert chosen.unseen_by(1) < chosen.unseen_by(0)
+    assert chosen.error_ra_validation == chosen.unseen_by(1)
     assert chosen.physical_used
 
 
 @pytest.mark.parametrize("as_good", [True, False])
 def test_the_values_that_are_used_are_predicted_with_and_said(found, as_good, tmp_path):
     physical = replace(found.chosen.physical, as_good=as_good)
-    chosen = replace(found.chosen, physical=physical)
+    free = found.chosen.unseen.select([0, 0, 2, 3])  # held-out motion does not refute it
+    chosen = replace(found.chosen, physical=physical, unseen=free)
     result = replace(found, models=tuple(chosen if m is found.chosen else m for m in found.models))
     expected = chosen.physical.value if as_good else chosen.estimate.value
     np.testing.assert_array_equal(result.fit.values, expected)
     content = json.loads(result.to_json(tmp_path / "result.json").read_text())
     assert content["physical"]["used"] is as_good
-    assert ("predictions and exports have them" in result.statement) == as_good
+    assert ("predictions and exports have" in result.statement) == as_good
     read = read_fit(tmp_path / "result.json", result.robot)
     np.testing.assert_array_equal(read.values, expected)
     low, high = chosen.verdicts[0].interval95
     assert low < chosen.verdicts[0].value < high  # labels stay those of the data
+
+
+@pytest.mark.parametrize("name", ["six-dof-arm", "3-rps"])
+def test_what_is_stated_written_and_predicted_is_the_same(name, tmp_path):
+    """One value of each parameter and one error: headline, JSON, real robot and predictions."""
+    robot, rng = Robot.load(name), np.random.default_rng(4)
+    names = ("601", "595") if name == "3-rps" else ("a", "b")
+    fitted, unseen = (
+        simulate(robot, shipped_trajectory(robot, motion), noise=Noise(torque=0.05), rng=r)
+        for motion, r in zip(names, rng.spawn(2), strict=True)
+    )
+    result = analyze(robot, fitted, unseen, replicates=20)
+    chosen, content = result.chosen, result.to_json(tmp_path / "result.json")
+    told = json.loads(content.read_text())
+    assert chosen.physical_used
+    read = read_fit(content, robot)
+    error = chosen.error_ra_validation
+    assert read.predict(unseen).error_ra == pytest.approx(error, rel=1e-3)
+    (row,) = (m for m in told["models"] if m["name"] == told["selected"])
+    assert row["error_ra_validation"] == pytest.approx(error, rel=1e-4)
+    assert percent(error) in result.statement
+    given = [told["physical"]["parameters"].get(n, 0.0) for n in result.structure.columns]
+    base, sigma = result.structure.G @ given, np.sqrt(np.diag(result.fit.base_covariance))
+    off = np.abs(read.base - base) / np.where(sigma > 0, sigma, 1.0)
+    assert off.max() < 0.05  # each is rounded by what is known of it
+    sigma = np.array([v.sigma_robust for v in chosen.verdicts])
+    used = np.array([p["used"] for p in told["parameters"]])
+    assert (np.abs(used - read.values) < 0.02 * sigma).all()

@@ -80,7 +80,7 @@ def test_the_chosen_model_is_a_ladder_that_analyze_reads(pruned, simulated, tmp_
     model = again.models[1]
     assert set(model.submodel.columns) == set(pruned.chosen.columns)
     np.testing.assert_allclose(
-        model.estimate.value, pruned.result.estimate.value, rtol=1e-6
+        model.estimate.value, pruned.chosen.estimate.value, rtol=1e-6
     )  # fmt: skip
 
 

@@ -28,7 +28,7 @@ def draw_first(names, value=1.0):
 
 
 def _kinds(count):
-    kinds = ["identifiable", "weak", "negligible", "not identifiable", "something new"]
+    kinds = ["identifiable", "sign only", "negligible", "not identifiable", "something new"]
     return [kinds[i % 5] for i in range(count)]
 
 

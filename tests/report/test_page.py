@@ -45,7 +45,7 @@ def everything(text: str) -> Page:
                 Cell("1", 1, share=1),
                 Cell(text),
             ),
-            (Cell("b"), Cell("weak", badge="weak"), Cell("2", 2.0), Cell("")),
+            (Cell("b"), Cell("sign only", badge="sign only"), Cell("2", 2.0), Cell("")),
         ),
         filter_by=1,
     )

@@ -6,8 +6,8 @@ import pytest
 from identifiability import diagnose
 from identifiability.logs import Log
 from identifiability.robot import Robot
-from identifiability.workflows.diagnose import motion as motion_of
-from identifiability.workflows.diagnose.motion import prepare_rows
+from identifiability.workflows.diagnose import problem as motion_of
+from identifiability.workflows.diagnose.problem import prepare_rows
 
 MOST = 400
 

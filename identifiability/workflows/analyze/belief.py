@@ -6,7 +6,6 @@ draw.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal
@@ -15,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class, Verdict
+from identifiability.estimation.verdict import Flag, Verdict, narrow
 from identifiability.foundation.errors import (
     IdentifiabilityError,
     ModelError,
@@ -39,10 +38,10 @@ from identifiability.posterior.ensemble import Posterior, sample_posterior
 from identifiability.posterior.exact import Progress
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.target import Prior, Target
-from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
 from identifiability.workflows.analyze.assessment import ModelResult
+from identifiability.workflows.answers import sentence
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -98,12 +97,8 @@ class Summary:
     mean, sd : (m,)
     interval : (m, 2)
         95 %, as in `believed_interval` and with room for `sway`.
-    draws : (D, m)
-        Some draws, for pictures.
     chains : (E, K, N, m)
         All draws by ensemble and walker, in order.
-    at_edge : (m,)
-        Share of draws within 1 % of an interval's width of zero, for one-sided parameters.
     prior_sensitivity : (m,)
         By how many sd the mean may move where the prior has another density at the edges of what
         is possible.
@@ -114,11 +109,14 @@ class Summary:
     mean: Array
     sd: Array
     interval: Array
-    draws: Array
     chains: Array
-    at_edge: Array
     prior_sensitivity: Array
     convergence: Convergence
+
+    @property
+    def draws(self) -> Array:
+        """All draws, (D, m)."""
+        return self.chains.reshape(-1, self.chains.shape[-1])
 
     @property
     def stated(self) -> np.ndarray:
@@ -129,14 +127,6 @@ class Summary:
     def trustworthy(self) -> bool:
         """Whether the numbers may be shown."""
         return self.convergence.trustworthy
-
-    @property
-    def correlation(self) -> Array:
-        """Correlation of the draws, (m, m)."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            rho = np.corrcoef(self.draws, rowvar=False)
-        whole: Array = np.nan_to_num(np.atleast_2d(rho))
-        return whole
 
 
 @frozen
@@ -154,9 +144,6 @@ class StandardBelief:
     source : tuple of Source
     chains : (E, K, N, p)
         All draws by ensemble and walker, in order.
-    root : (p, q)
-        ``root rootᵀ`` is the covariance with data and prior, without the constraints; the model
-        leaves q directions free.
     """
 
     names: tuple[str, ...]
@@ -167,7 +154,6 @@ class StandardBelief:
     sd: Array
     source: tuple[Source, ...]
     chains: Array
-    root: Array
 
     @property
     def contraction(self) -> Array:
@@ -230,14 +216,6 @@ def widen_interval(interval: Array, nonnegative: np.ndarray, moved: Array) -> Ar
     return np.column_stack([np.where(nonnegative, np.maximum(low, 0.0), low), high])
 
 
-#: Why an interval that bodies narrow is not stated.
-UP_TO_THE_PRIOR = (
-    "Bodies that can exist, with the prior around the robot file, narrow it, but how far is up to "
-    "the prior's density at the edge of what can exist: the prior decides, and no interval is "
-    "stated."
-)
-
-
 def refine_verdicts(
     result: ModelResult, belief: Belief, thresholds: Thresholds | None = None
 ) -> tuple[Verdict, ...]:
@@ -251,41 +229,31 @@ def refine_verdicts(
     if physical is None or not physical.trustworthy or belief.standard is None:
         return result.verdicts
     prior_sd, data_sd = belief.model_prior_sd, belief.model_data_sd
-    out = []
-    for k, v in enumerate(result.verdicts):
-        open_ = v.verdict in (Class.WEAK, Class.NOT_IDENTIFIABLE)
-        narrowed = physical.sd[k] ** 2 < rules.constraint_variance * v.sigma_robust**2
-        if not (open_ and narrowed):
-            out.append(v)
+    out = list(result.verdicts)
+    for k, v in enumerate(out):
+        # Like with like: the data alone, and data and prior, with and without bodies.
+        alone, variance = rules.constraint_variance * v.sigma_robust**2, physical.sd[k] ** 2
+        if not (v.open and variance < alone):
             continue
         low, high = (float(x) for x in physical.interval[k])
-        span, believed, kind = f"{low:.3g} … {high:.3g} (95 %)", (low, high), Class.PRIOR
-        # Like with like: the same data and prior, with and without bodies that can exist.
-        by_bodies = physical.sd[k] ** 2 < rules.constraint_variance * data_sd[k] ** 2
+        by_bodies = variance < rules.constraint_variance * data_sd[k] ** 2
         learned = 1 - physical.sd[k] / prior_sd[k] if prior_sd[k] > 0 else 0.0
-        text = (
-            f"With the prior around the robot file {span} is believed; it is the prior that "
-            "narrows it, and another prior would say otherwise."
-        )
-        if not physical.stated[k]:
-            out.append(replace(v, verdict=kind, reason=f"{v.reason} {UP_TO_THE_PRIOR}"))
-            continue
+        flag, part = Flag.BY_PRIOR, "prior"
         if by_bodies and learned >= rules.contraction:
-            kind = Class.CONSTRAINT
-            text = (
-                f"Bodies that can exist, with the prior around the robot file, narrow it to {span} "
-                "far inside what data and prior alone allow."
-            )
-        out.append(replace(v, verdict=kind, reason=f"{v.reason} {text}", believed=believed))
+            flag, part = Flag.BY_CONE, "bodies"
+        if not physical.stated[k]:
+            out[k] = narrow(v, Flag.BY_PRIOR, sentence("decision.narrowed", "edge"), v.believed)
+            continue
+        text = sentence("decision.narrowed", part, span=f"{low:.3g} … {high:.3g} (95 %)")
+        out[k] = narrow(v, flag, text, (low, high))
     return tuple(out)
 
 
 def belief_dict(result: ModelResult, belief: Belief) -> dict[str, Any]:
     """Return a belief for JSON; numbers of a chain that did not converge are withheld."""
-    out: dict[str, Any] = {"note": belief.note}
+    out: dict[str, Any] = {"note": belief.note, "signs": None, "physical": None}
     for name, summary in (("signs", belief.signs), ("physical", belief.physical)):
         if summary is None:
-            out[name] = None
             continue
         c = summary.convergence
         out[name] = {
@@ -301,12 +269,11 @@ def belief_dict(result: ModelResult, belief: Belief) -> dict[str, Any]:
             ends = [pair if stated else None for pair, stated in pairs]
             frame = pd.DataFrame({**known, "interval95": ends, "sway": summary.prior_sensitivity})
             out[name]["parameters"] = frame.to_dict("records")
-    standard = belief.standard
-    if standard is not None and belief.physical is not None and belief.physical.trustworthy:
+    if belief.standard is not None and belief.physical and belief.physical.trustworthy:
         names = {"name": "names", "determined_by": "source"}
         shown = ("name", "mean", "sd", "prior_mean", "prior_sd", "determined_by")
-        frame = pd.DataFrame({key: getattr(standard, names.get(key, key)) for key in shown})
-        out["standard"] = frame.to_dict("records")
+        columns = {key: getattr(belief.standard, names.get(key, key)) for key in shown}
+        out["standard"] = pd.DataFrame(columns).to_dict("records")
     return out
 
 
@@ -403,37 +370,6 @@ def _walkers(chains: Array, of: str) -> tuple[tuple[str, ...], Array]:
 # Sample what is believed: two posteriors of one model, and where each parameter comes from.
 
 
-def believe(
-    structure: Structure,
-    information: Information,
-    results: tuple[ModelResult, ...],
-    at: int,
-    rng: np.random.Generator,
-    say: Callable[[str, float], None],
-    silence: str,
-    share: float = 0.0,
-) -> tuple[tuple[ModelResult, ...], Belief]:
-    """Sample the posteriors of one model and let its verdicts know.
-
-    Where there is nothing to explain nothing is sampled: the posterior of a robot that never moved
-    is the prior along a handful of exact equations, which no chain walks.
-    """
-    if silence:
-        return results, Belief(None, None, None, silence)
-    chosen = results[at]
-    part = chosen.submodel.reduce(information)
-    model = FittedModel(structure, chosen.submodel, information, part, chosen.estimate)
-    belief = form_belief(
-        model,
-        rng,
-        share=share,
-        progress=lambda done, total: say("sampling the posterior", 0.9 + 0.09 * done / total),
-    )
-    verdicts = refine_verdicts(chosen, belief)
-    updated = replace(chosen, verdicts=verdicts)
-    return (*results[:at], updated, *results[at + 1 :]), belief
-
-
 def form_belief(
     model: FittedModel,
     rng: np.random.Generator,
@@ -460,13 +396,13 @@ def form_belief(
         notes.append("the motion leaves parameters of the model undetermined")
     try:
         prior = state_prior(model, share)
-        whole = _sample_physical(model, prior, second, effort, progress)
+        physical, standard, root = _sample_physical(model, prior, second, effort, progress)
     except (ValueError, IdentifiabilityError) as error:
         return Belief(signs, None, None, "; ".join([*notes, str(error)]))
     to_x = model.to_x
     prior_sd = np.sqrt(to_x**2 @ np.where(np.isfinite(prior.sd), prior.sd, 0.0) ** 2)
-    data_sd = np.linalg.norm(to_x @ whole[1].root, axis=1)
-    return Belief(signs, *whole, "; ".join(notes), prior_sd, data_sd)
+    data_sd = np.linalg.norm(to_x @ root, axis=1)
+    return Belief(signs, physical, standard, "; ".join(notes), prior_sd, data_sd)
 
 
 def state_prior(model: FittedModel, share: float = 0.0) -> Prior:
@@ -535,41 +471,9 @@ def _sample_signs(model: FittedModel, rng: np.random.Generator, effort: Effort) 
     target = Target(data, Prior.flat(len(submodel)), region)
     start = np.array(estimate.value)
     low = submodel.nonnegative & (start <= 0)
-    start[low] = 0.01 * np.maximum(estimate.sigma[low], 1e-12)
     # The start must lie inside; a step of 1 % of σ off the edge is nothing to the sampler.
-    posterior, convergence = _sample(target, start, rng, effort)
-    prior_sensitivity = measure_prior_sensitivity(
-        posterior.draws, log_distances(region, posterior.draws)
-    )
-    return _summarise(posterior.draws, submodel, rng, prior_sensitivity, convergence)
-
-
-def _sample(
-    target: Target,
-    start: Array,
-    rng: np.random.Generator,
-    effort: Effort,
-    progress: Progress | None = None,
-) -> tuple[Posterior, Convergence]:
-    """Draw until the draws may be shown; what is held by itself never moves and is not asked."""
-    moving = np.flatnonzero(~(target.fixed or Fixed.none(target.size)).parameters)
-    names = [target.region.columns[k] for k in moving]
-
-    def judge(posterior: Posterior) -> Convergence:
-        return diagnose_convergence(replace(posterior, draws=posterior.draws[..., moving]), names)
-
-    judged: list[Convergence] = []
-
-    def enough(so_far: Posterior) -> bool:
-        if may_suffice(so_far.draws):
-            judged[:] = [judge(so_far)]
-        return bool(judged and judged[0].trustworthy)
-
-    posterior = sample_posterior(
-        target, start, rng, enough=enough, progress=progress, **vars(effort)
-    )
-    convergence = judged[0] if judged and judged[0].trustworthy else judge(posterior)
-    return posterior, convergence
+    start[low] = 0.01 * np.maximum(estimate.sigma[low], 1e-12)
+    return _sample(target, start, np.eye(len(submodel)), submodel, rng, effort)[0]
 
 
 def _sample_physical(
@@ -578,11 +482,12 @@ def _sample_physical(
     rng: np.random.Generator,
     effort: Effort,
     progress: Progress | None,
-) -> tuple[Summary, StandardBelief]:
+) -> tuple[Summary, StandardBelief, Array]:
     """Sample the standard parameters on the cone and look at them through the model.
 
     What the model leaves out, holds or ties is so in every draw; what bodies cannot do without
-    counts as error in full, as in the nearest real robot.
+    counts as error in full, as in the nearest real robot. Returned last is a root of the covariance
+    with data and prior, without the constraints.
     """
     structure, region, fixed = model.structure, model.region, model.fixed
     own = LeastSquares.likelihood(model.information, model.estimate).through(model.to_x)
@@ -594,11 +499,39 @@ def _sample_physical(
     signed = region.signed
     # Distance of that point from the edge of a sign, in prior standard deviations.
     start[signed] = np.maximum(start[signed], 1e-4 * prior.sd[signed])
-    posterior, convergence = _sample(target, start, rng, effort, progress)
-    chains = posterior.draws @ model.to_x.T
-    prior_sensitivity = measure_prior_sensitivity(chains, log_distances(region, posterior.draws))
-    summary = _summarise(chains, model.submodel, rng, prior_sensitivity, convergence)
-    return summary, _look_at_standard(structure, target, posterior)
+    told = _sample(target, start, model.to_x, model.submodel, rng, effort, progress)
+    return told[0], _look_at_standard(structure, target, told[1]), target.root
+
+
+def _sample(
+    target: Target,
+    start: Array,
+    to_x: Array,
+    submodel: Submodel,
+    rng: np.random.Generator,
+    effort: Effort,
+    progress: Progress | None = None,
+) -> tuple[Summary, Posterior]:
+    """Draw until the draws may be shown; what is held by itself never moves and is not asked."""
+    moving = np.flatnonzero(~(target.fixed or Fixed.none(target.size)).parameters)
+    names = [target.region.columns[k] for k in moving]
+
+    def judge(posterior: Posterior) -> Convergence:
+        return diagnose_convergence(replace(posterior, draws=posterior.draws[..., moving]), names)
+
+    def enough(so_far: Posterior) -> bool:
+        return may_suffice(so_far.draws) and judge(so_far).trustworthy
+
+    posterior = sample_posterior(
+        target, start, rng, enough=enough, progress=progress, **vars(effort)
+    )
+    chains = posterior.draws @ to_x.T
+    moved = measure_prior_sensitivity(chains, log_distances(target.region, posterior.draws))
+    draws, signed = chains.reshape(-1, len(submodel)), submodel.nonnegative
+    sd = draws.std(0, ddof=1)
+    interval = widen_interval(believed_interval(draws, signed), signed, moved * sd)
+    summary = Summary(draws.mean(0), sd, interval, chains, moved, judge(posterior))
+    return summary, posterior
 
 
 def _look_at_standard(structure: Structure, target: Target, posterior: Posterior) -> StandardBelief:
@@ -622,33 +555,4 @@ def _look_at_standard(structure: Structure, target: Target, posterior: Posterior
         sd=sd,
         source=tuple(map(Source, sources.tolist())),
         chains=posterior.draws,
-        root=target.root,
-    )
-
-
-def _summarise(
-    chains: Array,
-    submodel: Submodel,
-    rng: np.random.Generator,
-    prior_sensitivity: Array,
-    convergence: Convergence,
-) -> Summary:
-    draws = chains.reshape(-1, chains.shape[-1])
-    sd = draws.std(0, ddof=1)
-    interval = believed_interval(draws, submodel.nonnegative)
-    interval = widen_interval(interval, submodel.nonnegative, prior_sensitivity * sd)
-    width = interval[:, 1] - interval[:, 0]
-    # Draws are at an edge within this share of the width of their interval.
-    edge = np.where(submodel.nonnegative, (draws < 0.01 * width).mean(0), 0.0)
-    # Draws kept for pictures.
-    shown = draws[rng.permutation(len(draws))[:800]]
-    return Summary(
-        mean=draws.mean(0),
-        sd=sd,
-        interval=interval,
-        draws=shown,
-        chains=chains,
-        at_edge=edge,
-        prior_sensitivity=prior_sensitivity,
-        convergence=convergence,
     )

@@ -1,47 +1,64 @@
-"""`Analysis`: which parameters do the logs determine? In words, tables, JSON and next lines."""
+"""`Analysis`: which parameters do the logs determine? In words, tables, JSON and next lines.
+
+`Laddered` is what analyze and prune answer alike about the model to use: each answer once, and
+page, terminal and JSON render it.
+"""
 
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
 import numpy as np
 import pandas as pd
 
-from identifiability.effects.imu import move_mounting
+from identifiability.effects import FAMILIES
+from identifiability.effects.vocabulary import every_parameter, file_kinds, values_in_file
 from identifiability.estimation.evidence import Folds
-from identifiability.estimation.fit import Motions
-from identifiability.estimation.prediction import Prediction
+from identifiability.estimation.groups import NO_ALTERNATIVES, Alternatives
+from identifiability.estimation.prediction import (
+    Prediction,
+    measure_errors,
+    measure_spread,
+    widening,
+)
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import loaded_joints
 from identifiability.estimation.verdict import Class, Verdict, percent_of
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
-from identifiability.foundation.errors import listing
+from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import REACH, percent
 from identifiability.foundation.options import check_choice
+from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import (
     NONE,
     digits,
     error_text,
-    format_count,
+    exact,
     format_number,
     join,
-    percent,
     percent_text,
     stated_text,
     time_text,
 )
-from identifiability.foundation.rules import RuleTable
+from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare.dataset import Dataset
+from identifiability.physical.cad_prior import real_robot_dict, state_mass, state_masses
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.rules import Thresholds as Believable
-from identifiability.robot import Robot
-from identifiability.workflows.analyze.assessment import JudgedModel, Laddered, ModelResult
+from identifiability.regression.information import Information
+from identifiability.regression.reduction import LadderSource
+from identifiability.workflows import predict
+from identifiability.workflows.analyze.assessment import ModelResult
 from identifiability.workflows.analyze.belief import Belief, Which, belief_dict, build_datatree
 from identifiability.workflows.answers import (
     SIGMA,
@@ -55,6 +72,7 @@ from identifiability.workflows.answers import (
     bias_columns,
     grade_of,
     note,
+    sentence,
     with_hints,
 )
 from identifiability.workflows.commands import (
@@ -66,249 +84,378 @@ from identifiability.workflows.commands import (
     on_file,
     source_name,
 )
+from identifiability.workflows.opening import state_provenance
+from identifiability.workflows.predict import Predicts, settled
+from identifiability.workflows.session import Opening
 
 if TYPE_CHECKING:
     from xarray import DataTree
 
+    from identifiability.estimation.rollouts import Rollouts
+    from identifiability.workflows.commanded import Moved
 
-# What logs say of each other, in words.
-
-
-#: Parameters that a sentence names.
+#: Parameters and logs that a sentence names.
 NAMED = 3
-
-ONE = "One motion cannot show what another would change: no interval holds that."
-SHORT = (
-    "The logs are too short to be fitted one by one: no interval holds what another motion would "
-    "change."
-)
-
-
-@frozen
-class SeveralLogs:
-    """Whether motions lead to the same values, in numbers and words.
-
-    Attributes
-    ----------
-    motions : Motions or None
-        None where there are not two that can be fitted by themselves.
-    names : tuple of str
-        Of its logs.
-    columns : tuple of str
-        The k parameters.
-    statement : str
-    """
-
-    motions: Motions | None
-    names: tuple[str, ...]
-    columns: tuple[str, ...]
-    statement: str
-
-    @property
-    def hint(self) -> str:
-        """What to do where they disagree; empty where they agree."""
-        return "" if self.motions is None or not self.motions.moved.any() else self.statement
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain values."""
-        m = self.motions
-        found: dict[str, Any] = {"statement": self.statement, "names": list(self.names)}
-        if m is None:
-            return found
-        most = int(np.argmax(m.ratio))
-        found |= {"p": float(m.p.min()), "variance_ratio": float(m.ratio[most])}
-        found["degrees_of_freedom"] = float(m.dof[most])
-        rows = zip(self.columns, m.values.T, m.sd.T, m.p, m.between, strict=True)
-        keys = ("name", "values", "sd", "p", "between")
-        found["parameters"] = [
-            dict(zip(keys, (name, v.tolist(), s.tolist(), float(p), float(b)), strict=True))
-            for name, v, s, p, b in rows
-        ]
-        return found
-
-
-def compare_logs(samples: Sequence[Dataset], result: ModelResult) -> SeveralLogs:
-    """Return what logs say of each other under a model.
-
-    Parameters
-    ----------
-    samples : sequence of Dataset
-        The fitted logs.
-    result : ModelResult
-    """
-    columns, motions = result.submodel.columns, result.fit.motions
-    if motions is None:
-        return SeveralLogs(None, (), columns, ONE if len(samples) == 1 else SHORT)
-    names = tuple(samples[k].name for k in motions.which)
-    if not motions.moved.any():
-        text = f"The {len(names)} logs agree: no value differs by more than chance."
-        return SeveralLogs(motions, names, columns, text)
-    order = [k for k in np.argsort(motions.p) if motions.moved[k]]
-    far = listing([f"{columns[k]} ({_range(motions.values[:, k])})" for k in order], NAMED)
-    text = (
-        f"The logs {listing(names, NAMED)} disagree: {far}. A payload, a temperature or another "
-        "robot does that, or the model leaves out what differs between them; intervals are widened "
-        "to hold all of them. What changed, and in which log: compare."
-    )
-    return SeveralLogs(motions, names, columns, text)
-
-
-def _range(values: Array) -> str:
-    return f"{values.min():.3g} to {values.max():.3g}"
-
-
-# The answer of an analysis in plain words.
-
 
 #: Why no verdict is believed where a model would be used that is no better than no model.
 WORSE = "no model predicts motion that it has not seen better than a constant torque would"
 
 
-def state_physics(chosen: ModelResult) -> str:
-    """Return what physics says of a model."""
-    if chosen.feasible:
-        return "A real robot can have its values."
-    if chosen.physical.nearest is None:
-        return chosen.physical.sentence
-    if math.isnan(chosen.error_ra_physical):  # folds of few samples
-        return "It is no real robot; these logs are too short to say how much the nearest one errs."
-    near = f"The nearest real robot errs by {percent(chosen.error_ra_physical)}."
-    if chosen.physical_used:
-        less = chosen.error_ra_physical < chosen.error_ra_validation
-        near = (
-            f"The nearest real robot errs by {percent(chosen.error_ra_physical)}, "
-            f"{'less' if less else 'not surely more'}. Its values are those to use, and "
-            "predictions and exports have them."
-        )
-    if count := len(chosen.infeasible):
-        return (
-            f"But {count} of its values {'has' if count == 1 else 'have'} a sign that physics "
-            f"forbids ({listing(chosen.infeasible, 4)}). {near}"
-        )
-    if chosen.physical.certificate is None:
-        return f"The motion leaves some of its parameters open. {near}"
-    return f"Its values are not physically consistent, although each sign is possible. {near}"
-
-
-def state_weak(chosen: ModelResult) -> str:
-    """Return one sentence on values without a strong instrument, or nothing."""
-    estimate = chosen.estimate
-    if estimate.correction is None:
-        return ""
-    bias = estimate.correction.bias
-    # What has this share of its variance from these directions leans on them.
-    leans = (bias**2).sum(0) > 0.1 * estimate.sigma**2
-    known = {v.name for v in chosen.verdicts if v.verdict is Class.IDENTIFIABLE}
-    touched = [c for c, found in zip(estimate.columns, leans, strict=True) if found and c in known]
-    if not touched:
-        return ""
-    return (
-        f"In {len(bias)} of {len(estimate.kept)} directions noise drowns the motion, and least "
-        "squares stays, with the bias that this gives it (σ holds it); "
-        f"{listing(touched, 4)} lean on them: move faster or longer, or measure the motion better."
-    )
-
-
-def state_mounting(robot: Robot, verdicts: Sequence[Verdict]) -> str:
-    """Return what to write into the sidecar of an inertial sensor that sits elsewhere, or nothing.
-
-    Corrections are linear where they are small: what is left of a large one is found from there.
-    """
-    sure = {v.name: v.value for v in verdicts if v.verdict in (Class.IDENTIFIABLE, Class.WEAK)}
-    entry = move_mounting(robot, sure)
-    if not entry:
-        return ""
-    return (
-        "The inertial sensor is mounted otherwise than stated; as corrections are exact only while "
-        f"they are small, fit large ones once more with this at the top of the sidecar: {entry}"
-    )
-
-
-def doubt(
-    why: str, results: tuple[ModelResult, ...], at: int, held_out: Prediction
-) -> tuple[tuple[ModelResult, ...], str]:
-    """Take the verdicts back where none can be believed; return them, and why not.
-
-    Parameters
-    ----------
-    why : str
-        What speaks against all of them: the fitted logs have nothing to explain, or are misread;
-        empty if nothing does.
-    results : tuple of ModelResult
-    at : int
-        The selected model.
-    held_out : Prediction
-    """
-    if not why and not results[at].error_ra_validation < held_out.constant_error():
-        why = WORSE
-    return (tuple(r.withdraw(why) for r in results) if why else results), why
-
-
-# `Analysis`: the answer to which parameters the logs determine; a table, JSON or a report.
+# What analyze and prune answer alike about the model to use of a ladder.
 
 
 @frozen(kw_only=True)
-class Analysis(Laddered):
-    """The answer. `to_frame`, `to_json` and `write_report` give it away.
+class Laddered(Result, Opening, Predicts):
+    """A ladder of models, of which one is to be used.
 
     Attributes
     ----------
     models : tuple of ModelResult
-        The ladder, unpruned model first.
+        The unpruned one first.
+    information : Information
+        About the base parameters, on the fitted logs.
     selected : int
-        The model to use: the smallest that may stand for the best on folds of the fitted logs and
-        that held-out logs do not object to, physically feasible ones first.
-    fitted, held_out : Prediction
-        As of every model.
-    belief : Belief or None
-        Posteriors of the selected model, where they were asked for.
-    thresholds
+        The model to use.
+    everywhere : Prediction or None
+        By the values to use along unseen motion, where joints stand, too; None where none does.
+    method, seed
         As asked for.
-    recordings : tuple of Log
-        What the fitted logs were prepared from.
-    several : SeveralLogs or None
-        Whether the logs, or stretches of one, lead to the same values of the selected model.
-    folds : Folds or None
-        What is predicted from the rest of the fitted logs; None where nothing was fitted.
+    source : LadderSource or None
+        Where the models came from.
+    settings : mapping
+        Other options that decided the numbers.
+    nothing : str
+        Why no verdict is believed, for after "because"; empty where they are.
+    missing : Alternatives
+        What may be missing beside the unpruned model.
+    moved : Moved or None
+        How far rollouts of the nearest real robot are off, of logs of commands.
+    late : (w, b)
+        By how much base parameters move by errors that all samples of a log share.
+    rolled : Rollouts or None
+        On which torque of commands was calibrated: delays and their errors.
     """
 
-    schema: ClassVar[str] = "identifiability/analysis/1"
-
     models: tuple[ModelResult, ...]
-    belief: Belief | None = None
-    thresholds: Thresholds = field(default_factory=Thresholds)
+    information: Information
+    selected: int
+    everywhere: Prediction | None = None
+    method: str
+    seed: int
+    source: LadderSource | None = None
     settings: Mapping[str, object] = field(default_factory=dict)
-    recordings: tuple[Log, ...] = ()
-    several: SeveralLogs | None = None
-    folds: Folds | None = None
+    nothing: str = ""
+    missing: Alternatives = NO_ALTERNATIVES
+    moved: Moved | None = None
+    late: Array
+    rolled: Rollouts | None = None
 
     @property
     def chosen(self) -> ModelResult:
-        """The selected model."""
+        """The model to use."""
         return self.models[self.selected]
-
-    @property
-    def _used(self) -> ModelResult:
-        """The selected model."""
-        return self.chosen
-
-    @property
-    def _alone(self) -> tuple[Prediction, Prediction]:
-        """By the selected model alone: on what was fitted, and on what was held out."""
-        return self.fitted.select([self.selected]), self.held_out.select([self.selected])
-
-    @property
-    def first(self) -> str:
-        """The first model of the ladder as it was given: of a model file its only one."""
-        return self.full.name if self.source is None else self.source.entry.models[0].name
 
     @property
     def full(self) -> ModelResult:
         """The unpruned model."""
         return self.models[0]
 
+    @property
+    def fitted(self) -> Prediction:
+        """Torque predicted by the values to use on the logs that were fitted."""
+        return self.chosen.used[0]
+
+    @property
+    def held_out(self) -> Prediction:
+        """The same on validation logs or, without any, on stretches (or logs) in turns."""
+        return self.chosen.used[1]
+
+    @property
+    @abstractmethod
+    def validation_kind(self) -> str:
+        """What the error on unseen motion was measured on."""
+
+    @abstractmethod
+    def _answer_use(self) -> Answer:
+        """Return which model to use, and what the logs determine of it."""
+
+    @property
+    def commands_next(self) -> list[tuple[str, str]]:
+        """At most three lines for the terminal, the most useful first."""
+        robot, verb = source_name(self.robot), self.schema.split("/")[1]
+        verb = "prune" if verb == "pruning" else "analyze"
+        names, how = given_paths(self.samples), self.settings.get("preparation")
+        logs, held = name_logs(self.robot, names, how=how), held_back(self.validation)
+        if self.nothing:
+            return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
+        chosen, given = self.chosen, ladder_option(self.robot, self.source)
+        again = f"identifiability {verb} {robot} {logs}{held}{given}"
+        text = "Find out what the model misses:"
+        find = f"identifiability diagnose {robot} {logs}{held} --report missing.html"
+        if verb == "prune":
+            find = find.replace(" --report", " --model {file} --report")
+            find = on_file(self, "model", "pruned.toml", f"{again} --out", find)
+        missing, out = (text, find), []
+        suspect = bool(self.missing.functions or chosen.contradicted)
+        if suspect or grade_of(chosen.error_ra_validation) != "very-good":
+            out.append(missing)
+        if verb == "analyze" and chosen.count(Class.IDENTIFIABLE) < len(chosen.submodel):
+            text = "Drop what noise decides, and keep a model that a real robot can have:"
+            more = f"{given} --report pruned.html --json prune.json"
+            out.append((text, f"identifiability prune {robot} {logs}{held}{more}"))
+            begun = name_logs(self.robot, names, "--start-from", how)
+            line = f"identifiability excite {robot} {begun} --out next.json"
+            out.append(("Or measure what these logs leave open:", line))
+        text, name = name_export(self.robot, *self.exported)
+        unseen = name_logs(self.robot, given_paths(self.validation or self.samples))
+        what = "Predict torque, of this log or another:"
+        uses = {text: f"export {robot} {{file}} --out {name}"}
+        uses |= {what: f"predict {robot} {{file}} {unseen} --out torque.csv"}
+        for what, use in uses.items():
+            line = f"identifiability {use}"
+            out.append((what, on_file(self, "json", f"{verb}.json", f"{again} --json", line)))
+        return [*out, *([] if missing in out else [missing])][:3]
+
+    @cached_property
+    def provenance(self) -> dict[str, str]:
+        """Versions, seed, options, and hashes of the inputs."""
+        logs, options = (*self.samples, *self.validation), {"method": self.method, **self.settings}
+        return state_provenance(self.robot, logs, self.seed, self.source, options)
+
+    @cached_property
+    def fit(self) -> predict.Fit:
+        """The model to use: values, covariance, and how torque scatters about it.
+
+        Raises
+        ------
+        IdentifiabilityError
+            If no value is believed.
+        """
+        if self.nothing:
+            raise IdentifiabilityError(
+                f"Nothing can be predicted, because {self.nothing}; give other logs to fit."
+            )
+        both = self.fitted, self.held_out
+        own, unseen = ((p.joint_rms()[:, 0], p.joint_rms(raw=True)[:, 0]) for p in both)
+        used, whole = self.chosen, self.full
+        part = used.submodel.reduce(self.information)
+        wider = widening(part, used.estimate, used.fit)
+        M, unpruned = whole.submodel.M, whole.submodel.reduce(self.information)
+        covariance, unknown = measure_errors(unpruned, whole.estimate, wider)
+        return predict.Fit(
+            structure=self.structure,
+            submodel=used.real or used.submodel,
+            values=used.recommended,
+            spread=measure_spread(part, used.estimate, used.fit, own, unseen),
+            preparation=settled(self.settings.get("preparation"), self.samples),
+            base_covariance=M @ covariance @ M.T + self.late.T @ self.late,
+            base_unknown=M @ unknown,
+            errors=self.exported[1],
+            missing=self.missing.functions,
+        )
+
+    def ladder_frame(self) -> pd.DataFrame:
+        """Return one row a model."""
+        return pd.DataFrame([m.row() for m in self.models])
+
+    def error_frame(self) -> pd.DataFrame:
+        """Return the errors of the values to use by joint and by log, fitted and held out.
+
+        Relative to how much the torque varies: that of the joint about its own mean (`rms` is in
+        N or N·m, `raw` of the torque as it was measured, not low-passed), that of all joints of a
+        log about the log's mean (ε_RA of the log by itself). NaN where a log took no part, or the
+        torque does not vary.
+        """
+        robot = self.robot
+        joints: dict[str, Any] = {"of": "joint", "name": robot.joints, "unit": robot.torque_units}
+        for name, p in (("", self.fitted), ("_validation", self.held_out)):
+            for which, raw in (("", False), ("_raw", True)):
+                joints[f"error{which}{name}"] = p.joint_error(raw=raw)[:, 0]
+                joints[f"rms{which}{name}"] = p.joint_rms(raw=raw)[:, 0]
+        logs = []
+        for k, s in enumerate((*self.samples, *self.validation)):
+            later, unseen = k - len(self.samples), k
+            fitted = self.fitted.relative_error(k)[0] if later < 0 else np.nan
+            if self.validation:
+                unseen = later
+            crossed = np.nan if unseen < 0 else self.held_out.relative_error(unseen)[0]
+            row = {"of": "log", "name": s.path or s.name, "unit": ""}
+            logs.append({**row, "error": fitted, "error_validation": crossed})
+        return pd.concat([pd.DataFrame(joints), pd.DataFrame(logs)], ignore_index=True)
+
+    @property
+    def exported(self) -> tuple[tuple[str, ...], tuple[float, float]]:
+        """Parameters of the model to use, and errors of all and of those that an MJCF holds."""
+        real = self.real_robot
+        return self.chosen.submodel.columns, (real["error_ra"], real["error_ra_files"]["mjcf"])
+
+    @cached_property
+    def real_robot(self) -> dict[str, Any]:
+        """The nearest real robot as plain values, as `export` reads them."""
+        used, real = self.chosen, self.chosen.physical
+        assert real is not None
+        told = real_robot_dict(
+            self.structure,
+            real.parameters(),
+            tuple(used.fitted.relative_error()[1:].tolist()),
+            used.fitted.joint_error()[:, 1:],
+            self.samples,
+            real.cad_weight,
+        )
+        each = dict(zip(file_kinds(self.robot), map(used.unseen_by, (2, 3)), strict=True))
+        if "gravity" in told:  # what its files err by is measured along the fitted logs alone
+            each = dict.fromkeys(each, float("nan"))
+        return told | {"error_ra_validation_files": each}
+
+    @property
+    def mass_statement(self) -> str:
+        """What the nearest real robot and its bodies weigh beside the robot file's, in a line."""
+        return state_masses(self.robot, self.real_robot["parameters"])
+
+    @property
+    def mass_warning(self) -> str:
+        """What is wrong with the total mass of the nearest real robot; empty if nothing is."""
+        real = self.real_robot
+        return "" if self.nothing else state_mass(self.robot, real["parameters"], real["cad_prior"])
+
+    @property
+    def doubt(self) -> str:
+        """Why nothing is believed, in one sentence; empty where it is."""
+        return f"Nothing is identifiable, because {self.nothing}." if self.nothing else ""
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return what to use, how good it is, whether to trust it, what to do next."""
+        chosen = self.chosen
+        return (
+            after_mass(self._answer_use(), self.mass_warning),
+            self._answer_quality(),
+            answer_trust(
+                self.cautions(),
+                self.doubt or chosen.unjudged,
+                chosen.count(Class.IDENTIFIABLE),
+                len(chosen.submodel),
+                self.missing.statement,
+            ),
+            answer_next(self.commands_next),
+        )
+
+    @property
+    def statement(self) -> str:
+        """The answer in plain words, behind a wrong mass, with what is odd."""
+        use, quality = self._answer_use(), self._answer_quality()
+        told = self.doubt or f"{use.short} {use.text} {quality.short} {quality.text}"
+        tilt = self.robot.tilt
+        about = "" if tilt is None else f"In this model gravity {tilt.text}."
+        moved = "" if self.moved is None else self.moved.statement
+        parts = self.mass_warning, self.weight, told, moved, about, *self.hints
+        return " ".join(filter(None, parts))
+
+    @property
+    def weight(self) -> str:
+        """What a robot that floats weighs by its logs, beside its file; nothing of others.
+
+        The mass of all its bodies is one of its base parameters: gravity acts on the whole of it.
+        """
+        structure = self.structure
+        if self.robot.base is None or self.nothing:
+            return ""
+        masses = np.array([p.kind == "m" for p in structure.parameters], float)
+        pairs = zip(structure.base.names, structure.G, strict=True)
+        total = [name for name, row in pairs if np.allclose(row, masses, atol=1e-6)]
+        for v in self.full.verdicts:
+            if v.name in total and np.isfinite(half := REACH * v.sigma_label):
+                told = {"title": self.robot.title, "file": float(structure.nominal @ masses)}
+                return sentence("decision.weight", value=v.value, half=half, **told)
+        return ""
+
+    def _answer_quality(self) -> Answer:
+        """Return how well the values to use predict, and beside it what that leaves out."""
+        each, kind = self.held_out.joint_error()[:, 0], self.validation_kind
+        more = "" if self.nothing else " ".join(filter(None, (self._beside(), self._in_file())))
+        error = self.chosen.error_ra_validation
+        return answer_quality(error, self.robot.joints, each, kind, more)
+
+    @property
+    def left_out(self) -> dict[str, float]:
+        """Share of unseen rows without weight, and ε_RA over all rows and of raw torque."""
+        p, every = self.held_out, self.everywhere or self.held_out
+        share = 1.0 - p.sums.rows.sum() / max(every.sums.rows.sum(), 1)
+        errors = every.relative_error()[0], p.relative_error(raw=True)[0]
+        return dict(zip(("rows", "all_rows", "raw"), map(float, (share, *errors)), strict=True))
+
+    def _beside(self) -> str:
+        """Return what the error leaves out: rows without weight, and what a low-pass took."""
+        left, error, told = self.left_out, self.chosen.error_ra_validation, []
+        if left["rows"] > 0:
+            share, every = percent(left["rows"], 2), percent(left["all_rows"])
+            told.append(sentence("decision.left", "rows", share=share, error=every))
+        if np.isfinite(left["raw"]) and not np.isclose(left["raw"], error, rtol=1e-6):
+            told.append(sentence("decision.left", "raw", error=percent(left["raw"])))
+        return " ".join(told)
+
+    def _in_file(self) -> str:
+        """Return what a plain robot file errs by in a simulator, and what it lacks."""
+        real, error = self.real_robot, self.chosen.error_ra_validation
+        alone, given = real["error_ra_validation_files"], real["parameters"]
+        kind = file_kinds(self.robot)[0]
+        if not np.isfinite(alone[kind]):
+            return ""
+        held, titles = values_in_file(self.robot, given, kind), dict[str, list[str]]()
+        every = every_parameter(self.robot, real["shapes"])
+        for name in (n for n, x in given.items() if x != held[n]):
+            title = FAMILIES[every[name].group].title if name in every else name
+            titles.setdefault(title, []).append(name)
+        told = sentence("decision.left", "file", kind=kind.upper(), error=percent(alone[kind]))
+        if titles and alone[kind] > (1 + DIFFERS) * error:
+            names = [f"{title} ({listing(own, NAMED)})" for title, own in titles.items()]
+            told += sentence("decision.left", "lacks", names=listing(names, NAMED))
+        return f"{told}."
+
+    def _reduced(self) -> str:
+        """Return which values to use are no parameter's own, and what they stand for."""
+        chosen = self.chosen
+        told = [
+            f"{v.name} ({format_number(x, 4)} {v.unit}: {text})"
+            for v, x, text in zip(chosen.verdicts, chosen.recommended, chosen.meanings, strict=True)
+            if text
+        ]
+        if not told or self.nothing:
+            return ""
+        return sentence("decision.left", "names", names=listing(told, NAMED))
+
+    def cautions(self) -> tuple[Note, ...]:
+        """Return what is to be kept in mind, gravest first."""
+        kinds = {"commands": "commands", "reading": "read"}
+        notes = [note(kinds.get(getattr(h, "key", ""), "hint"), hint=h) for h in self.hints]
+        if self.nothing:
+            notes.append(note("nothing", why=f"{self.nothing[0].upper()}{self.nothing[1:]}"))
+        notes += self._notes()
+        order = {"warning": 0, "note": 1, "good": 2}
+        return tuple(sorted(notes, key=lambda n: order[n.level]))
+
+    def _notes(self) -> Iterator[Note]:
+        """Say what physics, the motion, its samples and the fit speak against."""
+        chosen, base, kept = self.chosen, self.base, self.full.estimate.kept
+        for found in of_key(self.findings, "unclosed", "singular"):
+            yield note(found.key, log=found.subject, text=found)
+        if not np.isfinite(chosen.error_ra_validation):
+            return
+        if chosen.infeasible and not self.nothing and not chosen.physical_used:
+            near = f"the nearest real robot errs by {error_text(chosen.unseen_by(1))}"
+            yield note("impossible", names=join(chosen.infeasible), near=near)
+        if len(kept) < base.rank:
+            yield note("poor", rank=base.rank, excited=len(kept))
+        if base.ambiguous:
+            yield note("ambiguous")
+        if chosen.unjudged:
+            yield note("unjudged", why=chosen.unjudged)
+        if not self.validation:
+            yield note("inside", kind=self.validation_kind)
+
     def to_frame(self, model: str | None = None) -> pd.DataFrame:
-        """Return one row a parameter of the selected model, or of the named one.
+        """Return one row a parameter of the model to use, or of the named one.
+
+        ``used`` is its value in predictions and files.
 
         Raises
         ------
@@ -316,7 +463,7 @@ class Analysis(Laddered):
             If the ladder has no such model.
         """
         result = self.chosen if model is None else self.models[self.find_model(model)]
-        return pd.DataFrame([v.to_row() for v in result.verdicts])
+        return pd.DataFrame(result.rows())
 
     def find_model(self, name: str) -> int:
         """Return the place of a model in the ladder.
@@ -331,12 +478,123 @@ class Analysis(Laddered):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
-        told, base = super().to_dict(), self.base
-        certificate = {"certificate": self.chosen.physical.sentence}
-        return told | {
+        used, errors = self.chosen, self.error_frame().rename(columns={"name": "joint"})
+        joints, logs = (errors[errors["of"] == kind] for kind in ("joint", "log"))
+        own, real = ["joint", "error", "error_validation"], self.real_robot
+        return {
+            "schema": self.schema,
+            "robot": self.robot.identity,
+            "samples": self.information.samples,
             "validation": self.validation_kind,
-            "physical": certificate | told["physical"],
-            "posterior": None if self.belief is None else belief_dict(self.chosen, self.belief),
+            "statement": self.statement,
+            "nothing": self.nothing or None,
+            "models": [m.row() for m in self.models],
+            "selected": used.name,
+            "errors": {
+                "joints": joints.drop(columns="of").to_dict("records"),
+                "logs": logs[own].rename(columns={"joint": "log"}).to_dict("records"),
+                "left_out": self.left_out,
+            },
+            "parameters": used.rows(),
+            "full_parameters": self.full.rows(),
+            "fit": None if self.nothing else self.fit.to_dict(),
+            "missing_functions": self.missing.to_list(),
+            "physical": {
+                "feasible": used.feasible,
+                "margin": used.physical.margin if used.physical else None,
+                "certificate": used.physical.sentence if used.physical else "",
+                "infeasible": list(used.infeasible),
+                "error_ra_validation": used.unseen_by(1),
+                "used": used.physical_used,
+                **exact(real, "parameters", "shapes", "gravity"),
+            },
+            **({} if self.moved is None else {"rollout": self.moved.to_dict()}),
+            "hints": list(self.hints),
+            "preparation": {
+                s.path or s.name: list(s.notes) for s in (*self.samples, *self.validation)
+            },
+            "method": self.method,
+            "estimator": used.estimate.estimator.name,
+            "provenance": self.provenance,
+        }
+
+
+#: From which share on a robot file's error is another than that of the values to use.
+DIFFERS: Tolerance = 0.05
+
+
+def state_physics(chosen: ModelResult) -> str:
+    """Return what physics says of a model's values, and which of them are to be used."""
+    real, error = chosen.physical, chosen.unseen_by(1)
+    if real is None or real.nearest is None:
+        return "" if real is None else real.sentence
+    if chosen.physical_used:
+        return sentence("decision.physics", "used", free=error_text(chosen.unseen_by(0)))
+    if math.isnan(error):  # folds of few samples
+        return sentence("decision.physics", "short")
+    part = "signs" if chosen.infeasible else "yes" if chosen.feasible else "no"
+    held = sentence("decision.physics", part, names=listing(chosen.infeasible, 4))
+    return f"{held} {sentence('decision.physics', 'near', error=percent(error))}"
+
+
+# What logs say of each other.
+
+
+def compare_logs(samples: Sequence[Dataset], result: ModelResult) -> tuple[str, bool]:
+    """Return what logs say of each other under a model, and whether they disagree.
+
+    Parameters
+    ----------
+    samples : sequence of Dataset
+        The fitted logs.
+    result : ModelResult
+    """
+    columns, motions = result.submodel.columns, result.fit.motions
+    if motions is None:
+        return sentence("decision.logs", "one" if len(samples) == 1 else "short"), False
+    names = listing([samples[k].name for k in motions.which], NAMED)
+    if not motions.moved.any():
+        return sentence("decision.logs", "agree", names=names), False
+    order = [k for k in np.argsort(motions.p) if motions.moved[k]]
+    ends = [(columns[k], motions.values[:, k].min(), motions.values[:, k].max()) for k in order]
+    far = listing([f"{name} ({low:.3g} to {high:.3g})" for name, low, high in ends], NAMED)
+    return sentence("decision.logs", "disagree", names=names, far=far), True
+
+
+# `Analysis`: the answer to which parameters the logs determine; a table, JSON or a report.
+
+
+@frozen(kw_only=True)
+class Analysis(Laddered):
+    """The answer. `to_frame`, `to_json` and `write_report` give it away.
+
+    Attributes
+    ----------
+    selected : int
+        The model to use: the smallest that may stand for the best on folds of the fitted logs,
+        physically feasible ones first.
+    belief : Belief or None
+        Posteriors of the selected model, where they were asked for.
+    thresholds
+        As asked for.
+    recordings : tuple of Log
+        What the fitted logs were prepared from.
+    folds : Folds or None
+        What is predicted from the rest of the fitted logs; None where nothing was fitted.
+    """
+
+    schema: ClassVar[str] = "identifiability/analysis/1"
+
+    belief: Belief | None = None
+    thresholds: Thresholds = field(default_factory=Thresholds)
+    recordings: tuple[Log, ...] = ()
+    folds: Folds | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result in the documented JSON schema."""
+        base, chosen = self.base, self.chosen
+        return super().to_dict() | {
+            "posterior": None if self.belief is None else belief_dict(chosen, self.belief),
             "structure": {
                 "parameters": len(base.parameters),
                 "rank": base.rank,
@@ -345,7 +603,7 @@ class Analysis(Laddered):
                 "groupings": dict(zip(base.names, base.labels, strict=True)),
                 "without_effect": list(base.without_effect),
             },
-            "several_logs": None if self.several is None else self.several.to_dict(),
+            "several_logs": {"statement": compare_logs(self.samples, chosen)[0]},
         }
 
     def to_arviz(self, posterior: Which = "physical") -> DataTree:
@@ -366,7 +624,7 @@ class Analysis(Laddered):
 
     @property
     def validation_kind(self) -> str:
-        """What the held-out error was measured on."""
+        """What the error on unseen motion was measured on."""
         if not np.isfinite(self.chosen.error_ra_validation):
             return "nothing, for there is no error"
         if self.validation:
@@ -375,22 +633,6 @@ class Analysis(Laddered):
         if logs > 1 and self.folds is not None and self.folds.count == logs:
             return "cross-validation, one log left out at a time"
         return f"cross-validation over stretches of the {'log' if logs == 1 else 'logs'}"
-
-    @property
-    def statement(self) -> str:
-        """The answer in plain words."""
-        use, quality = _answer_use(self), self.answers()[1]
-        told = f"{use.short} {use.text} {quality.short} Measured on {self.validation_kind}."
-        doubt = f"Nothing is identifiable, because {self.nothing}." if self.nothing else ""
-        return self._state(doubt or told)
-
-    def answers(self) -> tuple[Answer, ...]:
-        """Return what to use, how good it is, whether to trust it, what to do next."""
-        return _answers(self)
-
-    def cautions(self) -> tuple[Note, ...]:
-        """Return what is to be kept in mind, gravest first."""
-        return _cautions(self)
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
@@ -402,65 +644,61 @@ class Analysis(Laddered):
         models = Table.of("", LADDER, self.models, marked=self.selected)
         return (models, *error_tables(self), parameter_table(self, self.chosen))
 
-    @property
-    def physical_statement(self) -> str:
-        """What physics says of the selected model, in words."""
-        return state_physics(self.chosen)
+    def _answer_use(self) -> Answer:
+        chosen, base, full = self.chosen, self.base, self.full
+        question = "What do the logs determine, and which model to use?"
+        size = f"Of {len(base.parameters)} parameters {base.rank} can be told apart by any motion."
+        if self.nothing:
+            return Answer(question, "Nothing, and none.", size, "vermilion")
+        title, count = model_title(chosen), f"{len(chosen.submodel)} parameters"
+        found = f"{chosen.count(Class.IDENTIFIABLE)} of {count} identifiable"
+        short = f"{title[0].upper()}{title[1:]}: {found}."
+        if chosen.unjudged:
+            short = f"Nothing is judged in {title} of {count}."
+        if chosen is not full:
+            size += f" The unpruned {model_title(full)} keeps all {len(full.submodel)} of them"
+            size += "." if full.unjudged else f", {full.count(Class.IDENTIFIABLE)} identifiable."
+        told = [size, self._reduced(), say_unjudged(chosen)]
+        kept = full.estimate.kept
+        if not (chosen.unjudged or any(m.count(Class.IDENTIFIABLE) for m in self.models)):
+            few = f"The motion excites only {len(kept)} of these, and noise hides them."
+            told.append(few if len(kept) < base.rank else "Noise hides all of them.")
+        if self.missing.functions:
+            missing = self.missing.statement
+            told.append(f"That holds only if nothing is missing: {missing}: diagnose.")
+        text = " ".join(filter(None, (*told, state_physics(chosen))))
+        return Answer(question, short, text, "blue" if chosen.feasible else "amber")
 
 
-# What is answered first: what the logs determine, how good that is, whether to trust it.
+def say_unjudged(chosen: ModelResult) -> str:
+    """Return what is known of values of which none is judged, and why none is; else nothing."""
+    if not chosen.unjudged:
+        return ""
+    limit = Thresholds().sigma_percent
+    known = [v.name for v in chosen.verdicts if v.sigma_label_percent <= limit]
+    told = {"count": len(known), "limit": f"{limit:g}", "names": listing(known, NAMED)}
+    part = "known" if known else "unknown"
+    return f"{chosen.unjudged} {sentence('decision.unjudged', part, **told)}"
 
 
-def _answers(analysis: Analysis) -> tuple[Answer, ...]:
-    chosen, found = analysis.chosen, analysis.chosen.count(Class.IDENTIFIABLE)
-    doubt = f"Nothing is identifiable, because {analysis.nothing}." if analysis.nothing else ""
-    each = analysis.held_out.joint_error()[:, analysis.selected]
-    joints, kind = analysis.robot.joints, analysis.validation_kind
-    return (
-        after_mass(_answer_use(analysis), analysis.mass_warning),
-        answer_quality(chosen.error_ra_validation, joints, each, kind),
-        answer_trust(
-            analysis.cautions(),
-            doubt or chosen.unjudged,
-            found,
-            len(chosen.submodel),
-            analysis.missing.statement,
-        ),
-        answer_next(next_commands(analysis)),
-    )
+def doubt(
+    why: str, results: tuple[ModelResult, ...], at: int
+) -> tuple[tuple[ModelResult, ...], str]:
+    """Take the verdicts back where none can be believed; return them, and why not.
 
-
-# What to do next after an analysis, as lines for the terminal.
-
-
-def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
-    """Return at most three lines for the terminal, the most useful first."""
-    robot, how = source_name(analysis.robot), analysis.settings.get("preparation")
-    names = given_paths(analysis.samples)
-    logs = name_logs(analysis.robot, names, how=how)
-    held = held_back(analysis.validation)
-    if analysis.nothing:
-        return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
-    chosen, out = analysis.chosen, []
-    suspect = analysis.missing.functions or chosen.contradicted
-    if suspect or grade_of(chosen.error_ra_validation) != "very-good":
-        page = "--report missing.html"
-        text = "Find out what the model misses:"
-        out.append((text, f"identifiability diagnose {robot} {logs}{held} {page}"))
-    if chosen.count(Class.IDENTIFIABLE) < len(chosen.submodel):
-        text = "Drop what noise decides, and keep a model that a real robot can have:"
-        more = f"{ladder_option(analysis.robot, analysis.source)} --report pruned.html"
-        out.append((text, f"identifiability prune {robot} {logs}{held}{more} --json prune.json"))
-        text = "Or measure what these logs leave open:"
-        begun = name_logs(analysis.robot, names, "--start-from", how)
-        out.append((text, f"identifiability excite {robot} {begun} --out next.json"))
-    again = f"identifiability analyze {robot} {logs}{held}"
-    again += f"{ladder_option(analysis.robot, analysis.source)} --json"
-    text, name = name_export(analysis.robot, *analysis.exported)
-    use = f"identifiability export {robot} {{file}} --out {name}"
-    line = on_file(analysis, "json", "analyze.json", again, use)
-    out.append((text, line))
-    return out[:3]
+    Parameters
+    ----------
+    why : str
+        What speaks against all of them: the fitted logs have nothing to explain, or are misread;
+        empty if nothing does.
+    results : tuple of ModelResult
+    at : int
+        The selected model.
+    """
+    chosen = results[at]
+    if not why and not chosen.error_ra_validation < chosen.unseen.constant_error():
+        why = WORSE
+    return (tuple(r.withdraw(why) for r in results) if why else results), why
 
 
 def model_title(result: ModelResult) -> str:
@@ -468,125 +706,23 @@ def model_title(result: ModelResult) -> str:
     return result.name if "model" in result.name.lower() else f"“{result.name}”"
 
 
-def found_cell(model: JudgedModel) -> Cell:
+# Tables, as page, terminal and notebook show them.
+
+
+def found_cell(model: ModelResult) -> Cell:
     """Return how many parameters of a model are identifiable."""
-    found = sum(v.verdict is Class.IDENTIFIABLE for v in model.verdicts)
+    found = model.count(Class.IDENTIFIABLE)
     return Cell("not judged" if model.unjudged else str(found), found)
 
 
-def _answer_use(analysis: Analysis) -> Answer:
-    chosen, base, full = analysis.chosen, analysis.base, analysis.full
-    question = "What do the logs determine, and which model to use?"
-    size = f"Of {len(base.parameters)} parameters {base.rank} can be told apart by any motion."
-    if analysis.nothing:
-        return Answer(question, "Nothing, and none.", size, "vermilion")
-    found = f"{chosen.count(Class.IDENTIFIABLE)} of {len(chosen.submodel)} parameters identifiable"
-    title = model_title(chosen)
-    title = f"{title[0].upper()}{title[1:]}"
-    short = f"{title}: {found}."
-    if chosen.unjudged:
-        short = f"Nothing is judged in {model_title(chosen)} of {len(chosen.submodel)} parameters."
-    if chosen is not full:
-        size += f" The unpruned {model_title(full)} keeps all {len(full.submodel)} of them"
-        size += "." if full.unjudged else f", {full.count(Class.IDENTIFIABLE)} identifiable."
-    if not any(m.count(Class.IDENTIFIABLE) for m in analysis.models):
-        few = f"The motion excites only {len(full.estimate.kept)} of these, and noise hides them."
-        poor = len(full.estimate.kept) < base.rank
-        size += f" {chosen.unjudged or (few if poor else 'Noise hides all of them.')}"
-    if analysis.missing.functions:
-        missing = analysis.missing.statement
-        size += f" That holds only if nothing is missing: {missing}: diagnose."
-    tone = "blue" if chosen.feasible else "amber"
-    physics = analysis.physical_statement
-    return Answer(question, short, f"{size} {physics}", tone)
-
-
-def _cautions(analysis: Analysis) -> tuple[Note, ...]:
-    """Return the caveats, gravest first."""
-    kinds = {"commands": "commands", "reading": "read"}
-    notes = [note(kinds.get(getattr(h, "key", ""), "hint"), hint=h) for h in analysis.hints]
-    if analysis.nothing:
-        why = f"{analysis.nothing[0].upper()}{analysis.nothing[1:]}"
-        notes.append(note("nothing", why=why))
-    if not np.isfinite(analysis.chosen.error_ra_validation):
-        return (*notes, *_sample_notes(analysis))
-    for part in (_physics_notes, _excitation_notes, _sample_notes, _fit_notes):
-        notes += part(analysis)
-    order = {"warning": 0, "note": 1, "good": 2}
-    return tuple(sorted(notes, key=lambda n: order[n.level]))
-
-
-def physics_notes(chosen: ModelResult) -> Iterator[Note]:
-    """Say which values no real robot has; the combination itself stands in a section below."""
-    near = f"the nearest real robot errs by {error_text(chosen.error_ra_physical)} on unseen motion"
-    if chosen.infeasible:
-        yield note("impossible", names=join(chosen.infeasible), near=near)
-    elif not chosen.feasible and chosen.physical.certificate is not None:
-        yield note("nearly", near=near)
-
-
-def _physics_notes(analysis: Analysis) -> Iterator[Note]:
-    chosen, full = analysis.chosen, analysis.full
-    if analysis.mass_warning:
-        yield note("mass", warning=analysis.mass_warning)
-    yield from physics_notes(chosen)
-    if full.infeasible and full is not chosen:
-        names, size = join(full.infeasible), len(full.submodel)
-        yield note("unpruned", title=model_title(full), names=names, size=size)
-
-
-def _excitation_notes(analysis: Analysis) -> Iterator[Note]:
-    base, full = analysis.base, analysis.full
-    if len(full.estimate.kept) < base.rank:
-        yield note("poor", rank=base.rank, excited=len(full.estimate.kept))
-    if base.ambiguous:
-        yield note("ambiguous")
-
-
-def _sample_notes(analysis: Analysis) -> Iterator[Note]:
-    for s in (*analysis.samples, *analysis.validation):
-        if s.survey.dropped:
-            yield note("dropped", log=s.name, samples=format_count(s.survey.dropped, "sample"))
-        if s.survey.singular:
-            samples = format_count(s.survey.singular, "sample")
-            condition = format_number(s.survey.condition, 2)
-            yield note("singular", log=s.name, samples=samples, condition=condition)
-
-
-def _fit_notes(analysis: Analysis) -> Iterator[Note]:
-    """Say what is not judged, and how far the error on unseen motion can be trusted."""
-    chosen, full = analysis.chosen, analysis.full
-    if chosen.unjudged:
-        yield note("unjudged", why=chosen.unjudged)
-    elif chosen.some_unjudged:
-        count, size = chosen.count(Class.NOT_JUDGED), len(chosen.submodel)
-        yield note("some_unjudged", count=str(count), size=str(size), why=chosen.some_unjudged)
-    if full.unjudged and full is not chosen:
-        title = f"The unpruned {model_title(full)} is not judged."
-        yield Note("warning" if chosen.unjudged else "note", title, full.unjudged)
-    if not analysis.validation:
-        yield note("inside", kind=analysis.validation_kind)
-
-
-def _spread_cell(m: ModelResult) -> Cell:
-    spread = m.spread * m.error_joints_validation
-    note = f"worse at {join(m.worse_at, 3)}" if m.worse_at else ""
-    if not np.isfinite(spread):
-        return Cell(NONE, spread)
-    return Cell(f"± {percent(spread, 2)}" if spread else "least error", spread, note)
-
-
-def _condition_text(condition: float) -> str:
-    return format_number(condition, 3) if np.isfinite(condition) else "∞"
-
-
 def _possible_cell(m: ModelResult) -> Cell:
-    near = f"nearest real robot: {error_text(m.error_ra_physical)}"
+    near = f"nearest real robot: {error_text(m.unseen_by(1))}"
     if m.feasible:
         return Cell("yes", 2.0, badge="pass")
     if m.infeasible:
         return Cell("no", 0.0, f"wrong sign: {join(m.infeasible, 3)}; {near}", "differs")
-    return Cell("open" if m.physical.certificate is None else "not exactly", 1.0, near, "partly")
+    open_ = m.physical is None or m.physical.certificate is None
+    return Cell("open" if open_ else "not exactly", 1.0, near, "partly")
 
 
 LADDER = with_hints(
@@ -597,69 +733,68 @@ LADDER = with_hints(
     Column("10× rule", "number", "paper_identified", detail=True),
     Column("error, fitted", error_text, "error_ra"),
     Column("error, unseen", error_text, "error_ra_validation"),
-    Column("joints, unseen", error_text, "error_joints_validation", detail=True),
-    Column("± SE", "error", _spread_cell, detail=True),
-    Column("condition", _condition_text, "estimate.condition", detail=True),
+    Column("as estimated, unseen", error_text, lambda m: m.unseen_by(0), detail=True),
+    Column("± SE", error_text, "error_se", detail=True),
+    Column("condition", digits(3), "estimate.condition", detail=True),
     Column("real robot", "badge", _possible_cell),
 )
 
 
 def error_tables(result: Laddered) -> tuple[Table, ...]:
     """Return the errors of the model to use by joint and, where there are several, by log."""
-    errors, measured = result.error_frame(), result._alone[1].rms
-    told = ["name", "unit", "error", "error_validation", "rms_validation", "error_raw_validation"]
-    each = errors[errors["of"] == "joint"][told].to_numpy().tolist()
-    every = [
-        (row[0], rms, *row[1:], time)
-        for row, rms, time in zip(each, measured, result._used.autocorrelation_time, strict=True)
-    ]
-    shown = [every[k] for k in loaded_joints(measured)]
-    joints = Table.of(
-        "Each joint by itself, over how much its own torque varies", JOINTS, shown, worst=4
+    errors = result.error_frame()
+    joints = errors[errors["of"] == "joint"].assign(
+        measured=result.held_out.rms, time=result.chosen.estimate.times
+    )
+    shown = joints.iloc[loaded_joints(result.held_out.rms)]
+    each = Table.of(
+        "Each joint by itself, over how much its own torque varies",
+        JOINTS,
+        shown.itertuples(),
+        worst=4,
     )
     samples = (*result.samples, *result.validation)
     if len(samples) == 1:
-        return (joints,)
-    logs = errors[errors["of"] == "log"][["error", "error_validation"]]
-    pairs = zip(samples, logs.itertuples(index=False), strict=True)
-    rows = [(s.name, s.outputs, a, b) for s, (a, b) in pairs]
-    return joints, Table.of("Each log by itself", LOGS, rows, worst=3)
+        return (each,)
+    logs = errors[errors["of"] == "log"]
+    names, outputs = zip(*((s.name, s.outputs) for s in samples), strict=True)
+    logs = logs.assign(name=names, samples=outputs)
+    return each, Table.of("Each log by itself", LOGS, logs.itertuples(), worst=3)
 
+
+ERRORS = (
+    Column("error, fitted", error_text, "error"),
+    Column("error, unseen", error_text, "error_validation"),
+)
 
 JOINTS = with_hints(
     "joints",
-    Column("joint"),
-    Column("measured, rms", digits(3), detail=True),
-    Column("unit"),
-    Column("error, fitted", error_text),
-    Column("error, unseen", error_text),
-    Column("rms error, unseen", digits(3)),
-    Column("of raw torque, unseen", error_text),
-    Column("autocorrelation time [samples]", time_text, detail=True),
+    Column("joint", get="name"),
+    Column("measured, rms", digits(3), "measured", detail=True),
+    Column("unit", get="unit"),
+    *ERRORS,
+    Column("rms error, unseen", digits(3), "rms_validation"),
+    Column("of raw torque, unseen", error_text, "error_raw_validation"),
+    Column("autocorrelation time [samples]", time_text, "time", detail=True),
 )
 
-LOGS = (
-    Column("log"),
-    Column("samples", "number"),
-    Column("error, fitted", error_text),
-    Column("error, unseen", error_text),
-)
+LOGS = (Column("log", get="name"), Column("samples", "number", "samples"), *ERRORS)
 
 
-def parameter_table(analysis: Analysis, result: ModelResult) -> Table:
+def parameter_table(analysis: Laddered, result: ModelResult) -> Table:
     """Return one row for each parameter of a model, filtered by verdict."""
-    most = max((v.share for v in result.verdicts), default=0.0)
+    most = max((v.share for v in result.verdicts if np.isfinite(v.share)), default=0.0)
     reduced = any(v.terms["omitted"] for v in result.verdicts)
     stated = dict(zip(result.submodel.columns, stated_values(analysis, result), strict=True))
+    values = zip(result.recommended.tolist(), result.meanings, strict=True)
+    used = dict(zip(result.submodel.columns, values, strict=True))
 
     def share(v: Verdict) -> Cell:
-        length = v.share / most if np.isfinite(most) and most > 0 else 0.0
-        return Cell(percent_text(100 * v.share), v.share, share=length)
+        return Cell(percent_text(100 * v.share), v.share, share=v.share / (most or 1.0))
 
-    def in_file(v: Verdict) -> Cell:
-        text, label = (stated_text(x, v.sigma_robust) for x in (stated[v.name], v.nominal))
-        differs = stated[v.name] is not None and v.terms["omitted"] and text != label
-        return Cell(text, stated[v.name], f"label {label}" if differs else "")
+    def in_model(v: Verdict) -> Cell:
+        value, meaning = used[v.name]
+        return Cell(stated_text(value, v.sigma_robust), value, meaning)
 
     every = with_hints(
         "parameters",
@@ -678,9 +813,10 @@ def parameter_table(analysis: Analysis, result: ModelResult) -> Table:
         ),
         Column("σ is of", get=_terms_cell, detail=True),
         *bias_columns(result.verdicts),
-        Column("robot file", "number", in_file),
+        Column("used", "number", in_model, detail=not any(result.meanings)),
+        Column("robot file", "number", lambda v: stated_text(stated[v.name], v.sigma_robust)),
         Column("share of torque", "bar", share),
-        Column("10× rule", "text", _paper_cell, detail=True),
+        Column("10× rule", get=lambda v: "✓" if v.paper_rule else "–", detail=True),
         VERDICT,
     )
     own = tuple(c for c in every if reduced or c.title != "σ label")
@@ -692,31 +828,26 @@ def _terms_cell(v: Verdict) -> Cell:
     total = v.sigma_label**2
     if not 0 < total < np.inf:
         return Cell(NONE, 0.0)
-    order = sorted(v.terms, key=lambda term: -v.terms[term])
-    each = [f"{term} {percent(v.terms[term] ** 2 / total, 2)}" for term in order[:3]]
-    shown = [text for term, text in zip(order, each, strict=False) if v.terms[term] > 0]
-    return Cell(", ".join(shown), v.terms[order[0]] ** 2 / total)
-
-
-def _paper_cell(v: Verdict) -> Cell:
-    return Cell("✓" if v.paper_rule else "–", float(v.paper_rule))
+    order = [term for term in sorted(v.terms, key=lambda term: -v.terms[term]) if v.terms[term]]
+    each = [f"{term} {percent(v.terms[term] ** 2 / total, 2)}" for term in order[:NAMED]]
+    return Cell(", ".join(each), v.terms[order[0]] ** 2 / total)
 
 
 def label_note(v: Verdict) -> str:
-    """Return the combination that a name stands for; nothing where it is the parameter alone."""
-    alone = " " not in v.label and v.label[:1] not in "−-0123456789"
-    return "" if alone else shorten_label(v.label)
+    """Return the combination that a name stands for; nothing where it is the parameter alone.
 
-
-def shorten_label(label: str, most: int = 64) -> str:
-    """Return the first terms of a long combination, and … for those that the groupings show."""
+    Of a long one the first terms; the groupings show all.
+    """
+    label, most = v.label, 64
+    if " " not in label and label[:1] not in "−-0123456789":
+        return ""
     if len(label) <= most:
         return label
     cut = max(label.rfind(sign, 0, most) for sign in (" + ", " − ", " = "))
     return f"{label[:cut] if cut > 0 else label[:most]} …"
 
 
-def stated_values(analysis: Analysis, result: ModelResult) -> list[float | None]:
+def stated_values(analysis: Laddered, result: ModelResult) -> list[float | None]:
     """Return what this fit would find on the robot of the file, None where it states nothing.
 
     A value that stands for more than its label is compared with what the file's robot would show.

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from identifiability.effects.imu import move_mounting
 from identifiability.estimation.estimate import Kind, Method, find_estimator, settle_noise
-from identifiability.estimation.estimator import Estimator, Noise, leave_open
-from identifiability.estimation.evidence import Evidence, Folds, HeldOut, Score, near_best
-from identifiability.estimation.prediction import Task, predict, predict_all
+from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.torque_errors import take_turns
+from identifiability.estimation.torque_errors import Turns
 from identifiability.foundation.engines.mapping import Engine, one_thread
-from identifiability.foundation.errors import LogError, ModelError
-from identifiability.foundation.findings import Finding
+from identifiability.foundation.errors import ModelError
+from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
     NotNegative,
@@ -26,7 +26,6 @@ from identifiability.foundation.options import (
     renamed,
     settle_count,
 )
-from identifiability.foundation.rounding import format_number, join
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
@@ -34,14 +33,6 @@ from identifiability.logs.prepare.instruments import noise_again
 from identifiability.logs.prepare.preparation import SettledPreparation, settle_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Band
-from identifiability.physical.cad_prior import WEAK, WEIGHTS
-from identifiability.physical.feasibility import (
-    PhysicalResult,
-    certify_model,
-    choose_prior,
-    find_nearest,
-    leave_undecided,
-)
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
@@ -54,15 +45,16 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.analyze.assessment import assess_ladder, select_model, tell_with_file
-from identifiability.workflows.analyze.belief import believe
-from identifiability.workflows.analyze.result import (
-    Analysis,
-    compare_logs,
-    doubt,
-    state_mounting,
-    state_weak,
+from identifiability.workflows.analyze.assessment import (
+    ModelResult,
+    Settled,
+    assess_ladder,
+    fit_ladder,
+    select_model,
+    tell_with_file,
 )
+from identifiability.workflows.analyze.belief import Belief, form_belief, refine_verdicts
+from identifiability.workflows.analyze.result import Analysis, compare_logs, doubt
 from identifiability.workflows.opening import Logs, Progress, quiet, running, share
 from identifiability.workflows.session import Session, Weighed, find_missing, settle_prior
 
@@ -134,223 +126,93 @@ def _noisier(robot: Robot, log: Log, own: Dataset, how: Preparation) -> Dataset:
     return replace(own, motion=moved.motion) if alike else own
 
 
-@frozen
-class FittedLadder:
-    """Models that were fitted, with the nearest real robot of each.
-
-    Attributes
-    ----------
-    models : tuple of FittedModel
-    robots : tuple of PhysicalResult
-    crossed : (F, b, 2m)
-        Base parameters of the m models, and of their nearest real robots, found from each fold's
-        rest.
-    folds : Folds or None
-        None where nothing was fitted.
-    near : (m,) bool
-        Which models may stand for the one that predicts the folds best; none where nothing was
-        fitted.
-    judged : tuple of Evidence
-        Of each model against that one; empty where nothing was fitted.
-    short : str
-        That predictions choose nothing, and why; empty where they do.
-    """
-
-    models: tuple[FittedModel, ...]
-    robots: tuple[PhysicalResult, ...]
-    crossed: Array
-    folds: Folds | None
-    near: np.ndarray
-    judged: tuple[Evidence, ...] = ()
-    short: str = ""
-
-    @property
-    def values(self) -> Array:
-        """Base parameters (b, 4m) of the m models, then of their nearest real robots.
-
-        Then what robot files of their own format hold of these, and of the other.
-        """
-        fits = [m.submodel.expand(m.estimate.value) for m in self.models]
-        robots = [p.base for p in self.robots]
-        files = [p.in_files[k] for k in range(2) for p in self.robots]
-        return np.stack([*fits, *robots, *files], 1)
-
-    def in_turns(self) -> Task:
-        """Return how stretches (or logs) are predicted by models fitted to the others."""
-        assert self.folds is not None
-        return Task(self.crossed, take_turns(self.models[0].whole, self.folds.test))
-
-
-def fit_ladder(
-    structure: Structure,
-    submodels: Sequence[Submodel],
-    information: Information,
-    estimator: Estimator,
-    cad_weight: float | None,
-    silence: str,
-) -> FittedLadder:
-    """Fit models, and say what physics says of each.
-
-    With `silence`, which says why there is nothing to explain, nothing is fitted.
-
-    Parameters
-    ----------
-    cad_weight : float or None
-        Of the prior around the robot file; by default predictions choose it (`choose_prior`).
-    """
-    if silence:
-        parts = [submodel.reduce(information) for submodel in submodels]
-        open_ = tuple(
-            FittedModel(structure, submodel, information, part, leave_open(part, estimator))
-            for submodel, part in zip(submodels, parts, strict=True)
-        )
-        undecided = tuple(leave_undecided(structure, submodel, silence) for submodel in submodels)
-        none = np.empty((0, information.size, 0))
-        return FittedLadder(open_, undecided, none, None, np.zeros(len(submodels), bool))
-    models = tuple(
-        FittedModel.of(structure, submodel, information, estimator) for submodel in submodels
-    )
-    held_out, short = hold_folds(information, estimator)
-    found: list[Settled] = []
-    for model in models:  # a smaller one asks for no heavier prior than the unpruned
-        heaviest = found[0].robot.cad_weight if found else np.inf
-        found.append(settle_robot(model, held_out, cad_weight, heaviest, choose=not short))
-    robots = tuple(
-        one.robot.with_certificate(*certify_model(model))
-        for one, model in zip(found, models, strict=True)
-    )
-    crossed = np.concatenate([one.crossed for one in found], 2)
-    m = len(models)
-    order = [*range(0, 2 * m, 2), *range(1, 2 * m, 2)]
-    scores = [one.free for one in found]
-    best = max(scores, key=lambda score: float(score.density.sum()))
-    judged = tuple(Evidence.of(score, best) for score in scores)
-    crossed, near = crossed[:, :, order], near_best(scores)
-    return FittedLadder(models, robots, crossed, held_out.folds, near, judged, short)
-
-
-def hold_folds(information: Information, estimator: Estimator) -> tuple[HeldOut, str]:
-    """Return folds of the fitted logs; those of logs too short for a choice, and why they are."""
-    fit = estimator.fit(information)
-    noise = Noise(fit.variance, fit.times)
-    try:
-        return HeldOut.of(information, noise), ""
-    except LogError as error:
-        short = (
-            "Whether values of a robot that can exist predict as well, and how strongly the robot "
-            f"file's bodies pull, could not be asked: {error}"
-        )
-        return HeldOut.of(information, noise, Folds.short(information)), short
-
-
-@frozen
-class Settled:
-    """The nearest real robot of a model, and what both predict.
-
-    Attributes
-    ----------
-    robot : PhysicalResult
-    free : Score
-        Of the estimated values, on the folds.
-    real : Score or None
-        Of the nearest real robot; None where there is none.
-    crossed : (F, b, 2)
-        Base parameters of both, found from each fold's rest.
-    """
-
-    robot: PhysicalResult
-    free: Score
-    real: Score | None
-    crossed: Array
-
-
-def settle_robot(
-    model: FittedModel,
-    held_out: HeldOut,
-    cad_weight: float | None,
-    heaviest: float = np.inf,
-    *,
-    choose: bool = True,
-) -> Settled:
-    """Return the nearest real robot of a model, and what both predict in turns.
-
-    Parameters
-    ----------
-    model : FittedModel
-    held_out : HeldOut
-        Folds of what was fitted.
-    cad_weight : float or None
-        As in `fit_ladder`.
-    heaviest : float
-        Weight that is tried.
-    choose : bool
-        Whether folds may choose; else the prior is weak, unless it is given.
-    """
-    submodel, fit = model.submodel, model.estimate
-    free = held_out.refit(fit, submodel.M, submodel.fixed)
-    score = held_out.score_roots(free, held_out.roots(submodel.M[:, list(fit.kept)]))
-    weight = WEAK if cad_weight is None and not choose else cad_weight
-    tried = [w for w in WEIGHTS if w <= heaviest] if weight is None else [weight or WEIGHTS[-1]]
-    chosen = choose_prior(model, held_out, score, tried)
-    values = np.full(free.shape, np.nan) if chosen is None else chosen.values
-    if weight is None:
-        weight = WEAK if chosen is None else chosen.weight
-    nearest = find_nearest(model, weight)
-    if chosen is not None and choose:
-        nearest = replace(nearest, as_good=chosen.as_good)
-    real = None if chosen is None else chosen.score
-    return Settled(nearest, score, real, np.stack([free, values], 2))
-
-
-# The low-pass of computed derivatives: does it cut the motion, does it let noise in?
+# What is said beside the models: a cut-off that is wrong, and what the fit says of its logs.
 
 
 def say_band(how: Preparation | None) -> tuple[str, ...]:
     """Return what to say of the cut-off for all logs: does it cut the motion, let noise in?"""
     band = how.band if isinstance(how, SettledPreparation) else None
-    found = () if band is None else (_say_cut(band, "the logs"), _say_noise(band))
-    return tuple(filter(None, found))
+    if band is None:
+        return ()
+    return (*_say_cut(band, ["the logs"]), *_say_noise(band))
 
 
-def say_unseen(session: Session) -> str:
-    """Return one sentence on a cut-off in the band of held-out motion alone, or nothing."""
+def say_unseen(session: Session) -> tuple[str, ...]:
+    """Return what to say of a cut-off in the band of held-out motion alone."""
     how, logs = session.how, session.recordings.held_out
     both = (how, settle_cutoff(session.structure.robot, logs, how))
     own, seen = (x.band if isinstance(x, SettledPreparation) else None for x in both)
-    if own is None or seen is None or _say_cut(own, ""):
-        return ""
-    return _say_cut(seen, join([log.name for log in logs]))
+    if own is None or seen is None or _say_cut(own, []):
+        return ()
+    return _say_cut(seen, [log.name for log in logs])
 
 
-def _say_cut(band: Band, whose: str) -> str:
-    """Return one sentence on a cut-off in the band of the motion, or nothing."""
+def _say_cut(band: Band, whose: Sequence[str]) -> tuple[str, ...]:
+    """Return what to say of a cut-off in the band of the motion, if it is there."""
     # A cut-off below so many times the band of the motion cuts into it.
     if band.cutoff >= 2.0 * band.bandwidth:
-        return ""
+        return ()
     least = LOG_RULES.cutoff_lowered * LOG_RULES.cutoff_wide * band.bandwidth
-    remedy = f"set it to {format_number(least, 2)} Hz or more (--set cutoff)"
-    if least > LOG_RULES.cutoff_highest * band.rate:
-        rate = format_number(least / LOG_RULES.cutoff_highest, 2)
-        remedy = f"sample at {rate} Hz or faster, or move slower"
-    return (
-        f"The cut-off of {band.cutoff:.3g} Hz cuts into the motion of {whose}, which reaches "
-        f"{band.bandwidth:.3g} Hz: accelerations are missing, and values are wrong; {remedy}."
-    )
+    remedy = "higher" if least <= LOG_RULES.cutoff_highest * band.rate else "faster"
+    numbers = {"least": least, "rate": least / LOG_RULES.cutoff_highest}
+    reach = {"cutoff": band.cutoff, "bandwidth": band.bandwidth}
+    remedy = phrase("cutoff_low", remedy, **numbers)
+    return (Finding("cutoff_low", whose=list(whose), remedy=remedy, **reach),)
 
 
-def _say_noise(band: Band) -> str:
-    """Return one sentence on noise below the cut-off, or nothing."""
+def _say_noise(band: Band) -> tuple[str, ...]:
+    """Return what to say of noise below the cut-off, if there is much."""
     # On one period of a motion intervals hold up to three tenths.
     if band.noise <= 0.2:
-        return ""
-    remedy = "measure velocities, or let the robot accelerate more"
-    if band.limit < band.cutoff:
-        remedy = f"set it to {format_number(band.limit, 2)} Hz (--set cutoff), {remedy}"
-    return (
-        f"Noise of what is differentiated has {100 * min(band.noise, 1.0):.0f} % of the power of "
-        f"an acceleration below the cut-off of {band.cutoff:.3g} Hz, which pulls inertias towards "
-        f"zero: {remedy}."
-    )
+        return ()
+    lower = phrase("cutoff_noisy", "lower", limit=band.limit) if band.limit < band.cutoff else ""
+    numbers = {"cutoff": band.cutoff, "share": min(band.noise, 1.0)}
+    return (Finding("cutoff_noisy", lower=lower, **numbers),)
+
+
+def say_of_fit(session: Session, samples: Sequence[Dataset], result: ModelResult) -> list[str]:
+    """Return what a fit says of its logs: a mounting to correct, logs that disagree.
+
+    Corrections of a mounting are linear where they are small: what is left of a large one is found
+    from there.
+    """
+    sure = {v.name: v.value for v in result.verdicts if v.sure}
+    entry = move_mounting(session.structure.robot, sure)
+    said, disagree = compare_logs(samples, result)
+    found = [Finding("imu_moved", entry=entry)] if entry else []
+    return [*found, said] if disagree else [*found]
+
+
+def predict_everywhere(
+    session: Session, rows: Weighed, own: Settled, which: int, turns: Turns | None
+) -> Prediction | None:
+    """Return torque along unseen motion where joints stand, too; None where none does.
+
+    Parameters
+    ----------
+    session : Session
+    rows : Weighed
+    own : Settled
+    which : int
+        Of its accounts.
+    turns : Turns or None
+        Which fold's predicts a sample, where no logs are held out.
+    """
+    opening, known = rows.opening, session.recordings
+    samples, logs = opening.samples, known.fitted
+    if opening.validation:
+        samples, logs = opening.validation, known.held_out
+    stand = any((s.survey.rows < s.survey.outputs).any() for s in samples)
+    hidden = opening.robot.base is not None or any(x.unmeasured is not None for x in logs)
+    if opening.silence or hidden or not stand:
+        return None
+    regression = replace(opening.unseen or opening.regression, dwelling=True, memory=None)
+    values = own.values[None] if turns is None else own.turned
+    task = Task(values[:, :, [which]], turns, kept=False)
+    return predict_all(regression, [task], engine=session.engine)[0]
+
+
+# The whole way from logs to the answer.
 
 
 @renamed(cad_weight="cad_prior")
@@ -461,18 +323,30 @@ def analyze(
             told = streams[1], draws, cad_prior, share_, how
             found = _conclude(session, rows, submodels, *told)
         moved = session.recordings.measure_rollouts(
-            session.structure.robot, found.chosen.physical.parameters()
+            session.structure.robot, found.real_robot["parameters"]
         )
         found = replace(found, source=source, moved=moved)
-        return _sample(found, streams[2], say, share_) if posterior else found
+        return believe(found, streams[2], say, share_) if posterior else found
 
 
-def _sample(found: Analysis, rng: np.random.Generator, say: Progress, within: float) -> Analysis:
-    """Return the analysis with the posteriors of the selected model, bodies within a share."""
-    known = found.structure, found.information, found.models, found.selected
-    models, belief = believe(*known, rng, say, found.silence or found.misread, within)
-    hint = (belief.hint,) if belief and belief.hint else ()
-    return replace(found, models=models, belief=belief, hints=(*found.hints, *hint))
+def believe(found: Analysis, rng: np.random.Generator, say: Progress, within: float) -> Analysis:
+    """Return the analysis with the posteriors of the selected model, bodies within a share.
+
+    Where there is nothing to explain nothing is sampled: the posterior of a robot that never moved
+    is the prior along a handful of exact equations, which no chain walks.
+    """
+    silence = found.silence or found.misread
+    if silence:
+        return replace(found, belief=Belief(None, None, None, silence))
+    chosen, at = found.chosen, found.selected
+    part = chosen.submodel.reduce(found.information)
+    what = found.structure, chosen.submodel, found.information, part, chosen.estimate
+    sampling = share(say, "sampling the posterior", 0.9, 0.99)
+    belief = form_belief(FittedModel(*what), rng, share=within, progress=sampling)
+    models = list(found.models)
+    models[at] = replace(chosen, verdicts=refine_verdicts(chosen, belief))
+    hints = tuple(filter(None, (*found.hints, belief.hint)))
+    return replace(found, models=tuple(models), belief=belief, hints=hints)
 
 
 def _conclude(
@@ -503,45 +377,36 @@ def _conclude(
     """
     say, engine, opening = session.say, session.engine, rows.opening
     say("fitting models", 0.6)
-    delays, estimator = SharedErrors.of(session, rows), rows.estimator
+    shared, estimator = SharedErrors.of(session, rows), rows.estimator
     if not opening.silence:
         estimator = settle_noise(estimator, rows.information)
     ladder = fit_ladder(
         opening.structure, submodels, rows.information, estimator, cad_prior, opening.silence
     )
-    values = ladder.values
-    tasks = [Task(values[None])]
+    tasks = [Task(ladder.values[None])]
     if not opening.validation and not opening.silence:
         tasks.append(ladder.in_turns())
     predicting = share(say, "predicting torque", 0.65, 0.9)
     fitted, *others = predict_all(opening.regression, tasks, engine=engine, progress=predicting)
     if opening.unseen is not None:
-        others = [predict(opening.unseen, values[:, : 2 * len(ladder.models)], engine=engine)]
-    out = (others or [fitted])[0]
-    recordings, thresholds = session.recordings, Thresholds()
-    missing = find_missing(opening)
-    results = assess_ladder(
-        ladder.models,
-        ladder.robots,
-        fitted,
-        out,
-        thresholds,
-        rng,
-        draws,
-        missing,
-        late=delays.move,
-        judged=ladder.judged,
-    )
+        others = [predict(opening.unseen, ladder.values, engine=engine)]
+    unseen, recordings = (others or [fitted])[0], session.recordings
+    thresholds, missing = Thresholds(), find_missing(opening)
+    what = ladder.settled, fitted, unseen, thresholds, rng, draws, missing
+    results = assess_ladder(*what, late=shared.move, judged=ladder.judged)
     at = select_model(results, ladder.near)
-    results, contradicted = tell_with_file(ladder.models, results, within, thresholds)
-    results, nothing = doubt(opening.silence or opening.misread, results, at, out)
-    several = compare_logs(opening.samples, results[at])
-    hints = [*opening.hints, rows.burst, contradicted[at], ladder.short]
-    hints += () if recordings.commanded else (*say_band(session.how), say_unseen(session))
+    both = [
+        tell_with_file(own.model, one, within, thresholds)
+        for own, one in zip(ladder.settled, results, strict=True)
+    ]
+    results, contradicted = tuple(one for one, _ in both), both[at][1]
+    results, nothing = doubt(opening.silence or opening.misread, results, at)
+    used = ladder.settled[at], int(results[at].physical_used)
+    hints = [*opening.hints, rows.burst, contradicted, ladder.short]
+    hints += () if recordings.commanded else (*say_band(session.how), *say_unseen(session))
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest
-        mounting = state_mounting(session.structure.robot, results[at].verdicts)
-        hints += [state_weak(results[at]), mounting, several.hint, results[at].warning]
-    whole = ladder.models[0].submodel
+        hints += say_of_fit(session, opening.samples, results[at])
+    whole = ladder.settled[0].model.submodel
     return Analysis(
         structure=opening.structure,
         samples=opening.samples,
@@ -551,14 +416,12 @@ def _conclude(
         folds=ladder.folds,
         models=results,
         selected=at,
-        fitted=fitted.select(range(len(results))),
-        held_out=out.select(range(len(results))),
+        everywhere=predict_everywhere(session, rows, *used, tasks[-1].turns),
         **how,
         thresholds=thresholds,
         nothing=nothing,
         recordings=recordings.fitted,
-        several=several,
         missing=missing,
         rolled=recordings.rolled,
-        late=delays.together(whole) @ whole.M.T,
+        late=shared.together(whole) @ whole.M.T,
     )

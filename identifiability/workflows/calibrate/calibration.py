@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects import bring, find_families
-from identifiability.estimation.noise import JointRuns, ResidualNoise, find_runs, fit_residual_noise
+from identifiability.estimation.noise import JointRuns, Noise, find_runs, fit_residual_noise
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Column, Table
@@ -163,7 +163,7 @@ class Calibration(Result):
     model : str
     cell : Cell
         What was counted, with all causes.
-    noise : ResidualNoise
+    noise : Noise
         Of the torque in the repetitions.
     false_names : FalseNames or None
         Names that a diagnosis gives where nothing is missing, where that was asked for.
@@ -178,7 +178,7 @@ class Calibration(Result):
     analysis: Analysis
     model: str
     cell: Cell
-    noise: ResidualNoise
+    noise: Noise
     false_names: FalseNames | None
     hints: tuple[str, ...]
     provenance: Mapping[str, str]
@@ -217,7 +217,8 @@ class Calibration(Result):
     def noise_rows(self) -> list[dict[str, Any]]:
         """Return the noise of the repetitions, one row a joint."""
         own, joints = self.noise, self.analysis.robot.joints
-        columns = zip(joints, own.orders, own.sd, own.times, strict=True)
+        orders = [len(joint.pacf) for joint in own.joints]
+        columns = zip(joints, orders, np.sqrt(own.variance), own.times, strict=True)
         names = ("joint", "order", "sd", "autocorrelation_time")
         return [dict(zip(names, row, strict=True)) for row in columns]
 

@@ -14,16 +14,11 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.estimate import Method, find_estimator, fit_whole, settle_noise
+from identifiability.estimation.estimator import forbidden_signs
 from identifiability.estimation.fit import Fit, body_scatter, find_left_out
-from identifiability.estimation.noise import (
-    JointRuns,
-    ResidualNoise,
-    Runs,
-    find_runs,
-    fit_residual_noise,
-)
+from identifiability.estimation.noise import JointRuns, Noise, Runs, find_runs, fit_residual_noise
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class, judge_model
+from identifiability.estimation.verdict import Class, judge
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import LEVEL, REACH, Share, clustered_share, each_share
 from identifiability.foundation.rules import Tolerance
@@ -141,7 +136,9 @@ class Experiment:
                 known, left_out=find_left_out(self.structure, submodel, whole, fit, full)
             )
         torque, aliases = float(np.sqrt(np.mean(left**2))), ("",) * len(submodel)
-        verdicts = judge_model(submodel, information, known, torque, aliases, rules)
+        forbidden = forbidden_signs(information, fit, submodel.nonnegative)
+        about = submodel.labels, submodel.units, torque, aliases, forbidden
+        verdicts = judge(known, *about, rules=rules)
         ends = np.array([v.interval95 for v in verdicts]).reshape(-1, 2)
         return Outcome(
             value=fit.value,
@@ -407,7 +404,7 @@ class TrueRobots:
         bodies = np.where(stated, structure.nominal, 0.0)
         of_others = np.any(structure.G[:, ~stated], axis=1)
         span, others = _free(result.submodel, full, of_others, structure.G @ bodies)
-        noise = full.estimate.variance * np.maximum(full.autocorrelation_time, 1.0)
+        noise = full.estimate.variance * np.maximum(full.estimate.times, 1.0)
         torque = analysis.information.torque.sum() / max(analysis.information.rows, 1)
         factor = analysis.information.factor(1.0 / np.maximum(noise, ROUNDING * torque + 1e-300))
         R = factor[:, :-1]
@@ -507,7 +504,7 @@ class World:
     robots : TrueRobots
     motion : tuple of MotionErrors
         Of each log.
-    noise : ResidualNoise
+    noise : Noise
         Of the torque; with what the errors of the motion add it is like the residual.
     runs : Runs
         Stretches of time without gaps, between which noise remembers nothing.
@@ -516,7 +513,7 @@ class World:
     experiment: Experiment
     robots: TrueRobots
     motion: tuple[MotionErrors, ...]
-    noise: ResidualNoise
+    noise: Noise
     runs: Runs
 
     @staticmethod
@@ -560,7 +557,7 @@ class World:
             motion = tuple(replace(m, sd=worst**-0.5 * m.sd) for m in motion)
             if not all(m.exact for m in motion):  # beside an exact motion it is all there is
                 rest = np.sqrt(np.maximum(1.0 - made / worst, LEAST))
-                noise = replace(noise, innovation=rest * noise.innovation)
+                noise = noise.scaled(rest)
         return World(experiment, robots, motion, noise, runs)
 
     def repeat(self, seed: np.random.SeedSequence) -> tuple[Outcome, Array]:

@@ -6,11 +6,10 @@ log odds of a `Setting`, `name_missing` says what is missing and lets unseen mot
 `identifiability.effects.register`.
 """
 
-from identifiability.workflows.diagnose.findings import NamedEffect, Placement
 from identifiability.workflows.diagnose.naming import Naming, look, name_missing
 from identifiability.workflows.diagnose.next_experiment import NextMotion, find_next
 from identifiability.workflows.diagnose.problem import Discrepancy, Setting, find_discrepancies
-from identifiability.workflows.diagnose.result import Diagnosis
+from identifiability.workflows.diagnose.result import Diagnosis, NamedEffect, Placement
 from identifiability.workflows.diagnose.workflow import diagnose
 
 __all__ = [

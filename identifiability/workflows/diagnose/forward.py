@@ -8,13 +8,11 @@ driven by the measured torque, with the nearest real robot of either model.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
 
 from identifiability.effects import find_family
-from identifiability.effects.effect import Effect, Family
 from identifiability.estimation.torque_errors import DRAWN_STRETCHES, change_interval
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
@@ -23,16 +21,13 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.prepare import Dataset
-from identifiability.logs.prepare.dataset import join_motions
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.structure import Structure
-from identifiability.robot import Motion, Robot, complete_motion
+from identifiability.robot import Motion, Robot
 from identifiability.simulation.forward import ForwardRobot
 
 #: Length of a simulated stretch [s].
 HORIZON: Tolerance = 0.25
-#: Samples before a stretch that friction with memory begins from.
-REMEMBERED = 400
 #: Simulated stretches, at most: each is drawn by itself for intervals.
 STRETCHES = DRAWN_STRETCHES
 
@@ -166,9 +161,10 @@ def compare_forward(
     errors = []
     try:
         for fit in (before, after):
-            tau = np.stack([_mean_torque(fit, s, rows) for s, rows in at])
+            others = {id(s): other_torque(fit, s.motion) for s in unseen}
+            tau = np.stack([_mean_torque(fit, s, others[id(s)], rows) for s, rows in at])
             simulator = ForwardRobot(fit.robot, joint_values(fit))
-            positions = simulator.run(q[:, 0], first, tau, dt, extra_effects(fit, at))
+            positions = simulator.run(q[:, 0], first, tau, dt)
             share = np.minimum(np.abs(positions - q[:, 1:]) / moved, 1.0)
             errors.append(np.nan_to_num(share, nan=1.0))
     except IdentifiabilityError as error:
@@ -199,15 +195,40 @@ def _starts(
     return [found[k] for k in np.linspace(0, len(found) - 1, most).astype(int)]
 
 
-def _mean_torque(fit: Physical, samples: Dataset, rows: np.ndarray) -> Array:
-    """Return the torque over each step, (S, n): what was recorded, less its delay."""
+def _mean_torque(fit: Physical, samples: Dataset, others: Array, rows: np.ndarray) -> Array:
+    """Return the torque over each step, (S, n): what was recorded, less its delay and effects.
+
+    Parameters
+    ----------
+    fit : Physical
+    samples : Dataset
+    others : (N, n)
+        Torque of effects that MuJoCo does not have.
+    rows : (S + 1,) int
+    """
     t, tau = samples.motion.t, samples.tau
     out = np.empty((len(rows), tau.shape[1]))
     for k, joint in enumerate(fit.robot.joints):
         delay = fit.values.get(f"{joint}.delay", 0.0)
-        out[:, k] = np.interp(t[rows] + delay, t, tau[:, k])
+        out[:, k] = np.interp(t[rows] + delay, t, tau[:, k]) - others[rows, k]
     middle: Array = 0.5 * (out[1:] + out[:-1])
     return middle
+
+
+def other_torque(fit: Physical, motion: Motion) -> Array:
+    """Return the torque (N, n) of what a model has and MuJoCo does not, along a measured motion.
+
+    Simulated motion leaves it little within a stretch, and friction that remembers its way and what
+    drifts over a session are those of the log.
+    """
+    out = np.zeros((len(motion), len(fit.robot.joints)))
+    for effect in fit.structure.model.effects:
+        if not find_family(effect.name).native:
+            values = np.array(list(fit.of(effect.parameters(fit.robot)).values()))
+            W = np.zeros((*out.shape, len(values)))
+            effect.fill(fit.robot, motion, W)
+            out += W @ values
+    return out
 
 
 def joint_values(fit: Physical) -> dict[str, float]:
@@ -225,100 +246,3 @@ def joint_values(fit: Physical) -> dict[str, float]:
         for way in ("Fc+", "Fc-"):
             out[f"{axis.name}.{way}"] = level + values.get(f"{axis.name}.{way}", 0.0)
     return out
-
-
-def extra_effects(fit: Physical, at: Sequence[tuple[Dataset, np.ndarray]]) -> OtherEffects | None:
-    """Return what the model has and MuJoCo does not, or None.
-
-    Parameters
-    ----------
-    fit : Physical
-    at : sequence of (log, rows)
-        Stretches that are simulated.
-    """
-    robot = fit.robot
-    others = [
-        (effect, family, np.array(list(fit.of(effect.parameters(robot)).values())))
-        for effect in fit.structure.model.effects
-        if not (family := find_family(effect.name)).native
-    ]
-    starts = [(samples.motion, int(rows[0])) for samples, rows in at]
-    return OtherEffects(robot, others, starts) if others else None
-
-
-class OtherEffects:
-    """What a model has and MuJoCo does not: an `Extra`, asked at every step, one after the other.
-
-    Parameters
-    ----------
-    robot : Robot
-    effects : sequence of (effect, family, values)
-        With the values of its parameters (p,).
-    starts : sequence of (motion, row)
-        Logs that stretches go on from, and where they begin in them, in order.
-    """
-
-    def __init__(
-        self,
-        robot: Robot,
-        effects: Sequence[tuple[Effect, Family, Array]],
-        starts: Sequence[tuple[Motion, int]],
-    ) -> None:
-        self._robot, self._effects = robot, effects
-        self._begun = np.array([motion.t[row] for motion, row in starts])
-        self._sessions = [motion.start for motion, _ in starts]
-        remembered = any(family.remembers for _, family, _ in effects)
-        self._ways = _ways_to(starts) if remembered else []
-
-    def __call__(
-        self, which: np.ndarray, later: float, q: Array, dq: Array, ddq: Array
-    ) -> tuple[Array, Array]:
-        """Return torque and dry friction at the states of some stretches, (K, n) each.
-
-        Parameters
-        ----------
-        which : (K,) int
-        later : float [s]
-            Since they began.
-        q, dq, ddq : (K, n)
-        """
-        every = complete_motion(self._robot, self._begun[which] + later, q, dq, ddq)
-        sessions: dict[float | None, list[int]] = {}  # a motion has one place in its session
-        for place, row in enumerate(every.kept):
-            sessions.setdefault(self._sessions[which[row]], []).append(place)
-        torque, level = np.zeros_like(q), np.zeros_like(q)
-        for start, at in sessions.items():
-            rows, now = every.kept[at], replace(every[np.array(at)], start=start)
-            way, last = self._go_on(which[rows], now) if self._ways else (now, np.arange(len(now)))
-            for effect, family, values in self._effects:
-                motion, there = (way, last) if family.remembers else (now, np.arange(len(now)))
-                W = np.zeros((len(motion), q.shape[1], len(values)))
-                effect.fill(self._robot, motion, W)
-                (level if family.dry else torque)[rows] += W[there] @ values
-        return torque, level * np.sign(dq)
-
-    def _go_on(self, which: np.ndarray, now: Motion) -> tuple[Motion, np.ndarray]:
-        """Return the ways of stretches as runs of one motion, and where they are now, (K,)."""
-        for at, k in enumerate(which):
-            self._ways[k] = _join([self._ways[k], now[at : at + 1]])
-        parts = [self._ways[k] for k in which]
-        ends = np.cumsum([len(part) for part in parts])
-        motion = _join(parts)
-        apart = np.searchsorted(ends, np.arange(len(motion)), side="right")
-        return replace(motion, kept=motion.kept + apart), ends - 1
-
-
-def _ways_to(starts: Sequence[tuple[Motion, int]]) -> list[Motion]:
-    """Return the log before each start, as far as it is remembered and no sample is missing."""
-    ways = []
-    for motion, row in starts:
-        gaps = np.flatnonzero(np.diff(motion.kept[: row + 1]) != 1)
-        first = int(gaps[-1]) + 1 if len(gaps) else 0
-        ways.append(motion[max(first, row - REMEMBERED) : row])
-    return ways
-
-
-def _join(parts: Sequence[Motion]) -> Motion:
-    """Return motions as one, the next after the last."""
-    whole = join_motions(parts)
-    return replace(whole, kept=np.arange(len(whole)))

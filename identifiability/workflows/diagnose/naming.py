@@ -7,22 +7,33 @@ between those of its grid, at the places where it is sure.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 
 import numpy as np
 from scipy.optimize import minimize_scalar
-from scipy.special import chdtrc, softmax
+from scipy.special import chdtrc, logsumexp, softmax
 
 from identifiability.effects import FAMILIES, Family, find_families
 from identifiability.effects.friction import REVERSALS
+from identifiability.estimation.differences import (
+    Change,
+    Differences,
+    Known,
+    LogRows,
+    find_changes,
+    find_further,
+)
+from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import Missing, fit_loads, with_reversals
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
-from identifiability.estimation.noise import JointNoise, autocorrelation_time
+from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, autocorrelation_time
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.columns import Candidate, Entries, Refusal, list_candidates, number
 from identifiability.regression.information import Information
 from identifiability.workflows.diagnose.problem import Gap, Rows, Setting
@@ -216,7 +227,7 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
     s, fixed = setting.structure, setting.fixed
     root = setting.known.root
     fitted = Rows.of(s, setting.samples, setting.known)
-    if not (fixed or len(root)):
+    if not (fixed or root.size):
         s = replace(s, robot=fit_loads(s, fitted.seen.X, fitted.seen.y, fitted.data))
         setting, fitted = replace(setting, structure=s), fitted.of_robot(s.robot)
     unseen = Rows.of(s, setting.validation, setting.known) if setting.validation else fitted
@@ -413,3 +424,240 @@ def _unlikely(naming: Naming, k: int, log_shape: float) -> float:
     """Return minus the log-likelihood of a shape, by the sizes that were found."""
     model = _with_shape(naming, k, log_shape).model
     return -model.solve(naming.terms).log_likelihood
+
+
+# What changed while a log was recorded: a mass that was gripped, a brake that dragged for seconds.
+#
+# No effect of the robot says it, and no unseen motion can judge it: the fitted motion alone has the
+# instant. So it is a difference between parts of time (`Differences`), whose pattern is all
+# stretches of one log, of a grid; of three or more logs it may last as long as a log. What was
+# logged while a change lasted is of another robot, and is left out of all that follows.
+
+
+#: What may begin and end while a robot is logged: a load, a brake or dirt, a counterweight.
+CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
+#: Instants at most at which something may change.
+INSTANTS = 40
+#: Rounds in which noise is that without what is likeliest.
+ROUNDS = 2
+#: Shortest part of time [s], and time constants of drifts in shares of all the time.
+SHORTEST: Tolerance = 0.5
+DECAYS: tuple[Tolerance, ...] = (1 / 3, 1 / 10)
+#: Share of what is explained that makes a part a burst.
+BURST: Tolerance = 0.8
+#: Logs of which one may be another robot's as a whole.
+FEWEST = 3
+
+
+def _parts_of_time(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows at which parts of time begin, and the end of the last; and which log each is of.
+
+    What is shorter than two parts is a burst.
+    """
+    begins, log = [0], list[int]()
+    for n in np.unique(rows.log):
+        own = np.flatnonzero(rows.log == n)
+        t = rows.t[own]
+        some = max(min(INSTANTS, len(own) // 2, int((t[-1] - t[0]) / SHORTEST)), 1)
+        cuts = np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], some + 1)[:-1]))
+        begins += [*(own[0] + cuts[1:]).tolist(), int(own[-1]) + 1]
+        log += [int(n)] * len(cuts)
+    return np.array(begins), np.array(log)
+
+
+def _stays(log: np.ndarray) -> list[Array]:
+    """Return how a change may stay in each log's parts (w, P): to its end, and not so long.
+
+    Of one log alone what ended in it says as much as what began then. Of most of what was logged
+    nobody knows which part is odd.
+    """
+    every, out = np.arange(len(log)), list[Array]()
+    for n in np.unique(log):
+        start, some = int(np.argmax(log == n)), int((log == n).sum())
+        first, last = start + np.array(np.triu_indices(some + 1, 2))
+        may = ((first > start) | (some < len(log))) & (last - first <= len(log) // 2)
+        inside = (every >= first[:, None]) & (every < last[:, None])
+        on = last == start + some
+        out += [inside[own].astype(float) for own in (may & on, may & ~on) if own.any()]
+    return out
+
+
+def _drifts(rows: Rows, begins: np.ndarray, log: np.ndarray) -> Array:
+    """Return how a drift may go, in each part (d, P): in one log, or in the session."""
+    t, starts = rows.t[begins[:-1]], [s.motion.start for s in rows.samples]
+    lasting = np.array([np.ptp(s.output_times()) for s in rows.samples])
+    begun = np.cumsum(lasting) - lasting
+    if None not in starts:
+        begun = np.array([float(x or 0.0) for x in starts])
+    out = []
+    for clock in (*(np.where(log == n, t, np.nan) for n in np.unique(log)), t + begun[log]):
+        x = (clock - np.nanmin(clock)) / max(float(np.ptp(clock[np.isfinite(clock)])), 1e-9)
+        for course in (1.0 - x, np.exp(-x / DECAYS[0]), np.exp(-x / DECAYS[1])):
+            out += [np.nan_to_num(course), np.nan_to_num(1.0 - course)]
+    return np.array(out)
+
+
+def find_change(naming: Naming, effects: Collection[str] | None = None) -> Change | None:
+    """Return the likeliest change in the middle of a log beside what was named, if it is sure.
+
+    No unseen motion can take it out: it needs what both thresholds ask together, and nothing that
+    stays for good, and no drift, may be a rival. Of two logs nobody knows which is odd.
+
+    Parameters
+    ----------
+    naming : Naming
+    effects : collection of str, optional
+        Families that may be named; all by default.
+    """
+    families = [f for f in CHANGING if effects is None or f in effects]
+    if not families or not len(naming.fitted):
+        return None
+    begins, log_of = _parts_of_time(naming.fitted)
+    patterns = (_drifts(naming.fitted, begins, log_of), *_stays(log_of))
+    found = _differences(naming, families, np.diff(begins), patterns)
+    if len(patterns) < 2 or not found.said:
+        return None
+    places = [g for g, (own, _) in found.said.values() if len(own) == 1]
+    every = found.model.gains((), places)
+    for _ in range(ROUNDS):  # what it adds is no noise: once it is roughly known, that is without
+        found = replace(found, noise=_noise_without(naming, found, _surest(found, every)))
+        every = found.model.gains((), places)
+    drift, likely = -np.inf, dict[tuple[str, str], float]()
+    for t in every:
+        (cause,), pattern = found.said[t.key][1]
+        at = found.rows.causes[cause].family, t.group.place
+        if pattern:
+            likely[at] = float(np.logaddexp(likely.get(at, -np.inf), t.odds))
+        else:
+            drift = max(drift, t.odds)
+    best = _surest(found, every)
+    (cause,), pattern = found.said[best.key][1]
+    own, at = found.patterns[pattern] > 0, (found.rows.causes[cause].family, best.group.place)
+    first, last = own.argmax(1), own.shape[1] - own[:, ::-1].argmax(1)
+    log = log_of[first[best.member]]
+    start, stop = np.flatnonzero(log_of == log)[[0, -1]].tolist()
+    begun, ended = int(first[best.member]) - start, int(last[best.member]) - start
+    whole = not begun and ended > stop - start
+    excess, burst = _scatter(found, best)
+    needed = max(RULES.name + RULES.keep, drift / excess, *(t.odds for t in naming.before[:1]))
+    odd = burst or (whole and len(np.unique(log_of)) < FEWEST)
+    if likely[at] / excess < needed + RULES.rival or odd:
+        return None
+    rivals = [k for k, odds in likely.items() if likely[at] - RULES.rival < odds and k != at]
+    titles = {(c.family, c.place): c.title for c in found.rows.causes}
+    time = naming.fitted.t[[*begins[start : stop + 1].tolist(), int(begins[stop + 1]) - 1]]
+    ways = [replace(best.group, members=(m,)) for m in best.group.members]
+    singles = {id(t.group): t.odds for t in found.model.gains((), ways)}
+    odds = np.array([singles[id(g)] for g in ways])
+    names = [naming.setting.samples[n].name for n in log_of]
+    (change,) = find_changes(found, (best,), names, {})
+    if begun:
+        began = _ends(first - start, odds, time)
+        change = replace(change, start=float(time[begun]), began=began)
+    if ended <= stop - start:
+        until = _ends(last - start, odds, time)
+        change = replace(change, stop=float(time[ended]), ended=until)
+    return replace(
+        change,
+        log=names[start],
+        odds=likely[at],
+        others=tuple(f"{titles[r]} of {r[1]}" for r in rivals),
+        rivals=tuple(rivals),
+        weight=float(np.exp(likely[at] - logsumexp(list(likely.values())))),
+    )
+
+
+def _differences(
+    naming: Naming, families: Collection[str], count: np.ndarray, patterns: tuple[Array, ...]
+) -> Differences:
+    """Return what may differ between parts of time, beside the model and friction at reversals."""
+    seen, missing = naming.fitted.seen, naming.missing
+    fixed = naming.model.fixed - missing.fixed
+    always = np.zeros((*seen.y.shape, fixed))
+    for (j, k), x in missing.entries.items():
+        if k < fixed:
+            always[:, j, k] = x
+    prior = naming.model.prior
+    X = np.concatenate([seen.X, always], axis=2)
+    precision = np.diag(prior) if prior.size else np.zeros(X.shape[2])
+    robot, part = naming.setting.structure.robot, np.repeat(np.arange(len(count)), count)
+    return Differences(
+        rows=LogRows.along(seen, X, part, find_further(robot, seen, families)),
+        known=Known(base=np.zeros(X.shape[2]), directions=np.eye(X.shape[2]), precision=precision),
+        patterns=patterns,
+        noise=missing.noise,
+    )
+
+
+def _surest(found: Differences, every: Iterable[Term]) -> Term:
+    return next(t for t in every if found.said[t.key][1][1])
+
+
+def _noise_without(naming: Naming, found: Differences, best: Term) -> ARNoise:
+    """Return the noise that there is where a change is not."""
+    (cause,), pattern = found.said[best.key][1]
+    on = found.patterns[pattern][best.member][found.rows.log] > 0
+    asked, joints = naming.asked, list(naming.missing.noise)
+    for j in found.rows.causes[cause].torque:
+        runs = JointRuns.of(asked.seen.runs.each[j], ~on[:, None])
+        joints[j] = asked.joint_noise(j, runs.each[0])
+    return tuple(joints)
+
+
+def _scatter(found: Differences, best: Term) -> tuple[float, bool]:
+    """Return how much more scores scatter elsewhere than noise lets them, and if it is a burst.
+
+    A burst is mostly in one part of the time.
+    """
+    model = found.model
+    products, (_, value, _) = model.products, model.values((best,))
+    own, held = (products.column[x] for x in (best.columns, np.arange(model.fixed)))
+    on, more = products.weights[products.pattern[best.columns[0]]] > 0, value[model.fixed :]
+    scores = products.values[:, own, -1]
+    scores = scores - products.values[:, own][:, :, held] @ value[: model.fixed]
+    squares = products.values[:, own][:, :, own]
+    gain = scores[on] @ more - 0.5 * (squares[on] @ more) @ more
+    inner, z = np.linalg.pinv(squares[~on], rcond=1e-9, hermitian=True), scores[~on]
+    excess = np.einsum("sk,skl,sl->s", z, inner, z).mean() / len(own) if len(z) else 1.0
+    return max(float(excess), 1.0), bool(gain.max() > BURST * gain.sum())
+
+
+def _ends(at: np.ndarray, odds: Array, time: Array) -> tuple[float, float]:
+    """Return between which instants 95 % of what is likely lies, a part more on each side."""
+    share = np.cumsum(np.bincount(at, np.exp(odds - logsumexp(odds)), len(time)))
+    low, high = np.searchsorted(share, [0.025, 0.975]).tolist()
+    ends = np.clip([low - 1, high + 1], 0, len(time) - 1)
+    return float(time[ends[0]]), float(time[ends[1]])
+
+
+def without_outliers(setting: Setting, outliers: Outliers) -> Setting:
+    """Return a setting in which outlying stretches are no data, as where a joint stands."""
+    samples = list(setting.samples)
+    for k in np.unique(outliers.log):
+        s, own = samples[k], outliers.log == k
+        t, at = s.motion.t, s.output_times()
+        gone = s.weight <= 0
+        beside = at[1] - at[0]
+        for a, b in zip(outliers.first[own], outliers.last[own], strict=True):
+            gone[(t >= at[a] - beside) & (t <= at[b - 1] + beside)] = True
+        samples[k] = replace(s, weight=1.0 - gone)
+    return replace(setting, samples=tuple(samples))
+
+
+def leave_out(setting: Setting, change: Change) -> Setting | None:
+    """Return a setting without what was logged while a change lasted; None if too little is left.
+
+    So is when it may have lasted.
+    """
+    samples = list(setting.samples)
+    at = [s.name for s in samples].index(change.log)
+    s, t = samples[at], samples[at].motion.t
+    rest = np.flatnonzero((t < change.began[0]) | (t > change.ended[1]))
+    kept = s.take(rest) if len(rest) else None
+    if kept is None or kept.outputs < LOG_RULES.fewest:
+        samples.pop(at)
+    else:
+        samples[at] = replace(kept, notes=(*s.notes, f"{change.when}: left out"))
+    if not samples:
+        return None
+    return replace(setting, samples=tuple(samples), changes=(*setting.changes, change))

@@ -32,8 +32,8 @@ from identifiability.regression.columns import list_candidates
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.simulation import Trajectory
-from identifiability.workflows.diagnose.findings import Findings
-from identifiability.workflows.diagnose.motion import prepare_rows
+from identifiability.workflows.diagnose.problem import prepare_rows
+from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.excite import Excitation, find_limits
 from identifiability.workflows.excite.criteria import (
     IDLE,
@@ -125,7 +125,7 @@ class NextMotion:
 
 @checked
 def find_next(
-    d: Findings,
+    d: Diagnosis,
     *,
     limits: LimitsLike | None = None,
     duration: Positive = 7.5,
@@ -205,7 +205,7 @@ class Bench:
     known: Known
 
     @staticmethod
-    def of(d: Findings) -> Bench:
+    def of(d: Diagnosis) -> Bench:
         """Return the undecided name with the largest torque, with each shape of its rivals.
 
         Raises
@@ -263,7 +263,7 @@ class Bench:
         some = told.any(1) | ~told.any()
         return float(np.where(told[:, 0], each[:, 0], each[:, 1])[some].min())
 
-    def along(self, d: Findings, path: Trajectory) -> Array:
+    def along(self, d: Diagnosis, path: Trajectory) -> Array:
         """Return what a period of a motion would say, (k, k).
 
         It is prepared like a log: what low-passes torque takes from the columns what is fast, such
@@ -282,7 +282,7 @@ class Bench:
         return said
 
 
-def list_shapes(d: Findings, name: str, place: str) -> list[Part]:
+def list_shapes(d: Diagnosis, name: str, place: str) -> list[Part]:
     """Return a family at a place with each shape that the logs tell apart."""
     motions = [s.motion for s in d.samples]
     every, _ = list_candidates(d.robot, [find_family(name)], (), motions, fixed=True)

@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.linalg import orth
 
 from identifiability.effects.functions import has_session
+from identifiability.estimation.differences import Known
 from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.torque_errors import change_interval
-from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
+from identifiability.foundation.rounding import format_count, join
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
+from identifiability.logs import Log, signals
+from identifiability.logs.log import join_logs
 from identifiability.logs.prepare import Dataset, Preparation
+from identifiability.logs.prepare.dataset import prepare_log
+from identifiability.logs.prepare.instruments import add_instrument
+from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.physical.cad_prior import state_rows
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -46,7 +55,7 @@ class Setting:
         Unseen motion, in words: it was not fitted.
     preparation : Preparation
         How logs were turned into motion, with one cut-off.
-    changes : tuple of changes.Change
+    changes : tuple of Change
         What changed in the middle of fitted logs: what was logged meanwhile was left out.
     commanded : bool
         Whether torque is what servos made of commands.
@@ -69,48 +78,31 @@ Given = bool | float | str | Path | Fit | Predicts
 
 #: Shares of the largest variance below which a direction counts as known that well.
 LEAST: Tolerance = 1e-10
-#: Standard deviation of what may be anything, of the largest value there is.
-REACH: Tolerance = 100.0
 
 
-@frozen
-class KnownValues:
-    """Base parameters of which something is known beside the logs: a prior on them.
+@frozen(kw_only=True)
+class KnownValues(Known):
+    """Base parameters of which something is known beside the logs.
 
     Attributes
     ----------
-    values : (b,)
-        Likeliest without logs.
-    free : (f,) int
-        Which of them are not exact.
-    root : (d, f)
-        Rows about the differences of these from `values`, each of variance 1.
     words : str
         What they are, as the beginning of a sentence: "the values of fit.json, with their errors,".
     share : float
         Within which bodies are the file's; 0 where nothing says so.
     """
 
-    values: Array
-    free: np.ndarray
-    root: Array
     words: str
     share: float = 0.0
 
-    @staticmethod
-    def within(values: Array, covariance: Array, words: str, share: float = 0.0) -> KnownValues:
-        """Return values with their covariance, (b, b); zero where they are exact."""
-        free = np.flatnonzero(np.diag(covariance) > 0)
-        own = covariance[np.ix_(free, free)]
-        sd = np.sqrt(np.diag(own))
-        size, directions = np.linalg.eigh(own / np.outer(sd, sd))
-        size = np.maximum(size, LEAST * size.max(initial=0.0))
-        return KnownValues(values, free, (directions / np.sqrt(size)).T / sd, words, share)
+    @property
+    def root(self) -> Array:
+        """Rows about the coordinates of what is known, each of variance 1."""
+        return np.diag(np.sqrt(self.precision))[self.precision > 0]
 
     def moved(self, off: Array) -> Array:
-        """Return the values where those that are not exact differ by so much (f,)."""
-        values = self.values.copy()
-        values[self.free] += off
+        """Return the values whose coordinates are so much (s,)."""
+        values: Array = self.base + self.directions @ off
         return values
 
     @property
@@ -125,13 +117,15 @@ class KnownValues:
 def know_nothing(structure: Structure) -> KnownValues:
     """Return that nothing is known: values are those of the logs."""
     b = len(structure.base.names)
-    return KnownValues(np.zeros(b), np.arange(b), np.empty((0, b)), "the refitted model")
+    own = Known.nothing(np.eye(b), np.zeros(b))
+    return KnownValues(**vars(own), words="the refitted model")
 
 
 def know_file(structure: Structure) -> KnownValues:
     """Return the values of the robot file as exact."""
-    none, words = np.empty((0, 0)), "the robot file's own values"
-    return KnownValues(structure.nominal_base, np.empty(0, int), none, words)
+    base = structure.nominal_base
+    own = Known.nothing(np.empty((len(base), 0)), base)
+    return KnownValues(**vars(own), words="the robot file's own values")
 
 
 def know_share(share: float, structure: Structure, *, refitted: bool = False) -> KnownValues:
@@ -164,29 +158,17 @@ def know_share(share: float, structure: Structure, *, refitted: bool = False) ->
         rows = np.vstack([rows, np.eye(len(nominal))[own] / sd[:, None]])
         aim = np.append(aim, nominal[own] / sd)
     size = np.linalg.norm(rows, axis=0)
-    said = size > 0
-    size = np.where(said, size, 1.0)
+    size = np.where(size > 0, size, 1.0)
     _, s, Vt = np.linalg.svd(rows / size)
     rank = int(np.sum(s > LEAST * s.max(initial=0.0)))
     standard = structure.nominal + np.linalg.pinv(rows / size) @ (aim - rows @ structure.nominal)
     spread = (structure.G / size) @ (Vt[:rank].T / s[:rank])
-    free = (structure.G / size) @ Vt[rank:].T
-    covariance = spread @ spread.T + _anything(free, structure.G @ standard)
-    words = "the refitted model"
-    if not refitted:
-        words = f"the robot file's values, each within {percent(share)},"
-    return KnownValues.within(structure.G @ standard, covariance, words, share)
-
-
-def _anything(free: Array, values: Array) -> Array:
-    """Return the covariance (b, b) of what may be anything along some directions (b, d).
-
-    It is far beyond the largest value there is.
-    """
-    most = float(np.abs(free).max(initial=0.0))
-    reach = REACH * max(float(np.abs(values).max(initial=0.0)), 1e-12) / most if most else 0.0
-    covariance: Array = reach**2 * free @ free.T
-    return covariance
+    words = f"the robot file's values, each within {percent(share)},"
+    words = "the refitted model" if refitted else words
+    unknown = orth((structure.G / size) @ Vt[rank:].T)
+    base = structure.G @ standard
+    both = Known.of(base, np.eye(len(base)), spread @ spread.T, unknown)
+    return KnownValues(**vars(both), words=words, share=share)
 
 
 def read_given(given: Given, robot: Robot) -> tuple[Fit | None, str]:
@@ -221,8 +203,8 @@ def know_fit(fit: Fit, structure: Structure, name: str) -> KnownValues:
             f"The values of {name} are those of a model of {listing(fit.structure.model.texts)}, "
             f"and {listing(structure.model.texts)} is diagnosed; give that model, or no model."
         )
-    covariance = fit.base_covariance + _anything(fit.base_unknown, fit.base)
-    return KnownValues.within(fit.base, covariance, f"the values of {name}, with their errors,")
+    own = Known.of(fit.base, np.eye(len(fit.base)), fit.base_covariance, fit.base_unknown)
+    return KnownValues(**vars(own), words=f"the values of {name}, with their errors,")
 
 
 @frozen
@@ -258,7 +240,7 @@ class Rows:
         every = sum(s.outputs for s in samples)
         seen = Excerpt.of(regression, (every, 1, every))
         torque, X = seen.y, seen.X
-        seen = replace(seen, X=X[:, :, known.free], y=torque - X @ known.values)
+        seen = replace(seen, X=X @ known.directions, y=torque - X @ known.base)
         return Rows(seen, tuple(samples), torque)
 
     @property
@@ -402,3 +384,172 @@ def explained_share(x: Array, r: Array) -> float:
         return 0.0
     adjusted = 1 - (1 - between / total) * (len(r) - 1) / (len(r) - k)
     return float(np.clip(adjusted, 0.0, 1.0))
+
+
+# What is fitted, what verifies, how much of it.
+#
+# An error that was minimised is no evidence: the motion on which the gap is quoted is not fitted.
+# Whole logs are kept apart where there are enough; else a log is divided into stretches of time,
+# with a pause between that nobody looks at. A diagnosis asks few rows many questions, so long logs
+# are looked at in evenly spaced stretches.
+
+
+#: What follows the name of a log in that of a part of it.
+PART = ", part "
+#: Share of the only log that verifies, and samples that this part must have.
+LAST: Tolerance = 0.25
+SHORTEST = 100
+#: Share of either part that is left out where the log is divided.
+PAUSE: Tolerance = 0.05
+#: Samples after decimation that a diagnosis looks at in one log, and in all that are fitted; more
+#: are thinned to stretches.
+MOST_SAMPLES, MOST_IN_ALL = 6000, 8000
+STRETCH = 300
+#: Of a file so many times as many samples are read, in longer stretches.
+READ = 40
+
+
+@frozen
+class Roles:
+    """Logs by what they are for.
+
+    Attributes
+    ----------
+    fit : tuple of Log
+        What the model is fitted to and the evidence is from.
+    verify : tuple of Log
+        What may refute a name, and what the gap is measured on.
+    verified_on : str
+        In words, to follow "on".
+    """
+
+    fit: tuple[Log, ...]
+    verify: tuple[Log, ...]
+    verified_on: str
+
+
+def assign_roles(logs: Sequence[Log], validate: Sequence[Log]) -> Roles:
+    """Return the roles of fitted and held-out logs.
+
+    Every held-out log verifies. Without any the last log is set aside, or the last part of the
+    only one.
+
+    Parameters
+    ----------
+    logs : sequence of Log
+    validate : sequence of Log
+
+    Raises
+    ------
+    LogError
+        If the only log is too short to be divided.
+    """
+    logs, validate = list(logs), list(validate)
+    aside = ""
+    if not validate and len(logs) == 1:
+        return _one_log(logs[0])
+    if not validate:
+        *logs, last = logs
+        validate, aside = [last], ", which was set aside"
+    verified_on = f"{join([log.name for log in validate])}{aside}"
+    return Roles(tuple(logs), tuple(validate), verified_on)
+
+
+def _one_log(log: Log) -> Roles:
+    fewest = SHORTEST / LAST
+    if len(log) < fewest:
+        raise LogError(
+            f"{log.name} has {format_count(len(log), 'sample')}, too few to name effects from one "
+            f"part and verify them on another; give a log of at least {fewest:.0f} samples, or a "
+            "second one."
+        )
+    end = (1 - LAST) * len(log)
+    start = end + PAUSE * (len(log) - end)
+    fit = log.cut(0, int((1 - PAUSE) * end), f"{log.name}{PART}1")
+    verify = log.cut(int(np.ceil(start)), len(log), f"{log.name}{PART}2")
+    verified_on = f"the last {100 * LAST:.0f} % of {log.name}, set aside"
+    return Roles((fit,), (verify,), verified_on)
+
+
+def prepare_rows(
+    robot: Robot, log: Log, how: Preparation | None, most: int = MOST_SAMPLES
+) -> Dataset:
+    """Return a log ready for a diagnosis: decimated to its band, thinned if it is very long.
+
+    Measured derivatives do not need a filter, but questions need few rows: torque and columns are
+    low-passed alike to ten times the band of the motion.
+    """
+    looks = [window for _, window in log.windows()]
+    step = float(np.median(np.concatenate([np.diff(w.t) for w in looks])))
+    even = log.clock.longest.length < LOG_RULES.gap * step  # no filter reaches across a gap
+    if how is None and even and {"dq", "ddq"} <= set(log.channels):
+        band = LOG_RULES.cutoff_wide * bandwidth_of_windows([w.q for w in looks], step)
+        factor = int(
+            0.5 / (min(max(band, LOG_RULES.cutoff_lowest), LOG_RULES.cutoff_highest / step) * step)
+        )
+        # Of a short part of a log enough must be left.
+        while factor > 1 and signals.Decimation(factor).outputs(len(log)) < LOG_RULES.fewest:
+            factor -= 1
+        how = Preparation(decimate=max(factor, 1))
+    how = how or Preparation()
+    if log.long:
+        long = len(log) > READ * most
+        windows = spread(len(log), READ * STRETCH, most // STRETCH) if long else [(0, len(log))]
+        log = join_logs([log.rows(a, b) for a, b in windows])
+    return thin(prepare_log(robot, log, how), most)
+
+
+def along_rollouts(
+    structure: Structure,
+    samples: Sequence[Dataset],
+    logs: Sequence[Log],
+    values: Mapping[str, float],
+) -> tuple[Dataset, ...]:
+    """Return samples of logs of commands along the motion of their rollouts.
+
+    Torque of commands is made of the very positions that columns are made of, so that steps of
+    encoders stand in both, and columns that no fit was calibrated for look like them. What torque
+    is more than the rolled out robot's along the measured motion is put upon what it is along the
+    rollout, which differs little from it and has no steps.
+
+    Parameters
+    ----------
+    structure : Structure
+    samples : sequence of Dataset
+    logs : sequence of Log
+        What they were prepared from.
+    values : mapping
+        Standard parameters by name of what was rolled out.
+    """
+    robot, model = structure.robot, structure.model
+    known = {**robot.nominal, **values}
+    phi = np.array([known.get(name, 0.0) for name in structure.columns])
+    out = list[Dataset]()
+    for own, log in zip(samples, logs, strict=True):
+        found = None
+        if log.rollout is not None:
+            found = add_instrument(robot, log, own)
+        if found is not None and found.instrument is not None:
+            moved = found.instrument
+            more = (model.regressor(robot, moved) - model.regressor(robot, own.motion)) @ phi
+            own = replace(own, motion=moved, tau=own.tau + more)  # noqa: PLW2901 - the same
+        out.append(own)
+    return tuple(out)
+
+
+def thin(samples: Dataset, most: int = MOST_SAMPLES) -> Dataset:
+    """Return evenly spaced stretches of samples that are more than a diagnosis needs."""
+    if samples.outputs <= most:
+        return samples
+    d, length = samples.decimation, STRETCH
+    length = length if d is None else length * d.factor + 2 * d.reach
+    windows = spread(len(samples.tau), length, most // STRETCH)
+    rows = np.concatenate([np.arange(a, b) for a, b in windows])
+    note = f"{len(windows)} stretches of {STRETCH} samples, evenly spaced in time, were looked at"
+    return replace(samples.take(rows), notes=(*samples.notes, note))
+
+
+def spread(samples: int, length: int, most: int) -> list[tuple[int, int]]:
+    """Return evenly spaced stretches (start, stop) of a length, so many at most."""
+    starts = np.linspace(0, samples - length, max(1, min(most, samples // length))).astype(int)
+    return [(int(s), int(s) + length) for s in starts]

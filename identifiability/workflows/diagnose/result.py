@@ -1,42 +1,49 @@
-"""`Diagnosis`: what is missing, with the evidence. `to_frame`, `to_json`, `write_report`."""
+"""`Diagnosis`: where model and data disagree, what is missing, with the evidence."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from identifiability.effects import find_family, title_of
 from identifiability.effects.vocabulary import file_kinds, values_in_file
+from identifiability.estimation.differences import Change, table_changes
 from identifiability.estimation.estimate import estimate, find_estimator
 from identifiability.estimation.fit import Fit as Known
 from identifiability.estimation.prediction import measure_spread, predict
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.foundation.answers import Answer, Column, Table
+from identifiability.foundation.answers import Answer, Column, Note, Table
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import BASE, Array
+from identifiability.foundation.numbers import REACH
 from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import digits, error_text, exact, join, percent
-from identifiability.foundation.rules import RuleTable
+from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
-from identifiability.physical.cad_prior import WEAK, real_robot_dict, share_weight
+from identifiability.physical.cad_prior import WEAK, real_robot_dict, share_weight, state_mass
 from identifiability.physical.feasibility import find_nearest
 from identifiability.physical.fitted_model import FittedModel
+from identifiability.regression.columns import Refusal
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.workflows.analyze.workflow import hold_folds, settle_robot
+from identifiability.robot import Robot
+from identifiability.workflows.analyze.assessment import hold_folds, settle_robot
 from identifiability.workflows.answers import (
     after_mass,
     answer_next,
     state_error,
+    state_joints,
     tone_of,
     with_hints,
 )
@@ -48,18 +55,8 @@ from identifiability.workflows.commands import (
     on_file,
     source_name,
 )
-from identifiability.workflows.diagnose.changes import table_changes
-from identifiability.workflows.diagnose.findings import (
-    PLACES,
-    Findings,
-    NamedEffect,
-    Odds,
-    call,
-    headline,
-    state,
-    state_remainder,
-)
 from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
+from identifiability.workflows.diagnose.problem import Discrepancy, Gap, Setting
 from identifiability.workflows.predict import Fit, Predicts, settled
 from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 from identifiability.workflows.session import weigh_rows
@@ -71,15 +68,273 @@ if TYPE_CHECKING:
 #: What the table says of an effect at a place, and of each parameter there.
 PLACE, PARAMETER = ("effect", "joint", "shape", "log_odds"), ("parameter", "value", "error", "unit")
 
+#: Names that are said of what cannot be told apart.
+LISTED = 2
+
+
+def call(names: list[str]) -> str:
+    """Return a name with those that it cannot be told from, or how many these are."""
+    some = f"{names[0]} or one of {len(names) - 1} that look like it"
+    return some if len(names) > LISTED else " or ".join(names)
+
+
+class Rival(NamedTuple):
+    """Another name for the same rows: "A or B"."""
+
+    family: str
+    place: str
+
 
 @frozen
-class Diagnosis(Result, Findings, Predicts):
-    """What is missing, with the evidence. `to_frame`, `to_json`, `write_report` give it away."""
+class Placement:
+    """A named effect at one place.
+
+    Attributes
+    ----------
+    place : str
+    shape : float
+        nan for families without one.
+    parameters, units : tuple of str
+    values, errors : (k,)
+        Of the mixed model, with standard errors.
+    fitted : (k,)
+        As an analysis weighs rows: those of the model that is written.
+    rms : float [N·m or N]
+        Of the torque that it adds at the joint where it is largest.
+    rivals : tuple of Rival
+    weight : float
+        Its posterior probability among all that may be in its place.
+    odds, unseen : float [nat]
+        Log odds for it on the fitted motion, and what it gains on unseen motion.
+    """
+
+    place: str
+    shape: float
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    errors: Array
+    fitted: Array
+    rms: float
+    rivals: tuple[Rival, ...] = ()
+    weight: float = 1.0
+    odds: float = float("nan")
+    unseen: float = float("nan")
+
+    @property
+    def rows(self) -> list[tuple[str, float, float, str]]:
+        """Name, value, standard error and unit of each parameter."""
+        values, errors = self.values.tolist(), self.errors.tolist()
+        return list(zip(self.parameters, values, errors, self.units, strict=True))
+
+
+@frozen
+class Curve:
+    """What an effect was learned to be, along the fitted motion.
+
+    Attributes
+    ----------
+    title : str
+    joint, of : int
+        Actuated joint where it is largest, and joint whose motion it is drawn over.
+    against : {"velocity", "position", "load", "time", "session"}
+    x, learned, spread, data : (N,)
+        Motion; torque of the effect, low-passed only where it remembers or is no function of one
+        joint's motion, and its standard error; and the low-passed residual without the effect.
+    """
+
+    title: str
+    joint: int
+    of: int
+    against: str
+    x: Array
+    learned: Array
+    spread: Array
+    data: Array
+
+
+@frozen
+class NamedEffect:
+    """An effect that was found missing and added.
+
+    Attributes
+    ----------
+    name : str
+    placements : tuple of Placement
+    before, after : float
+        Held-out ε_RA of the model without and with it.
+    interval : (float, float)
+        95 % of the change.
+    everywhere : bool
+        Whether it is at all places where it can be.
+    nearest : tuple of str
+        Of such a function: the likeliest names in its stead.
+    """
+
+    name: str
+    placements: tuple[Placement, ...]
+    before: float
+    after: float
+    interval: tuple[float, float]
+    everywhere: bool = False
+    nearest: tuple[str, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """In words."""
+        return title_of(self.name)
+
+    @property
+    def unnamed(self) -> bool:
+        """Whether it is a function without a name."""
+        return find_family(self.name).unnamed
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether unseen motion says so by itself."""
+        return self.unseen >= ESTIMATION_RULES.keep
+
+    @property
+    def weight(self) -> float:
+        """How sure the name is: the least posterior probability over its places."""
+        return min(p.weight for p in self.placements)
+
+    @property
+    def odds(self) -> float:
+        """Least log odds over its places [nat]."""
+        return min(p.odds for p in self.placements)
+
+    @property
+    def unseen(self) -> float:
+        """What it gains on unseen motion [nat]."""
+        return min(p.unseen for p in self.placements)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Where it is."""
+        return tuple(dict.fromkeys(p.place for p in self.placements))
+
+    @property
+    def alternatives(self) -> tuple[str, ...]:
+        """Families that the data do not tell from this one: the name is "A or B"."""
+        rivals = [r for p in self.placements for r in p.rivals]
+        return tuple(dict.fromkeys(r.family for r in rivals))
+
+    @property
+    def names(self) -> list[str]:
+        """The name and its alternatives, in words."""
+        return [self.title, *map(title_of, self.alternatives)]
+
+    @property
+    def called(self) -> str:
+        """The same in few words: what is said first may not be surer."""
+        return call(self.names)
+
+
+@frozen
+class Odds:
+    """Log odds of a family at a place, or in all joints.
+
+    Attributes
+    ----------
+    name, place : str
+    before, after : float [nat]
+        Beside the model, and beside what was named as well; nan of what was named itself.
+    unseen : float [nat]
+        What it gains on unseen motion; nan where it was not asked.
+    """
+
+    name: str
+    place: str
+    before: float
+    after: float = float("nan")
+    unseen: float = float("nan")
+
+
+@frozen(kw_only=True)
+class Diagnosis(Result, Setting, Predicts):
+    """What is missing, with the evidence. `to_frame`, `to_json`, `write_report` give it away.
+
+    Attributes
+    ----------
+    effects : tuple of NamedEffect
+        In order of addition; empty when nothing can be named.
+    curves : tuple of Curve
+        One for each named effect and place.
+    gap : Gap
+        Unseen rows: residual of the base model, then after each effect.
+    error_before, error_after : float
+        ε_RA on the fitted logs.
+    held_before, held_after : float
+        ε_RA on unseen motion.
+    refuted : tuple of Odds
+        Of what fitted motion named and unseen motion did not confirm; in no model.
+    interval : (float, float)
+        95 % of the change on unseen motion.
+    discrepancies : tuple of Discrepancy
+        Where what is left of the fitted motion sits.
+    refusals : tuple of Refusal
+    evidence : tuple of Odds
+        Of all that was asked, the likeliest first.
+    values : (b,)
+        Base parameters of the diagnosed model, beside the named effects.
+    model : Model
+        The base model with the named effects.
+    moved : Moved or None
+        How far rollouts of the nearest real robot are off, of logs of commands.
+    forward : ForwardGap or None
+        Forward simulation before and after, where it was made.
+    hints : tuple of str
+        What seems to be wrong with robot file and logs, for the user to check.
+    nothing : str
+        Why nothing was looked for, for after "because"; empty where it was.
+    alternative : str
+        Under which other reading of the logs it was diagnosed, in a sentence; empty for none.
+    """
 
     schema: ClassVar[str] = "identifiability/diagnosis/1"
 
-    #: How far rollouts of the nearest real robot are off, of logs of commands.
+    effects: tuple[NamedEffect, ...]
+    curves: tuple[Curve, ...]
+    gap: Gap
+    error_before: float
+    error_after: float
+    held_before: float
+    held_after: float
+    refuted: tuple[Odds, ...]
+    interval: tuple[float, float]
+    discrepancies: tuple[Discrepancy, ...]
+    refusals: tuple[Refusal, ...]
+    evidence: tuple[Odds, ...]
+    values: Array
+    model: Model
+    forward: ForwardGap | None = None
+    hints: tuple[str, ...] = ()
+    nothing: str = ""
+    alternative: str = ""
+    provenance: Mapping[str, str] = field(default_factory=dict)
     moved: Moved | None = None
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.structure.robot
+
+    @property
+    def base(self) -> tuple[str, ...]:
+        """Names of the effects of the model that was diagnosed."""
+        return self.structure.model.names
+
+    @cached_property
+    def completed(self) -> Structure:
+        """The robot under the model with the named effects."""
+        return Structure.of(self.robot, self.model)
+
+    @property
+    def mass_warning(self) -> str:
+        """What is wrong with the total mass of the nearest real robot; empty if nothing is."""
+        known = None if self.forward is None else self.forward.nearest
+        return "" if known is None else state_mass(self.robot, known.values, known.cad_weight)
 
     @cached_property
     def physical(self) -> dict[str, Any]:
@@ -130,13 +385,17 @@ class Diagnosis(Result, Findings, Predicts):
         named = Table.of("Effects that were missing", NAMED, self.effects)
         caption = "Each joint by itself on unseen motion, over its own scale"
         errors = Table.of(caption, ERRORS, self.error_frame().itertuples())
-        changed = (table_changes(self.changes),) if self.changes else ()
+        changed = (table_changes(self.changes, CHANGED),) if self.changes else ()
         return (*changed, *((named,) if self.effects else ()), errors)
+
+    def cautions(self) -> tuple[Note, ...]:
+        """Return what else should be known of the named effects, and what was refuted."""
+        return tuple(_remark(self))
 
     @property
     def statement(self) -> str:
-        """The answer in plain words."""
-        return state(self)
+        """The answers in plain words, and below them what should be known with them."""
+        return "\n- ".join([super().statement, *(note.text for note in self.cautions())])
 
     @property
     def unexplained(self) -> str:
@@ -185,7 +444,7 @@ class Diagnosis(Result, Findings, Predicts):
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
             "effects": [_effect_row(e) for e in self.effects],
             "refuted": [pick(x, "name", "place", "unseen", odds="before") for x in self.refuted],
-            "changes": [c.to_dict() for c in self.changes],
+            "changes": [_change_row(c) for c in self.changes],
             "after": pick(self, error_ra="error_after", error_ra_validation="held_after"),
             "errors": {"joints": self.error_frame().to_dict("records")},
             "earlier": {"source": "", "error_ra_validation": None, "turns": []},  # for one release
@@ -233,6 +492,21 @@ def _odds_row(x: Odds) -> dict[str, Any]:
     return {"effect": x.name, "place": x.place, "log_odds": x.before, "log_odds_after": after}
 
 
+def _change_row(c: Change) -> dict[str, Any]:
+    """Return a change as JSON has it; no instant where it was not logged."""
+    ends = {"from": [c.start], "to": [c.stop], "from95": c.began, "to95": c.ended}
+    known = {name: [x if np.isfinite(x) else None for x in at] for name, at in ends.items()}
+    return {
+        **pick(c, "log", "weight", effect="family", joint="place", log_odds="odds"),
+        **known,
+        **{name: known[name][0] for name in ("from", "to")},
+        "or": [{"effect": family, "joint": place} for family, place in c.rivals],
+        "parameters": dict(zip(c.names, c.sizes.tolist(), strict=True)),
+        "errors": dict(zip(c.names, c.sd.tolist(), strict=True)),
+        "open": [],  # for one release
+    }
+
+
 def _effect_row(e: NamedEffect) -> dict[str, Any]:
     """Return an effect as JSON has it; what only older readers ask for is null."""
     verified = {
@@ -264,7 +538,7 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
     }
 
 
-def simulate_forward(d: Findings, rng: np.random.Generator) -> ForwardGap:
+def simulate_forward(d: Diagnosis, rng: np.random.Generator) -> ForwardGap:
     """Return the gap in motion of a diagnosis, on the motion that verified it."""
     try:
         before, after = (real_robot(d, s) for s in (d.structure, d.completed))
@@ -304,22 +578,32 @@ ODDS = "Log odds for it on the fitted motion, all that was asked counted [nat]."
 
 
 def _what(d: Diagnosis) -> Answer:
-    question = "What is missing?"
-    if not d.effects and not d.changes:
-        return Answer(question, "Nothing that can be named.", headline(d), "grey")
-    named = [f"{call(c.names)} in a part of {c.log}" for c in d.changes]
-    named += [f"{e.called} in {join(e.joints, PLACES)}" for e in d.effects]
-    short = join(named)
-    return Answer(question, f"{short[0].upper()}{short[1:]}.", headline(d), "vermilion")
+    model = d.alternative.partition(":")[0]
+    told = [f"{model}."] if model else []
+    told += [f"{_capital(c.called)}. What was logged meanwhile was left out." for c in d.changes]
+    named = [f"{call([c.what, *c.others])} in a part of {c.log}" for c in d.changes]
+    named += map(_state_effect, d.effects)
+    if not d.effects:
+        why = "No effect can be named" if d.evidence else _state_untried(d)
+        told.append(
+            f"{why}: {d.known.words} predict{'' if d.fixed else 's'} unseen motion "
+            f"({d.verified_on}) with an error of {percent(d.held_before)}."
+        )
+    short = f"{_capital(join(named))}." if named else "Nothing that can be named."
+    tone = "vermilion" if named else "grey"
+    return Answer("What is missing?", short, " ".join(told), tone)
 
 
 def _gap(d: Diagnosis) -> Answer:
-    question = "How much of the gap does it explain?"
+    question, each = "How much of the gap does it explain?", d.gap.prediction.joint_error()[:, -1]
+    joints = state_joints(d.robot.joints, each, d.held_after)
     if not d.effects:
         short = f"The error on unseen motion stays at {percent(d.held_before)}."
-        return Answer(question, short, f"Measured on {d.verified_on}.")
-    short = f"The error goes from {percent(d.held_before)} to {percent(d.held_after)}."
-    text = f"All joints together on {d.verified_on}, which was not fitted."
+        return Answer(question, short, f"Measured on {d.verified_on}. {joints}".strip())
+    ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
+    short = f"The error goes from {percent(d.held_before)} to {percent(d.held_after)}"
+    short += f" (95 %: {' … '.join(ends)} points)."
+    text = f"All joints together on {d.verified_on}, which was not fitted. {joints}".strip()
     return Answer(question, short, text, "green" if d.interval[1] < 0 else "amber")
 
 
@@ -332,9 +616,134 @@ def _left(d: Diagnosis) -> Answer:
     return Answer(question, short, f"{spread}{d.unexplained}", tone_of(judged))
 
 
+#: Places that the headline lists of each effect.
+PLACES = 3
+#: An error below this share of the torque is rounding.
+ROUNDING: Tolerance = 1e-9
+#: Share of its variance from which on what a residual depends on is said.
+VISIBLE: Tolerance = 0.05
+#: What a residual looks like that depends on one of these; a function of any other.
+LOOKS = {
+    "time": "a drift over time",
+    "session": "a drift over the session",
+    "log": "a difference between the logs",
+    "load": "something that goes with the load",
+}
+
+
+def _at(name: str, place: str) -> str:
+    """Return an effect and where it is; of the base its title says it."""
+    return title_of(name) if place == BASE else f"{title_of(name)} in {place}"
+
+
+def _where(e: NamedEffect) -> str:
+    """Return where an effect is, in words."""
+    return "all joints" if e.everywhere else join(e.joints, PLACES)
+
+
+def _state_untried(d: Diagnosis) -> str:
+    """Return why no family was tried, and the beginning of the sentence after that."""
+    if d.nothing:
+        return f"Nothing is named, because {d.nothing}. As it is"
+    why = {f"{r.family} ({r.reason})": 0 for r in d.refusals}
+    text = join(list(why))
+    return f"Nothing was left to name: {text}. Give other families, or none for all. As it is"
+
+
+def _remark(d: Diagnosis) -> Iterator[Note]:
+    """Yield what else should be known of the named effects, and what was refuted."""
+    if d.forward is not None and d.forward.measured:
+        better = d.forward.interval[1] < 0
+        yield Note("good" if better else "note", "In simulated motion", d.forward.statement)
+    for e in d.effects:
+        if e.alternatives:
+            text = f"This motion cannot tell {' or '.join(e.names)} apart: {advice(e)}."
+            yield Note("note", "A or B", text)
+        if e.unnamed:
+            near = join(e.nearest)
+            text = (
+                f"Nearest to it are {near}." if near else "No effect that has a name can be there."
+            )
+            text = f"No name explains this in {_where(e)} as well. {text}"
+            yield Note("note", "Without a name", text)
+        if not e.confirmed:
+            text = f"Unseen motion alone does not say so of {e.title}: treat it with caution."
+            yield Note("note", "Not confirmed", text)
+    for x in d.refuted:
+        yield Note("note", "Refuted", _state_refuted(x, d))
+    for hint in d.hints:
+        yield Note("note", "Please note", hint)
+
+
+def _state_effect(e: NamedEffect) -> str:
+    where = "" if e.joints == ("base",) else f" in {_where(e)}"
+    sure = f" (log odds {e.odds:.3g})" if np.isfinite(e.odds) else ""
+    return f"{e.called}{where}{_state_mass(e)}{sure}"
+
+
+def _capital(text: str) -> str:
+    return text[0].upper() + text[1:]
+
+
+def _state_mass(e: NamedEffect) -> str:
+    """Return the mass of what was named, where it has one, with its 95 % interval."""
+    masses = []
+    for p in e.placements:
+        for name, value, error, unit in p.rows:
+            if name.endswith(".payload_m"):
+                masses.append(f"{value:.3g} ± {REACH * error:.2g} {unit}")
+    return f", {' and '.join(masses)}".replace("-", "−") if masses else ""
+
+
+def _state_refuted(x: Odds, d: Diagnosis) -> str:
+    """Return that the motion that verifies did not confirm an effect."""
+    what = _capital(_at(x.name, x.place))
+    gain = f"{x.unseen:.2g}".replace("-", "−")
+    return (
+        f"{what} stood out from the fitted motion (log odds {x.before:.3g}) and is left out: on "
+        f"{d.verified_on} the torque is not surely likelier with it (log likelihood ratio {gain}), "
+        "or its error is larger."
+    )
+
+
+def advice(e: NamedEffect) -> str:
+    """Return the motion that would tell an effect from its alternatives."""
+    motions = [find_family(name).told_by for name in (e.name, *e.alternatives)]
+    known = join(list(dict.fromkeys(filter(None, motions))))
+    return f"{known or 'run other speeds, postures and loads in turn'} to separate them"
+
+
+def state_remainder(d: Diagnosis) -> str:
+    """Return what is left in words."""
+    if max(d.held_after, d.error_after) < ROUNDING:
+        return "The residual is rounding: the logs are explained to their last digits."
+    parts = []
+    left = [x for x in d.evidence if np.isfinite(x.after)]
+    if left:
+        most = max(left, key=lambda x: x.after)
+        odds = f"{most.after:.2g}".replace("-", "−")
+        parts.append(
+            "Nothing that is known explains the rest; the likeliest is "
+            f"{_at(most.name, most.place)} (log odds {odds})"
+        )
+    parts.append(f"The residual looks like {_looks(d)}")
+    return " ".join(f"{part}." for part in parts)
+
+
+def _looks(d: Diagnosis) -> str:
+    """Return what the residual depends on most, in words."""
+    most = max(d.discrepancies, key=lambda x: max(x.explained.values(), default=0.0))
+    where, best = max(most.explained.items(), key=lambda x: x[1])
+    if best < VISIBLE:
+        return "noise: it depends on none of velocity, position, acceleration, load or time"
+    kind = LOOKS.get(where, f"a function of {where}")
+    return f"{kind} in {most.joint} ({percent(best, 2)} of its variance)"
+
+
 # What is missing and how large errors are, as tables.
 
 
+CHANGED = "What changed in the middle of a log, and was left out"
 NAMED = (
     Column("effect", "code", lambda e: " or ".join([e.name, *e.alternatives])),
     Column("where", get=lambda e: ", ".join(e.joints)),
@@ -355,7 +764,7 @@ ERRORS = with_hints(
 )
 
 
-def keep_completed(d: Findings) -> Fit:
+def keep_completed(d: Diagnosis) -> Fit:
     """Return the model with the named effects, with the values that its error is stated of.
 
     Intervals are those of a refit, whatever was known beforehand.
@@ -384,7 +793,7 @@ def keep_completed(d: Findings) -> Fit:
     )
 
 
-def _standard_values(d: Findings) -> Array:
+def _standard_values(d: Diagnosis) -> Array:
     """Return values of the completed model's columns, the smallest of those that fit, (p,)."""
     columns, own = d.completed.columns, d.structure
     off = np.linalg.pinv(own.G) @ (d.values - own.nominal_base)
@@ -428,7 +837,7 @@ def fit_physical(
     return Physical(structure, found.parameters(), found.cad_weight)
 
 
-def real_robot(d: Findings, structure: Structure) -> Physical:
+def real_robot(d: Diagnosis, structure: Structure) -> Physical:
     """Return the real robot of a diagnosis under the model without or with the named effects.
 
     With the file's values kept it is these, and what the named effects add.
@@ -438,7 +847,7 @@ def real_robot(d: Findings, structure: Structure) -> Physical:
     IdentifiabilityError
         If the solver finds none.
     """
-    if len(d.known.free):
+    if len(d.known.precision):
         weight = share_weight(d.known.share) if d.known.share else None
         return fit_physical(structure, d.samples, d.validation, weight)
     values = {name: d.robot.nominal.get(name, 0.0) for name in d.structure.columns}
@@ -450,7 +859,7 @@ def real_robot(d: Findings, structure: Structure) -> Physical:
     return Physical(structure, values)
 
 
-def nearest_dict(d: Findings) -> dict[str, Any]:
+def nearest_dict(d: Diagnosis) -> dict[str, Any]:
     """Return the real robot with the named effects, with its errors on the fitted logs."""
     structure, known = d.completed, None if d.forward is None else d.forward.nearest
     try:

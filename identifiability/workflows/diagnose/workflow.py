@@ -38,29 +38,42 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike, complete_motion
 from identifiability.workflows.analyze.workflow import say_band
-from identifiability.workflows.diagnose.changes import find_change, leave_out, without_outliers
-from identifiability.workflows.diagnose.findings import Curve, NamedEffect, Odds, Placement, Rival
-from identifiability.workflows.diagnose.motion import (
+from identifiability.workflows.diagnose.naming import (
+    WORSE,
+    Naming,
+    Part,
+    find_change,
+    leave_out,
+    look,
+    name_missing,
+    without_outliers,
+)
+from identifiability.workflows.diagnose.problem import (
     MOST_IN_ALL,
     MOST_SAMPLES,
-    along_rollouts,
-    assign_roles,
-    prepare_rows,
-)
-from identifiability.workflows.diagnose.naming import WORSE, Naming, Part, look, name_missing
-from identifiability.workflows.diagnose.problem import (
     Gap,
     Given,
     KnownValues,
     Setting,
+    along_rollouts,
+    assign_roles,
     find_discrepancies,
     know_file,
     know_fit,
     know_nothing,
     know_share,
+    prepare_rows,
     read_given,
 )
-from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
+from identifiability.workflows.diagnose.result import (
+    Curve,
+    Diagnosis,
+    NamedEffect,
+    Odds,
+    Placement,
+    Rival,
+    simulate_forward,
+)
 from identifiability.workflows.opening import (
     Logs,
     Progress,
@@ -395,7 +408,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
             Odds(t.group.family, place_of(t), t.odds, after.get(t.key, float("nan")))
             for t in naming.before
         ),
-        values=setting.known.moved(fits[-1][: len(setting.known.free)]),
+        values=setting.known.moved(fits[-1][: len(setting.known.precision)]),
         model=Model((*structure.model.effects, *added)),
     )
 
@@ -414,13 +427,11 @@ def _effect(
     places = family.places(naming.setting.structure.robot)
     return NamedEffect(
         name=family.name,
-        title=family.title,
         placements=tuple(placements),
         before=errors[n],
         after=errors[n + 1],
         interval=gap.interval(n, n + 1, rng),
         everywhere=1 < len(places) == len(placements),
-        unnamed=family.unnamed,
         nearest=tuple(dict.fromkeys(title_of(t.group.family) for p in parts for t in p.nearest)),
     )
 

@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 
 from identifiability.estimation.estimate import Method, estimate
-from identifiability.estimation.estimator import Estimate, noise_scale
+from identifiability.estimation.estimator import Estimate, combine, noise_scale
 from identifiability.estimation.evidence import (
     LEVELS,
     Folds,
@@ -30,7 +30,6 @@ from identifiability.estimation.evidence import (
     may_stand,
 )
 from identifiability.estimation.gaussian import nested_density
-from identifiability.estimation.instrumental import combine
 from identifiability.foundation.linalg import unit_coordinates
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance

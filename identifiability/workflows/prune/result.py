@@ -4,10 +4,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, ClassVar
 
-import numpy as np
-import pandas as pd
-
-from identifiability.estimation.groups import NO_ALTERNATIVES, Alternatives
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
@@ -26,53 +22,37 @@ from identifiability.regression.reduction import (
     ladder_text,
     model_entry,
 )
-from identifiability.workflows.analyze.assessment import JudgedModel, Laddered, ModelResult
+from identifiability.workflows.analyze.assessment import ModelResult
 from identifiability.workflows.analyze.result import (
+    Laddered,
     error_tables,
     found_cell,
-    physics_notes,
+    say_unjudged,
     state_physics,
 )
-from identifiability.workflows.answers import (
-    after_mass,
-    answer_next,
-    answer_quality,
-    answer_trust,
-    note,
-    with_hints,
-)
-from identifiability.workflows.commands import (
-    given_paths,
-    held_back,
-    name_export,
-    name_logs,
-    on_file,
-    source_name,
-)
+from identifiability.workflows.answers import note, with_hints
 from identifiability.workflows.prune.elimination import Refusal, Step
 
 # The models of the ladder: models on the way down, with what is said of each.
 
 
 #: What earlier releases said of each step, null in JSON until the next one.
-GONE = (
-    *("p_value", "either", "error_squares", "error_squares_se"),
-    *("error_joints", "error_joints_validation", "error_joints_unseen"),
-)
+GONE = (*("p_value", "either", "error_squares", "error_squares_se", "error_joints_unseen"),)
 
 
 @frozen(kw_only=True)
-class PrunedModel(JudgedModel):
+class PrunedModel(ModelResult):
     """One model on the way down, judged with the memory of the chosen model's residual.
 
-    Without validation logs its error on these is NaN; errors are compared with the model to use.
+    Only the model to use has a real robot beside it.
 
     Attributes
     ----------
     step : Step
         The move that led here, and what the model predicts of folds.
-    error_ra_unseen : float
-        ε_RA on stretches (or logs) that the fits have not seen.
+    crossed : Prediction
+        On stretches (or logs) that the fits have not seen; `unseen` is of validation logs, if there
+        are any.
     density, density_se : float [nats]
         What the model was chosen by: predictive log density of these stretches, less that of the
         best model; and the standard error.
@@ -81,10 +61,15 @@ class PrunedModel(JudgedModel):
     """
 
     step: Step
-    error_ra_unseen: float
+    crossed: Prediction
     density: float
     density_se: float
     weight: float
+
+    @property
+    def error_ra_unseen(self) -> float:
+        """ε_RA on stretches (or logs) that the fits have not seen."""
+        return float(self.crossed.relative_error()[int(self.physical_used)])
 
     @property
     def error_se(self) -> float:
@@ -108,11 +93,6 @@ class PrunedModel(JudgedModel):
         """Its parameters."""
         return self.submodel.columns
 
-    @property
-    def feasible(self) -> bool:
-        """Whether no parameter has a sign that physics forbids."""
-        return self.signs_possible
-
     def __len__(self) -> int:
         """Return the number of parameters."""
         return len(self.submodel)
@@ -127,7 +107,6 @@ class PrunedModel(JudgedModel):
             "density_se": self.density_se,
             "weight": self.weight,
             "worst_sigma_robust_percent": self.worst_sigma_percent,
-            "feasible": self.feasible,
             "move": move.text if move is not None else "",
             "kind": move.kind.value if move is not None else "",
             "reason": self.reason,
@@ -136,41 +115,16 @@ class PrunedModel(JudgedModel):
 
 
 @frozen(kw_only=True)
-class Measured:
-    """The models, and the one to use by itself.
-
-    Attributes
-    ----------
-    models : tuple of PrunedModel
-    result : ModelResult
-        The model to use with verdicts, uncertainties by resampling, and physical certificate.
-    fitted, held_out : Prediction
-        Torque predicted by the model to use on the logs that were fitted, and on validation logs
-        or, without any, on stretches (or logs) by models fitted to the others; sums only.
-    nothing : str
-        Why no verdict is believed, for after "because"; empty where they are.
-    missing : Alternatives
-        Functions that are missing beside the unpruned model.
-    """
-
-    models: tuple[PrunedModel, ...]
-    result: ModelResult
-    fitted: Prediction
-    held_out: Prediction
-    nothing: str = ""
-    missing: Alternatives = NO_ALTERNATIVES
-
-
-@frozen(kw_only=True)
-class Ladder(Laddered, Measured):
+class Ladder(Laddered):
     """The answer of `prune`. `to_frame`, `to_json`, `write_report`, `write_model` give it away.
 
     Attributes
     ----------
+    models : tuple of PrunedModel
     start : Submodel
         The model that pruning started from.
-    selected, least : int
-        The model to use, and the one with the least held-out error.
+    least : int
+        The model with the least held-out error.
     refused : tuple of Refusal
         Suggested moves that the data contradict.
     source : LadderSource
@@ -186,11 +140,6 @@ class Ladder(Laddered, Measured):
     source: LadderSource
 
     @property
-    def _used(self) -> ModelResult:
-        """The model to use, with all that was asked of it."""
-        return self.result
-
-    @property
     def chosen(self) -> PrunedModel:
         """The model to use."""
         return self.models[self.selected]
@@ -203,26 +152,18 @@ class Ladder(Laddered, Measured):
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
         """Verdicts on the parameters of the model to use."""
-        return self.result.verdicts
+        return self.chosen.verdicts
 
     @property
     def feasible(self) -> bool:
         """Whether a real robot can have the values of the model to use."""
-        return self.result.feasible
+        return self.chosen.feasible
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return what to use, how good it is, whether to trust it, what to do next."""
-        found, doubt = self.result.count(Class.IDENTIFIABLE), self._doubt or self.result.unjudged
-        return (
-            after_mass(_answer_use(self), self.mass_warning),
-            _answer_quality(self),
-            answer_trust(self.cautions(), doubt, found, len(self.chosen), self.missing.statement),
-            answer_next(_next_commands(self)),
-        )
-
-    def cautions(self) -> tuple[Note, ...]:
-        """Return what is to be kept in mind."""
-        return tuple(_notes(self))
+    @property
+    def validation_kind(self) -> str:
+        """What the error on unseen motion was measured on, and that of the unpruned model."""
+        kind = "validation logs" if self.validation else "stretches that the fits had not seen"
+        return f"{kind} ({error_text(self.full.error_ra_validation)} unpruned)"
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
@@ -233,32 +174,14 @@ class Ladder(Laddered, Measured):
         path = Table.of("", MOVES, self.models, marked=self.selected)
         return (path, *error_tables(self))
 
-    @property
-    def statement(self) -> str:
-        """The answer in plain words."""
-        use, quality = _answer_use(self), _answer_quality(self)
-        told = f"{use.short} {use.text} {quality.short} {quality.text}"
-        return self._state(self._doubt or told)
-
-    @property
-    def _doubt(self) -> str:
-        """Why nothing is believed, in one sentence; empty where it is."""
-        return f"Nothing is identifiable, because {self.nothing}." if self.nothing else ""
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a parameter of the model to use."""
-        return pd.DataFrame([v.to_row() for v in self.verdicts])
-
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain values."""
-        told = super().to_dict()
-        return told | {
+        return super().to_dict() | {
             "refused": [
                 {"move": r.move.text, "why": r.move.why, "reason": r.reason} for r in self.refused
             ],
             "stability": None,  # gone with the next release
             "absorption": [],  # gone with the next release
-            "physical": {"sentence": self.result.physical.sentence, **told["physical"]},
             "ladder": self.model_text,
             "effects": list(self.effects),
             "criterion": "identifiable",  # there were others
@@ -279,73 +202,32 @@ class Ladder(Laddered, Measured):
         """Return the chosen model as a ladder of one, for `analyze`, `diagnose` and others."""
         return LadderEntry(models=[model_entry(self.chosen.submodel, self.base, self.effects)])
 
+    def _answer_use(self) -> Answer:
+        """Return which model is worth using."""
+        question, size = "Which model is worth using?", len(self.full)
+        if self.nothing:
+            short = f"None: 0 of {size} parameters are worth using."
+            return Answer(question, short, f"Because {self.nothing}.", "vermilion")
+        chosen = self.chosen
+        wrong, found = chosen.infeasible, chosen.count(Class.IDENTIFIABLE)
+        used = [c for c in chosen.columns if c not in wrong]
+        short = f"Of {size} parameters {len(used)} are worth using, {found} of them identifiable."
+        text = (
+            f"{listing(used, 14)}{f' (not {listing(wrong, 4)}: impossible sign)' if wrong else ''}."
+        )
+        if len(chosen) == size:
+            text = "Nothing was pruned: each is needed to predict motion that the fit has not seen."
+        told = [text, self._reduced(), say_unjudged(chosen)]
+        if self.missing.functions:
+            missing = self.missing.statement
+            told.append(f"That holds only if nothing is missing: {missing}: diagnose.")
+        text = " ".join(filter(None, (*told, state_physics(chosen))))
+        return Answer(question, short, text, "green" if self.feasible else "amber")
 
-def _answer_use(ladder: Ladder) -> Answer:
-    """Return which model is worth using."""
-    question, size = "Which model is worth using?", len(ladder.full)
-    if ladder.nothing:
-        short = f"None: 0 of {size} parameters are worth using."
-        return Answer(question, short, f"Because {ladder.nothing}.", "vermilion")
-    wrong, chosen = ladder.result.infeasible, ladder.chosen
-    used = [c for c in chosen.columns if c not in wrong]
-    found = ladder.result.count(Class.IDENTIFIABLE)
-    short = f"Of {size} parameters {len(used)} are worth using, {found} of them identifiable."
-    text = f"{listing(used, 14)}{f' (not {listing(wrong, 4)}: impossible sign)' if wrong else ''}."
-    if len(chosen) == size:
-        text = "Nothing was pruned: each is needed to predict motion that the fit has not seen."
-    if ladder.missing.functions:
-        text += f" That holds only if nothing is missing: {ladder.missing.statement}: diagnose."
-    tone = "green" if ladder.feasible else "amber"
-    return Answer(question, short, f"{text} {state_physics(ladder.result)}", tone)
-
-
-def _answer_quality(ladder: Ladder) -> Answer:
-    """Return how well it predicts, beside the unpruned model."""
-    outside = np.isfinite(ladder.chosen.error_ra_validation)
-    kind = "the validation logs" if outside else "stretches that the fits had not seen"
-    error, before = (
-        model.error_ra_validation if outside else model.error_ra_unseen
-        for model in (ladder.chosen, ladder.full)
-    )
-    each = ladder.held_out.joint_error()[:, 0]
-    kind = f"{kind} ({error_text(before)} unpruned)"
-    return answer_quality(error, ladder.robot.joints, each, kind)
-
-
-def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
-    robot, how = source_name(ladder.robot), ladder.settings.get("preparation")
-    logs = name_logs(ladder.robot, given_paths(ladder.samples), how=how)
-    held = held_back(ladder.validation)
-    if ladder.nothing:
-        return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
-    again = f"identifiability prune {robot} {logs}{held}"
-    another = name_logs(ladder.robot, given_paths(ladder.validation or ladder.samples))
-    text, name = name_export(ladder.robot, *ladder.exported)
-    export = f"identifiability export {robot} {{file}} --out {name}"
-    predict = f"identifiability predict {robot} {{file}} {another} --out torque.csv"
-    diagnose = (
-        f"identifiability diagnose {robot} {logs}{held} --model {{file}} --report missing.html"
-    )
-    model = on_file(ladder, "model", "pruned.toml", f"{again} --out", diagnose)
-    commands = [
-        (text, on_file(ladder, "json", "prune.json", f"{again} --json", export)),
-        (
-            "Predict torque, of this log or another:",
-            on_file(ladder, "json", "prune.json", f"{again} --json", predict),
-        ),
-        ("Find out what even this model misses:", model),
-    ]
-    return [*commands[-1:], *commands[:-1]] if ladder.missing.functions else commands
-
-
-def _notes(ladder: Ladder) -> Iterator[Note]:
-    if ladder.mass_warning:
-        yield note("mass", warning=ladder.mass_warning)
-    if not ladder.nothing:
-        yield from physics_notes(ladder.result)
-    kind = "stable" if ladder.chosen.weight > 0.5 else "unstable"
-    yield note(kind, weight=percent(ladder.chosen.weight, 2))
-    yield from (note("hint", hint=hint) for hint in ladder.hints)
+    def _notes(self) -> Iterator[Note]:
+        yield from super()._notes()
+        kind = "stable" if self.chosen.weight > 0.5 else "unstable"
+        yield note(kind, weight=percent(self.chosen.weight, 2))
 
 
 def _move_cell(r: PrunedModel) -> Cell:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from identifiability.estimation.estimate import (
     fit_whole,
     settle_noise,
 )
-from identifiability.estimation.estimator import Estimate, Estimator, Noise
+from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import (
     Evidence,
     HeldOut,
@@ -25,7 +25,9 @@ from identifiability.estimation.evidence import (
     weigh_models,
 )
 from identifiability.estimation.fit import Fit
-from identifiability.estimation.prediction import Task, predict_all
+from identifiability.estimation.groups import Alternatives
+from identifiability.estimation.noise import Noise
+from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import take_turns
 from identifiability.foundation.engines.mapping import Engine, Steps, one_thread
@@ -46,7 +48,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import find_signal
-from identifiability.physical.feasibility import PhysicalResult, certify_model
+from identifiability.physical.feasibility import certify_model
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import (
     LadderEntry,
@@ -61,14 +63,20 @@ from identifiability.regression.reduction import (
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.assessment import (
-    assess_ladder,
+    Settled,
     complete_fit,
     decide_model,
-    forbidden_signs,
+    impossible_signs,
+    settle_robot,
     tell_with_file,
 )
-from identifiability.workflows.analyze.result import WORSE, compare_logs, state_mounting, state_weak
-from identifiability.workflows.analyze.workflow import SharedErrors, say_band, settle_robot
+from identifiability.workflows.analyze.result import WORSE
+from identifiability.workflows.analyze.workflow import (
+    SharedErrors,
+    predict_everywhere,
+    say_band,
+    say_of_fit,
+)
 from identifiability.workflows.opening import Logs, Progress, quiet, running, share
 from identifiability.workflows.prune.elimination import (
     Search,
@@ -80,7 +88,7 @@ from identifiability.workflows.prune.elimination import (
     thin_path,
 )
 from identifiability.workflows.prune.moves import propose_moves
-from identifiability.workflows.prune.result import Ladder, Measured, PrunedModel
+from identifiability.workflows.prune.result import Ladder, PrunedModel
 from identifiability.workflows.session import Session, Weighed, find_missing, settle_prior
 
 #: Models as good as the best, and smaller ones, whose physical certificate is asked for.
@@ -179,21 +187,21 @@ def prune(
                 force=force,
                 method=own,
             )
-            selected, physical = _choose(question, search, cad_prior)
+            selected, settled = _choose(question, search, cad_prior)
             search, selected, thinned = thin_path(search, selected)
-            measured, contradicted = measure_models(
+            measured = measure_models(
                 question,
                 search,
                 selected,
-                physical,
+                settled,
                 within=share_,
                 replicates=draws,
                 rng=streams[2],
-                engine=runner,
+                session=session,
                 progress=share(say, "measuring errors", 0.5, 1.0),
             )
-        hints = _hint(session, rows, measured, contradicted)
-        return Ladder(
+        hints = _hint(session, rows, measured, measured.models[selected])
+        found = Ladder(
             structure=session.structure,
             samples=opening.samples,
             validation=opening.validation,
@@ -203,11 +211,8 @@ def prune(
             selected=selected,
             least=best_step(search.steps),
             refused=search.refused,
-            moved=session.recordings.measure_rollouts(
-                session.structure.robot, measured.result.physical.parameters()
-            ),
             rolled=session.recordings.rolled,
-            late=question.delays.together(full_model(session.structure.base)),
+            late=question.shared.together(full_model(session.structure.base)),
             method=base.name,
             seed=seed,
             source=source,
@@ -220,27 +225,32 @@ def prune(
                 "prior": share_,
                 "preparation": preparation or Preparation(),
             },
-            **vars(measured),
+            models=measured.models,
+            everywhere=measured.everywhere,
+            nothing=measured.nothing,
+            missing=measured.missing,
         )
+        moved = session.recordings.measure_rollouts(
+            session.structure.robot, found.real_robot["parameters"]
+        )
+        return replace(found, moved=moved)
 
 
 def _hint(
-    session: Session, rows: Weighed, measured: Measured, contradicted: str
+    session: Session, rows: Weighed, measured: Measured, chosen: PrunedModel
 ) -> tuple[str, ...]:
     """Return what seems to be wrong with robot file, logs and their cut-off."""
-    result, opening = measured.result, rows.opening
+    opening = rows.opening
     other = of_key(opening.hints, "alternative")
     return (
         *other,  # under which all is said
-        contradicted,
-        state_foreign(measured),
-        state_disagreement(measured),
+        measured.contradicted,
+        state_foreign(measured.models[0]) if opening.validation else "",
+        "" if measured.nothing else state_disagreement(chosen),
         rows.burst,
-        state_weak(result),
-        state_mounting(session.structure.robot, result.verdicts),
         *(hint for hint in opening.hints if hint not in other),
         *(() if session.recordings.commanded else say_band(session.how)),
-        compare_logs(opening.samples, result).hint,
+        *say_of_fit(session, opening.samples, chosen),
     )
 
 
@@ -256,16 +266,14 @@ def _check_wishes(start: Submodel, forbid: Sequence[str], force: Sequence[str]) 
         raise ModelError(f"'{both[0]}' is to be kept and to be dropped; say which.")
 
 
-def _choose(
-    question: Question, search: Search, cad_prior: float | None
-) -> tuple[int, PhysicalResult]:
+def _choose(question: Question, search: Search, cad_prior: float | None) -> tuple[int, Settled]:
     """Return the step to use: the smallest as good as the best, and its nearest real robot.
 
     What a model with impossible values says of the robot is its nearest real robot. A smaller
     model whose values a real robot has stands for it if these two predict alike.
     """
     steps, tried = search.steps, []
-    noise = Noise(search.full.variance, search.full.times)
+    noise = Noise.of(search.full.variance, search.full.times)
     held_out = HeldOut.of(question.rows.information, noise, search.whitened.folds)
     for k in range(good_steps(steps)[0], len(steps))[: 1 + CERTIFIED]:
         model = question.fit(steps[k])
@@ -278,11 +286,13 @@ def _choose(
             break
     found = []
     for k, model, certificate, said in tried[:1] + tried[1:][-1:]:
-        settled = settle_robot(model, held_out, cad_prior)
-        found.append((k, settled.robot.with_certificate(certificate, said), settled.real))
-    (_, _, best), (k, robot, real) = found[0], found[-1]
-    alike = real is not None and best is not None and near_best([real, best])[0]
-    return (k, robot) if robot.feasible and alike else found[0][:2]
+        one = settle_robot(model, held_out, cad_prior)
+        robot = one.robot.with_certificate(certificate, said)
+        found.append((k, replace(one, robot=robot)))
+    (_, first), (_, last) = found[0], found[-1]
+    pair = [x.real for x in (last, first) if x.real is not None]
+    alike = len(pair) > 1 and near_best(pair)[0]
+    return found[-1] if last.robot.feasible and alike else found[0]
 
 
 # The models of the path, measured.
@@ -302,13 +312,13 @@ class Question:
     start : Submodel
         The model that pruning starts from.
     estimator : Estimator
-    delays : SharedErrors
+    shared : SharedErrors
     """
 
     rows: Weighed
     start: Submodel
     estimator: Estimator
-    delays: SharedErrors
+    shared: SharedErrors
 
     @cached_property
     def full(self) -> Estimate | None:
@@ -330,18 +340,38 @@ class Question:
         return FittedModel(structure, submodel, whole, submodel.reduce(whole), estimate)
 
 
+@frozen(kw_only=True)
+class Measured:
+    """The models of a path, measured.
+
+    Attributes
+    ----------
+    models : tuple of PrunedModel
+    everywhere, nothing, missing
+        As of a ladder.
+    contradicted : str
+        What the logs say of the file's bodies.
+    """
+
+    models: tuple[PrunedModel, ...]
+    everywhere: Prediction | None
+    nothing: str
+    missing: Alternatives
+    contradicted: str
+
+
 def measure_models(
     question: Question,
     search: Search,
     chosen: int,
-    physical: PhysicalResult,
+    settled: Settled,
     *,
     within: float,
     replicates: int,
     rng: np.random.Generator,
-    engine: Engine,
+    session: Session,
     progress: Steps,
-) -> tuple[Measured, str]:
+) -> Measured:
     """Fit every model of a path and say how it predicts, going through the logs once.
 
     Parameters
@@ -350,116 +380,93 @@ def measure_models(
     search : Search
     chosen : int
         The step to use.
-    physical : PhysicalResult
-        Its nearest real robot.
+    settled : Settled
+        Its fit, and its nearest real robot.
     within : float
         Share within which bodies are the file's, 0 for none.
     replicates : int
         Of the bootstrap.
     rng : numpy.random.Generator
-    engine : Engine
+    session : Session
     progress : callable(int, int)
-
-    Returns
-    -------
-    Measured
-    str
-        What the logs say of the file's bodies.
     """
-    rows, steps = question.rows, search.steps
+    rows, steps, engine = question.rows, search.steps, session.engine
     opening = rows.opening
     fits = [(model.submodel, model.estimate) for model in map(question.fit, steps)]
     values = np.stack([submodel.expand(fit.value) for submodel, fit in fits], 1)
-    own_values = np.stack([values[:, chosen], physical.base, *physical.in_files], 1)
-    every, two = Task(values[None], kept=False), Task(own_values[None])
     # Stretches (or logs) are predicted by models fitted to the others.
     start, turns = question.start, take_turns(rows.information, search.whitened.folds.test)
     rests = start.fixed[:, None] + start.M @ np.stack([s.values[1:] for s in steps], 2)
-    fitted, unseen, own = predict_all(
-        opening.regression,
-        [every, Task(rests, turns, kept=False), two],
-        engine=engine,
-        progress=progress,
-    )
-    errors = {
-        "error_ra": fitted.relative_error(),
-        "error_ra_unseen": unseen.relative_error(),
-        "error_ra_validation": np.full(len(steps), np.nan),
-    }
-    outside, own_outside = unseen, own
+    along = [Task(np.column_stack([values, settled.values])[None], kept=False)]
+    both = np.concatenate([rests, settled.turned], axis=2)
+    tasks = [*along, Task(both, turns, kept=False)]
+    fitted, crossed = predict_all(opening.regression, tasks, engine=engine, progress=progress)
+    unseen = crossed
     if opening.unseen is not None:
-        outside, own_outside = predict_all(opening.unseen, [every, two], engine=engine)
-        errors["error_ra_validation"] = outside.relative_error()
-    model, missing = question.recall(*fits[chosen]), find_missing(opening)
-    (result,) = assess_ladder(
-        [model], [physical], own, own_outside, Thresholds(), rng, replicates, missing,
-        late=question.delays.move,
-    )  # fmt: skip
+        (unseen,) = predict_all(opening.unseen, along, engine=engine)
+    missing, thresholds = find_missing(opening), Thresholds()
     weights, first = np.zeros(len(steps)), first_allowed(steps)
     weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
-    best = steps[best_step(steps)].score
-    judge = partial(
-        decide_model,
-        torque=float(np.sqrt(np.mean(own.rms**2))),
-        thresholds=Thresholds(),
-    )
-    models, labels = [], []
+    best, models = steps[best_step(steps)].score, list[PrunedModel]()
+    torque = float(np.sqrt(np.mean(fitted.rms**2)))
     for k, (step, known) in enumerate(zip(steps, fits, strict=True)):
-        told, fit = question.recall(*known), result.fit
-        if k != chosen:
-            fit = Fit.of(told.information, told.estimate, rng, replicates)
-            fit = complete_fit(told, fit, question.full, missing, question.delays.move)
-        labels.append((told.submodel, fit))
+        model, real = question.recall(*known), settled.robot if k == chosen else None
+        fit = Fit.of(model.information, model.estimate, rng, replicates)
+        fit = complete_fit(model, fit, question.full, missing, question.shared.move, real)
         judged = Evidence.of(step.score, best)
+        at = range(len(steps), len(steps) + 4) if k == chosen else [k]
         models.append(
             PrunedModel(
                 step=step,
                 submodel=known[0],
                 estimate=known[1],
-                verdicts=judge(told, fit),
+                fit=fit,
+                verdicts=decide_model(model, fit, torque, thresholds),
+                infeasible=impossible_signs(model),
+                physical=real,
+                fitted=fitted.select(at),
+                unseen=unseen.select(at),
+                crossed=crossed.select(at),
+                spread=judged.error.se,
                 density=judged.density.value,
                 density_se=judged.density.se,
-                spread=judged.error.se,
                 weight=float(weights[k]),
-                infeasible=forbidden_signs(told),
-                **{name: float(each[k]) for name, each in errors.items()},
             )
         )
-    mixed = replace(result.fit, models=_mix(labels, weights, chosen))
-    result = replace(result, fit=mixed, verdicts=judge(model, mixed))
-    if not opening.validation:
-        error, joints = models[chosen].error_ra_unseen, float(unseen.error_over_joints()[chosen])
-        result = replace(result, error_ra_validation=error, error_joints_validation=joints)
-    better = len(result.submodel) and models[chosen].error_ra_unseen < unseen.constant_error()
+    model, result = question.recall(*fits[chosen]), models[chosen]
+    mixed = replace(result.fit, models=_mix(models, weights, chosen))
+    verdicts = decide_model(model, mixed, torque, thresholds)
+    result = replace(result, fit=mixed, verdicts=verdicts)
+    better = len(result) and result.error_ra_unseen < crossed.constant_error()
     nothing, hint = opening.misread or (result.contradicted if better else WORSE), ""
+    models[chosen] = result
     if nothing:
         models = [pruned.withdraw(nothing) for pruned in models]
-        result = result.withdraw(nothing)
     else:
-        (result,), (hint,) = tell_with_file([model], [result], within, Thresholds())
-    models[chosen] = replace(models[chosen], verdicts=result.verdicts)
+        models[chosen], hint = tell_with_file(model, result, within, thresholds)
+    used, where = int(result.physical_used), None if opening.validation else turns
+    everywhere = predict_everywhere(session, rows, settled, used, where)
     return Measured(
         models=tuple(models),
-        result=result,
-        fitted=fitted.select([chosen]),
-        held_out=outside.select([chosen]),
+        everywhere=everywhere,
         nothing=nothing,
         missing=missing,
-    ), hint
+        contradicted=hint,
+    )
 
 
-def _mix(labels: Sequence[tuple[Submodel, Fit]], weights: Array, chosen: int) -> Mixture:
+def _mix(models: Sequence[PrunedModel], weights: Array, chosen: int) -> Mixture:
     """Return what all models of the path say of the labels of one, as they are told."""
-    own = labels[chosen][0]
+    own = models[chosen].submodel
     inverse = np.linalg.pinv(own.M)
     # Models of less weight than this share of the heaviest's are no part of a mixture.
     heavy = np.flatnonzero(weights > 1e-3 * weights.max())
     values, sigmas = [], []
-    for submodel, fit in (labels[k] for k in heavy.tolist()):
-        L = inverse @ submodel.M
+    for model in (models[k] for k in heavy.tolist()):
+        L, fit = inverse @ model.submodel.M, model.estimate
         L[np.abs(L) < ROUNDING] = 0.0
-        values.append(inverse @ (submodel.expand(fit.estimate.value) - own.fixed))
-        sigmas.append(_spread_labels(L, fit.estimate, fit.robust))
+        values.append(inverse @ (model.submodel.expand(fit.value) - own.fixed))
+        sigmas.append(_spread_labels(L, fit, model.fit.robust))
     return mix_labels(weights[heavy], np.array(values), np.array(sigmas))
 
 
@@ -474,11 +481,10 @@ def _spread_labels(L: Array, fit: Estimate, robust: Array) -> Array:
     return lost
 
 
-def state_foreign(measured: Measured) -> str:
+def state_foreign(full: PrunedModel) -> str:
     """Return that logs held out look like those of another robot, in one sentence."""
-    full = measured.models[0]
     error, own = full.error_ra_validation, full.error_ra_unseen
-    constant = measured.held_out.constant_error()
+    constant = full.unseen.constant_error()
     if not error > max(constant, 2.0 * own):
         return ""
     return (
@@ -488,10 +494,10 @@ def state_foreign(measured: Measured) -> str:
     )
 
 
-def state_disagreement(measured: Measured) -> str:
+def state_disagreement(chosen: PrunedModel) -> str:
     """Return what models that predict alike disagree on, in one sentence."""
-    moved = [v.name for v in measured.result.verdicts if v.disputed]
-    if not moved or measured.nothing:
+    moved = [v.name for v in chosen.verdicts if v.disputed]
+    if not moved:
         return ""
     return (
         f"Models that predict alike disagree on {listing(moved, 6)}: values and intervals are "

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.workflows.diagnose.changes import determined_alone
 from identifiability.workflows.diagnose.problem import explained_share, find_discrepancies
 
 
@@ -45,10 +44,3 @@ def test_a_discrepancy_says_where_the_residual_is(rng, rows_of):
     rows = rows_of(tau, dq=dq, q=position.x[:, None])
     (d,) = find_discrepancies(rows, np.sign(position.x)[:, None], ["j"])
     assert max(d.explained, key=d.explained.get) == "position"
-
-
-def test_what_two_columns_say_together_neither_says_alone():
-    X = np.random.default_rng(0).standard_normal((50, 3))
-    assert determined_alone(X.T @ X).tolist() == [True, True, True]
-    X[:, 2] = 3.0 * X[:, 1]
-    assert determined_alone(X.T @ X).tolist() == [True, False, False]

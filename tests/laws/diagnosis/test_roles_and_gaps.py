@@ -11,7 +11,7 @@ from identifiability.logs.signals import Decimation
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.calibrate.calibration import FalseNames
 from identifiability.workflows.diagnose.forward import ForwardGap
-from identifiability.workflows.diagnose.motion import assign_roles, thin
+from identifiability.workflows.diagnose.problem import assign_roles, thin
 
 
 def log(name="log", n=1000):

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class, Verdict
+from identifiability.estimation.verdict import Class, Flag, Verdict
 from identifiability.posterior.diagnostics import Convergence
 from identifiability.posterior.target import Prior
 from identifiability.workflows.analyze.belief import (
@@ -19,10 +19,10 @@ from identifiability.workflows.analyze.belief import (
 )
 
 
-def verdict(kind, robust=1.0):
+def verdict(kind, robust=1.0, flags=()):
     return Verdict(
         name="x", label="x", unit="kg", value=2.0, sigma=0.1, terms={"noise": robust}, share=0.1,
-        paper_rule=True, verdict=kind, reason="As the data say.", nominal=None,
+        paper_rule=True, verdict=kind, reason="As the data say.", flags=flags,
     )  # fmt: skip
 
 
@@ -30,7 +30,7 @@ def summary(sd, reasons=(), prior_sensitivity=0.0):
     one = np.ones(1)
     return Summary(
         mean=3.0 * one, sd=np.array([sd]), interval=np.array([[2.5, 3.5]]),
-        draws=np.zeros((5, 1)), chains=np.zeros((1, 1, 5, 1)), at_edge=0 * one,
+        chains=np.zeros((1, 1, 5, 1)),
         prior_sensitivity=prior_sensitivity * one,
         convergence=Convergence(one, one, one, one, 0.5, tuple(reasons)),
     )  # fmt: skip
@@ -40,7 +40,7 @@ def standard():
     one = np.ones(1)
     return StandardBelief(
         names=("x",), prior_mean=one, prior_sd=one, data_sd=one, mean=one, sd=one, source=(),
-        chains=np.zeros((1, 1, 5, 1)), root=np.eye(1),
+        chains=np.zeros((1, 1, 5, 1)),
     )  # fmt: skip
 
 
@@ -52,7 +52,7 @@ class Judged:
 
 
 def refined(
-    kind=Class.WEAK,
+    kind=Class.SIGN_ONLY,
     *,
     sd=0.1,
     prior=1.0,
@@ -60,20 +60,21 @@ def refined(
     robust=1.0,
     reasons=(),
     rules=None,
+    flags=(),
     prior_sensitivity=0.0,
 ):
     belief = Belief(
         signs=None, physical=summary(sd, reasons, prior_sensitivity), standard=standard(),
         model_prior_sd=np.array([prior]), model_data_sd=np.array([data]),
     )  # fmt: skip
-    (found,) = refine_verdicts(Judged((verdict(kind, robust),)), belief, rules)
+    (found,) = refine_verdicts(Judged((verdict(kind, robust, flags),)), belief, rules)
     return found
 
 
-@pytest.mark.parametrize("kind", [Class.WEAK, Class.NOT_IDENTIFIABLE])
+@pytest.mark.parametrize("kind", [Class.SIGN_ONLY, Class.NOT_IDENTIFIABLE])
 def test_what_the_data_leave_open_may_be_determined_by_bodies(kind):
     found = refined(kind)
-    assert found.verdict is Class.CONSTRAINT
+    assert found.flags == (Flag.BY_CONE,)
     assert found.reason.startswith("As the data say. Bodies that can exist, with the prior")
     assert "narrow it to 2.5 … 3.5 (95 %)" in found.reason
     assert found.interval95 == (2.5, 3.5)
@@ -81,53 +82,55 @@ def test_what_the_data_leave_open_may_be_determined_by_bodies(kind):
     assert found.value == 2.0
 
 
-@pytest.mark.parametrize(
-    "kind", [k for k in Class if k not in (Class.WEAK, Class.NOT_IDENTIFIABLE)]
-)
-def test_every_other_verdict_stays(kind):
-    assert refined(kind) == verdict(kind)
+@pytest.mark.parametrize("flag", [None, Flag.IN_DOUBT, Flag.NEGLIGIBLE, Flag.NOT_JUDGED])
+def test_what_is_identifiable_or_has_another_reason_stays(flag):
+    kind = Class.NOT_IDENTIFIABLE if flag else Class.IDENTIFIABLE
+    flags = (flag,) if flag else ()
+    assert refined(kind, flags=flags) == verdict(kind, flags=flags)
 
 
 @pytest.mark.parametrize(("sd", "narrowed"), [(0.70, True), (0.71, False)])
 def test_narrowed_means_half_the_variance_that_the_data_leave(sd, narrowed):
     """.707² is a half."""
     found = refined(sd=sd, prior=10.0)
-    assert (found.verdict is Class.CONSTRAINT) == narrowed
-    assert (found == verdict(Class.WEAK)) == (not narrowed)
+    assert (found.flags == (Flag.BY_CONE,)) == narrowed
+    assert (found == verdict(Class.SIGN_ONLY)) == (not narrowed)
 
 
-@pytest.mark.parametrize(("data", "kind"), [(0.99, Class.PRIOR), (1.01, Class.CONSTRAINT)])
+@pytest.mark.parametrize(("data", "kind"), [(0.99, Flag.BY_PRIOR), (1.01, Flag.BY_CONE)])
 def test_by_bodies_means_half_the_variance_that_data_and_prior_leave(data, kind):
-    assert refined(sd=0.707, data=data, prior=10.0, robust=2.0).verdict is kind
+    assert refined(sd=0.707, data=data, prior=10.0, robust=2.0).flags == (kind,)
 
 
-@pytest.mark.parametrize(("prior", "kind"), [(0.19, Class.PRIOR), (0.21, Class.CONSTRAINT)])
+@pytest.mark.parametrize(("prior", "kind"), [(0.19, Flag.BY_PRIOR), (0.21, Flag.BY_CONE)])
 def test_what_is_half_as_wide_as_the_prior_is_learned(prior, kind):
     found = refined(sd=0.1, prior=prior)
-    assert found.verdict is kind
-    assert ("it is the prior that narrows it" in found.reason) == (kind is Class.PRIOR)
+    assert found.flags == (kind,)
+    assert ("it is the prior that narrows it" in found.reason) == (kind is Flag.BY_PRIOR)
     assert found.interval95 == (2.5, 3.5)
 
 
 @pytest.mark.parametrize(("prior_sensitivity", "stated"), [(0.19, True), (0.21, False)])
 def test_what_the_density_at_an_edge_decides_has_no_interval(prior_sensitivity, stated):
     found = refined(prior_sensitivity=prior_sensitivity)
-    assert found.verdict is (Class.CONSTRAINT if stated else Class.PRIOR)
+    assert found.flags == (Flag.BY_CONE if stated else Flag.BY_PRIOR,)
     assert found.believed == ((2.5, 3.5) if stated else None)
     assert ("no interval is stated" in found.reason) == (not stated)
 
 
 def test_the_limits_are_the_users():
-    assert refined(sd=0.5, prior=10.0).verdict is Class.CONSTRAINT
+    assert refined(sd=0.5, prior=10.0).flags == (Flag.BY_CONE,)
     strict = Thresholds(constraint_variance=0.2)
-    assert refined(sd=0.5, prior=10.0, rules=strict).verdict is Class.WEAK
-    assert refined(sd=0.1, prior=0.3, rules=Thresholds(contraction=0.7)).verdict is Class.PRIOR
+    assert refined(sd=0.5, prior=10.0, rules=strict).verdict is Class.SIGN_ONLY
+    more = Thresholds(contraction=0.7)
+    assert refined(sd=0.1, prior=0.3, rules=more).flags == (Flag.BY_PRIOR,)
 
 
 def test_a_posterior_that_may_not_be_shown_adds_nothing():
-    assert refined(reasons=["It moved too little."]) == verdict(Class.WEAK)
+    before = verdict(Class.SIGN_ONLY)
+    assert refined(reasons=["It moved too little."]) == before
     for missing in (replace_belief(physical=None), replace_belief(standard=None)):
-        assert refine_verdicts(Judged((verdict(Class.WEAK),)), missing) == (verdict(Class.WEAK),)
+        assert refine_verdicts(Judged((before,)), missing) == (before,)
 
 
 def replace_belief(**change):

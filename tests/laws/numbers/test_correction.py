@@ -1,17 +1,12 @@
 """What estimates that noise does not bias change of least squares, and along which motions."""
 
-from dataclasses import replace
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
-from identifiability.estimation.estimator import Correction, Estimate
-from identifiability.estimation.verdict import Class
+from identifiability.estimation.estimator import Estimate
 from identifiability.logs.prepare import instruments as closing
 from identifiability.logs.prepare.instruments import complete_along
 from identifiability.robot import Robot, complete_motion
-from identifiability.workflows.analyze.result import state_weak
 
 
 @pytest.fixture
@@ -32,17 +27,6 @@ def plain():
         times=np.ones(2),
         estimator=None,
     )
-
-
-def test_what_has_a_tenth_of_its_variance_from_weak_directions_leans_on_them(plain):
-    plain = replace(plain, determined=np.ones(3, bool))
-    bias = np.array([[0.5, 0.0, 1.2]])
-    covariance = np.diag([4.0, np.inf, 9.0]) + bias.T @ bias
-    found = replace(plain, covariance=covariance, correction=Correction(plain.value, bias))
-    known = [SimpleNamespace(name=c, verdict=Class.IDENTIFIABLE) for c in "abc"]
-    said = state_weak(SimpleNamespace(estimate=found, verdicts=known))
-    assert said.startswith("In 1 of 2 directions noise drowns the motion")
-    assert "; c lean on them" in said
 
 
 def test_where_a_loop_stays_open_the_measured_motion_stands(monkeypatch):

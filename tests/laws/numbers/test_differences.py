@@ -17,7 +17,7 @@ from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.noise import JointRuns
 
 N, LOGS, NOISE = 300, 3, 0.05
-ASKED = np.array([0.0, 0.0, 1.0])
+ASKED = np.array([[0.0, 0.0, 1.0]])
 
 
 def cause(kind, family, place, torque, before=np.nan, names=("x",)):
@@ -35,10 +35,10 @@ def rows(seed, levels=(2.0, 2.0, 2.0), extra=None, offset=0.0, noise=NOISE):
     load = np.concatenate([load, 0.1 * rng.standard_normal((LOGS * N, 2, 6))], axis=2)
     y = 3.0 * smooth + 2.0 * sign
     y[:, 0] += (np.array(levels)[log] - 2.0) * sign[:, 0]
-    y[:, 1] += offset * ASKED[log]
+    y[:, 1] += offset * ASKED[0, log]
     y = y + noise * rng.standard_normal(y.shape)
-    y = y if extra is None else y + ASKED[log][:, None] * (load @ extra)
-    causes = [cause("load", "load", "tool", {j: load[:, j] for j in range(2)}, names=KINDS)]
+    y = y if extra is None else y + ASKED[0, log][:, None] * (load @ extra)
+    causes = [cause("load", "payload", "tool", {j: load[:, j] for j in range(2)}, names=KINDS)]
     for j in range(2):
         causes += [
             cause("friction", "Coulomb friction", f"j{j}", {j: sign[:, [j]]}, 2.0),
@@ -63,7 +63,7 @@ FREE = Known.nothing(np.eye(4), np.zeros(4))
 
 
 def differences(own, patterns=(ASKED,), **more):
-    return Differences(rows=own, known=FREE, logs=LOGS, patterns=patterns, **more)
+    return Differences(rows=own, known=FREE, patterns=patterns, **more)
 
 
 def named(found):
@@ -92,7 +92,7 @@ def test_what_is_in_the_logs_asked_about_is_named_with_sign_and_size():
 
 
 def test_of_three_logs_the_odd_one_is_found_and_costs_more():
-    single = tuple(np.eye(LOGS)[:2])
+    single = tuple(np.eye(LOGS)[:2, None])
     found = differences(rows(3, levels=(2.0, 2.6, 2.0)), (ASKED, *single))
     (term,) = found.model.search()
     assert found.said[term.key][1][1] == 2

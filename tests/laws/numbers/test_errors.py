@@ -161,7 +161,11 @@ class Rows:
     def parts(self):
         return [
             SimpleNamespace(
-                remote=False, is_shown=True, is_kept=False, shown=lambda k=k: self.chunks(k)
+                remote=False,
+                is_shown=True,
+                is_kept=False,
+                dwelling=False,
+                shown=lambda k=k: self.chunks(k),
             )
             for k in range(len(self.logs))
         ]

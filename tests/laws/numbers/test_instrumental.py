@@ -1,5 +1,7 @@
 """Instrumental variables: what noise in the columns does, and what a second record mends."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,11 +9,14 @@ from identifiability.estimation.estimate import estimate
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.evidence import instrument_equations
 from identifiability.estimation.fit import bootstrap, scatter_scores
+from identifiability.estimation.noise import Noise
 from identifiability.regression.information import Information
 
 TRUTH = np.array([1.0, -2.0, 0.5, 3.0])
 SIZE = np.array([0.3, 1.0])
 IV = Estimator(instruments=True)
+#: With noise that is known to be white.
+KNOWN = Estimator(instruments=True, noise=Noise.of(SIZE**2, np.ones(2)))
 PLAIN = Estimator(weighted=False, instruments=True)
 
 
@@ -45,7 +50,7 @@ def weighted(fit, *arrays):
 
 def test_strong_instruments_solve_their_own_equations(rows):
     V, W, tau = rows
-    fit = IV.fit(compress(*rows))
+    fit = KNOWN.fit(compress(*rows))
     Z, X, y = weighted(fit, V, W, tau)
     np.testing.assert_allclose(fit.value, np.linalg.solve(Z.T @ X, Z.T @ y)[:, 0], rtol=1e-9)
     plain = np.linalg.lstsq(X, y, rcond=None)[0][:, 0]
@@ -55,7 +60,7 @@ def test_strong_instruments_solve_their_own_equations(rows):
     sigma2 = float(((y[:, 0] - X @ fit.value) ** 2).sum()) / fit.dof
     np.testing.assert_allclose(fit.covariance, sigma2 * bread @ Z.T @ Z @ bread.T, rtol=1e-8)
     # What instruments leave more than least squares is noise.
-    squares = Estimator().fit(compress(*rows))
+    squares = replace(KNOWN, instruments=False).fit(compress(*rows))
     more = fit.variance - squares.variance
     assert (more > 0.001 * squares.variance).all()
     np.testing.assert_allclose(more, (fit.rss - squares.rss) / len(W), rtol=1e-6)
@@ -112,7 +117,7 @@ def test_refits_are_those_of_the_rows(idle, size):
 @pytest.mark.parametrize("idle", [False, True])
 def test_the_loss_is_least_at_the_fit_and_measures_in_its_covariance(idle):
     information = compress(*planted(np.random.default_rng(5), idle=idle))
-    fit = IV.fit(information)
+    fit = KNOWN.fit(information)
     F = fit.estimator.loss(information, fit)
     assert np.allclose(np.tril(F, -1), 0)
     np.testing.assert_allclose(np.linalg.solve(F[:4, :4], F[:4, 4]), fit.value, rtol=1e-9)

@@ -10,7 +10,7 @@ from identifiability.estimation.fit import Fit, count_freedom, scatter_scores
 from identifiability.estimation.groups import LabelAlternatives
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class, judge
+from identifiability.estimation.verdict import Class, Flag, judge
 
 from .made import ar1, fit_known, fit_of, gather
 
@@ -34,14 +34,14 @@ def judged(fit, found, rules=None):
 
 
 def kinds(verdicts):
-    return {v.verdict for v in verdicts}
+    return {v.look for v in verdicts}
 
 
 @pytest.mark.parametrize(("least", "judges"), [(3.0, True), (100.0, False)])
 def test_a_long_log_is_judged_unless_more_is_asked_of_it(least, judges):
     fit, found = assess(150)
     verdicts = judged(fit, found, Thresholds(outputs_per_parameter=least))
-    assert kinds(verdicts) == {Class.IDENTIFIABLE if judges else Class.NOT_JUDGED}
+    assert kinds(verdicts) == {Class.IDENTIFIABLE if judges else Flag.NOT_JUDGED}
 
 
 def test_a_direction_that_a_few_outputs_decide_is_not_judged_and_others_are():
@@ -55,9 +55,7 @@ def test_a_direction_that_a_few_outputs_decide_is_not_judged_and_others_are():
     fit = estimate(information)
     found = Fit.of(information, fit, rng, 99)
     verdicts = judged(fit, found)
-    assert [v.verdict for v in verdicts] == [
-        Class.IDENTIFIABLE, Class.NOT_JUDGED, Class.IDENTIFIABLE,
-    ]  # fmt: skip
+    assert [v.look for v in verdicts] == ["identifiable", "not judged", "identifiable"]
     assert "independent outputs that say how much its value scatters" in verdicts[1].reason
     assert "give longer or more logs, or a higher cut-off" in verdicts[1].reason
     assert "10× rule" not in verdicts[1].reason
@@ -105,8 +103,8 @@ def test_without_a_bootstrap_verdicts_are_those_of_scores():
 def test_a_log_of_few_memories_is_not_judged_with_a_bootstrap_or_without():
     for replicates in (0, 50):
         fit, found = assess(200, size=50, replicates=replicates)
-        assert "the bootstrap needs 8" in found.note
-        assert kinds(judged(fit, found)) == {Class.NOT_JUDGED}
+        assert "to judge takes 8" in found.note
+        assert kinds(judged(fit, found)) == {Flag.NOT_JUDGED}
 
 
 def test_without_bootstrap_and_scores_the_robust_deviation_is_not_the_white_one():
@@ -115,8 +113,8 @@ def test_without_bootstrap_and_scores_the_robust_deviation_is_not_the_white_one(
     assert found.scores is None
     assert np.isinf(found.robust).all()
     verdicts = judged(fit, found)
-    assert kinds(verdicts) == {Class.NOT_JUDGED}
-    assert "the bootstrap needs 8" in verdicts[0].reason
+    assert kinds(verdicts) == {Flag.NOT_JUDGED}
+    assert "to judge takes 8" in verdicts[0].reason
 
 
 def test_values_that_no_verdict_stands_on_are_those_of_the_fit():

@@ -138,7 +138,7 @@ def test_the_interval_of_the_label_and_the_verdict_know_what_is_left_out():
     np.testing.assert_allclose(np.diff(sure.data_interval95), 2 * 1.96 * 0.01, rtol=1e-4)
     assert "p + 0.5·q, known to ±1 %" in sure.reason
     assert (sure.terms["omitted"], sure.projected, sure.nominal) == (0.1, 1.05, 1.1)
-    assert verdict_of(out(0.3)).verdict is Class.WEAK
+    assert verdict_of(out(0.3)).verdict is Class.SIGN_ONLY
     assert verdict_of(out(2.0)).verdict is Class.NOT_IDENTIFIABLE
 
 

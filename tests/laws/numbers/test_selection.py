@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import find_estimator
-from identifiability.estimation.estimator import Noise
 from identifiability.estimation.evidence import Evidence, HeldOut
 from identifiability.estimation.fit import column_noise, column_rms, merge_blocks
+from identifiability.estimation.groups import NO_ALTERNATIVES
+from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class
+from identifiability.estimation.verdict import Class, Flag
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import Submodel
-from identifiability.workflows.analyze.assessment import assess_ladder, select_model
+from identifiability.workflows.analyze.assessment import Settled, assess_ladder, select_model
 
 from .made import gather
 
@@ -25,12 +26,11 @@ class Judged:
     """What selection asks of a model."""
 
     size: int
-    error_joints_validation: float
+    error_ra_validation: float
     spread: float = 0.0
     feasible: bool = True
     signs_possible: bool = True
     contradicted: str = ""
-    worse_at: tuple[str, ...] = ()
 
     @property
     def submodel(self):
@@ -69,8 +69,8 @@ def test_a_model_that_is_sure_of_something_impossible_comes_last():
 
 def test_a_model_that_is_sure_of_something_impossible_says_so(ladder):
     *_, results = ladder
-    assert results[0].warning.startswith("full is not worth using as it stands: b would have")
-    assert replace(results[0], infeasible=()).warning == ""
+    assert results[0].contradicted == "b would have a sign that physics forbids"
+    assert replace(results[0], infeasible=()).contradicted == ""
 
 
 def test_possible_models_come_first_only_among_those_that_predict_as_well():
@@ -115,6 +115,8 @@ class Physics:
 
     margin: float
     as_good: bool = False
+    value: np.ndarray | None = None
+    base: np.ndarray | None = None
 
     @property
     def feasible(self):
@@ -135,17 +137,19 @@ def ladder():
     values = np.stack([r.expand(f.value) for r, f in zip(submodels, fits, strict=True)], 1)
     # "The nearest real robots", and "what files of both formats hold of them".
     shares = (1.0, 0.9, 0.8, 0.7)
-    values = np.concatenate([share * values for share in shares], axis=1)
+    values = np.stack([share * values[:, k] for k in range(2) for share in shares], axis=1)
     half = [slice(0, 960), slice(960, 1920)]
     made = [
         Prediction.of([np.arange(960.0)], tau[h], W[h] @ values, np.zeros(960, int)) for h in half
     ]
-    made[1] = made[1].select(range(4))
-    held_out = HeldOut.of(every, Noise(fits[0].variance, fits[0].times))
+    held_out = HeldOut.of(every, Noise.of(fits[0].variance, fits[0].times))
     scores = [held_out.score_fit(f, r.M) for r, f in zip(submodels, fits, strict=True)]
     judged = [Evidence.of(score, scores[0]) for score in scores]
     rng, physics = np.random.default_rng(0), [Physics(0.1), Physics(-0.1)]
-    results = assess_ladder(models, physics, *made, Thresholds(), rng, 50, judged=judged)
+    pairs = zip(models, physics, strict=True)
+    settled = [Settled(model, real, None, None, np.empty(0)) for model, real in pairs]
+    what = settled, *made, Thresholds(), rng, 50, NO_ALTERNATIVES
+    results = assess_ladder(*what, judged=judged)
     return W, tau, every, fits, made, results
 
 
@@ -153,16 +157,35 @@ def test_every_model_gets_its_own_errors(ladder):
     *_, made, results = ladder
     fitted, fixed = (p.relative_error() for p in made)
     for k, r in enumerate(results):
-        assert (r.error_ra, r.error_ra_validation) == (fitted[k], fixed[k])
-        assert r.error_ra_physical == fixed[2 + k]
-        assert (r.error_ra_real, r.error_ra_file) == (fitted[2 + k], fitted[4 + k])
-        assert r.error_ra_other == fitted[6 + k]
-    fitted, fixed = (p.error_over_joints() for p in made)
-    for k, r in enumerate(results):
-        assert (r.error_joints, r.error_joints_validation) == (fitted[k], fixed[k])
+        assert (r.error_ra, r.error_ra_validation) == (fitted[4 * k], fixed[4 * k])
+        assert [r.unseen_by(of) for of in range(4)] == fixed[4 * k : 4 * k + 4].tolist()
+        assert r.fitted.relative_error().tolist() == fitted[4 * k : 4 * k + 4].tolist()
+
+
+def test_the_values_to_use_are_the_real_robots_where_it_predicts_as_well(ladder):
+    *_, fits, made, results = ladder
+    small, (own,) = results[1], fits[1].value
+    base = np.array([0.9 * own, 0.0, 2.0, 0.0])  # its bodies cannot do without c
+    real = Physics(-0.1, as_good=True, value=np.array([0.9 * own]), base=base)
+    used = replace(small, physical=real)
+    assert used.physical_used
+    assert used.recommended == [0.9 * own]
+    assert used.real.expand(used.recommended).tolist() == base.tolist()
+    assert used.error_ra == used.used[0].relative_error()[0] == made[0].relative_error()[5]
+    assert used.error_ra_validation == made[1].relative_error()[5]
+    tied = replace(small.submodel, M=np.array([[1.0], [1.0], [0.0], [0.0]]))
+    for apart in (
+        replace(used, submodel=tied),
+        replace(used, physical=replace(real, as_good=False)),
+    ):
+        assert not apart.physical_used
+        assert apart.recommended == [own]
+
+
+def test_standard_errors_are_those_of_the_difference_to_the_best(ladder):
+    results = ladder[-1]
     assert results[0].error_se == 0.0  # it is the best
     assert results[1].error_se == results[1].spread * results[1].error_ra_validation > 0
-    assert [r.worse_at for r in results] == [(), ("one", "two")]
 
 
 def test_signs_that_physics_forbids_are_named_and_make_a_model_impossible(ladder):
@@ -179,7 +202,7 @@ def test_signs_that_physics_forbids_are_named_and_make_a_model_impossible(ladder
 def test_verdicts_say_what_a_column_cannot_be_told_from(ladder):
     found = {v.name: v for v in ladder[-1][0].verdicts}
     assert found["a"].verdict is Class.IDENTIFIABLE
-    assert found["b"].verdict is Class.IN_DOUBT  # physics forbids its sign
+    assert found["b"].flags == (Flag.IN_DOUBT,)  # physics forbids its sign
     assert found["c"].verdict is found["d"].verdict is Class.NOT_IDENTIFIABLE
     assert "determines only its combination with d" in found["c"].reason
     assert "determines only its combination with c" in found["d"].reason

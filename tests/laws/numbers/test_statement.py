@@ -15,6 +15,7 @@ class Judged:
     """What is asked of a model before it may answer."""
 
     error_ra_validation: float = 0.1
+    unseen: SimpleNamespace | None = None
     withdrawn: str = ""
 
     def withdraw(self, why):
@@ -32,10 +33,10 @@ def log(*, moves=True, varies=True):
 
 
 def doubted(error, constant, *logs):
-    models = (Judged(error_ra_validation=error), Judged(error_ra_validation=0.01))
-    held_out = SimpleNamespace(constant_error=lambda: constant)
+    unseen = SimpleNamespace(constant_error=lambda: constant)
+    models = Judged(error, unseen), Judged(0.01, unseen)
     silence = explain_silence([x.survey for x in logs or (log(),)])
-    results, why = doubt(silence, models, 0, held_out)
+    results, why = doubt(silence, models, 0)
     assert [r.withdrawn for r in results] == [why, why]
     return why
 

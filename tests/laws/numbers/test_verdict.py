@@ -5,7 +5,7 @@ import pytest
 
 from identifiability.estimation.fit import ScoreScatter
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class, Verdict, judge
+from identifiability.estimation.verdict import Class, Flag, Verdict, judge
 from identifiability.foundation.numbers import holm
 
 from .made import fit_known, fit_of
@@ -27,14 +27,14 @@ def verdict(value, robust, **options):
 
 
 @pytest.mark.parametrize("value", [1.0, -1.0])
-@pytest.mark.parametrize(("robust", "kind"), [(0.2, Class.IDENTIFIABLE), (0.201, Class.WEAK)])
+@pytest.mark.parametrize(("robust", "kind"), [(0.2, Class.IDENTIFIABLE), (0.201, Class.SIGN_ONLY)])
 def test_identifiable_means_known_to_twenty_percent(value, robust, kind):
     found = verdict(value, robust, noise=1e3)
     assert found.verdict is kind
     assert ("Known to ±20 % (limit 20 %) and its sign is certain." in found.reason) == (
         kind is Class.IDENTIFIABLE
     )
-    if kind is Class.WEAK:
+    if kind is Class.SIGN_ONLY:
         assert "certain, but it is known only to ±20.1 %" in found.reason
 
 
@@ -43,11 +43,11 @@ def test_the_limit_is_the_users():
         verdict(1.0, 0.1, noise=1e3, thresholds=Thresholds(sigma_percent=limit)).verdict
         for limit in (10.0, 9.9)
     ]
-    assert kinds == [Class.IDENTIFIABLE, Class.WEAK]
+    assert kinds == [Class.IDENTIFIABLE, Class.SIGN_ONLY]
 
 
 def test_the_verdict_rests_on_the_robust_deviation_not_on_the_white_one():
-    assert verdict(1.0, 0.3, white=0.01, noise=1e3).verdict is Class.WEAK
+    assert verdict(1.0, 0.3, white=0.01, noise=1e3).verdict is Class.SIGN_ONLY
     assert verdict(1.0, 0.1, white=0.3, noise=1e3).verdict is Class.IDENTIFIABLE
 
 
@@ -56,7 +56,7 @@ def test_the_verdict_rests_on_the_robust_deviation_not_on_the_white_one():
 def test_a_sign_is_certain_at_five_percent_of_a_two_sided_test(z, certain, sign):
     """Φ(-1.96) is .025: half of the level on each side."""
     found = verdict(sign * z, 1.0, noise=1e3)
-    assert (found.verdict is Class.WEAK) == certain
+    assert (found.verdict is Class.SIGN_ONLY) == certain
     assert ("even the sign may be chance" in found.reason) == (not certain)
 
 
@@ -69,28 +69,27 @@ def test_p_values_are_adjusted_as_holm_does():
     assert len(holm(np.empty(0))) == 0
 
 
-@pytest.mark.parametrize(
-    ("robust", "kind"), [(0.0459, Class.NEGLIGIBLE), (0.0460, Class.NOT_IDENTIFIABLE)]
-)
+@pytest.mark.parametrize(("robust", "flags"), [(0.0459, (Flag.NEGLIGIBLE,)), (0.0460, ())])
 @pytest.mark.parametrize("value", [0.01, -0.01])
-def test_negligible_is_said_of_the_whole_interval(value, robust, kind):
+def test_negligible_is_said_of_the_whole_interval(value, robust, flags):
     """.01 + 1.96 × .0459 = .09996 of the residual; the value by itself is far below the tenth."""
     found = verdict(value, robust)
-    assert found.verdict is kind
-    assert found.verdict is not Class.NEGLIGIBLE or (
+    assert found.verdict is Class.NOT_IDENTIFIABLE
+    assert found.flags == flags
+    assert not flags or (
         "torque of any joint by more than 10 % of its residual: about zero for this motion, safe "
         "to leave out" in found.reason
     )
 
 
 def test_negligible_is_said_of_torque_not_of_the_number():
-    assert verdict(1.0, 0.9, noise=0.02).verdict is Class.NEGLIGIBLE
-    assert verdict(1e-3, 0.9e-3, noise=1e3).verdict is Class.NOT_IDENTIFIABLE
+    assert verdict(1.0, 0.9, noise=0.02).flags == (Flag.NEGLIGIBLE,)
+    assert verdict(1e-3, 0.9e-3, noise=1e3).flags == ()
 
 
 def test_what_is_certain_is_never_called_negligible():
     found = verdict(0.01, 0.004)  # 2.5 σ, known to 40 %, 2 % of the residual
-    assert found.verdict is Class.WEAK
+    assert found.verdict is Class.SIGN_ONLY
     assert "certain" in found.reason
 
 
@@ -99,6 +98,7 @@ def test_what_is_not_determined_is_not_identifiable_and_says_what_it_hides_behin
         [5.0, 1.0], [0.0, 0.01], known=[False, True], alias="Only with another.", noise=1e-9
     )
     assert first.verdict is Class.NOT_IDENTIFIABLE
+    assert first.flags == (Flag.STRUCTURAL,)
     assert first.reason == "Only with another."
     assert second.verdict is Class.IDENTIFIABLE
 
@@ -120,7 +120,7 @@ def test_what_is_not_identifiable_says_by_how_much(robust, words):
 
 def test_a_value_without_spread_is_certain_and_zero_is_not():
     assert verdict(1.0, 0.0, noise=1e3).verdict is Class.IDENTIFIABLE
-    assert verdict(0.0, 0.0).verdict is Class.NEGLIGIBLE
+    assert verdict(0.0, 0.0).flags == (Flag.NEGLIGIBLE,)
 
 
 def test_the_ninety_five_percent_interval_is_so_many_robust_deviations():
