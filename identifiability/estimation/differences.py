@@ -23,16 +23,15 @@ import pandas as pd
 from scipy.special import logsumexp, softmax
 
 from identifiability.effects import FAMILIES, find_families, title_of
-from identifiability.estimation.alternatives import describe_term, place_of
-from identifiability.estimation.groups import LOAD, Excerpt, Missing
+from identifiability.estimation.groups import LOAD, Excerpt, Missing, describe_term, place_of
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
     RIDGE,
     Group,
     MixedModel,
-    Products,
     Term,
     Terms,
+    whitened_information,
 )
 from identifiability.estimation.noise import THIN, ARNoise, JointNoise, JointRuns, rich_noise
 from identifiability.estimation.rules import RULES, Thresholds
@@ -44,6 +43,7 @@ from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import list_candidates, number
+from identifiability.regression.information import Information
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.robot.kinematics import WORLD
@@ -343,7 +343,7 @@ class Patterned:
     weights: Array
 
     @property
-    def width(self) -> int:
+    def size(self) -> int:
         """Number m of columns without the torque."""
         return len(self.column) - 1
 
@@ -639,11 +639,11 @@ class Differences:
         edges = [*starts.tolist(), len(rows.log)]
         columns, blocks = zip(*self.matrices, strict=True)
         noise = tuple(self._noise(j) for j in range(len(blocks)))
-        products = Products.of(columns, blocks, noise, rows.runs, edges)
+        products = whitened_information(columns, blocks, noise, rows.runs, edges)
         level = self._levels(products, edges) * self.shared
         values = np.zeros((len(starts), columns[0][-1] + 1, columns[0][-1] + 1))
-        for at, own, by in zip(columns, products.values, level, strict=True):
-            values[np.ix_(range(len(starts)), at, at)] += own / by[:, None, None]
+        for at, blocks_of, by in zip(columns, products.parts, level, strict=True):
+            values[np.ix_(range(len(starts)), at, at)] += blocks_of.blocks / by[:, None, None]
         column, pattern = [np.arange(p)], [np.zeros(p, int)]
         for part, span in zip(self.parts, self.spans, strict=True):
             begin = first[part.cause + len(rows.causes) * self._is_off(part)]
@@ -726,20 +726,20 @@ class Differences:
             return found
         return JointNoise(np.empty(0), ROUNDOFF * float(rows.size[joint]))
 
-    def _levels(self, products: Products, edges: Sequence[int]) -> Array:
+    def _levels(self, products: Information, edges: Sequence[int]) -> Array:
         """Return the noise variance of each joint (n,) in each log (B,), over that of all logs.
 
         It is what each log leaves of itself, whatever changed in it.
         """
-        out = np.ones((len(products.values), products.blocks))
-        every = zip(products.columns, products.values, strict=True)
-        for j, (at, values) in enumerate(() if self.noise else every):
+        out = np.ones((products.actuators, len(products.counts)))
+        for j, part in enumerate(() if self.noise else products.parts):
+            values = part.blocks
             for b, (start, stop) in enumerate(pairwise(edges)):
                 count = sum(
                     max(min(last, stop) - max(first, start), 0)
                     for first, last in self.rows.runs.each[j]
                 )
-                own = np.flatnonzero(at < self._firsts[-1])
+                own = np.flatnonzero(part.columns < self._firsts[-1])
                 own = own[values[b][own, own] > 0]
                 size = np.sqrt(np.diag(values[b])[own])
                 square, turn = np.linalg.eigh(values[b][np.ix_(own, own)] / np.outer(size, size))

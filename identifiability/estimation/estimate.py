@@ -198,19 +198,17 @@ def _predicts(information: Information, fits: Sequence[Estimate], weighed: Infor
         folds = Folds.of(information, float(fits[0].times.max()))
     except LogError:  # too short to be asked
         return True
-    tests = folds.test == np.arange(folds.count)[:, None]
-    errors = []
+    tests, errors = information.summed(folds.tested), []
     for part, fit in zip((information, weighed), fits, strict=True):
         values = fit.estimator.refit(part, fit, folds.train.astype(float))
-        each = [information.squares_of_blocks(np.append(-v, 1.0)[:, None]) for v in values]
-        squares = np.array([x @ own for x, own in zip(each, tests, strict=True)])
+        squares = tests.squares_of_blocks(np.pad(-values, ((0, 0), (0, 1)), constant_values=1.0))
         errors.append(Score.of_errors(squares, information.variation, folds.ratio).error)
     return not errors[1] > errors[0]
 
 
 def _measure(information: Information, fit: Estimate) -> tuple[Array, Array]:
     """Return each block's mean square over the usual one of its log, and its limit, (n, B)."""
-    squares = information.squares_of_blocks(np.append(-fit.value, 1.0)[:, None])
+    squares = information.squares_of_blocks(np.append(-fit.value, 1.0)).T
     rows = information.data.T
     freedom = np.maximum(rows / fit.times[:, None], 1.0)
     beyond = np.zeros(squares.shape)

@@ -35,17 +35,16 @@ Limits are those of Student's t of K - 1; those of n joints hold together [Bonfe
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from enum import StrEnum
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_triangular
 from scipy.special import stdtrit
 
-from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.estimator import Estimate, combine
+from identifiability.estimation.gaussian import RIDGE, Normal, predictive_density, square_root
 from identifiability.estimation.noise import Noise
-from identifiability.estimation.refits import RIDGE
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
@@ -64,7 +63,7 @@ class Level(StrEnum):
 
 @frozen
 class Levels:
-    """What evidence is called; reports print it under "how it was judged".
+    """What evidence is called; `workflows/words.toml` says it in words.
 
     Attributes
     ----------
@@ -88,33 +87,6 @@ class Levels:
     folds: int = 10
     fewest: int = 5
     draws: int = 1000
-
-    def rows(self) -> tuple[tuple[str, str], ...]:
-        """Return each level, and what a choice rests on, in words."""
-        sure, rise = f"{100 * self.confidence:g} %", f"{100 * self.rise:g} %"
-        return (
-            (Level.BETTER.value, f"the lower {sure} limit of the gain on unseen motion is above 0"),
-            (Level.WORSE.value, "its upper limit is below 0"),
-            (Level.AS_GOOD.value, f"neither, and the error surely rises by less than {rise}"),
-            (Level.OPEN.value, "otherwise"),
-            (
-                "the model to use",
-                f"the smallest within {self.nats:g} nats of the best predictive log density of "
-                f"{self.fewest} to {self.folds} blocked folds, or as good as the best; where no "
-                "real robot has its values, a smaller one that one has, if the real robots nearest "
-                "to both predict alike",
-            ),
-            (
-                "the prior to the robot file",
-                f"the heaviest within {self.nats:g} nats of the best predictive log density",
-            ),
-            (
-                "the values to use",
-                "those of the nearest real robot, unless the ones that were estimated are better; "
-                "and where these differ from them over the range of the robot by no more "
-                "than twice their own squared errors there",
-            ),
-        )
 
 
 LEVELS = Levels()
@@ -145,6 +117,11 @@ class Folds:
     def count(self) -> int:
         """Number of folds F."""
         return len(self.train)
+
+    @property
+    def tested(self) -> np.ndarray:
+        """Blocks that each fold predicts, (F, B) bool."""
+        return np.asarray(self.test == np.arange(self.count)[:, None])
 
     @staticmethod
     def short(information: Information) -> Folds:
@@ -261,12 +238,6 @@ class Score:
         acts = max(int((self.variation > 0).sum()), 1)
         return float(np.sqrt(self.shares.sum() / acts))
 
-    @property
-    def joint_error(self) -> Array:
-        """The same of each joint, (n,)."""
-        found: Array = np.sqrt(self.shares.sum(0))
-        return found
-
     def gain(self, other: Score) -> Gain:
         """Return the gain of its predictive log density over another's of the same folds [nats]."""
         return _sum_gain(self.density - other.density, max(self.ratio, other.ratio))
@@ -283,10 +254,8 @@ class HeldOut:
     folds : Folds
     noise : (n,) [torque²]
         σ² κ of each joint.
-    bases : tuple of (r, k + 1)
-        ``[W τ] = Z basis`` of each joint.
-    tests, rests : tuple of (F, r, r)
-        ``Zᵀ Z`` of what each fold predicts, and of what its fit rests on.
+    tests, rests : Information
+        Of what each fold predicts, and of what its fit rests on: a block a fold.
     turn, whole : (q, k + 1) and (F, q, q)
         ``([W τ] x)ᵀ ([W τ] x) = |turn x|²`` of everything, whitened, and what each fold predicts
         of it: of these coordinates nothing is lost by squaring.
@@ -296,9 +265,8 @@ class HeldOut:
     information: Information
     folds: Folds
     noise: Array
-    bases: tuple[Array, ...]
-    tests: tuple[Array, ...]
-    rests: tuple[Array, ...]
+    tests: Information
+    rests: Information
     turn: Array
     whole: Array
     variation: Array
@@ -323,26 +291,17 @@ class HeldOut:
             Of the torque of each joint about its mean; by default its sum of squares.
         """
         folds = folds or Folds.of(information, float(np.max(noise.times)))
-        k, squares = information.size, information.torque
-        floor = 1e-18 * squares.max(initial=0.0) + 1e-300
-        own = np.maximum(noise.variance * noise.times, floor)
-        bases, tests, rests = [], [], []
-        for part, basis in information.of_actuators(np.eye(k + 1)):
-            bases.append(basis)
-            tests.append(_sum_blocks(part, folds.test == np.arange(folds.count)[:, None]))
-            rests.append(_sum_blocks(part, folds.train))
+        own = np.maximum(noise.variance * noise.times, least_noise(information))
+        tests = information.summed(folds.tested)
         R = information.factor(1.0 / own)
         length = np.maximum(np.linalg.norm(R, axis=0), 1e-300)
         _, s, Vt = np.linalg.svd(R / length)
         seen = s > ROUNDING * s.max(initial=0.0)
         turn, back = s[seen, None] * Vt[seen] * length, (Vt[seen].T / s[seen]) / length[:, None]
-        whole = sum(
-            (basis @ back).T @ test @ (basis @ back) / joint
-            for basis, test, joint in zip(bases, tests, own, strict=True)
-        )
-        spread = squares if variation is None else variation
-        sums = tuple(bases), tuple(tests), tuple(rests)
-        return HeldOut(information, folds, own, *sums, turn, np.asarray(whole), spread)
+        whole = tests.products(1.0 / own, back, back)
+        spread = information.torque if variation is None else variation
+        rests = information.summed(folds.train)
+        return HeldOut(information, folds, own, tests, rests, turn, whole, spread)
 
     def score_fit(self, fit: Estimate, M: Array | None = None, fixed: Array | None = None) -> Score:
         """Return what a model predicts, fitted to each fold's rest.
@@ -379,11 +338,8 @@ class HeldOut:
         _, s, Vt = np.linalg.svd(R / length, full_matrices=False)
         seen = s > RIDGE * s.max(initial=0.0)  # coordinates in which all information is a unit
         turn = M @ ((Vt[seen].T / s[seen]) / length[:, None])
-        precision = np.zeros((self.folds.count, turn.shape[1], turn.shape[1]))
-        for basis, rest, own in zip(self.bases, self.rests, self.noise, strict=True):
-            columns = basis[:, :-1] @ turn
-            precision += columns.T @ rest @ columns / own
-        values, vectors = np.linalg.eigh(precision)
+        wide = np.vstack([turn, np.zeros((1, turn.shape[1]))])
+        values, vectors = np.linalg.eigh(self.rests.products(1.0 / self.noise, wide, wide))
         found: Array = turn @ (vectors / np.sqrt(np.maximum(values, RIDGE))[:, None, :])
         return found
 
@@ -407,85 +363,103 @@ class HeldOut:
         change[:, :, :-1] = self.turn[:, :-1] @ roots
         change[:, :, -1] = left @ self.turn.T
         density = predictive_density(np.swapaxes(change, 1, 2) @ self.whole @ change)
-        pairs = ((left @ basis.T, test) for basis, test in zip(self.bases, self.tests, strict=True))
-        squares = np.stack([np.einsum("fr,frs,fs->f", e, test, e) for e, test in pairs], 1)
         ratio = self.folds.ratio if np.ndim(values) > 1 else 0.0
-        return Score(density, squares, self.variation, ratio)
+        return Score(density, self.tests.squares_of_blocks(left), self.variation, ratio)
 
 
-def predictive_density(grams: Array) -> Array:
-    """Return the log density of whitened residuals under the errors of all values, (...,) [nats].
+def least_noise(information: Information) -> float:
+    """Return σ² κ below which noise is rounding of the torque [torque²]."""
+    return 1e-18 * float(information.torque.max(initial=0.0)) + 1e-300
 
-    Parameters
+
+@frozen
+class Refits:
+    """Fits of nested models to everything (first) and to the rest of each of F folds.
+
+    Coordinates are ``y = R x`` in which the information of everything is the unit matrix.
+
+    Attributes
     ----------
-    grams : (..., q + 1, q + 1)
-        ``[W L e]ᵀ [W L e]``, whitened, of residuals e and a root L of the values' covariance.
+    centre : (k,)
+        y of the fit of all columns to everything.
+    grams, right : (F + 1, k, k) and (F + 1, k)
+        ``grams (y - centre) = right`` of each fit without constraints.
     """
-    inner = grams[..., :-1, :-1] + np.eye(grams.shape[-1] - 1)
-    cross = grams[..., :-1, -1:]
-    taken = np.swapaxes(cross, -1, -2) @ np.linalg.solve(inner, cross)
-    square = grams[..., -1, -1] - taken[..., 0, 0]
-    found: Array = -0.5 * (square + np.linalg.slogdet(inner)[1])
-    return found
+
+    centre: Array
+    grams: Array
+    right: Array
+
+    @staticmethod
+    def of(information: Information, full: Estimate, R: Array, train: np.ndarray) -> Refits:
+        """Return the fits to all blocks, and to those of each fold's rest.
+
+        Parameters
+        ----------
+        information : Information
+            About k independent columns.
+        full : Estimate
+        R : (k + 1, k + 1)
+            Its loss.
+        train : (F, B) bool
+            Blocks that each fit rests on.
+        """
+        member, k = np.vstack([np.ones(train.shape[1]), train]), len(R) - 1
+        if full.estimator.instruments:
+            edges = np.flatnonzero((np.diff(member, axis=1, prepend=-1.0) != 0).any(0))
+            grams, member = (
+                instrument_equations(information.merge(edges), full, R),
+                member[:, edges],
+            )
+        else:  # products of [W τ] R⁻¹ are the equations of least squares
+            inverse = np.linalg.inv(R)
+            grams = information.products(full.weights, inverse, inverse)
+        sums = np.tensordot(member, grams, 1)
+        # Gram matrices of Z where the residual is Z (centre - y, scale), scale its root of squares.
+        return Refits(R[:k, k], sums[:, :k, :k], sums[:, :k, k] * R[k, k])
+
+    @property
+    def whole(self) -> Array:
+        """``y - centre`` of the fit of all columns to everything, (k,)."""
+        return Normal.ridged(self.grams[0], self.right[0]).value
+
+    def along(self, turn: Array, free: np.ndarray) -> Array:
+        """Return ``y - centre`` of each fit of M nested models, (M, F + 1, k).
+
+        Parameters
+        ----------
+        turn : (k, k)
+            Orthonormal; its first columns span what a model leaves free.
+        free : (M,) int
+            How many.
+        """
+        k, out = len(self.centre), np.empty((len(free), *self.right.shape))
+        inside, c = np.arange(k)[:, None] < free, turn.T @ self.centre
+        for f, (gram, right) in enumerate(zip(self.grams, self.right, strict=True)):
+            A, b = turn.T @ gram @ turn, turn.T @ right
+            fit = Normal.ridged(A, b)
+            moved = np.where(inside, 0.0, -c[:, None])
+            for _ in range(2):  # the second time takes away what the ridge did to the first
+                moved += fit.leading(b[:, None] - A @ moved, free)
+            out[:, f] = (turn @ moved).T
+        return out
 
 
-def nested_density(
-    gram: Array, precision: Array, delta: Array, turn: Array, free: np.ndarray
-) -> Array:
-    """Return the predictive log density of F folds under M nested models, (M, F) [nats].
+def instrument_equations(information: Information, full: Estimate, R: Array) -> Array:
+    """Return the normal equations of each block by instruments, (B, k + 1, k + 1).
 
-    The leading part of one triangular factor belongs to each of them: ``ln p`` of what is predicted
-    is that of everything less that of what was fitted.
-
-    Parameters
-    ----------
-    gram : (F, k + 1, k + 1)
-        ``[Y e]ᵀ [Y e]`` of each fold, whitened: columns, and what the largest model leaves.
-    precision : (F, k, k)
-        Of the values of the largest model, fitted to each fold's rest.
-    delta : (M, F, k)
-        Values of each model's fits to the rests, less those of the largest to everything.
-    turn : (k, k)
-        Orthonormal; its first columns span what a model leaves free.
-    free : (M,) int
-        How many.
+    They are in ``R x``, less those of the fit, in units of ``R[k, k]``, and made symmetric, as
+    their sum is.
     """
-    k = gram.shape[1] - 1
-    inside = np.arange(k)[:, None] < free
-    out = np.empty(delta.shape[:2])
-    for f, (G, P) in enumerate(zip(gram, precision, strict=True)):
-        A, known = turn.T @ G[:k, :k] @ turn, turn.T @ P @ turn
-        ridge = RIDGE * (np.trace(known) / max(k, 1) + 1e-300)
-        try:
-            before = np.linalg.cholesky(known + ridge * np.eye(k))
-        except np.linalg.LinAlgError:  # instruments of a part may leave less than no information
-            values, vectors = np.linalg.eigh(known)
-            known = (vectors * np.maximum(values, 0.0)) @ vectors.T
-            before = np.linalg.cholesky(known + ridge * np.eye(k))
-        both = np.linalg.cholesky(A + known + ridge * np.eye(k))
-        volume = 2.0 * np.cumsum(np.log(np.diag(both) / np.diag(before)))
-        moved = delta[:, f] @ G[:k, :k]
-        square = G[k, k] - 2.0 * delta[:, f] @ G[:k, k] + (moved * delta[:, f]).sum(1)
-        score = np.where(inside, turn.T @ (G[:k, [k]] - moved.T), 0.0)
-        taken = np.where(inside, solve_triangular(both, score, lower=True), 0.0)
-        out[:, f] = -0.5 * (square - (taken**2).sum(0) + np.append(0.0, volume)[free])
+    k = information.size
+    found = replace(combine(information, full.weights), value=full.value[list(full.kept)])
+    A, c = found.moments(information, full.weights)
+    to_y = R[:k, :k] @ found.B  # of directions into coordinates of the loss
+    turned = to_y @ A @ np.linalg.inv(to_y)
+    out = np.zeros((len(A), k + 1, k + 1))
+    out[:, :k, :k] = 0.5 * (turned + turned.swapaxes(1, 2))
+    out[:, :k, k] = out[:, k, :k] = c @ to_y.T / R[k, k]
     return out
-
-
-def _sum_blocks(part: Any, members: np.ndarray) -> Array:
-    """Return ``Zᵀ Z`` over some of the blocks, (F, r, r), for members (F, B)."""
-    group = np.zeros(len(part.blocks), int)
-    sums = [part.merge_weighted(group, row.astype(float)) for row in members]
-    return np.concatenate(sums)
-
-
-def square_root(covariance: Array) -> Array:
-    """Return L with ``L Lᵀ`` the covariance, which may be singular."""
-    scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 0.0))
-    unit = np.where(scale > 0, scale, 1.0)
-    values, vectors = np.linalg.eigh(covariance / unit[..., None, :] / unit[..., :, None])
-    found: Array = unit[..., None] * vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
-    return found
 
 
 @frozen

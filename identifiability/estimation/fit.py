@@ -13,9 +13,9 @@ from dataclasses import field, replace
 import numpy as np
 from scipy.special import fdtrc, ndtr, ndtri, stdtrit
 
-from identifiability.estimation.alternatives import LabelAlternatives
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import Mixture
+from identifiability.estimation.groups import LabelAlternatives
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import ROUNDOFF, sandwich, unit_coordinates
 from identifiability.foundation.names import GROUPED_KINDS, Array

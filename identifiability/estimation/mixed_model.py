@@ -7,26 +7,27 @@ as sparse Bayesian learning does [Tipping & Faul 2003]: what gains most is added
 it are large enough.
 
 Rows are whitened once, before the search, by noise that was measured beside all that may be
-missing, the same for every hypothesis. What is asked afterwards reads one matrix of `Products`, and
+missing, the same for every hypothesis. What is asked afterwards reads one `Information`, and
 costs the same however many rows there were.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-import scipy
 from scipy.special import log_ndtr, logsumexp, softmax
 
+from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.noise import THIN, ARNoise, JointRuns, whiten
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
+from identifiability.regression.information import ActuatorBlocks, Information
 
 #: Sizes that a group may have, relative to the torque of its joint: uniform in the logarithm.
 SIZES = np.geomspace(1e-4, 1.0, 40)
@@ -34,112 +35,35 @@ SIZES = np.geomspace(1e-4, 1.0, 40)
 RIDGE: Tolerance = 1e-10
 
 
-# Products of whitened rows.
+def whitened_information(
+    columns: Sequence[np.ndarray],
+    rows: Sequence[Array],
+    noise: ARNoise,
+    runs: JointRuns,
+    edges: Sequence[int],
+) -> Information:
+    """Return the information of rows of each joint, whitened within stretches of data.
 
-
-@frozen
-class Products:
-    """Products of whitened rows ``[X Z y]``, by block of time and joint; they add up.
-
-    A joint has those of the columns that act in it alone.
-
-    Attributes
+    Parameters
     ----------
-    columns : tuple of (k,) int
-        Of each joint, rising; the last of all is the torque.
-    values : tuple of (B, k, k)
-        Of each joint, for B blocks.
-    width : int
-        Number m of columns without the torque.
+    columns : sequence of (k,) int
+        That act in each joint, rising; the last of all is the torque.
+    rows : sequence of (N, k)
+        Of each joint, the torque last.
+    noise : ARNoise
+    runs : JointRuns
+        A row without data ends a stretch.
+    edges : sequence of int
+        Rows at which blocks begin and end.
     """
-
-    columns: tuple[np.ndarray, ...]
-    values: tuple[Array, ...]
-    width: int
-
-    @staticmethod
-    def of(
-        columns: Sequence[np.ndarray],
-        rows: Sequence[Array],
-        noise: ARNoise,
-        runs: JointRuns,
-        edges: Sequence[int],
-    ) -> Products:
-        """Return those of the rows of each joint, whitened within stretches of data.
-
-        Parameters
-        ----------
-        columns : sequence of (k,) int
-        rows : sequence of (N, k)
-            Of each joint, the torque last.
-        noise : ARNoise
-        runs : JointRuns
-            A row without data ends a stretch.
-        edges : sequence of int
-            Rows at which blocks begin and end.
-        """
-        values = []
-        each = zip(rows, noise, runs.each, strict=True)
-        for own, of_joint, stretches in each:
-            white = whiten(own, stretches, of_joint.pacf) / of_joint.sigma
-            values.append(np.array([white[a:b].T @ white[a:b] for a, b in pairwise(edges)]))
-        return Products(tuple(columns), tuple(values), int(columns[0][-1]))
-
-    def __add__(self, other: Products) -> Products:
-        """Return those of the blocks of both."""
-        both = zip(self.values, other.values, strict=True)
-        return replace(self, values=tuple(np.concatenate([a, b]) for a, b in both))
-
-    @property
-    def blocks(self) -> int:
-        """Number of blocks."""
-        return len(self.values[0])
-
-    def take(self, blocks: Sequence[int] | np.ndarray) -> Products:
-        """Return those of some blocks."""
-        return replace(self, values=tuple(v[blocks] for v in self.values))
-
-    def weighed(self, weights: Array) -> Products:
-        """Return those of the rows of each joint, weighed (n,)."""
-        both = zip(self.values, weights, strict=True)
-        return replace(self, values=tuple(v * w for v, w in both))
-
-    @cached_property
-    def _totals(self) -> tuple[Array, ...]:
-        return tuple(v.sum(0) for v in self.values)
-
-    @cached_property
-    def _places(self) -> tuple[np.ndarray, ...]:
-        """Where each column is among those of a joint; -1 where it does not act, (m + 1,)."""
-        out = []
-        for at in self.columns:
-            place = np.full(self.width + 1, -1)
-            place[at] = np.arange(len(at))
-            out.append(place)
-        return tuple(out)
-
-    def between(self, some: np.ndarray, others: np.ndarray) -> Array:
-        """Return products of some columns (a,) with others (b,), (a, b)."""
-        out = np.zeros((len(some), len(others)))
-        for place, total in zip(self._places, self._totals, strict=True):
-            a, b = place[some], place[others]
-            here, there = np.flatnonzero(a >= 0), np.flatnonzero(b >= 0)
-            if len(here) and len(there):
-                out[np.ix_(here, there)] += total[np.ix_(a[here], b[there])]
-        return out
-
-    def within(self, sets: np.ndarray) -> Array:
-        """Return products of sets of columns (s, k) among themselves, (s, k, k)."""
-        out = np.zeros((*sets.shape, sets.shape[1]))
-        for place, total in zip(self._places, self._totals, strict=True):
-            at = place[sets]
-            act = np.flatnonzero((at >= 0).any(1))
-            if len(act):
-                at = at[act]
-                on = (at >= 0).astype(float)
-                own = total[np.maximum(at, 0)[:, :, None], np.maximum(at, 0)[:, None, :]]
-                out[act] += own * on[:, :, None] * on[:, None, :]
-        return out
+    parts = []
+    for at, own, of_joint, stretches in zip(columns, rows, noise, runs.each, strict=True):
+        white = whiten(own, stretches, of_joint.pacf) / of_joint.sigma
+        grams = np.array([white[a:b].T @ white[a:b] for a, b in pairwise(edges)])
+        parts.append(ActuatorBlocks(at[:-1], None, grams, np.zeros(grams.shape[:2])))
+    names, counts = [str(k) for k in range(columns[0][-1])], np.diff(edges)
+    data = np.repeat(counts[:, None], len(parts), 1)
+    return Information(tuple(names), tuple(parts), counts, data, np.zeros(len(counts), int))
 
 
 # Groups, and what of them is in a model.
@@ -218,30 +142,19 @@ Terms = tuple[Term, ...]
 
 
 @frozen
-class Solution:
+class Solution(Normal):
     """A model with some terms, by Henderson's equations.
 
     Attributes
     ----------
     columns : (c,) int
         Of the fixed model, then of the terms.
-    value : (c,)
-    root : (c, c)
-        Inverse of the triangular factor of the precision: the covariance is ``rootᵀ root``.
     log_likelihood : float
         Restricted, without what all models have in common.
     """
 
     columns: np.ndarray
-    value: Array
-    root: Array
     log_likelihood: float
-
-    @property
-    def covariance(self) -> Array:
-        """Of fixed effects and of errors in the random ones, (c, c)."""
-        both: Array = self.root.T @ self.root
-        return both
 
 
 @frozen
@@ -250,7 +163,8 @@ class MixedModel:
 
     Attributes
     ----------
-    products : Products
+    products : Information
+        About m columns.
     fixed : int
         p; these columns are the first ones.
     groups : tuple of Group
@@ -266,7 +180,7 @@ class MixedModel:
         That a group may have, each as likely.
     """
 
-    products: Products
+    products: Information
     fixed: int
     groups: tuple[Group, ...]
     scale: Array
@@ -279,8 +193,7 @@ class MixedModel:
     def target(self) -> Array:
         """Products of all columns with the torque, (m,)."""
         p = self.products
-        every = np.arange(p.width)
-        target: Array = p.between(every, np.array([p.width]))[:, 0] / self.scale
+        target: Array = p.between(np.arange(p.size), np.array([p.size]))[:, 0] / self.scale
         return target
 
     def _between(self, some: np.ndarray, others: np.ndarray) -> Array:
@@ -309,13 +222,9 @@ class MixedModel:
         P[range(first, len(P)), range(first, len(P))] += 1.0 / sizes
         if self.prior.size:
             P[:first, :first] += self.prior / np.outer(self.scale[:first], self.scale[:first])
-        if not len(P):
-            return Solution(columns, np.empty(0), np.empty((0, 0)), 0.0)
-        L = np.linalg.cholesky(P)
-        root, _ = scipy.linalg.lapack.dtrtri(L, lower=1)
-        half = root @ target
-        likelihood = 0.5 * half @ half - np.log(np.diag(L)).sum() - 0.5 * np.log(sizes).sum()
-        return Solution(columns, root.T @ half, root, float(likelihood))
+        x = Normal.of(P, target)
+        likelihood = x.evidence - 0.5 * float(np.log(sizes).sum())
+        return Solution(x.factor, x.half, columns, likelihood)
 
     def beside(self, terms: Terms) -> list[Group]:
         """Return the groups that may come beside some terms: what is everywhere has no place."""
@@ -342,9 +251,9 @@ class MixedModel:
         """
         asked = self.beside(terms) if among is None else list(among)
         s = self.solve(terms)
-        every = np.arange(self.products.width)
+        every = np.arange(self.products.size)
         along = s.root @ self._between(s.columns, every)
-        left = self.target - along.T @ (s.root @ self.target[s.columns])
+        left = self.target - along.T @ s.half
         flat = [(k, i, at) for k, g in enumerate(asked) for i, at in enumerate(g.members)]
         rise: dict[tuple[int, int], tuple[Array, Array]] = {}
         for width in sorted({len(at) for _, _, at in flat}):
@@ -366,14 +275,13 @@ class MixedModel:
             )
             member, size = np.unravel_index(int(np.argmax(each)), each.shape)
             out.append(Term(g, int(member), float(self.sizes[size] ** 2), odds))
-        return sorted(out, key=lambda t: -t.odds)
+        # What is as likely stands as it came, whatever rounding says.
+        return sorted(out, key=lambda t: -round(t.odds, 6))
 
     def information(self, terms: Terms, columns: np.ndarray) -> Array:
         """Return what rows say of columns (k,) beside the model with some terms, (k, k)."""
         s = self.solve(terms)
-        along = s.root @ self._between(s.columns, columns)
-        left: Array = self._between(columns, columns) - along.T @ along
-        return left
+        return s.beside(self._between(columns, columns), self._between(s.columns, columns))
 
     def _rise(self, sets: np.ndarray, along: Array, left: Array) -> tuple[Array, Array]:
         """Return the rise of the log-likelihood by sets of columns (s, k), and what signs add.
@@ -414,7 +322,7 @@ class MixedModel:
                 terms = self.settle(terms[:least] + terms[least + 1 :])
         return terms
 
-    def evidence(self, terms: Terms, unseen: Products, truth: Terms | None = None) -> Array:
+    def evidence(self, terms: Terms, unseen: Information, truth: Terms | None = None) -> Array:
         """Return the log predictive density of each block of unseen rows, (B,), up to a constant.
 
         ``p(block | fitted) = p(both) / p(fitted)``.
@@ -422,7 +330,7 @@ class MixedModel:
         Parameters
         ----------
         terms : tuple of Term
-        unseen : Products
+        unseen : Information
         truth : tuple of Term, optional
             Whose fit the unseen torque is then taken to be, instead of what was measured.
         """
@@ -431,17 +339,17 @@ class MixedModel:
         fitted, target = self._between(columns, columns), self.target[columns]
         bare = self._solve(terms, columns, fitted, target).log_likelihood
         own = None if truth is None else self.solve(truth)
-        last = np.array([self.products.width]) if own is None else own.columns
+        last = np.array([self.products.size]) if own is None else own.columns
         value = np.ones(1) if own is None else own.value / self.scale[own.columns]
         out = []
-        for k in range(unseen.blocks):
-            block = unseen.take([k])
+        for k in range(len(unseen.counts)):
+            block = unseen.take(np.array([k]))
             both = fitted + block.between(columns, columns) / np.outer(scale, scale)
             aim = target + block.between(columns, last) @ value / scale
             out.append(self._solve(terms, columns, both, aim).log_likelihood - bare)
         return np.array(out)
 
-    def confirm(self, terms: Terms, unseen: Products) -> Terms:
+    def confirm(self, terms: Terms, unseen: Information) -> Terms:
         """Return those terms that unseen rows let stand, the worst tried first.
 
         What does not stand gives way to the best of its rivals that does, else to nothing.
@@ -460,13 +368,13 @@ class MixedModel:
             kept = rest if best is None or margin < 0 else self.settle((*rest, best))
         return kept
 
-    def news(self, terms: Terms, unseen: Products, truth: Terms | None = None) -> list[Array]:
+    def news(self, terms: Terms, unseen: Information, truth: Terms | None = None) -> list[Array]:
         """Return what each term gains on blocks of unseen rows beside the others [nat], (B,)."""
         full = self.evidence(terms, unseen, truth)
         rest = (_without(terms, k) for k in range(len(terms)))
         return [full - self.evidence(other, unseen, truth) for other in rest]
 
-    def _margin(self, terms: Terms, k: int, unseen: Products) -> float:
+    def _margin(self, terms: Terms, k: int, unseen: Information) -> float:
         """Return by how much unseen rows let a term stand [nat]; below zero it does not.
 
         Fitted and unseen rows together must name it, and unseen ones must say at least half of

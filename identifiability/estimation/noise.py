@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 import scipy
 
+from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
@@ -359,15 +360,15 @@ class RestrictedLikelihood:
         weights, (logdet,), (white,) = self.lagged.weigh(np.tanh(theta)[:, None])
         G, others = self._products(weights[:, 0], white), np.delete(np.arange(self.k), at)
         G[others, others] += self.prior[others]
-        L = np.linalg.cholesky(G[np.ix_(others, others)])
         own = np.append(at, self.k)
-        half = scipy.linalg.solve_triangular(L, G[np.ix_(others, own)], lower=True)
-        left = G[np.ix_(own, own)] - half.T @ half
+        rest = Normal.of(G[np.ix_(others, others)], G[others, -1])
+        left = rest.beside(G[np.ix_(own, own)], G[np.ix_(others, own)])
         e, U = np.linalg.eigh(left[:-1, :-1])
         total = np.maximum(e, 0.0) + precisions[:, None]
         rss = np.maximum(left[-1, -1] - ((U.T @ left[:-1, -1]) ** 2 / total).sum(1), 1e-300)
         known = np.log(self.prior[others][self.prior[others] > 0]).sum()
-        size = 2 * np.log(np.diag(L)).sum() + np.log(total / precisions[:, None]).sum(1) - known
+        size = np.log(total / precisions[:, None]).sum(1) - known
+        size += 2 * np.log(np.diag(rest.factor)).sum()
         found: Array = self.dof * np.log(rss / self.dof) + logdet + size
         return found
 

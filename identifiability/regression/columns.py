@@ -27,8 +27,6 @@ HAS = "the model has it already"
 #: Samples that columns are computed of at a time, at least; and in units of what a decimation
 #: filter draws on beside them, so that it costs little more than the samples themselves.
 PIECE, REACHES = 4096, 12
-#: Columns that are filtered together.
-TOGETHER = 64
 
 #: Torque (N,) by joint and column, where it is not zero everywhere.
 Entries = dict[tuple[int, int], Array]
@@ -196,41 +194,28 @@ def compute_entries(
     longest = max((len(piece.motion) for piece in pieces), default=0)
     widest = max((width for _, width, _ in layout), default=0)
     # Each column of each joint in one piece, for it is asked for, and filtered, alone; what acts is
-    # taken out and zero again, so that new memory is not asked for of every effect.
+    # zero again, so that new memory is not asked for of every effect.
     space = np.zeros((len(robot.actuated), widest, longest))
     entries: Entries = {}
     start = 0
     for piece in pieces:
-        outputs, samples_here = len(piece.motion.t[piece.at]), len(piece.motion)
-        found: Entries = {}
+        stop = start + len(piece.motion.t[piece.at])
         for effect, width, columns in layout:
-            W = space[:, :width, :samples_here]
+            W = space[:, :width, : len(piece.motion)]
             effect.fill(robot, piece.motion, W.transpose(2, 0, 1))
             if piece.motion.free is not None:
                 W[:] = piece.motion.freed(W.transpose(2, 0, 1)).transpose(1, 2, 0)
             acts: np.ndarray = np.einsum("jkt,jkt->jk", W, W) != 0  # quicker than to ask each
-            for own, column in columns:
-                for j in np.flatnonzero(acts[:, own]).tolist():
-                    found[j, column] = W[j, own].copy()
+            found = [(j, k, c) for k, c in columns for j in np.flatnonzero(acts[:, k]).tolist()]
+            if found:
+                own = np.stack([piece.silenced(W[j, k], j) for j, k, _ in found]).T
+                for (j, _, c), values in zip(found, piece.down(own).T, strict=True):
+                    if (j, c) not in entries:
+                        entries[j, c] = np.zeros(rows)
+                    entries[j, c][start:stop] = piece.weighed(values, j)
             W[acts] = 0.0
-            if len(found) >= TOGETHER:
-                _write(entries, piece, found, start, rows)
-                found = {}
-        _write(entries, piece, found, start, rows)
-        start += outputs
+        start = stop
     return entries
-
-
-def _write(entries: Entries, piece: Piece, found: Entries, start: int, rows: int) -> None:
-    """Write what effects are along a piece, decimated, where its outputs begin in all rows."""
-    every = list(found.items())
-    for first in range(0, len(every), TOGETHER):
-        part = every[first : first + TOGETHER]
-        down = piece.down(np.stack([piece.silenced(x, at[0]) for at, x in part]).T)
-        for (at, _), values in zip(part, down.T, strict=True):
-            if at not in entries:
-                entries[at] = np.zeros(rows)
-            entries[at][start : start + len(values)] = piece.weighed(values, at[0])
 
 
 def _lay_out(

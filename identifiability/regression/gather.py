@@ -72,7 +72,7 @@ def gather_information(
         todo = list(regression.parts())
         for part in todo:
             if part.remote:  # what is kept is not sent about
-                part.keep(None)
+                part.keep([])
         pieces = _pieces(todo, map_parts(gather, todo, engine, progress), missed)
         for b, piece in enumerate(_join(pieces)):
             logs[b], counts[b], data[b] = piece.at[0], piece.count, piece.data
@@ -125,7 +125,7 @@ def _join(pieces: Iterable[_Piece]) -> Iterator[_Piece]:
 
 #: Blocks of a part, squared lengths (n, k) of columns that were not expected, and what is kept of
 #: it where it was gone through elsewhere.
-_Found = tuple[Iterable[_Piece], Array, list[Chunk] | None]
+_Found = tuple[Iterable[_Piece], Array, list[Chunk]]
 
 
 def _pieces(parts: Sequence[LogPart], found: Iterable[_Found], missed: Array) -> Iterator[_Piece]:
@@ -170,8 +170,8 @@ def _gather_part(
 
     blocks = _join(pieces())
     if not part.remote:
-        return blocks, missed, None
-    return list(blocks), missed, None if part.kept is None else part.kept.chunks
+        return blocks, missed, []
+    return list(blocks), missed, part.kept or []
 
 
 def _survey(regression: Regression) -> list[Array]:

@@ -39,8 +39,8 @@ class ActuatorBlocks:
     ----------
     columns : (v,) int
         Columns that it can see, ascending; all others are zero in its rows.
-    basis : (r, v + 1)
-        ``[W τ] = Z basis`` over these columns and the torque.
+    basis : (r, v + 1) or None
+        ``[W τ] = Z basis`` over these columns and the torque; None where Z are these themselves.
     blocks : (B, m, r) or (B, r, r)
         Rows Z of each block where there are m < r (filled up with zeros), else ``Zᵀ Z``.
     sums : (B, r)
@@ -48,9 +48,22 @@ class ActuatorBlocks:
     """
 
     columns: np.ndarray
-    basis: Array
+    basis: Array | None
     blocks: Array
     sums: Array
+
+    @cached_property
+    def coordinates(self) -> Array:
+        """The basis, also where it is the unit matrix, (r, v + 1)."""
+        return np.eye(len(self.columns) + 1) if self.basis is None else self.basis
+
+    @cached_property
+    def total(self) -> Array:
+        """Products of the columns and the torque over all blocks, (v + 1, v + 1)."""
+        if self.squared and self.basis is None:
+            return np.asarray(self.blocks.sum(0))
+        rows = self.root @ self.coordinates
+        return np.asarray(rows.T @ rows)
 
     @property
     def squared(self) -> bool:
@@ -86,15 +99,15 @@ class ActuatorBlocks:
 
     def widen(self, size: int) -> Array:
         """Return the basis over all `size` columns and the torque, (r, size + 1)."""
-        wide = np.zeros((len(self.basis), size + 1))
-        wide[:, [*self.columns, size]] = self.basis
+        wide = np.zeros((len(self.coordinates), size + 1))
+        wide[:, [*self.columns, size]] = self.coordinates
         return wide
 
     def reduce(self, map_: Array) -> ActuatorBlocks:
         """Return the blocks of ``[W τ] map_``, for a map (k + 1, m + 1) that keeps the torque."""
         k, m = np.subtract(map_.shape, 1)
         columns = np.flatnonzero(map_[self.columns, :m].any(0))
-        basis = self.basis @ map_[np.ix_([*self.columns, k], [*columns, m])]
+        basis = self.coordinates @ map_[np.ix_([*self.columns, k], [*columns, m])]
         # Blocks stay in a basis that is larger than what is asked of them by up to this
         # factor: to turn all of them costs more than to look at them many times.
         if len(basis) > 1.25 * basis.shape[1]:
@@ -134,20 +147,15 @@ class ActuatorBlocks:
             vars(merged)["root"] = self.root
         return merged
 
-    def merge_weighted(self, group: np.ndarray, counts: Array) -> Array:
-        """Return ``Zᵀ Z`` of groups of blocks, each of them counted so often, (G, r, r).
-
-        Parameters
-        ----------
-        group : (B,) int
-            Ascending from 0.
-        counts : (B,)
-        """
-        out = []
-        for blocks, c in ((self.blocks[group == g], counts[group == g]) for g in np.unique(group)):
-            rows = (blocks * np.sqrt(c)[:, None, None]).reshape(-1, blocks.shape[2])
-            out.append(np.tensordot(c, blocks, 1) if self.squared else rows.T @ rows)
-        return np.stack(out)
+    def summed(self, members: Array) -> ActuatorBlocks:
+        """Return a block for each row of members (F, B): blocks counted so often, added up."""
+        if self.squared:
+            blocks = np.tensordot(members, self.blocks, 1)
+        else:
+            root, r = np.sqrt(members), self.blocks.shape[2]
+            rows = ((w[w > 0, None, None] * self.blocks[w > 0]).reshape(-1, r) for w in root)
+            blocks = np.stack([Z.T @ Z for Z in rows])
+        return replace(self, blocks=blocks, sums=members @ self.sums)
 
     def join(self, other: ActuatorBlocks) -> ActuatorBlocks:
         """Return the blocks of both, over the columns that either sees."""
@@ -265,12 +273,6 @@ class Information:
         Which log a block comes from.
     instrumented : bool
         Whether the parts hold ``[V W τ]``, with instruments V that stand for the k columns of W.
-    weights : (n, B) or None
-        By which the squares of each actuator's blocks were weighed; None where they were not.
-    within : (Information, (K + 1, k + 1)) or None
-        The information of the same blocks about more columns, and these among them: ``[W τ]`` is
-        that of more times this. A factor of all blocks is taken from there, as many reduced models
-        have it in common.
     """
 
     columns: tuple[str, ...]
@@ -279,8 +281,6 @@ class Information:
     data: np.ndarray
     log: np.ndarray
     instrumented: bool = False
-    weights: Array | None = None
-    within: tuple[Information, Array] | None = None
 
     @staticmethod
     def of_rows(
@@ -351,11 +351,6 @@ class Information:
         rows: np.ndarray = np.maximum(self.data.sum(0), 1)
         return rows
 
-    @property
-    def nbytes(self) -> int:
-        """Size of what is held [bytes]."""
-        return sum(p.blocks.nbytes + p.basis.nbytes for p in self.parts)
-
     @cached_property
     def _made(self) -> dict[Any, Any]:
         return {}
@@ -371,7 +366,7 @@ class Information:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return its fields: what follows from them is neither sent to workers nor part of keys."""
-        return {f.name: getattr(self, f.name) for f in fields(self)} | {"within": None}
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @cached_property
     def joint(self) -> Information:
@@ -406,6 +401,37 @@ class Information:
             own, columns = self._own(part)
             yield part, own @ change[[*columns, self.size]]
 
+    @cached_property
+    def _places(self) -> list[np.ndarray]:
+        """Where each column, and the torque, is among those of an actuator; else -1, (k + 1,)."""
+        places = [np.full(self.size + 1, -1) for _ in self.parts]
+        for place, part in zip(places, self.parts, strict=True):
+            place[[*part.columns, self.size]] = np.arange(len(part.columns) + 1)
+        return places
+
+    def between(self, some: np.ndarray, others: np.ndarray) -> Array:
+        """Return products of some columns (a,) with others (b,) over all rows; k is the torque."""
+        out = np.zeros((len(some), len(others)))
+        for place, part in zip(self._places, self.parts, strict=True):
+            a, b = place[some], place[others]
+            here, there = np.flatnonzero(a >= 0), np.flatnonzero(b >= 0)
+            if len(here) and len(there):
+                out[np.ix_(here, there)] += part.total[np.ix_(a[here], b[there])]
+        return out
+
+    def within(self, sets: np.ndarray) -> Array:
+        """Return products of sets of columns (s, k) among themselves, (s, k, k)."""
+        out = np.zeros((*sets.shape, sets.shape[1]))
+        for place, part in zip(self._places, self.parts, strict=True):
+            at = place[sets]
+            act = np.flatnonzero((at >= 0).any(1))
+            if len(act):
+                at = at[act]
+                on = (at >= 0).astype(float)
+                own = part.total[np.maximum(at, 0)[:, :, None], np.maximum(at, 0)[:, None, :]]
+                out[act] += own * on[:, :, None] * on[:, None, :]
+        return out
+
     def squares(self, change: Array) -> Array:
         """Return each actuator's sum of squares of ``[W τ] change``, (n,) or (n, m).
 
@@ -417,17 +443,19 @@ class Information:
         return np.array([np.square(own).sum(0) for own in rows])
 
     def squares_of_blocks(self, change: Array) -> Array:
-        """Return each actuator's sum of squares of ``[W τ] change`` in each block, (n, B).
+        """Return each actuator's sum of squares of ``[W τ] x`` in each block, (…, B, n).
 
         Parameters
         ----------
-        change : (k + 1, q)
+        change : (…, B, k + 1) or (k + 1,)
+            x of each block, or of all.
         """
         out = []
-        for part, own in self.of_actuators(change):
+        for part, basis in self.of_actuators(np.eye(self.size + 1)):
+            own = (change @ basis.T)[..., None]
             Z = part.blocks @ own
-            out.append((Z * own if part.squared else Z * Z).sum((1, 2)))
-        return np.array(out)
+            out.append((Z * own if part.squared else Z * Z).sum((-2, -1)))
+        return np.stack(out, -1)
 
     def products(self, weights: Array, left: Array, right: Array) -> Array:
         """Return ``([W τ] left)ᵀ ([W τ] right)`` of each block, actuators weighted, (B, p, q).
@@ -463,10 +491,6 @@ class Information:
         return found
 
     def _factor(self, weights: Array) -> Array:
-        if self.within is not None and self.within[0]._grams is not None:
-            more, own = self.within
-            R: Array = more.factor(weights) @ own
-            return triangular_factor(np.pad(R, ((0, max(0, R.shape[1] - len(R))), (0, 0))))
         if self._grams is not None:
             before, root, grams = self._grams
             ratio = weights / before
@@ -517,7 +541,7 @@ class Information:
         """Return an actuator's basis of the columns W that it can see, and which these are."""
         instruments = self._width - self.size
         seen = part.columns >= instruments
-        return part.basis[:, np.append(seen, True)], part.columns[seen] - instruments
+        return part.coordinates[:, np.append(seen, True)], part.columns[seen] - instruments
 
     def reduce(self, M: Array, columns: Sequence[str], held: Array | None = None) -> Information:
         """Return the information of the columns ``W M``, with torque ``τ - W held``.
@@ -539,7 +563,7 @@ class Information:
             own[:k, m] = -held
         map_ = block_diag(M, own) if self.instrumented else own
         parts = tuple(part.reduce(map_) for part in self.parts)
-        return replace(self, columns=tuple(columns), parts=parts, within=(self, own))
+        return replace(self, columns=tuple(columns), parts=parts)
 
     def select(self, columns: Sequence[int]) -> Information:
         """Return the information about some columns, the others held at zero."""
@@ -551,9 +575,15 @@ class Information:
     def take(self, kept: np.ndarray) -> Information:
         """Return some of the blocks."""
         parts = tuple(part.take(kept) for part in self.parts)
-        weights = None if self.weights is None else self.weights[:, kept]
         what = {"counts": self.counts[kept], "data": self.data[kept], "log": self.log[kept]}
-        return replace(self, parts=parts, weights=weights, within=None, **what)
+        return replace(self, parts=parts, **what)
+
+    def summed(self, members: Array) -> Information:
+        """Return a block for each row of members (F, B): blocks counted so often, added up."""
+        weights, every = np.asarray(members, float), np.arange(len(members))
+        parts = tuple(part.summed(weights) for part in self.parts)
+        what = {"counts": weights @ self.counts, "data": weights @ self.data, "log": every}
+        return replace(self, parts=parts, **what)
 
     def weigh(self, weights: Array) -> Information:
         """Return the blocks with weights of their squares; their samples count as before.
@@ -565,18 +595,14 @@ class Information:
         """
         each = np.broadcast_to(weights, (self.actuators, len(self.counts)))
         parts = tuple(part.weigh(w) for part, w in zip(self.parts, each, strict=True))
-        all_ = each if self.weights is None else self.weights * each
-        return replace(self, parts=parts, weights=all_, within=None)
+        return replace(self, parts=parts)
 
     def merge(self, at: np.ndarray) -> Information:
         """Return blocks that each hold those from one of `at` up to the next."""
         parts = tuple(part.merge(at) for part in self.parts)
         counts = np.add.reduceat(self.counts, at)
-        data, weights = np.add.reduceat(self.data, at, axis=0), self.weights
-        if weights is not None:
-            weights = np.add.reduceat(weights * self.counts, at, axis=1) / counts
-        what = {"counts": counts, "data": data, "log": self.log[at]}
-        merged = replace(self, parts=parts, weights=weights, **what)
+        data = np.add.reduceat(self.data, at, axis=0)
+        merged = replace(self, parts=parts, counts=counts, data=data, log=self.log[at])
         for one, like in ((merged, self), *([(merged.joint, self.joint)] * self.instrumented)):
             # Sums over all are the same.
             vars(one).update(_made=like._made, _factors=like._factors, _grams=like._grams)
@@ -587,11 +613,6 @@ class Information:
         if (self.columns, self.instrumented) != (other.columns, other.instrumented):
             raise ValueError("only information about the same columns can be added")
         later = other.log + (self.log.max(initial=-1) + 1)
-        weights = None
-        if self.weights is not None or other.weights is not None:
-            ones = (np.ones((self.actuators, len(one.counts))) for one in (self, other))
-            pairs = zip((self.weights, other.weights), ones, strict=True)
-            weights = np.concatenate([one if w is None else w for w, one in pairs], axis=1)
         return Information(
             self.columns,
             tuple(a.join(b) for a, b in zip(self.parts, other.parts, strict=True)),
@@ -599,7 +620,6 @@ class Information:
             np.concatenate([self.data, other.data]),
             np.concatenate([self.log, later]),
             self.instrumented,
-            weights,
         )
 
 

@@ -334,17 +334,9 @@ class Submodel:
         return self._keep([k for k, c in enumerate(self.columns) if c not in set(columns)])
 
     def _keep(self, kept: list[int]) -> Submodel:
-        def of(words: tuple[str, ...]) -> tuple[str, ...]:
-            return tuple(words[k] for k in kept)
-
-        return replace(
-            self,
-            columns=of(self.columns),
-            labels=of(self.labels),
-            units=of(self.units),
-            M=self.M[:, kept],
-            nonnegative=self.nonnegative[kept],
-        )
+        words = ("columns", "labels", "units")
+        own: dict[str, Any] = {w: tuple(getattr(self, w)[k] for k in kept) for w in words}
+        return replace(self, **own, M=self.M[:, kept], nonnegative=self.nonnegative[kept])
 
     def ordered(self, columns: Sequence[str]) -> Submodel:
         """Return the model with its parameters in another order."""

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from itertools import repeat
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -23,10 +23,6 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset, Piece
 from identifiability.robot import Motion, Robot
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 # `Model`: effects that add up.
 
@@ -296,31 +292,21 @@ class Chunk:
         """Return copies of its rows that lie in windows of the log, (w, 2), a chunk for each."""
         found = []
         for _, rows in inside(windows, self.start, self.start + len(self.t)):
-            V = None if self.instruments is None else self.instruments[rows].copy()
-            W, tau, raw = self.W[rows].copy(), self.tau[rows].copy(), self.raw[rows].copy()
-            t, velocity = self.t[rows].copy(), self.velocity[rows].copy()
-            moves = None if self.moves is None else self.moves[rows].copy()
-            start = self.start + rows.start
-            found.append(Chunk(self.log, start, W, tau, raw, t, velocity, V, moves))
+            arrays = ((k, v) for k, v in vars(self).items() if isinstance(v, np.ndarray))
+            own: dict[str, Any] = {k: v[rows].copy() for k, v in arrays}
+            found.append(replace(self, start=self.start + rows.start, **own))
         return found
-
-
-class Kept:
-    """Chunks of a part that were computed once: those of its windows; None before."""
-
-    def __init__(self) -> None:
-        self.chunks: list[Chunk] | None = None
 
 
 class Memory:
     """Chunks of logs in memory for several regressions, each as long as its log is there."""
 
     def __init__(self) -> None:
-        self._kept: WeakKeyDictionary[Dataset, Kept] = WeakKeyDictionary()
+        self._kept: WeakKeyDictionary[Dataset, list[Chunk]] = WeakKeyDictionary()
 
-    def of(self, samples: Dataset) -> Kept:
-        """Return where the chunks of a log are kept."""
-        return self._kept.setdefault(samples, Kept())
+    def of(self, samples: Dataset) -> list[Chunk]:
+        """Return where the chunks of a log are kept; empty before they were computed."""
+        return self._kept.setdefault(samples, [])
 
     def __reduce__(self) -> tuple[type[Memory], tuple[()]]:
         """Send none of it about."""
@@ -344,7 +330,7 @@ class LogPart:
         In memory, or a stretch of a long one; instruments are none or as many samples.
     windows : (w, 2) int
         Outputs [start, stop) of the log that are looked at one by one.
-    kept : Kept or None
+    kept : list of Chunk or None
         Where those of them are kept, once they were computed; None if they take too much memory.
     dwelling : bool
         Whether rows are computed where torque is no data, too.
@@ -358,13 +344,13 @@ class LogPart:
     samples: Dataset
     instruments: Dataset | None
     windows: np.ndarray
-    kept: Kept | None
+    kept: list[Chunk] | None
     dwelling: bool = False
 
-    def keep(self, chunks: list[Chunk] | None) -> None:
-        """Keep the chunks of its windows that were computed elsewhere."""
+    def keep(self, chunks: Sequence[Chunk]) -> None:
+        """Keep the chunks of its windows that were computed, here or elsewhere."""
         if self.kept is not None:
-            self.kept.chunks = chunks
+            self.kept[:] = chunks
 
     @property
     def remote(self) -> bool:
@@ -373,8 +359,8 @@ class LogPart:
 
     def chunks(self, size: int = CHUNK) -> Iterator[Chunk]:
         """Yield its chunks; each one's W is overwritten by the next, unless all are kept."""
-        if self.kept is not None and self.kept.chunks is not None and self._covered:
-            yield from self._numbered(self.kept.chunks)
+        if self.kept and self._covered:
+            yield from self._numbered(self.kept)
             return
         done = []
         for chunk in self._computed(size):
@@ -390,8 +376,8 @@ class LogPart:
 
     def shown(self) -> Iterator[Chunk]:
         """Yield the chunks of its windows alone, which are kept for the next time."""
-        if self.kept is not None and self.kept.chunks is not None:
-            yield from self._numbered(self.kept.chunks)
+        if self.kept:
+            yield from self._numbered(self.kept)
             return
         done = []
         for chunk in self._computed(CHUNK, windows=self.windows):
@@ -403,7 +389,7 @@ class LogPart:
     @property
     def is_kept(self) -> bool:
         """Whether chunks of its windows are kept."""
-        return self.kept is not None and self.kept.chunks is not None
+        return bool(self.kept)
 
     @property
     def is_shown(self) -> bool:
@@ -508,11 +494,6 @@ class Regression:
         """Number of samples after decimation, over all logs."""
         return sum(s.outputs for s in self.samples)
 
-    @property
-    def rows(self) -> int:
-        """Number of rows: samples (after decimation) × actuators."""
-        return self.outputs * len(self.robot.actuated)
-
     @cached_property
     def windows(self) -> tuple[np.ndarray, ...]:
         """Samples [start, stop) of each log that are looked at one by one, (w, 2) each."""
@@ -535,22 +516,18 @@ class Regression:
         whole : bool
             Do not divide any log.
         """
-        what = self.robot, self.model, self.columns
-        found = (
-            LogPart(*what, k, start, one, beside, self.windows[k], self._find_kept(k, start, one))
-            for k, start, one, beside in self._divided(whole=whole)
-        )
-        return [replace(part, dwelling=True) if self.dwelling else part for part in found]
-
-    def _divided(self, *, whole: bool) -> Iterator[tuple[int, int, Dataset, Dataset | None]]:
-        """Yield log and first output of each part, its samples and its instruments."""
+        what, out = (self.robot, self.model, self.columns), []
         for k, samples in enumerate(self.samples):
             other = None if self.instruments is None else self.instruments[k]
-            start, parts = 0, [samples] if whole else samples.divided()
-            beside = [None] * len(parts) if other is None else [other] if whole else other.divided()
-            for part, instruments in zip(parts, beside, strict=True):
-                yield k, start, part, instruments
-                start += part.outputs
+            own = [samples] if whole else samples.divided()
+            beside = [None] * len(own) if other is None else [other] if whole else other.divided()
+            start = 0
+            for one, two in zip(own, beside, strict=True):
+                kept = self._find_kept(k, start, one)
+                rest = self.windows[k], kept, self.dwelling
+                out.append(LogPart(*what, k, start, one, two, *rest))
+                start += one.outputs
+        return out
 
     def thin(self, step: int) -> Regression:
         """Return the regression of every `step`-th sample, without decimation."""
@@ -558,7 +535,7 @@ class Regression:
         others = self.instruments and tuple(s.thin(step) for s in self.instruments)
         return replace(self, samples=samples, instruments=others)
 
-    def _find_kept(self, log: int, start: int, samples: Dataset) -> Kept | None:
+    def _find_kept(self, log: int, start: int, samples: Dataset) -> list[Chunk] | None:
         """Return where chunks of a part are kept; None if they take too much memory."""
         shown = sum(int(np.sum(w[:, 1] - w[:, 0])) for w in self.windows)
         width = len(self.parameters) * (1 if self.instruments is None else 2)
@@ -570,29 +547,12 @@ class Regression:
         same = self.instruments is None and shown == self.outputs and size < 32e6
         if self.memory is not None and not samples.long and same:
             return self.memory.of(samples)
-        return self._kept.setdefault((log, start, samples.outputs), Kept())
+        return self._kept.setdefault((log, start, samples.outputs), [])
 
     @cached_property
-    def _kept(self) -> dict[tuple[int, int, int], Kept]:
+    def _kept(self) -> dict[tuple[int, int, int], list[Chunk]]:
         """Chunks by log, first output and size of a part: empty ones begin where others do."""
         return {}
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return all rows as a DataFrame: columns by parameter name, then ``tau``."""
-        import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
-
-        n = len(self.robot.actuated)
-        parts = []
-        for log, start, W, tau in self.chunks():
-            flat = pd.DataFrame(
-                W.reshape(-1, W.shape[2]), columns=[p.name for p in self.parameters]
-            )
-            flat["tau"] = tau.reshape(-1)
-            flat.insert(0, "joint", list(self.robot.joints) * len(tau))
-            flat.insert(0, "sample", np.repeat(np.arange(start, start + len(tau)), n))
-            flat.insert(0, "log", log)
-            parts.append(flat)
-        return pd.concat(parts, ignore_index=True)
 
 
 def map_parts(

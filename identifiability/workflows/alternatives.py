@@ -25,7 +25,7 @@ from identifiability.effects.inertia import ActuatorInertia
 from identifiability.effects.nominal import gravity_torque
 from identifiability.effects.transmission import Hysteresis
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
-from identifiability.estimation.mixed_model import Group, MixedModel, Products, Term
+from identifiability.estimation.mixed_model import Group, MixedModel, Term, whitened_information
 from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, rich_noise
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
@@ -36,6 +36,7 @@ from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
 from identifiability.quality import MeasuredLogs
 from identifiability.regression.columns import list_candidates
+from identifiability.regression.information import Information
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.rules import RULES
@@ -474,34 +475,34 @@ class _Rows:
             for start, stop in pairwise(ends.tolist())
         ]
         plain = (JointNoise(np.empty(0), 1.0),) * n
-        white, raw = (Products.of(columns, rows, e, runs, edges) for e in (noise, plain))
+        white, raw = (whitened_information(columns, rows, e, runs, edges) for e in (noise, plain))
         nonnegative = self.structure.base.nonnegative
         each = [_evidence(white, nonnegative, size)[0] for size in SIZES]
         best, squares = int(np.argmax(each)), 0.0
         for f in range(FOLDS):
             _, x = _evidence(white.take(np.arange(FOLDS) != f), nonnegative, SIZES[best])
-            for at, own, scale in zip(columns, raw.values, self.variation, strict=True):
-                left = np.append(-x[at[:-1]], 1.0)
-                squares += float(left @ own[f] @ left / scale)
+            left = raw.squares_of_blocks(np.append(-x, 1.0))[f]
+            squares += float(np.sum(left / self.variation))
         return each[best], squares
 
 
-def _evidence(products: Products, nonnegative: np.ndarray, size: float) -> tuple[float, Array]:
+def _evidence(products: Information, nonnegative: np.ndarray, size: float) -> tuple[float, Array]:
     """Return the log evidence of whitened rows, and values of their columns (m,).
 
     Columns of the model (b,) have values of unit variance beforehand, smooth functions those of a
     size. A column that would be negative is held at zero.
     """
     b, prior = len(nonnegative), np.ones(len(nonnegative))
-    smooth = Term(Group("", "", (np.arange(b, products.width),), 0.0), 0, size**2, 0.0)
+    smooth = Term(Group("", "", (np.arange(b, products.size),), 0.0), 0, size**2, 0.0)
     while True:
-        model = MixedModel(products, b, (), np.ones(products.width), np.diag(prior))
+        model = MixedModel(products, b, (), np.ones(products.size), np.diag(prior))
         s = model.solve((smooth,))
         negative = nonnegative & (s.value[:b] < 0) & (prior < FIRM)
         if not negative.any():
             break
         prior[negative] = FIRM
-    square = sum(float(v[:, -1, -1].sum()) for v in products.values)
+    last = np.array([products.size])
+    square = products.between(last, last).item()
     return s.log_likelihood + 0.5 * float(np.log(prior).sum() - square), s.value
 
 

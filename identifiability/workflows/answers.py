@@ -18,6 +18,7 @@ from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.verdict import Verdict
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table, measured_cells
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.rounding import NONE, error_text, format_count, format_number
 from identifiability.foundation.rules import RuleTable
 from identifiability.robot import Robot
@@ -268,4 +269,12 @@ def rule_table(rules: RuleTable) -> Table:
 
 def level_table() -> Table:
     """Return what evidence is called, and what a choice rests on."""
-    return Table.of("How models were judged", (Column("level"), Column("if")), LEVELS.rows())
+    said = words(
+        "levels",
+        sure=percent(LEVELS.confidence, 2),
+        rise=percent(LEVELS.rise, 1),
+        nats=LEVELS.nats,
+        fewest=LEVELS.fewest,
+        folds=LEVELS.folds,
+    )
+    return Table.of("How models were judged", (Column("level"), Column("if")), tuple(said.items()))

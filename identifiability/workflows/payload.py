@@ -16,7 +16,6 @@ from typing import Any, ClassVar, cast
 import numpy as np
 import pandas as pd
 
-from identifiability.estimation.alternatives import describe_term
 from identifiability.estimation.differences import (
     KINDS,
     OPEN,
@@ -28,7 +27,7 @@ from identifiability.estimation.differences import (
     pooled_values,
     tool_bodies,
 )
-from identifiability.estimation.groups import Excerpt
+from identifiability.estimation.groups import Excerpt, describe_term
 from identifiability.estimation.prediction import TorqueUncertainty
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Table, frame_table

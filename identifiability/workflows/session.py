@@ -17,7 +17,6 @@ from typing import Self
 
 import numpy as np
 
-from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives, find_alternatives
 from identifiability.estimation.estimate import (
     Kind,
     Method,
@@ -27,6 +26,7 @@ from identifiability.estimation.estimate import (
     weigh_outliers,
 )
 from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.groups import NO_ALTERNATIVES, Alternatives, find_alternatives
 from identifiability.foundation.engines.mapping import Engine, Serial
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase

@@ -68,8 +68,9 @@ def test_a_tree_of_many_joints_is_held_in_its_own_rows(joints, tmp_path):
     assert sum(widths) < 0.3 * joints * (information.size + 1)
     blocks, samples = len(information.counts), int(information.counts.max())
     rows = sum(blocks * min(samples, w) * w + w * w for w in widths)
-    assert information.nbytes <= 8 * rows
-    assert information.nbytes <= 10e6  # dense Gram blocks: 2 GB
+    held = sum(part.blocks.nbytes for part in information.parts)
+    assert held <= 8 * rows
+    assert held <= 10e6  # dense Gram blocks: 2 GB
     fit = estimate(information)
     found = bootstrap(information, fit, np.random.default_rng(0), replicates=100)
     spread = np.median(found.sd[fit.determined] / fit.sigma[fit.determined])

@@ -8,7 +8,8 @@ import pytest
 from identifiability import analyze, prune
 from identifiability.effects.gravity import horizontal_axes
 from identifiability.effects.nominal import gravity_torque
-from identifiability.estimation.mixed_model import Products
+from identifiability.estimation.mixed_model import whitened_information
+from identifiability.estimation.noise import JointNoise, JointRuns
 from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.quality import MeasuredLogs
@@ -155,7 +156,8 @@ def test_the_evidence_is_that_of_the_gaussian_model():
     X, Z, y = rng.standard_normal((40, 3)), rng.standard_normal((40, 2)), rng.standard_normal(40)
     y = y - X[:, 0]
     rows = np.column_stack([X, Z, y])
-    products = Products((np.arange(6),), ((rows.T @ rows)[None],), 5)
+    plain, runs = (JointNoise(np.empty(0), 1.0),), JointRuns((((0, 40),),))
+    products = whitened_information([np.arange(6)], [rows], plain, runs, [0, 40])
     first = np.array([True, False, False])
     for nonnegative, kept in ((~first & False, X), (first, X[:, 1:])):
         nats, value = _evidence(products, nonnegative, 0.5)

@@ -109,43 +109,6 @@ def test_reducing_the_information_equals_reducing_the_columns(rps, paper_model, 
         np.testing.assert_allclose(fit.value, expected, rtol=1e-8, err_msg=submodel.name)
 
 
-def test_held_values_are_taken_off_the_torque(regression, rows):
-    W, tau = rows
-    k = W.shape[2]
-    held = np.zeros(k)
-    held[3] = 1.5
-    kept = [c for c in range(k) if c != 3]
-    information = gather_information(regression)
-    M = np.eye(k)[:, kept]
-    reduced = information.reduce(M, [information.columns[c] for c in kept], held)
-    expected = np.linalg.lstsq(
-        W[:, :, kept].reshape(-1, k - 1), (tau - W @ held).ravel(), rcond=None
-    )[0]
-    np.testing.assert_allclose(estimate(reduced, "ols").value, expected, rtol=1e-8, atol=1e-7)
-
-
-def test_leaving_blocks_out_equals_leaving_rows_out(regression, rows):
-    W, tau = rows
-    information = gather_information(regression, blocks=10)
-    folds = np.arange(len(information.counts)) % 2
-    part = information.take(folds != 0)
-    keep = np.repeat(folds, information.counts) == 1
-    expected = np.linalg.lstsq(W[keep].reshape(-1, W.shape[2]), tau[keep].ravel(), rcond=None)[0]
-    np.testing.assert_allclose(
-        estimate(part, "ols").value, expected, rtol=1e-7, atol=1e-8 * np.abs(expected).max()
-    )
-
-
-def test_the_triangular_factor_reproduces_the_gram_matrix(regression, rows):
-    W, tau = rows
-    flat = np.column_stack([W.reshape(-1, W.shape[2]), tau.ravel()])
-    R = gather_information(regression).factor()
-    length = np.linalg.norm(flat, axis=0)
-    np.testing.assert_allclose(
-        (R.T @ R) / np.outer(length, length), (flat.T @ flat) / np.outer(length, length), atol=1e-11
-    )
-
-
 def seen_rows(samples=600, seed=3):
     """Rows of three actuators: the second sees two columns of five, the third the last alone."""
     rng = np.random.default_rng(seed)

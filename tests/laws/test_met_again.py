@@ -1,8 +1,5 @@
 """What is met again is not computed again, to the same bits: rows of a log."""
 
-import gc
-import pickle
-import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -60,15 +57,3 @@ def test_rows_are_kept_from_one_regression_to_the_next(made, counted):
     np.testing.assert_array_equal(both.log, gathered.log)
     np.testing.assert_array_equal(predict(kept, values).residual, predicted.residual)
     assert sum(counted) < len(logs) * len(samples.tau)  # some of each log, for bases
-
-
-def test_what_is_kept_ends_with_its_log_and_is_not_sent_about(made):
-    structure, samples = made
-    samples = replace(samples)
-    list(structure.regression([samples], keep=True).chunks())
-    chunk = weakref.ref(structure.memory.of(samples).chunks[0])
-    assert chunk() is not None
-    assert pickle.loads(pickle.dumps(structure.memory)).of(samples).chunks is None
-    del samples
-    gc.collect()
-    assert chunk() is None

@@ -15,9 +15,9 @@ from identifiability.estimation.mixed_model import (
     SIZES,
     Group,
     MixedModel,
-    Products,
     Term,
     member_weights,
+    whitened_information,
 )
 from identifiability.estimation.noise import JointNoise, JointRuns, autocovariance
 from identifiability.logs.prepare import prepare_log
@@ -53,7 +53,7 @@ def products_of(Z, y, runs=RUNS, edges=(0, 23, N)):
         act = np.flatnonzero(Z[:, j].any(0))
         columns.append(np.append(act, width))
         rows.append(np.column_stack([Z[:, j, act], y[:, j]]))
-    return Products.of(columns, rows, NOISE, runs, edges)
+    return whitened_information(columns, rows, NOISE, runs, edges)
 
 
 GROUPS = (
@@ -162,11 +162,11 @@ def test_products_add_up_over_stretches_and_blocks(rows):
         )
     )
     both = products_of(*parts[0]) + products_of(*parts[1])
-    every = np.arange(whole.width + 1)
+    every = np.arange(whole.size + 1)
     np.testing.assert_allclose(
         both.between(every, every), products_of(Z, y, cut).between(every, every), atol=1e-9
     )
-    halves = whole.take([0]) + whole.take([1])
+    halves = whole.take(np.array([0])) + whole.take(np.array([1]))
     np.testing.assert_allclose(halves.between(every, every), whole.between(every, every))
     sets = np.array([[0, 7], [3, 8]])
     for k, some in enumerate(sets):
@@ -320,12 +320,10 @@ def test_what_unseen_motion_does_not_have_is_not_kept(arm):
     assert model.confirm(terms, found.products(missing_in(arm, 4, 0.6).seen)) == ()
 
 
-def test_weights_of_rows_multiply_products_and_blocks_add_up():
+def test_weights_of_rows_multiply_products():
     Z, y = draw_rows(5)
     whole, weights, every = products_of(Z, y), np.array([4.0, 0.25]), np.arange(FIXED + RANDOM + 1)
     root = np.sqrt(weights)
     heavier = products_of(Z * root[:, None], y * root)
-    found = whole.weighed(weights).between(every, every)
+    found = whole.weigh(weights[:, None]).between(every, every)
     np.testing.assert_allclose(found, heavier.between(every, every), atol=1e-12)
-    both = whole.take([0]) + whole.take([1])
-    np.testing.assert_allclose(both.between(every, every), whole.between(every, every), atol=1e-12)

@@ -41,7 +41,7 @@ def test_the_constrained_fit_is_the_refit():
     path = [(None, Partition.of(information.columns))]
     for move in (Move(Kind.DROP, ("p3",)), Move(Kind.TIE, tie=(("p1", "p2", "p9"),))):
         path.append((move, path[-1][1].apply(move)))
-    fit, partition = folds.fit().along(path)[-1], path[-1][1]
+    fit, partition = folds.along(path)[-1], path[-1][1]
     M = np.stack([partition.group == g for g in partition.leaders], 1).astype(float)
     # The same weights: refitted on the reduced columns, all blocks or all but one fold's.
     for f in range(-1, 3):
@@ -58,7 +58,7 @@ def test_held_out_squares_are_those_of_predictions():
     tau = W @ np.arange(4.0) + rng.normal(size=(640, 2))
     information = gather(W, tau, blocks=64)
     folds = whiten_regression(information, estimate(information, "ols"))
-    (fit,) = folds.fit().along([(None, folds.start)])
+    (fit,) = folds.along([(None, folds.start)])
     of_sample = np.repeat(folds.folds.test, information.counts)
     expected = 0.0
     for f in range(len(fit.values) - 1):

@@ -6,10 +6,10 @@ from html.parser import HTMLParser
 
 import pytest
 
-from identifiability.estimation.evidence import LEVELS
 from identifiability.foundation.rounding import error_text
 from identifiability.report import write_analysis_report
 from identifiability.report.results import build_page
+from identifiability.workflows.answers import level_table
 
 pytestmark = pytest.mark.pictures
 
@@ -98,7 +98,7 @@ def test_thresholds_and_hashes_are_printed(html, paper_analysis):
     ]
     (table,) = (f.blocks[0] for f in folds if f.summary.startswith("Thresholds of the verdicts"))
     assert table.rows[0][1].text == "12.5 %"
-    for level, condition in LEVELS.rows():
+    for level, condition in ([cell.text for cell in row] for row in level_table().rows):
         assert f">{level}<" in html
         assert condition in html.replace("\u00a0", " ")
 

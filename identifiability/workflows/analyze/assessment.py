@@ -10,7 +10,6 @@ from typing import Any, Self, TypeVar
 import numpy as np
 import scipy
 
-from identifiability.estimation.alternatives import Alternatives
 from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import (
     Estimate,
@@ -21,6 +20,7 @@ from identifiability.estimation.estimator import (
 )
 from identifiability.estimation.evidence import Evidence, Folds, HeldOut, Score, near_best
 from identifiability.estimation.fit import Fit, find_left_out
+from identifiability.estimation.groups import Alternatives
 from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Prediction, Task, widening
 from identifiability.estimation.rules import Thresholds

@@ -18,8 +18,8 @@ import pandas as pd
 
 from identifiability.effects import FAMILIES
 from identifiability.effects.vocabulary import every_parameter, file_kinds, values_in_file
-from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives
 from identifiability.estimation.evidence import Folds
+from identifiability.estimation.groups import NO_ALTERNATIVES, Alternatives
 from identifiability.estimation.prediction import (
     Prediction,
     measure_errors,

@@ -27,14 +27,7 @@ from identifiability.estimation.differences import (
 )
 from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import Missing, fit_loads, with_reversals
-from identifiability.estimation.mixed_model import (
-    EVERYWHERE,
-    Group,
-    MixedModel,
-    Products,
-    Term,
-    Terms,
-)
+from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
 from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, autocorrelation_time
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.names import Array
@@ -42,6 +35,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.columns import Candidate, Entries, Refusal, list_candidates, number
+from identifiability.regression.information import Information
 from identifiability.workflows.diagnose.problem import Gap, Rows, Setting
 
 #: Looks for the shape between two of a grid.
@@ -196,7 +190,7 @@ class Naming:
         for k in range(6):
             variance = np.maximum(squares, least) * memory / rows.counts
             weights = 1.0 / np.where(variance > 0, variance, 1.0)
-            s = MixedModel(self._plain.weighed(weights), b, (), scale, prior).solve(terms)
+            s = MixedModel(self._plain.weigh(weights[:, None]), b, (), scale, prior).solve(terms)
             value = s.value / scale[s.columns]
             left = self.left(parts, value)
             squares = np.sum(left**2, axis=0)
@@ -205,8 +199,8 @@ class Naming:
         return value
 
     @cached_property
-    def _plain(self) -> Products:
-        """Products of the rows as they are, not whitened."""
+    def _plain(self) -> Information:
+        """Of the rows as they are, not whitened."""
         plain = (JointNoise(np.empty(0), 1.0),) * self.fitted.seen.y.shape[1]
         return self.missing.products(edges=[0, len(self.fitted)], noise=plain)
 

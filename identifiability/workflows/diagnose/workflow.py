@@ -16,8 +16,8 @@ import numpy as np
 from identifiability.effects import Part as EffectPart
 from identifiability.effects import Placed, default_effects, find_families, title_of
 from identifiability.effects.measurement import CommandDelay
-from identifiability.estimation.alternatives import place_of
 from identifiability.estimation.estimate import find_estimator
+from identifiability.estimation.groups import place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.foundation.engines.mapping import Engine, Serial, one_thread
 from identifiability.foundation.names import Array

@@ -24,24 +24,26 @@ from identifiability.estimation.evidence import (
     LEVELS,
     Folds,
     Gain,
+    Refits,
     Score,
+    least_noise,
     may_stand,
-    nested_density,
 )
-from identifiability.estimation.refits import Equations, Refits
+from identifiability.estimation.gaussian import nested_density
+from identifiability.foundation.linalg import unit_coordinates
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.regression.information import ActuatorBlocks, Information
+from identifiability.regression.information import Information
 from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
 
 # What nested models of one regression predict of folds, from `Information` alone.
 #
 # Every model is the full one under linear constraints (a column zero, two columns equal); its fits
-# to everything and to each fold's rest are the estimator's own (`estimation.refits`). The
+# to everything and to each fold's rest are the estimator's own (`evidence.Refits`). The
 # coordinates are those in which the full information is the unit matrix: nothing is lost by
 # squaring. Models of a path are nested, so one triangular factor a fold scores them all
-# (`evidence.nested_density`).
+# (`gaussian.nested_density`).
 
 
 #: Instruments see nothing of a direction below this share of what they see best.
@@ -76,7 +78,7 @@ class Step:
 
 @frozen(kw_only=True)
 class WhitenedRegression:
-    """Blocks of a regression in coordinates ``y = R x`` in which the full information is I.
+    """A regression in coordinates ``y = R x`` in which the full information is I, and its folds.
 
     Attributes
     ----------
@@ -84,82 +86,26 @@ class WhitenedRegression:
         Of the c columns of the model, of which the motion excites k.
     inverse : (c, k)
         ``x = inverse @ y``; zero where the motion excites nothing.
-    centre : (k,)
-        y of the full fit.
-    noise : (n,) [torque²]
-        σ² κ of each joint, beside the full model.
     unit : float
         Variance of noise of weight 1: the errors of y of the full fit.
-    parts : tuple of ActuatorBlocks
-        Blocks of each joint, without instruments.
-    bases : tuple of (r, k + 1)
-        ``[W R⁻¹, e] = Z basis`` of each joint, e being what the full fit leaves.
-    seen : (B, k, 2k + 1)
-        ``Zᵀ [Z, W R⁻¹, e]`` of each block, whitened, of the instruments Z that the estimator
-        combines; without instruments (0, k, 2k + 1).
+    tests : Information
+        About y and what the full fit leaves of the torque: what each fold predicts.
+    gram : (F, k + 1, k + 1)
+        What densities are of: all of it, whitened, or what instruments see of it.
     variation : (n,) [torque²]
         Of the torque of each joint about its mean: the scale of its errors.
     folds : Folds
-    refitter : Equations
-        What refits.
+    refits : Refits
+        Of all columns, to everything and to the rest of each fold.
     """
 
     start: Partition
     inverse: Array
-    centre: Array
-    noise: Array
     unit: float
-    parts: tuple[ActuatorBlocks, ...]
-    bases: tuple[Array, ...]
-    seen: Array
+    tests: Information
+    gram: Array
     variation: Array
     folds: Folds
-    refitter: Equations
-
-    def _see(self, tests: Sequence[Array]) -> Array:
-        """Return what densities are of, ``[Y, e]ᵀ [Y, e]`` of each fold, (F, k + 1, k + 1).
-
-        Noise in the motion is in columns and errors alike: a model that fits it would predict the
-        log's torque better and the robot's worse. Where there are instruments, all is projected on
-        what they see: they have no part in it.
-        """
-        if not len(self.seen):
-            each = zip(tests, self.bases, self.noise, strict=True)
-            return np.asarray(sum(basis.T @ test @ basis / noise for test, basis, noise in each))
-        k, out = len(self.centre), []
-        for f in range(self.folds.count):
-            own = np.tensordot((self.folds.test == f).astype(float), self.seen, 1)
-            values, vectors = np.linalg.eigh(own[:, :k])
-            good = values > UNSEEN * values.max(initial=0.0)
-            half = (vectors[:, good] / np.sqrt(values[good])).T @ own[:, k:]
-            out.append(half.T @ half)
-        return np.stack(out)
-
-    def fit(self) -> FoldFits:
-        """Return the fits of all columns to everything and to each fold's rest."""
-        folds = self.folds
-        once = np.ones(len(folds.test))
-        tests = tuple(part.merge_weighted(folds.test, once) for part in self.parts)
-        return FoldFits(self, tests, self._see(tests), self.refitter.start(folds.train))
-
-
-@frozen
-class FoldFits:
-    """Fits of all columns to everything (first) and to the rest of each of F folds.
-
-    Attributes
-    ----------
-    whitened : WhitenedRegression
-    tests : tuple of (F, r, r)
-        ``Zᵀ Z`` of what each fold predicts, of each joint.
-    gram : (F, k + 1, k + 1)
-        What densities are of: all of it, or what instruments see of it.
-    refits : Refits
-    """
-
-    whitened: WhitenedRegression
-    tests: tuple[Array, ...]
-    gram: Array
     refits: Refits
 
     def along(self, path: Sequence[tuple[Move | None, Partition]]) -> list[Step]:
@@ -170,30 +116,25 @@ class FoldFits:
         path : sequence of (Move, Partition)
             What led to each model, of all that the motion excites first.
         """
-        own = self.whitened
         partitions = [partition for _, partition in path]
         rows = [before.rows_to(after) for before, after in pairwise(partitions)]
-        fixed = np.concatenate([np.empty((0, len(own.inverse))), *rows]) @ own.inverse
+        fixed = np.concatenate([np.empty((0, len(self.inverse))), *rows]) @ self.inverse
         fixed /= np.linalg.norm(fixed, axis=1, keepdims=True)
         turn = np.linalg.qr(fixed.T, mode="complete")[0][:, ::-1]
         free = np.array([len(partition) for partition in partitions])
         delta = self.refits.along(turn, free)
-        values = (own.centre + delta) @ own.inverse.T
+        values = (self.refits.centre + delta) @ self.inverse.T
         steps = zip(path, self._score(delta[:, 1:], turn, free), values, strict=True)
         return [Step(p, score, value, move) for (move, p), score, value in steps]
 
     def _score(self, delta: Array, turn: Array, free: np.ndarray) -> list[Score]:
         """Return what models predict whose fits to the rests are off the full one, (M, F, k)."""
-        own = self.whitened
-        change = np.concatenate([-delta, np.ones((*delta.shape[:2], 1))], 2)
-        squares = np.empty((*delta.shape[:2], len(self.tests)))
-        for a, (test, basis) in enumerate(zip(self.tests, own.bases, strict=True)):
-            left = (change @ basis.T).swapaxes(0, 1)
-            squares[:, :, a] = ((left @ test) * left).sum(2).T
-        precision = self.refits.grams[1:] / own.unit
+        left = np.concatenate([-delta, np.ones((*delta.shape[:2], 1))], 2)
+        squares = self.tests.squares_of_blocks(left)
+        precision = self.refits.grams[1:] / self.unit
         density = nested_density(self.gram, precision, delta, turn, free)
         return [
-            Score(d, s, own.variation, own.folds.ratio)
+            Score(d, s, self.variation, self.folds.ratio)
             for d, s in zip(density, squares, strict=True)
         ]
 
@@ -224,40 +165,46 @@ def whiten_regression(
     if len(kept) < len(columns):
         information = information.select(kept)
         full = full.estimator.fit(information)
-    k, squares = information.size, information.torque
+    k = information.size
     R = full.estimator.loss(information, full)
     length = float(np.linalg.norm(R[:, k]))
     R[k, k] = max(abs(R[k, k]), 1e-9 * length, 1e-300)
-    inverse = np.linalg.inv(R)
-    centre, turned = R[:k, k].copy(), inverse[:k, :k]
-    change = np.column_stack([np.vstack([turned, np.zeros(k)]), inverse[:, k] * R[k, k]])
-    plain, floor = information, 1e-18 * squares.max(initial=0.0) + 1e-300
-    noise, seen = np.maximum(full.variance * full.times, floor), np.empty((0, k, 2 * k + 1))
-    if information.instrumented:  # instruments say nothing of errors and are half of what is held
-        if full.estimator.instruments:
-            left = combine(information, full.weights).left
-            left = np.vstack([left, np.zeros((1, k))])
-            right = np.vstack([np.zeros((k, k + 1)), change])
-            both = np.hstack([left, right])
-            seen = information.joint.products(1.0 / noise, left, both)
-        wanted = np.eye(2 * k + 1)[:, k:]
-        own = tuple(part.reduce(wanted) for part in information.parts)
-        plain = replace(information, parts=own, instrumented=False)
-    parts, bases = zip(*plain.of_actuators(change), strict=True)
-    unit = noise_scale(information, full.weights, full.times, full.rss)
+    turned = unit_coordinates(R[:k, :k])
+    floor, folds = least_noise(information), Folds.of(information, float(full.times.max()))
+    tests = information.reduce(turned, information.columns, turned @ R[:k, k]).summed(folds.tested)
     return WhitenedRegression(
         start=start,
         inverse=np.eye(len(columns))[:, kept] @ turned,
-        centre=centre,
-        noise=noise,
-        unit=max(unit, floor),
-        parts=parts,
-        bases=bases,
-        seen=seen,
-        variation=squares if variation is None else variation,
-        folds=Folds.of(information, float(np.max(full.times))),
-        refitter=Equations.of(information, full, R, inverse),
+        unit=max(noise_scale(information, full.weights, full.times, full.rss), floor),
+        tests=tests,
+        gram=_see(information, full, R, tests),
+        variation=information.torque if variation is None else variation,
+        folds=folds,
+        refits=Refits.of(information, full, R, folds.train),
     )
+
+
+def _see(information: Information, full: Estimate, R: Array, tests: Information) -> Array:
+    """Return what densities are of, ``[Y, e]ᵀ [Y, e]`` of each fold, (F, k + 1, k + 1).
+
+    Noise in the motion is in columns and errors alike: a model that fits it would predict the log's
+    torque better and the robot's worse. Where there are instruments, all is projected on what they
+    see: they have no part in it.
+    """
+    k, one = information.size, np.eye(information.size + 1)
+    weights = 1.0 / np.maximum(full.variance * full.times, least_noise(information))
+    if not (full.estimator.instruments and information.instrumented):
+        return tests.products(weights, one, one)
+    T = combine(information, full.weights).left.reshape(2, k, k)
+    left = np.vstack([*(R[:k, :k] @ T), np.zeros((1, k))])
+    both = np.hstack([left, np.vstack([np.zeros((k, k + 1)), one])])
+    out = []
+    for own in tests.joint.products(weights, left, both):
+        values, vectors = np.linalg.eigh(own[:, :k])
+        good = values > UNSEEN * values.max(initial=0.0)
+        half = (vectors[:, good] / np.sqrt(values[good])).T @ own[:, k:]
+        out.append(half.T @ half)
+    return np.stack(out)
 
 
 # Which move is the cheapest.
@@ -267,7 +214,8 @@ def whiten_regression(
 SATISFIED: Tolerance = 1e-5
 
 # Only the fit to everything says what is cheapest. So the order is found with that fit alone, and
-# those without each fold follow for all models at once (`FoldFits.along`): they are nested.
+# those without each fold follow for all models at once (`WhitenedRegression.along`), as they are
+# nested.
 
 
 @frozen
@@ -291,13 +239,13 @@ class Remaining:
     size: Array
 
     @staticmethod
-    def of(fit: FoldFits) -> Remaining:
+    def of(own: WhitenedRegression) -> Remaining:
         """Return what all columns are."""
-        own, refits = fit.whitened, fit.refits
+        refits = own.refits
         values, vectors = np.linalg.eigh(refits.grams[0])
         seen = np.maximum(values, SATISFIED**2 * values.max(initial=0.0))
         X = own.inverse @ (vectors / np.sqrt(seen))
-        x = own.inverse @ (own.centre + refits.whole)
+        x = own.inverse @ (refits.centre + refits.whole)
         return Remaining(own.start, x, X, np.linalg.norm(X, axis=1))
 
     def after(self, move: Move) -> tuple[Remaining, float]:
@@ -377,7 +325,7 @@ class Refusal:
         )
 
 
-def walk(fit: FoldFits, plan: Plan) -> tuple[list[Step], list[Refusal]]:
+def walk(fit: WhitenedRegression, plan: Plan) -> tuple[list[Step], list[Refusal]]:
     """Return the models from a fit of all columns down, and what was refused on the way."""
     left = Remaining.of(fit)
     made: list[tuple[Move | None, Partition]] = [(None, left.partition)]
@@ -392,7 +340,7 @@ def walk(fit: FoldFits, plan: Plan) -> tuple[list[Step], list[Refusal]]:
             move = asked.pop(int(np.argmin([left.cost(m) for m in asked])))
             after, rise = left.after(move)
             # What costs no more of the fit than models near the best may is not asked of folds.
-            if rise > 2.0 * LEVELS.nats * fit.whitened.unit:
+            if rise > 2.0 * LEVELS.nats * fit.unit:
                 *_, before, then = fit.along([made[0], made[-1], (move, after.partition)])
                 gain = then.score.gain(before.score)
                 if gain.value < -max(LEVELS.nats, gain.se):
@@ -467,7 +415,7 @@ def find_path(
         forced=tuple(Move(Kind.FORCED, (c,), why="You asked for it") for c in force),
         kept=frozenset(forbid),
     )
-    (first, *steps), refused = walk(whitened.fit(), plan)
+    (first, *steps), refused = walk(whitened, plan)
     idle = tuple(whitened.start.zeroed())
     if idle:  # what the motion does not excite is the first move
         why = "The motion does not excite it, or only together with what is left"

@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from identifiability.estimation.alternatives import Alternatives
 from identifiability.estimation.estimate import (
     Kind,
     Method,
@@ -26,6 +25,7 @@ from identifiability.estimation.evidence import (
     weigh_models,
 )
 from identifiability.estimation.fit import Fit
+from identifiability.estimation.groups import Alternatives
 from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.estimation.rules import Thresholds

@@ -8,7 +8,6 @@ from scipy.stats import multivariate_normal, nct, t
 
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.evidence import (
-    LEVELS,
     Evidence,
     Folds,
     Gain,
@@ -21,6 +20,7 @@ from identifiability.estimation.evidence import (
 )
 from identifiability.estimation.noise import Noise
 from identifiability.foundation.errors import LogError
+from identifiability.workflows.answers import level_table
 
 from .made import ar1, gather
 
@@ -175,7 +175,7 @@ def test_levels_follow_from_the_limits_of_the_gain():
     assert level(0.0, 0.005) is Level.AS_GOOD
     assert level(0.0, 0.05) is Level.OPEN
     assert level(1.0, 0.0, folds=1) is Level.OPEN
-    assert {name for name, _ in LEVELS.rows()} >= {x.value for x in Level}
+    assert {row[0].text for row in level_table().rows} >= {x.value for x in Level}
 
 
 def scores_of(densities, squares):

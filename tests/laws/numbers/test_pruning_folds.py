@@ -37,7 +37,7 @@ def after(folds, *moves):
     path = [(None, folds.start)]
     for move in moves:
         path.append((move, path[-1][1].apply(move)))
-    return folds.fit().along(path)[-1]
+    return folds.along(path)[-1]
 
 
 def solve(W, tau):
@@ -94,7 +94,7 @@ def test_fits_by_instruments_are_the_estimators_own():
     full = estimator.fit(information)
     folds = whiten_regression(information, full)
     np.testing.assert_allclose(after(folds).values[0], full.value, rtol=1e-6)
-    assert np.linalg.eigvalsh(folds.fit().refits.grams[0]).min() > 0
+    assert np.linalg.eigvalsh(folds.refits.grams[0]).min() > 0
     dropped = after(folds, Move(Kind.DROP, ("p0",)))
     np.testing.assert_allclose(dropped.values[0][0], 0.0, atol=1e-9)
 
@@ -111,7 +111,7 @@ def test_a_constraint_costs_what_refitting_with_it_costs(rows, move):
     np.testing.assert_array_equal(fit.partition.matrix, M)
     x = M @ solve(W @ M, tau)
     np.testing.assert_allclose(fit.values[0], x, atol=1e-7)
-    start = Remaining.of(folds.fit())
+    start = Remaining.of(folds)
     left, found = start.after(move)
     rise = sums(W, tau, x) - sums(W, tau, solve(W, tau))
     np.testing.assert_allclose(left.values, x, atol=1e-7)
@@ -124,7 +124,7 @@ def test_what_holds_already_costs_nothing_and_changes_nothing(rows):
     ring = Move(Kind.TIE, tie=(("p0", "p1"), ("p1", "p2"), ("p2", "p0")))
     chain = Move(Kind.TIE, tie=(("p0", "p1", "p2"),))
     folds = folds_of(rows)
-    start = Remaining.of(folds.fit())
+    start = Remaining.of(folds)
     np.testing.assert_allclose(start.cost(ring), start.cost(chain), rtol=1e-9)
     np.testing.assert_allclose(after(folds, ring).values, after(folds, chain).values, rtol=1e-9)
 
@@ -145,7 +145,7 @@ def test_fits_along_a_whole_path_are_those_from_the_rows(seed, drawn):
     path, compared = [(None, folds.start)], 0
     for move in [*ties, *drops]:
         path.append((move, path[-1][1].apply(move)))
-    for fit in folds.fit().along(path):
+    for fit in folds.along(path):
         M = fit.partition.matrix
         for f in range(-1, folds.folds.count):
             mine = train[f] if f >= 0 else np.ones(n, bool)
@@ -172,7 +172,7 @@ def test_nested_models_are_fitted_together_as_they_are_one_by_one():
     path = [(None, folds.start)]
     for move in (Move(Kind.TIE, tie=(("p0", "p1"),)), *(Move(Kind.DROP, d) for d in drops)):
         path.append((move, path[-1][1].apply(move)))
-    start, left = folds.fit(), Remaining.of(folds.fit())
+    start, left = folds, Remaining.of(folds)
     size = np.abs(left.values).max()
     for found, one in zip(start.along(path), path, strict=True):
         left = left if one[0] is None else left.after(one[0])[0]

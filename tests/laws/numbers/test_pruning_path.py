@@ -115,7 +115,7 @@ def problem(phi, samples=640, seed=0, noise=1.0, mix=None):
 def walked(phi, plan=None, columns=COLUMNS, **options):
     information = gather(*problem(phi, **options), size=10, columns=columns)
     whitened = whiten_regression(information, estimate(information, "ols"))
-    return walk(whitened.fit(), plan or Plan())
+    return walk(whitened, plan or Plan())
 
 
 def lives(steps):
@@ -157,7 +157,7 @@ def test_a_suggestion_is_refused_if_density_falls_by_two_nats_and_surely():
     for seed in range(60):
         information = gather(*problem([1.0, 1.0, 1.0, 1.25], 320, seed), size=10, columns=COLUMNS)
         whitened = whiten_regression(information, estimate(information, "ols"))
-        fit, start = whitened.fit(), whitened.start
+        fit, start = whitened, whitened.start
         before, after = fit.along([(None, start), (move, start.apply(move))])
         small = Remaining.of(fit).cost(move) <= 2 * LEVELS.nats * whitened.unit
         gain = after.score.gain(before.score)

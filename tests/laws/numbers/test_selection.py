@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.estimation.alternatives import NO_ALTERNATIVES
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.evidence import Evidence, HeldOut
 from identifiability.estimation.fit import column_noise, column_rms, merge_blocks
+from identifiability.estimation.groups import NO_ALTERNATIVES
 from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import Thresholds

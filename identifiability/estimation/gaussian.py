@@ -1,0 +1,167 @@
+"""The Gaussian algebra: values, likelihood and predictions of a linear model by its products.
+
+Of whitened rows normal equations ``P x = h`` say all: P are products of columns, with the precision
+that is known beforehand, h those with the torque. What is asked of a linear model anywhere (values,
+their covariance, how likely the torque is with the values averaged over, what columns are beside
+others, what is predicted) is asked here.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dtrtri
+
+from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen
+
+#: Keeps a fold solvable in which a column never acts; columns have about unit length.
+RIDGE: Tolerance = 1e-9
+
+
+@frozen
+class Normal:
+    """Values of a linear model by its normal equations.
+
+    Attributes
+    ----------
+    factor : (k, k)
+        L, lower triangular, with ``L Lᵀ = P``.
+    half : (k,)
+        ``L⁻¹ h``.
+    """
+
+    factor: Array
+    half: Array
+
+    @staticmethod
+    def of(P: Array, h: Array) -> Normal:
+        """Return the values of P (k, k), positive definite, and h (k,)."""
+        L = np.linalg.cholesky(P)
+        return Normal(L, solve_triangular(L, h, lower=True))
+
+    @staticmethod
+    def ridged(P: Array, h: Array) -> Normal:
+        """Return the same of a curvature that rounding or instruments may leave indefinite."""
+        ridge = RIDGE * np.eye(len(P))
+        try:
+            return Normal.of(P + ridge, h)
+        except np.linalg.LinAlgError:
+            values, vectors = np.linalg.eigh(P)
+            return Normal.of((vectors * np.maximum(values, 0.0)) @ vectors.T + ridge, h)
+
+    @cached_property
+    def root(self) -> Array:
+        """Inverse of the factor, (k, k): the covariance is ``rootᵀ root``."""
+        return np.asarray(dtrtri(self.factor, lower=1)[0] if len(self.factor) else self.factor)
+
+    @property
+    def value(self) -> Array:
+        """The values, (k,)."""
+        value: Array = solve_triangular(self.factor, self.half, lower=True, trans="T")
+        return value
+
+    @property
+    def covariance(self) -> Array:
+        """Their covariance, (k, k)."""
+        both: Array = self.root.T @ self.root
+        return both
+
+    @property
+    def evidence(self) -> float:
+        """Log-likelihood of the torque, values averaged over, but for what all models share."""
+        return float(0.5 * self.half @ self.half - np.log(np.diag(self.factor)).sum())
+
+    def leading(self, h: Array, free: np.ndarray) -> Array:
+        """Return the values of nested models by h (k, M) of each, (k, M).
+
+        The leading part of one triangular factor belongs to each of them.
+
+        Parameters
+        ----------
+        h : (k, M)
+        free : (M,) int
+            How many of the first values each leaves free; the others are zero.
+        """
+        inside = np.arange(len(self.factor))[:, None] < free
+        half = solve_triangular(self.factor, np.where(inside, h, 0.0), lower=True)
+        half = np.where(inside, half, 0.0)
+        return np.asarray(solve_triangular(self.factor, half, lower=True, trans="T"))
+
+    def volumes(self, free: np.ndarray) -> Array:
+        """Return ``½ ln |P|`` of nested models, (M,)."""
+        volume = np.cumsum(np.log(np.diag(self.factor)))
+        found: Array = np.append(0.0, volume)[free]
+        return found
+
+    def beside(self, own: Array, cross: Array) -> Array:
+        """Return products of further columns beside these, (m, m).
+
+        Parameters
+        ----------
+        own, cross : (m, m), (k, m)
+            Products of them among themselves, and of these with them.
+        """
+        along = solve_triangular(self.factor, cross, lower=True)
+        left: Array = own - along.T @ along
+        return left
+
+
+def predictive_density(grams: Array) -> Array:
+    """Return the log density of whitened residuals under the errors of all values, (F,) [nats].
+
+    Parameters
+    ----------
+    grams : (F, q + 1, q + 1)
+        ``[W L e]ᵀ [W L e]``, whitened, of residuals e and a root L of the values' covariance.
+    """
+    one = np.eye(grams.shape[1] - 1)
+    each = [Normal.of(one + G[:-1, :-1], G[:-1, -1]).evidence - 0.5 * G[-1, -1] for G in grams]
+    return np.array(each)
+
+
+def nested_density(
+    gram: Array, precision: Array, delta: Array, turn: Array, free: np.ndarray
+) -> Array:
+    """Return the predictive log density of F folds under M nested models, (M, F) [nats].
+
+    A sum of squares of the values that are likeliest with a fold, and no difference of large ones:
+    what the rest of a fold hardly determines may be anything.
+
+    Parameters
+    ----------
+    gram : (F, k + 1, k + 1)
+        ``[Y e]ᵀ [Y e]`` of each fold, whitened: columns, and what the largest model leaves.
+    precision : (F, k, k)
+        Of the values of the largest model, fitted to each fold's rest.
+    delta : (M, F, k)
+        Values of each model's fits to the rests, less those of the largest to everything.
+    turn : (k, k)
+        Orthonormal; its first columns span what a model leaves free.
+    free : (M,) int
+        How many.
+    """
+    k = gram.shape[1] - 1
+    out, none = np.empty(delta.shape[:2]), np.zeros(k)
+    for f, (G, P) in enumerate(zip(gram, precision, strict=True)):
+        unit = np.trace(P) / max(k, 1) + 1e-300
+        known = Normal.ridged(turn.T @ P @ turn / unit, none)
+        L, off = known.factor, delta[:, f].T
+        both = Normal.of(L @ L.T + turn.T @ G[:k, :k] @ turn / unit, none)
+        x = both.leading(turn.T @ (G[:k, [k]] - G[:k, :k] @ off) / unit, free)
+        left = np.vstack([-off - turn @ x, np.ones((1, len(free)))])
+        square = (left * (G @ left)).sum(0) + unit * ((L.T @ x) ** 2).sum(0)
+        out[:, f] = known.volumes(free) - both.volumes(free) - 0.5 * square
+    return out
+
+
+def square_root(covariance: Array) -> Array:
+    """Return L with ``L Lᵀ`` the covariance, which may be singular."""
+    scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 0.0))
+    unit = np.where(scale > 0, scale, 1.0)
+    values, vectors = np.linalg.eigh(covariance / unit[..., None, :] / unit[..., :, None])
+    found: Array = unit[..., None] * vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
+    return found
