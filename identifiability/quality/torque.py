@@ -100,7 +100,7 @@ def _factor(predicted: Array, measured: Array, ordinary: Array) -> float:
         slope = float(p @ m) / float(length**2)
         # The measured torque must follow the predicted one with this correlation, at that
         # joint.
-        if float(p @ m) / float(length * np.linalg.norm(m)) < 0.7:
+        if float(p @ m) / float(length * np.linalg.norm(m)) < 0.6:
             return np.nan
         left = np.zeros(len(predicted))
         left[kept] = np.abs(m - slope * p)

@@ -333,11 +333,10 @@ class _Rows:
         known, apart = [up], [RULES.tilt_large]
         for k in np.argsort(tried)[:STARTS]:
             d = self._turn(every[k] / np.linalg.norm(every[k]), WIDTHS[0], squares)
-            # Where its weights take no other part, a robot of negative masses hangs as well.
-            if d @ up < 0 and squares(self.fit(self._along(-d))) <= squares(
-                self.fit(self._along(d))
-            ) + EVEN:
-                d = -d
+            # Where weight acts along a slide alone, negative masses would fall upwards as well.
+            down = d - 2.0 * min(d @ up, 0.0) * up
+            if squares(self.fit(self._along(down))) <= squares(self.fit(self._along(d))) + EVEN:
+                d = down
             if all(d @ x < np.cos(np.radians(a)) for x, a in zip(known, apart, strict=True)):
                 known.append(d)
                 apart.append(SAME)

@@ -1,0 +1,488 @@
+"""What people's robots and logs are like: is each named, and does the default still predict?
+
+    python studies/field_conditions.py [--stream 0] [--draws 2] [--only CONDITION] [--folder SCRATCH]
+
+Arms and closed chains by another physics than is fitted (`hidden_physics`: forward dynamics under a
+controller, dry friction that sticks, encoders, file masses wrong by 10–30 %). Each draw is logged
+once as it should be and once under each condition: a file of placeholders, gravity compensated in
+the effort, torque at the motor, a base on its side, noisy positions, offsets that differ between
+runs, friction that warms up, dwells, a hand that pushes, gains that are off, friction of passive
+joints, columns exchanged, still, in another unit, an encoder's zero. Beside the error on a sealed
+log (over that of the log as it should be) stand labels that hold the values of exact logs, and
+whether what was said names the condition; of logs as they should be every such sentence is false.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pandas as pd
+from hidden_effect import read_rows
+from hidden_physics import Machine
+from hidden_physics_cases import (
+    FITTED,
+    LOGS,
+    NOISE,
+    ROBOTS,
+    Case,
+    coloured,
+    load_robot,
+    stream_number,
+    write_robot,
+)
+from hidden_physics_exam import sealed_error
+from hidden_physics_laws import OUTSIDE
+from scipy.spatial.transform import Rotation
+from shared import ROOT, study_parser, write_answer
+
+from identifiability import Analysis, Log, analyze
+from identifiability.foundation.errors import ClosureError, IdentifiabilityError
+from identifiability.foundation.names import Array
+from identifiability.foundation.output import plain
+from identifiability.robot import Robot
+from identifiability.simulation.mujoco_robot import MujocoRobot
+
+#: Kinds of a body's parameters.
+BODY = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
+ARMS, CHAINS = ("six-dof-arm", "arm", "scara", "seven"), ("five-bar", "3-rrr", "3-rps")
+
+
+@dataclass
+class Logged:
+    """One draw as it is logged: files, columns and what is stated.
+
+    Attributes
+    ----------
+    robot : Robot
+        Of the file as it was drawn.
+    case : Case
+        The machine.
+    frames : list of DataFrame
+        Of `LOGS`, with ``<joint>.q`` and ``<joint>.tau``.
+    rng : numpy.random.Generator
+    path : Path
+        Folder of the robot file.
+    """
+
+    robot: Robot
+    case: Case
+    frames: list[pd.DataFrame]
+    rng: np.random.Generator
+    path: Path
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    def joint(self, weakest: int = 0) -> str:
+        """Return a joint that is drawn among those whose torque is not the smallest."""
+        order = np.argsort(self.case.torque)[weakest:]
+        return self.robot.joints[int(self.rng.choice(order))]
+
+    def change(self, what: Callable[[int, pd.DataFrame], None]) -> None:
+        """Let a function change each log in its place."""
+        for k, frame in enumerate(self.frames):
+            what(k, frame)
+
+    def rewrite(self, what: Callable[[str], str]) -> None:
+        """Let a function change the text of the robot file."""
+        file = self.robot.path
+        file.write_text(what(file.read_text()))
+
+    def state(self, text: str) -> None:
+        """Add a text to the sidecar."""
+        sidecar = self.robot.path.with_suffix(".toml")
+        old = sidecar.read_text() if sidecar.is_file() else ""
+        sidecar.write_text(f"{old}\n{text}\n")
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What a robot or its logs are like.
+
+    Attributes
+    ----------
+    says : str
+        Pattern of what names it; empty where nothing needs to be said.
+    log : callable(Logged), optional
+        Changes what is logged.
+    machine : callable(Case), optional
+        Changes the machine before it is simulated.
+    of : tuple of str
+        Robots that can be like that.
+    labels : bool
+        Whether values of the file's grammar still mean what they do in sound logs.
+    """
+
+    says: str
+    log: Callable[[Logged], None] | None = None
+    machine: Callable[[Case], None] | None = None
+    of: tuple[str, ...] = (*ARMS, *CHAINS)
+    labels: bool = True
+
+
+def _masses(mass: float, moment: float) -> Callable[[Logged], None]:
+    """Return what gives every body one mass [kg] and moment of inertia [kg·m²]."""
+
+    def change(x: Logged) -> None:
+        def text(t: str) -> str:
+            t = re.sub(r'(<mass value=)"[^"]*"', rf'\1"{mass}"', t)
+            t = re.sub(r'(\bmass=)"[^"]*"', rf'\1"{mass}"', t)
+            t = re.sub(r'(diaginertia=)"[^"]*"', rf'\1"{moment} {moment} {moment}"', t)
+            t = re.sub(r'(fullinertia=)"[^"]*"', rf'\1"{moment} {moment} {moment} 0 0 0"', t)
+            t = re.sub(r'\b(ixx|iyy|izz)="[^"]*"', rf'\1="{moment}"', t)
+            return re.sub(r'\b(ixy|ixz|iyz)="[^"]*"', r'\1="0"', t)
+
+        x.rewrite(text)
+
+    return change
+
+
+def _grams(x: Logged) -> None:
+    def times(found: re.Match[str]) -> str:
+        numbers = " ".join(f"{1000 * float(n):.9g}" for n in found[2].split())
+        return f'{found[1]}"{numbers}"'
+
+    names = r"(?:<mass value|\bmass|diaginertia|fullinertia|\bi[xyz][xyz])"
+    x.rewrite(lambda t: re.sub(rf'({names}=)"([^"]*)"', times, t))
+
+
+def _compensated(some: bool) -> Callable[[Logged], None]:
+    def change(x: Logged) -> None:
+        own, machine = MujocoRobot(x.robot), x.case.machine.model
+        own.model.body_mass[:] = machine.body_mass
+        own.model.body_ipos[:] = machine.body_ipos
+
+        def weigh(frame: pd.DataFrame) -> Array:
+            q = frame[[f"{j}.q" for j in x.robot.joints]].to_numpy()
+            return own.inverse_dynamics(q, 0 * q, 0 * q).tau
+
+        heaviest = x.robot.joints[int(weigh(x.frames[0]).std(0).argmax())]
+        joints = [heaviest] if some else list(x.robot.joints)
+
+        def less(_: int, frame: pd.DataFrame) -> None:
+            weight = weigh(frame)
+            for j in joints:
+                frame[f"{j}.tau"] -= weight[:, x.robot.joints.index(j)]
+
+        x.change(less)
+
+    return change
+
+
+def _motor_side(stated: bool) -> Callable[[Logged], None]:
+    def change(x: Logged) -> None:
+        ratios = {j: float(np.round(x.rng.uniform(50, 160))) for j in x.robot.joints}
+        x.change(lambda _, f: f.update({f"{j}.tau": f[f"{j}.tau"] / r for j, r in ratios.items()}))
+        if stated:
+            said = ", ".join(f'"{j}" = {r}' for j, r in ratios.items())
+            x.state(f'[torque]\nside = "motor"\nratio = {{{said}}}')
+
+    return change
+
+
+def _turned(degrees: float) -> Callable[[Case], None]:
+    def change(case: Case) -> None:
+        model = case.machine.model.__copy__()
+        way = case.rng.uniform(0, 2 * np.pi)
+        turn = np.radians(degrees) * np.array([np.cos(way), np.sin(way), 0.0])
+        model.opt.gravity[:] = Rotation.from_rotvec(turn).apply(model.opt.gravity)
+        case.machine = replace(case.machine, model=model)
+
+    return change
+
+
+def _noisy(x: Logged) -> None:
+    def more(_: int, f: pd.DataFrame) -> None:
+        for j in x.robot.joints:
+            f[f"{j}.q"] += 2e-3 * f[f"{j}.q"].std() * x.rng.standard_normal(len(f))
+
+    x.change(more)
+
+
+def _offsets(x: Logged) -> None:
+    def more(_: int, f: pd.DataFrame) -> None:
+        for j in x.robot.joints:
+            f[f"{j}.tau"] += x.rng.normal(0, 0.05) * f[f"{j}.tau"].std()
+
+    x.change(more)
+
+
+def _gains(x: Logged) -> None:
+    off = {j: 1 + x.rng.choice([-1, 1]) * x.rng.uniform(0.05, 0.15) for j in x.robot.joints[::2]}
+    x.change(lambda _, f: f.update({f"{j}.tau": f[f"{j}.tau"] * g for j, g in off.items()}))
+
+
+def _stops(case: Case) -> None:
+    case.stops = True
+    case.wanted = case._wanted()
+
+
+def _guided(x: Logged) -> None:
+    joint = x.joint(len(x.robot.joints) // 2)
+
+    def push(k: int, f: pd.DataFrame) -> None:
+        if k == 1:
+            first = len(f) // 3
+            rows = slice(first, first + len(f) // 10)
+            bump = np.sin(np.linspace(0, np.pi, len(f) // 10)) ** 2
+            f.loc[f.index[rows], f"{joint}.tau"] += 3 * f[f"{joint}.tau"].std() * bump
+
+    x.change(push)
+
+
+def _exchanged(x: Logged) -> None:
+    a, b = (f"{j}.tau" for j in x.rng.choice(list(x.robot.joints), 2, replace=False))
+    x.change(lambda _, f: f.update({a: f[b].to_numpy(), b: f[a].to_numpy()}))
+
+
+def _still(value: float, share: float) -> Callable[[Logged], None]:
+    def change(x: Logged) -> None:
+        joint = x.joint()
+
+        def freeze(k: int, f: pd.DataFrame) -> None:
+            if k == 0 or share == 1.0:
+                first = round((1 - share) * len(f))
+                f.loc[f.index[first:], f"{joint}.tau"] = (
+                    value if share == 1.0 else f[f"{joint}.tau"].iloc[first]
+                )
+
+        x.change(freeze)
+
+    return change
+
+
+def _unit(x: Logged) -> None:
+    name = f"{x.joint()}.tau"
+    x.change(lambda _, f: f.update({name: 1e-3 * f[name]}))
+
+
+def _zero(x: Logged) -> None:
+    name = f"{x.joint(len(x.robot.joints) // 2)}.q"
+    x.change(lambda _, f: f.update({name: f[name] + 0.5}))
+
+
+def _passive(case: Case) -> None:
+    dry = case.machine.dry.copy()
+    for k, name in enumerate(case.robot.passive):
+        q, v = case.passive[name]
+        power = float((case.torque * np.sqrt((case.v**2).mean(0))).mean())
+        dry[case.n + k] = case.rng.uniform(0.05, 0.2) * power / (np.sqrt((v**2).mean()) + 1e-9)
+    case.machine = replace(case.machine, dry=dry)
+
+
+SOUND = "as it should be"
+GRAVITY = r"gravity|compensat"
+CONDITIONS = {
+    SOUND: Condition(""),
+    "masses 1 kg": Condition(r"placeholder|masses|file asks for", _masses(1.0, 0.01)),
+    "masses 1e-3": Condition(r"placeholder|masses|file asks for", _masses(1e-3, 1e-6)),
+    "masses in grams": Condition(r"placeholder|masses|file asks for|unit", _grams),
+    "gravity compensated": Condition(GRAVITY, _compensated(False), of=ARMS, labels=False),
+    "gravity compensated at a joint": Condition(
+        GRAVITY, _compensated(True), of=ARMS, labels=False
+    ),
+    "motor side, stated": Condition("", _motor_side(True), of=ARMS),
+    "motor side, not stated": Condition(
+        r"unit|ratio|gear|scale|file asks for", _motor_side(False), of=ARMS, labels=False
+    ),
+    "on its side": Condition(GRAVITY, machine=_turned(90.0), of=ARMS, labels=False),
+    "overhead": Condition(GRAVITY, machine=_turned(180.0), of=ARMS, labels=False),
+    "tilted by 2 degrees": Condition(GRAVITY, machine=_turned(2.0), of=ARMS),
+    "noisy positions": Condition("", _noisy),
+    "offsets by run": Condition("offset", _offsets),
+    "gains off by 5-15 %": Condition("gain|scale", _gains, labels=False),
+    "stops and dwells": Condition("", machine=_stops),
+    "friction warms up": Condition("friction|time", labels=False),
+    "guided by hand": Condition("weighed down|outlier|influential", _guided),
+    "passive friction": Condition("passive", machine=_passive, of=CHAINS),
+    "columns exchanged": Condition("exchanged|joints.*are other|column", _exchanged, labels=False),
+    "a column of zeros": Condition("not measured|every row", _still(0.0, 1.0)),
+    "half a log frozen": Condition("stands at|no data|stopped", _still(0.0, 0.5)),
+    "another unit": Condition("unit|scale|factor", _unit, labels=False),
+    "encoder zero": Condition("encoder|zero|bias", _zero, labels=False),
+}  # fmt: skip
+
+
+def draw(folder: Path, stream: str, number: int, name: str, which: Condition) -> Logged:
+    """Return the draw of a number under a condition; motions and noise are those of the number."""
+    rng = np.random.default_rng([stream_number(stream), number])
+    kinds = list(which.of)
+    robot_name = kinds[number % len(kinds)]
+    path = folder / f"{number:04d}-{name.replace(' ', '-').replace('%', '')}"
+    shutil.rmtree(path, ignore_errors=True)
+    path.mkdir(parents=True)
+    ROBOTS.setdefault("seven", "RRRRRRR")
+    robot = write_robot(path, robot_name, rng)
+    while True:
+        case = Case(robot, "null", rng)
+        if which.machine is not None:
+            which.machine(case)
+        try:
+            _, runs, _ = case.simulate(_hidden(case, name))
+        except (ClosureError, FloatingPointError, np.linalg.LinAlgError):
+            continue
+        break
+    level = float(np.exp(rng.uniform(*np.log(NOISE))))
+    rms = np.sqrt((runs.tau[:FITTED] ** 2).mean((0, 1)))
+    slides = [robot.is_prismatic(int(k)) for k in robot.actuated]
+    step = np.where(slides, 2e-6, 2 * np.pi / 2.0**17)
+    frames = []
+    for k in range(len(LOGS)):
+        noise = level * rms * coloured(rng, len(runs.t), case.n, 0.6)
+        f = {"t": runs.t}
+        for j, joint in enumerate(robot.joints):
+            f[f"{joint}.q"] = step[j] * np.rint(runs.q[k, :, j] / step[j])
+            f[f"{joint}.tau"] = runs.tau[k, :, j] + noise[:, j]
+        frames.append(pd.DataFrame(f))
+    out = Logged(robot, case, frames, rng, path)
+    out.notes |= {"robot": robot_name, "level": level}
+    if which.log is not None:
+        which.log(out)
+    return out
+
+
+def _hidden(case: Case, name: str) -> list[Any]:
+    if name != "friction warms up":
+        return []
+    joint = case.robot.joints[0]
+    return [(OUTSIDE["warm_up"][0](case.rng, case.joint(joint)), joint)]
+
+
+def write_logs(x: Logged) -> list[Path]:
+    """Write the logs of a draw beside its robot file."""
+    paths = []
+    for name, f in zip(LOGS, x.frames, strict=True):
+        paths.append(x.path / f"{name}.parquet")
+        f.to_parquet(paths[-1])
+    return paths
+
+
+def values_of(case: Case, model: mujoco.MjModel) -> dict[str, float]:
+    """Return parameters of a machine by the names of the robot's own."""
+    out: dict[str, float] = {}
+    for k in range(1, model.nbody):
+        name, m, c = model.body(k).name, float(model.body_mass[k]), model.body_ipos[k]
+        turn = np.empty(9)
+        mujoco.mju_quat2Mat(turn, model.body_iquat[k])
+        R = turn.reshape(3, 3)
+        J = R @ np.diag(model.body_inertia[k]) @ R.T + m * (c @ c * np.eye(3) - np.outer(c, c))
+        numbers = [m, *(m * c), J[0, 0], J[0, 1], J[0, 2], J[1, 1], J[1, 2], J[2, 2]]
+        out |= dict(zip((f"{name}.{w}" for w in BODY), numbers, strict=True))
+    for k, axis in enumerate(case.machine.axes):
+        dry, viscous = float(case.machine.dry[k]), float(case.machine.viscous[k])
+        rotor = float(model.dof_armature[case.machine.dofs[k]])
+        out |= {f"{axis}.Fc": dry, f"{axis}.Fv": viscous, f"{axis}.Ia": rotor, f"{axis}.Jr": rotor}
+    return out
+
+
+def truth_of(case: Case, a: Analysis) -> pd.Series:
+    """Return the machine's base parameters by label; empty where the file has others in its way."""
+    base, names = a.base, [p.name for p in a.base.parameters]
+    file, own = (values_of(case, m) for m in (Machine.of(case.robot).model, case.machine.model))
+    bodies = [n for n in names if n.rpartition(".")[2] in BODY]
+    if any(not np.isclose(file[n], case.robot.nominal[n], atol=1e-9) for n in bodies):
+        return pd.Series(dtype=float)
+    values = base.G @ np.array([own.get(n, 0.0) for n in names])
+    return pd.Series(values, base.labels)
+
+
+def said(a: Analysis) -> str:
+    """Return what a result says at its top: its statement, answers and findings."""
+    parts = [a.statement, *(f"{x.question} {x.short} {x.text}" for x in a.answers())]
+    return "\n".join([*parts, *(f"{f.key}: {f}" for f in a.findings)])
+
+
+def examine(x: Logged, which: Condition) -> dict[str, Any]:
+    """Return what the default makes of a draw, and write beside it what it said."""
+    robot, logs = load_robot(x.path), write_logs(x)
+    row: dict[str, Any] = {"robot": x.notes["robot"], "level": x.notes["level"], "refused": False}
+    begin = time.process_time()
+    try:
+        a = analyze(robot, logs[:FITTED], logs[FITTED : FITTED + 1])
+    except IdentifiabilityError as error:
+        row |= {"refused": True, "seconds": time.process_time() - begin}
+        (x.path / "said.txt").write_text(f"{error}\n")
+        return row | {"named": bool(re.search(which.says, str(error), re.IGNORECASE))}
+    row |= {"seconds": time.process_time() - begin, "trust": a.answers()[2].tone}
+    row["error"] = sealed_error(a, logs[FITTED + 1 :])
+    text = said(a)
+    row["named"] = bool(which.says and re.search(which.says, text, re.IGNORECASE))
+    f = a.to_frame()
+    f = f[f.verdict == "identifiable"].set_index("label")
+    row["identifiable"] = len(f)
+    if which.labels:
+        truth = truth_of(x.case, a).reindex(f.index).dropna()
+        f = f.loc[truth.index]
+        ends = np.array(f.interval95.tolist()).reshape(-1, 2)
+        row |= {"held": int(((ends[:, 0] <= truth) & (truth <= ends[:, 1])).sum())}
+        row["judged"] = len(truth)
+        for name, (low, high), value in zip(f.name, ends, truth, strict=True):
+            if not low <= value <= high:
+                text += f"\n{name} [{low:.4g}, {high:.4g}] without {value:.4g}"
+    (x.path / "said.txt").write_text(text + "\n")
+    return row
+
+
+def show(rows: Sequence[dict[str, Any]], out: Path, stream: str) -> None:
+    """Print the table of conditions, and write it."""
+    frame = pd.DataFrame(rows)
+    sound = frame[frame.condition == SOUND].set_index("number")
+    frame["over sound"] = frame.error / frame.number.map(sound.error)
+    table = []
+    for name, own in frame.groupby("condition", sort=False):
+        held, judged = own.held.sum(), own.judged.sum()
+        table.append({
+            "condition": name, "draws": len(own), "refused": int(own.refused.sum()),
+            "named": int(own.named.sum()) if CONDITIONS[name].says else "–",
+            "trusted": int((own.trust == "green").sum()),
+            "error": round(float(own.error.median()), 4),
+            "over sound": round(float(own["over sound"].median()), 2),
+            "identifiable": round(float(own.identifiable.mean()), 1),
+            "labels inside": f"{held:.0f} of {judged:.0f}" if judged else "–",
+            "seconds": round(float(own.seconds.median()), 1),
+        })  # fmt: skip
+    counts = pd.DataFrame(table)
+    print(counts.to_string(index=False))
+    statement = f"{frame.number.nunique()} draws of stream {stream} under {len(counts)} conditions."
+    write_answer(out, "Robots as people have them", statement,
+                 {"Conditions": counts, "Draws": frame.round(4)}, __doc__)  # fmt: skip
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run the draws that are missing, and print the table."""
+    parser = study_parser("field_conditions", __doc__, "one draw of three conditions")
+    parser.add_argument("--stream", default="0", help="seeds of the draws; 0 while developing")
+    parser.add_argument("--draws", type=int, default=7)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--only", nargs="+", choices=sorted(CONDITIONS))
+    parser.add_argument("--folder", type=Path, default=ROOT / "reports" / "conditions")
+    asked = parser.parse_args(argv)
+    names = asked.only or list(CONDITIONS)[: 3 if asked.quick else None]
+    draws = 1 if asked.quick else asked.draws
+    store = asked.out.with_suffix(".jsonl")
+    store.parent.mkdir(parents=True, exist_ok=True)
+    rows = read_rows(store)
+    done = {(r["condition"], r["number"]) for r in rows}
+    for number in range(asked.first, asked.first + draws):
+        for name in names:
+            if (name, number) in done:
+                continue
+            x = draw(asked.folder, asked.stream, number, name, CONDITIONS[name])
+            row = {"condition": name, "number": number, **examine(x, CONDITIONS[name])}
+            rows.append(row)
+            with store.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(plain(row)) + "\n")
+            told = {k: row.get(k, "–") for k in ("error", "held", "judged", "named", "trust")}
+            print(f"{number} {name}, {row['robot']}: {told}, {row['seconds']:.1f} s", flush=True)
+    show(rows, asked.out, asked.stream)
+
+
+if __name__ == "__main__":
+    main()
