@@ -1,6 +1,6 @@
 """What people's robots and logs are like: is each named, and does the default still predict?
 
-    python studies/field_conditions.py [--stream 0] [--draws 2] [--only CONDITION] [--folder SCRATCH]
+    python studies/field_conditions.py [--stream 0] [--draws 7] [--only CONDITION] [--folder F]
 
 Arms and closed chains by another physics than is fitted (`hidden_physics`: forward dynamics under a
 controller, dry friction that sticks, encoders, file masses wrong by 10–30 %). Each draw is logged
@@ -44,7 +44,7 @@ from hidden_physics_laws import OUTSIDE
 from scipy.spatial.transform import Rotation
 from shared import ROOT, study_parser, write_answer
 
-from identifiability import Analysis, Log, analyze
+from identifiability import Analysis, analyze
 from identifiability.foundation.errors import ClosureError, IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import plain
@@ -53,6 +53,7 @@ from identifiability.simulation.mujoco_robot import MujocoRobot
 
 #: Kinds of a body's parameters.
 BODY = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
+#: Robots of the draws, in turn.
 ARMS, CHAINS = ("six-dof-arm", "arm", "scara", "seven"), ("five-bar", "3-rrr", "3-rps")
 
 
@@ -271,7 +272,7 @@ def _zero(x: Logged) -> None:
 def _passive(case: Case) -> None:
     dry = case.machine.dry.copy()
     for k, name in enumerate(case.robot.passive):
-        q, v = case.passive[name]
+        _, v = case.passive[name]
         power = float((case.torque * np.sqrt((case.v**2).mean(0))).mean())
         dry[case.n + k] = case.rng.uniform(0.05, 0.2) * power / (np.sqrt((v**2).mean()) + 1e-9)
     case.machine = replace(case.machine, dry=dry)

@@ -71,8 +71,8 @@ STUDIES = (
     ),
     Study("coverage", "Do intervals of 95 % hold the truth in 95 % of the cases?"),
     Study(
-        "coverage_posterior",
-        "Do the intervals of a posterior of 95 % hold the truth in 95 % of the cases?",
+        "field_conditions",
+        "What do robots and logs as people have them do to names, errors and labels?",
     ),
     Study("kuka_lwr4", "What does a model of a KUKA LWR4+ err on other runs?", data="kuka_lwr4"),
     Study(

@@ -51,13 +51,15 @@ def test_every_verb_takes_the_same_band(two_link, coarse, verb, monkeypatch):
     where = "inspect" if verb == "inspect" else "session"
     monkeypatch.setattr(f"identifiability.workflows.{where}.prepare_log", prepare)
     other = replace(coarse.cut(0, 3500, "other"), sha256="other")
+    asked = [coarse]
     if verb == "compare":
-        compare(robot, coarse, other)
+        asked = [coarse.cut(0, 1750, "one"), coarse.cut(1750, 3500, "two")]
+        compare(robot, *(replace(x, sha256=x.name) for x in asked))
     elif verb == "inspect":
         inspect(robot, coarse)
     else:
         result = analyze(robot, coarse, preparation=Preparation(cutoff=5.65), replicates=10)
         result.predict(other) if verb == "predict" else payload(robot, result, other)
     given = None if verb in ("compare", "inspect") else Preparation(cutoff=5.65)
-    cutoff = settle_cutoff(robot, [coarse], given).cutoff
+    cutoff = settle_cutoff(robot, asked, given).cutoff
     assert {how.cutoff for how in taken} == {cutoff}

@@ -117,7 +117,6 @@ def test_the_command_writes_a_report(simulated_session, tmp_path):
     assert "of its intervals hold the truth." in said
     html = report.read_text().replace("\u00a0", " ")
     assert "Coverage of every parameter" in html
-    assert "Noise of the repetitions" in html
     (row,) = [r for r in json.loads(data.read_text())["noise"] if r["joint"] == "elbow"]
     assert row["order"] >= 0
     assert row["autocorrelation_time"] > 0

@@ -7,8 +7,8 @@ from identifiability.effects import find_effect
 from identifiability.foundation.errors import ModelError
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_log
-from identifiability.regression.regression import Model, Regression
-from identifiability.regression.structure import find_base_parameters, random_motion
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import random_motion
 from identifiability.robot import Robot
 from identifiability.simulation import (
     Campaign,
@@ -114,14 +114,6 @@ def test_a_joint_coupling_is_a_closure():
         phi = [robot.nominal[p.name] for p in Model.of("rigid_body").parameters(robot)]
         tau = MujocoRobot(robot).inverse_dynamics(move.q, move.dq, move.ddq).tau
         np.testing.assert_allclose(W @ np.array(phi), tau, atol=1e-10)
-
-
-def test_regressions_come_as_data_frames(rps, paper_model, noisy_log):
-    base = find_base_parameters(rps, paper_model)
-    frame = Regression(rps, paper_model, (prepare_log(rps, noisy_log),), base.kept).to_frame()
-    assert list(frame.columns) == ["log", "sample", "joint", *base.names, "tau"]
-    assert len(frame) == 3 * len(noisy_log)
-    assert frame["joint"].iloc[:3].tolist() == list(rps.joints)
 
 
 def test_a_joint_without_masses_has_no_load_and_not_that_of_rounding():

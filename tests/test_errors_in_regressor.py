@@ -11,7 +11,6 @@ from identifiability.estimation.fit import scatter_scores
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.quality import MeasuredLogs, find_always
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -44,27 +43,6 @@ def test_additive_noise_of_velocities_does_not_bias_friction(simulated_session):
         off.append((fit.value - structure.nominal_base) / sigma)
     assert np.mean(np.abs(off) <= 1.96) >= 0.85  # .70 with signs of the measured velocity
     assert np.abs(np.mean(off, axis=0)).max() < 2.0  # 4.4
-
-
-@pytest.mark.parametrize(
-    ("noise", "said"),
-    [
-        (Noise(motion=0.1), False),
-        (Noise(motion_additive=0.1), True),
-    ],
-)
-def test_it_is_said_where_noise_turns_signs_of_velocity(simulated_session, noise, said):
-    robot = Robot.load("two-link")
-    log = simulated_session("two-link", "a", noise=noise)
-    samples = prepare_log(robot, log)
-    logs = MeasuredLogs(Structure.of(robot, Model.of("rigid_body")), (log,), (samples,))
-    hints = [h for h in find_always(logs) if "Noise turns the sign" in h]
-    assert bool(hints) == said
-    if not said:
-        return
-    assert "'shoulder.dq'" in hints[0]
-    measured = np.sign(samples.motion.actuated_v)
-    assert (np.sign(samples.motion.smooth_v[:, 0]) != measured).mean(0).max() > 0.01
 
 
 def test_a_sign_in_doubt_is_what_it_is_in_the_mean():

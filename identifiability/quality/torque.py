@@ -41,12 +41,9 @@ def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
     known = np.flatnonzero(np.isfinite(factors))
     share = factors[known]
     odd = np.abs(np.log(share)) > np.log(RULES.unit_factor)
-    # No other body makes the torque of one joint alone so much larger or smaller.
-    other = np.abs(np.log(share)) > 2.0 * np.log(RULES.unit_factor)
-    if other.any() and other.sum() < len(share) and (odd == other).all():
-        k = int(np.flatnonzero(other)[0])
-        how = phrase("unit", "one", joint=logs.joints[known[k]], name=_name_unit(share[k]))
-        return [Finding("unit", multiple=f"{share[k]:.2g} times", how=how, factors=share.tolist())]
+    alone = _find_alone(logs, factors)
+    if alone:
+        return alone
     # Factors of two joints do not differ by more than this.
     apart = not odd.any() and len(share) > 1 and share.max() >= 8.0 * share.min()
     if not len(share) or not (odd.all() or apart):
@@ -77,14 +74,44 @@ def measure_factors(logs: MeasuredLogs) -> Array:
         if size[k] >= 0.02 * size[units == units[k]].max() > 0:
             factors[k] = _factor(logs.predicted[:, k], logs.torque[:, k], logs.ordinary(k))
         if np.isnan(factors[k]) and np.isfinite(logs.stated[:, k]).all():
-            # Where bodies look like a rotor the file's own rotor is beside them.
-            friction = logs.ordinary(k)[:, :3]
-            factors[k] = _factor(logs.stated[:, k], logs.torque[:, k], friction)
+            factors[k] = _plain_factor(logs.stated[:, k], logs.torque[:, k])
     return factors
 
 
-def _factor(predicted: Array, measured: Array, ordinary: Array) -> float:
-    """Return the slope of measured on predicted torque, (N,) each; NaN where it does not show."""
+def _find_alone(logs: MeasuredLogs, factors: Array) -> list[Finding]:
+    """Return the joint whose torque alone is so much larger or smaller: no other body does that."""
+    every = factors.copy()
+    for k in np.flatnonzero(np.isnan(every) & np.isfinite(logs.stated).all(0)).tolist():
+        # Where bodies look like a rotor the file's own rotor is beside them.
+        rotor = logs.stated[:, k], logs.torque[:, k], logs.ordinary(k)[:, :3]
+        every[k] = _factor(*rotor, alike=0.6)
+    far = np.abs(np.log(every))
+    known = np.isfinite(far)
+    odd = known & (far > np.log(RULES.unit_factor))
+    if odd.sum() != 1 or known.sum() < 2 or not far[odd] > 2.0 * np.log(RULES.unit_factor):
+        return []
+    k = int(np.flatnonzero(odd)[0])
+    how = phrase("unit", "one", joint=logs.joints[k], name=_name_unit(every[k]))
+    return [Finding("unit", multiple=f"{every[k]:.2g} times", how=how, factors=every.tolist())]
+
+
+def _plain_factor(predicted: Array, measured: Array) -> float:
+    """Return the slope of measured on predicted torque, (N,) each, beside an offset; or NaN."""
+    p, m = predicted - predicted.mean(), measured - measured.mean()
+    lengths = float(np.linalg.norm(p)), float(np.linalg.norm(m))
+    # All that the file predicts agrees with the measured torque from this correlation on,
+    # where masses alone do not show.
+    if not min(lengths) > 0 or float(p @ m) < 0.9 * lengths[0] * lengths[1]:
+        return np.nan
+    return float(p @ m) / lengths[0] ** 2
+
+
+def _factor(predicted: Array, measured: Array, ordinary: Array, alike: float = 0.7) -> float:
+    """Return the slope of measured on predicted torque, (N,) each; NaN where it does not show.
+
+    Measured torque must follow the predicted one with the correlation `alike` beside what is
+    `ordinary` (N, k).
+    """
     kept = np.ones(len(predicted), bool)
     slope = np.nan
     # Rounds of the regression in which the worst twentieth of the samples is left out.
@@ -98,9 +125,7 @@ def _factor(predicted: Array, measured: Array, ordinary: Array) -> float:
         if not length > 0.3 * varies or not np.linalg.norm(m) > 0:
             return np.nan
         slope = float(p @ m) / float(length**2)
-        # The measured torque must follow the predicted one with this correlation, at that
-        # joint.
-        if float(p @ m) / float(length * np.linalg.norm(m)) < 0.6:
+        if float(p @ m) / float(length * np.linalg.norm(m)) < alike:
             return np.nan
         left = np.zeros(len(predicted))
         left[kept] = np.abs(m - slope * p)

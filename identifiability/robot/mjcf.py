@@ -516,17 +516,16 @@ def _along(m: Any, t: int) -> list[int]:
 
 def _tied(m: Any) -> Iterator[list[int]]:
     """Yield the bodies that each equality ties together, and each tendon."""
-    bodies = {
-        int(mujoco.mjtObj.mjOBJ_BODY): np.arange(m.nbody),
-        int(mujoco.mjtObj.mjOBJ_SITE): m.site_bodyid,
-        int(mujoco.mjtObj.mjOBJ_JOINT): m.jnt_bodyid,
-    }
     for k in np.flatnonzero(m.eq_active0):
+        kind = int(m.eq_type[k])
         ends = [int(x) for x in (m.eq_obj1id[k], m.eq_obj2id[k]) if x >= 0]
-        if int(m.eq_type[k]) == int(_EQ.mjEQ_TENDON):
+        if kind == int(_EQ.mjEQ_JOINT):
+            yield [int(m.jnt_bodyid[j]) for j in ends]
+        elif kind == int(_EQ.mjEQ_TENDON):
             yield [b for t in ends for b in _along(m, t)]
-        elif int(m.eq_objtype[k]) in bodies:
-            yield [int(bodies[int(m.eq_objtype[k])][x]) for x in ends]
+        elif kind in (int(_EQ.mjEQ_CONNECT), int(_EQ.mjEQ_WELD)):
+            sites = int(m.eq_objtype[k]) == int(mujoco.mjtObj.mjOBJ_SITE)
+            yield [int(m.site_bodyid[x]) if sites else x for x in ends]
     for t in range(m.ntendon):
         yield _along(m, t)
 

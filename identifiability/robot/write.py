@@ -28,7 +28,6 @@ from identifiability.robot.files import PLACEHOLDER
 from identifiability.robot.floating import BASE_JOINTS
 from identifiability.robot.kinematics import WORLD, Joint, Point, least_eigenvalue, shortest_turn
 from identifiability.robot.locate import drop_repeated, own_sidecar, place_sidecar, read_markup
-from identifiability.robot.mjcf import compile_mjcf, read_actuators
 from identifiability.robot.servo import FOUND, SIDECAR, Servo
 from identifiability.robot.sidecar import read_sidecar
 
@@ -505,6 +504,8 @@ def write_offsets(top: ET.Element, path: Path, offsets: Mapping[str, float]) -> 
     offsets : mapping
         By what an actuator drives [N·m or N].
     """
+    from identifiability.robot.mjcf import compile_mjcf, read_actuators  # noqa: PLC0415 - heavy
+
     elements = [e for part in top.findall("actuator") for e in part if isinstance(e.tag, str)]
     left = dict(offsets)
     for e, a in zip(elements, read_actuators(compile_mjcf(path, read_markup(path))), strict=True):

@@ -217,7 +217,7 @@ class Session:
         try:
             both = cls.read(structure, first, second, preparation, engine=engine, commands=False)
         except LogError as error:
-            if error.key == "twice.held":
+            if error.key in ("twice.held", "twice.rows"):
                 raise LogError(Finding("twice.sides")) from None
             raise
         known = both.recordings

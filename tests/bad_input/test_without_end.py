@@ -9,8 +9,8 @@ from identifiability.foundation.documents import MOST_BYTES as DOCUMENT
 from identifiability.foundation.documents import MOST_KEYS, MOST_VALUES
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Renames
-from identifiability.robot import markup as magnitudes
-from identifiability.robot import markup as xml
+from identifiability.robot import assembly
+from identifiability.robot import locate as xml
 from identifiability.robot.files import read_geometry
 
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -152,7 +152,7 @@ def test_what_is_read_takes_a_time_that_grows_like_the_file(tmp_path, at_once):
 
 
 def test_limits_of_joints(refuses, tmp_path):
-    most = magnitudes.MOST_JOINTS
+    most = assembly.MOST_JOINTS
     refuses(Robot.load, "robot.urdf", chain(most + 1), f"has {most + 1} degrees of freedom")
     whole = tmp_path / "whole.urdf"
     whole.write_text(chain(most))

@@ -306,9 +306,9 @@ class Resumed(Engine):
             if old:
                 yield old[0]
                 continue
-            result = next(fresh)
-            write_bytes(path, pickle.dumps(result, protocol=5))
-            yield result
+            result = pickle.dumps(next(fresh), protocol=5)
+            write_bytes(path, result)
+            yield pickle.loads(result)  # bit by bit what is read back, and so is what follows
 
     def close(self) -> None:
         """End what the engine inside has started."""

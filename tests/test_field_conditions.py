@@ -1,0 +1,40 @@
+"""What people's robots and logs are like: studies/field_conditions.py in part."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+STUDIES = Path(__file__).resolve().parents[1] / "studies"
+sys.path.insert(0, str(STUDIES))
+
+import field_conditions as study  # noqa: E402
+
+#: The number whose robot is a SCARA: small, with a slide whose weight is an offset.
+SCARA = 2
+
+
+def examine(name, folder, number=SCARA):
+    which = study.CONDITIONS[name]
+    return study.examine(study.draw(folder, "0", number, name, which), which)
+
+
+def test_logs_as_they_should_be_are_trusted_and_their_labels_hold(tmp_path):
+    row = examine(study.SOUND, tmp_path)
+    assert row["trust"] == "green"
+    assert row["judged"] >= 15
+    assert row["held"] >= row["judged"] - 2
+
+
+@pytest.mark.parametrize("name", ["another unit", "a column of zeros", "encoder zero"])
+def test_what_is_wrong_with_a_log_is_never_trusted(tmp_path, name):
+    row = examine(name, tmp_path)
+    assert row["refused"] or row["trust"] != "green"
+
+
+@pytest.mark.everything
+@pytest.mark.parametrize("name", [n for n, x in study.CONDITIONS.items() if x.says])
+def test_what_can_be_known_is_named(tmp_path, name):
+    number = study.CHAINS.index("3-rps") if study.CONDITIONS[name].of == study.CHAINS else 3
+    row = examine(name, tmp_path, number)
+    assert row["named"]
