@@ -11,6 +11,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import chdtrc
 
 from identifiability.effects.gravity import settle_gravity
@@ -22,7 +23,6 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
-from identifiability.physical.fitted_model import PhysicalSet
 from identifiability.physical.pseudo_inertia import (
     BASIS,
     BOUNDARY,
@@ -68,19 +68,6 @@ class CadPrior:
     phi: Array
     weight: float = 1.0
 
-    def cones(self, region: PhysicalSet) -> Array:
-        """Maps (nb, 16, p) of scaled parameters to matrices that are 1 for the nominal bodies.
-
-        Raises
-        ------
-        ValueError
-            When a nominal body cannot exist or is a point; it is named.
-        """
-        maps = np.zeros((len(region.bodies), 16, region.size))
-        for k, (name, columns) in enumerate(zip(region.names, region.bodies, strict=True)):
-            maps[k][:, columns] = relative_to(self.phi[columns], name) * region.scale[columns]
-        return maps
-
 
 def relative_to(theta: Array, name: str) -> Array:
     """Return the map (16, 10) to pseudo-inertias congruent to a nominal one, which becomes 1.
@@ -108,11 +95,11 @@ def thick_inertia(theta: Array, name: str) -> Array:
     ValueError
         When the body cannot exist or is a point; it is named.
     """
-    J, check = to_matrix(theta), check_body(theta, name)
-    if not check.feasible:
+    J = to_matrix(theta)
+    if wrong := check_body(theta, name):
         raise ValueError(
-            f"CAD prior: {check.reason} A log-det prior needs bodies that can exist; correct the "
-            "robot file."
+            f"CAD prior: {wrong} A log-det prior needs bodies that can exist; correct the robot "
+            "file."
         )
     mass, first = J[3, 3], J[:3, 3]
     spread, axes = np.linalg.eigh(J[:3, :3] - np.outer(first, first) / (mass or 1.0))
@@ -152,15 +139,12 @@ class WithFile:
         Infinite sd where neither says anything.
     p_value : float
         Of the log, if the bodies are.
-    farthest : str
-        The body, or the parameter with a stated prior, that it moves most.
     """
 
     share: float
     mean: Array
     sd: Array
     p_value: float
-    farthest: str
 
     @property
     def words(self) -> str:
@@ -178,14 +162,12 @@ class WithFile:
         chance = "< 1e-6" if self.p_value < NEARLY else f"= {self.p_value:.1g}"
         return (
             f"The log contradicts {self.words} "
-            f"(p {chance}; farthest is {self.farthest}): they differ by more, or the model "
-            "lacks something that they stand for; give a larger --prior, or look with diagnose."
+            f"(p {chance}): they differ by more, or the model lacks something that they stand "
+            "for; give a larger --prior, or look with diagnose."
         )
 
 
-def state_rows(
-    structure: Structure, share: float, weight: float = 0.0
-) -> tuple[Array, Array, np.ndarray]:
+def state_rows(structure: Structure, share: float, weight: float = 0.0) -> tuple[Array, Array]:
     """Return what is believed beside a log as rows about standard parameters, each of variance 1.
 
     Bodies are the file's within a share, or within that which the sidecar states of one, and
@@ -203,28 +185,23 @@ def state_rows(
     -------
     rows : (r, p)
     aim : (r,)
-    of : (r,) int
-        Number of the body, behind which come parameters with a stated prior.
     """
     robot, p = structure.robot, len(structure.columns)
-    nominal = draw_bodies(structure) if len(structure.inertial) else None
-    rows, aim, of = [np.zeros((0, p))], [np.zeros(0)], [np.zeros(0, int)]
-    for k, (stem, columns) in enumerate(zip(structure.bodies, structure.inertial, strict=True)):
+    nominal, rows, aim = draw_bodies(structure)[0], [np.zeros((0, p))], [np.zeros(0)]
+    for stem, columns in zip(structure.bodies, structure.inertial, strict=True):
         own = robot.said.prior_share.get(stem.removesuffix("."), share)
         more = (share_weight(own) if own else 0.0) - weight
-        if more <= 0 or nominal is None:
+        if more <= 0:
             continue
         block = np.zeros((16, p))
-        block[:, columns] = relative_to(nominal.phi[columns], stem)
+        block[:, columns] = relative_to(nominal[columns], stem)
         rows.append(np.sqrt(0.5 * more) * block)
-        aim.append(rows[-1] @ nominal.phi)
-        of.append(np.full(16, k))
-    for k, (name, (mean, sd)) in enumerate(robot.prior.items()):
+        aim.append(rows[-1] @ nominal)
+    for name, (mean, sd) in robot.prior.items():
         if name in structure.columns:
             rows.append((np.arange(p) == structure.columns.index(name))[None] / sd)
             aim.append(np.array([mean / sd]))
-            of.append(np.array([len(structure.inertial) + k]))
-    return np.vstack(rows), np.concatenate(aim), np.concatenate(of)
+    return np.vstack(rows), np.concatenate(aim)
 
 
 def combine_with_file(
@@ -241,7 +218,7 @@ def combine_with_file(
         The model's parameters.
     share : float
     """
-    B, prior, of = state_rows(structure, share)
+    B, prior = state_rows(structure, share)
     size = np.linalg.norm(np.vstack([A, B]), axis=0)
     size[size == 0] = 1.0  # of what neither says anything about
     U, s, Vt = np.linalg.svd(np.vstack([A, B]) / size, full_matrices=False)
@@ -256,14 +233,11 @@ def combine_with_file(
     # What both say is the only that can disagree.
     ranks = [np.linalg.matrix_rank(rows / size, tol=ROUNDOFF) for rows in (A, B)]
     dims = int(sum(ranks) - known.sum())
-    each = np.bincount(of, off**2)
-    names = [*structure.bodies.values(), *structure.robot.prior]
     return WithFile(
         share,
         to_x @ phi,
         np.where(lost, np.inf, sd),
         float(chdtrc(dims, squares)) if dims else 1.0,
-        names[int(np.argmax(each))],
     )
 
 
@@ -274,42 +248,14 @@ def combine_with_file(
 MASS: Tolerance = 1.0
 
 
-@frozen
-class NominalBodies:
-    """A nominal robot whose every body can exist and has extent.
-
-    Attributes
-    ----------
-    phi : (p,)
-        Standard parameters.
-    titles : (nb,) str
-        Of all bodies, loads among them.
-    replaced : tuple of str
-        Those for which the robot file states no body, an impossible one or a point.
-    """
-
-    phi: Array
-    titles: tuple[str, ...]
-    replaced: tuple[str, ...]
-
-    @property
-    def sentence(self) -> str:
-        """What stands in for bodies that the file does not state; nothing if it states all."""
-        if not self.replaced:
-            return ""
-        return (
-            f"The robot file states no body with mass and possible moments for "
-            f"{listing(self.replaced, 4)}: where the logs are silent they are drawn to light balls."
-        )
-
-
 @lru_cache(maxsize=4)
-def draw_bodies(structure: Structure) -> NominalBodies:
-    """Return the bodies to which a structure's prior draws.
+def draw_bodies(structure: Structure) -> tuple[Array, str]:
+    """Return the bodies to which a structure's prior draws, and what stands in for some, in words.
 
-    A body that the file does not state is a ball about the origin of its frame, as light as the
-    lightest stated body; if its mass alone is stated, it has that mass and is where the file says.
-    A load is as the body that carries it.
+    They are standard parameters (p,), of bodies that all can exist and have extent. A body that
+    the file does not state is a ball about the origin of its frame, as light as the lightest stated
+    body; if its mass alone is stated, it has that mass and is where the file says. A load is as the
+    body that carries it.
     """
     phi, bodies = structure.nominal.copy(), structure.bodies
     loads = {stem: stem.removesuffix("payload_") for stem in bodies if stem.endswith(".payload_")}
@@ -322,8 +268,14 @@ def draw_bodies(structure: Structure) -> NominalBodies:
         phi[at[stem]] = _ball(phi[at[stem]], least, size)
     for stem, carrier in loads.items():
         phi[at[stem]] = phi[at[carrier]] if carrier in at else _ball(np.zeros(10), least, size)
-    titles = tuple(bodies.values())
-    return NominalBodies(phi, titles, tuple(bodies[stem] for stem in replaced))
+    phi.flags.writeable = False
+    if not replaced:
+        return phi, ""
+    return phi, (
+        "The robot file states no body with mass and possible moments for "
+        f"{listing([bodies[stem] for stem in replaced], 4)}: where the logs are silent they are "
+        "drawn to light balls."
+    )
 
 
 def _exists(theta: Array) -> bool:
@@ -370,14 +322,11 @@ def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float 
     stated = total_mass(robot, robot.nominal)
     if robot.guessed or not (stated > 0 and mass_rows(robot, parameters) and is_far(mass, stated)):
         return ""
-    remedy = f"--set cad_prior={10 * cad_weight or WEAK:g} keeps it nearer to the file"
-    why = f"the logs do not determine every mass; {remedy}"
-    if cad_weight:
-        why = (
-            "identified masses disagree with the file's; look whether a mass of the file, a unit "
-            f"or a torque scale is wrong, or {remedy}"
-        )
-    return f"{_state_total(robot, parameters)}: {why}."
+    return (
+        f"{_state_total(robot, parameters)}: identified masses disagree with the file's; look "
+        "whether a mass of the file, a unit or a torque scale is wrong, or "
+        f"--set cad_prior={10 * cad_weight or WEAK:g} keeps it nearer to the file."
+    )
 
 
 def mass_rows(robot: Robot, parameters: Mapping[str, float]) -> list[dict[str, Any]]:
@@ -432,8 +381,8 @@ def total_mass(robot: Robot, parameters: Mapping[str, float]) -> float:
 def real_robot_dict(
     structure: Structure,
     parameters: Mapping[str, float],
-    errors: tuple[float, float, float],
-    each: Array,
+    errors: Sequence[float] = (np.nan,) * 3,
+    each: ArrayLike = (),
     samples: Sequence[Dataset] = (),
     cad_weight: float = 0.0,
 ) -> dict[str, Any]:
@@ -445,9 +394,10 @@ def real_robot_dict(
         Of the robot whose file it is written to.
     parameters : mapping
         Standard parameters by name; empty where no real robot was found.
-    errors : (float, float, float)
+    errors : (3,)
         ε_RA on the fitted logs, of all parameters and of what a robot file holds of them: one of
-        the robot's own format, and one of the other.
+        the robot's own format, and one of the other. Where they are not given, or gravity is
+        tilted, they are measured.
     each : (n, 3)
         The same of each joint over its own scale.
     samples : sequence of Dataset
@@ -458,8 +408,8 @@ def real_robot_dict(
     robot = structure.robot
     own, other = file_kinds(robot)
     tilt = settle_gravity(robot, parameters)[0].tilt
-    if tilt is not None and samples:
-        errors, each = _errors_tilted(structure, samples, parameters)
+    if samples and parameters and (tilt is not None or np.isnan(errors[0])):
+        errors, each = _measure_errors(structure, samples, parameters)
     return {
         **({} if tilt is None else {"gravity": tilt.to_dict()}),
         "error_ra": errors[0],
@@ -468,7 +418,7 @@ def real_robot_dict(
         "error_ra_files": {own: errors[1], other: errors[2]},
         "error_joints": [
             {"joint": joint, "error": row[0], "error_files": {own: row[1], other: row[2]}}
-            for joint, row in zip(robot.joints, each.tolist(), strict=True)
+            for joint, row in zip(robot.joints, np.asarray(each).tolist(), strict=True)
         ]
         if parameters
         else [],
@@ -481,10 +431,10 @@ def real_robot_dict(
     }
 
 
-def _errors_tilted(
+def _measure_errors(
     structure: Structure, samples: Sequence[Dataset], values: Mapping[str, float]
-) -> tuple[tuple[float, float, float], Array]:
-    """Return ε_RA of a robot whose base is tilted, and of what a file of either format holds.
+) -> tuple[Sequence[float], Array]:
+    """Return ε_RA of a robot, its base be it tilted, and of what a file of either format holds.
 
     And the same of each joint over its own scale, (n, 3).
 
@@ -504,8 +454,7 @@ def _errors_tilted(
     first = [structure.columns.index(n) == k for k, n in enumerate(structure.columns)]
     regression = Regression(robot, structure.model, tuple(samples))
     found = predict(regression, phi * np.array(first)[:, None])
-    whole, own, other = found.relative_error()
-    return (float(whole), float(own), float(other)), found.joint_error()
+    return found.relative_error().tolist(), found.joint_error()
 
 
 def _masses(body: str) -> tuple[str, str]:

@@ -15,7 +15,6 @@ from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Level
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import GROUPED_KINDS, Array
-from identifiability.foundation.numbers import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import WEAK, WEIGHTS, CadPrior, draw_bodies, state_rows
@@ -76,10 +75,6 @@ class PhysicalResult:
     cad_weight: float = 0.0
     as_good: bool = False
 
-    def with_certificate(self, certificate: Certificate | None, sentence: str) -> PhysicalResult:
-        """Return the result with what is proved of the estimated parameters, in words before."""
-        return replace(self, certificate=certificate, sentence=sentence + self.sentence)
-
     @property
     def feasible(self) -> bool:
         """Whether a real robot has the estimated base parameters."""
@@ -107,8 +102,7 @@ def leave_undecided(structure: Structure, submodel: Submodel, why: str) -> Physi
 def find_impossible_bodies(robot: Robot) -> str:
     """Return one sentence on the bodies of the robot file that cannot exist, or nothing."""
     ten = {b: np.array([robot.nominal[f"{b}.{k}"] for k in GROUPED_KINDS]) for b in robot.bodies}
-    checks = [check_body(theta, body) for body, theta in ten.items()]
-    wrong = [check.reason for check in checks if not check.feasible]
+    wrong = [why for body, theta in ten.items() if (why := check_body(theta, body))]
     if not wrong:
         return ""
     more = f" {len(wrong) - 1} more bodies are like that." if len(wrong) > 1 else ""
@@ -230,12 +224,12 @@ def _projection(model: FittedModel, cad_weight: float) -> Projection:
         If no real robot has what it holds.
     """
     structure = model.structure
-    bodies, region = draw_bodies(structure), physical_set(structure)
+    (bodies, _), region = draw_bodies(structure), physical_set(structure)
     possible = structure.nominal.copy()
     for columns, name in zip(region.bodies, region.names, strict=True):
-        if not check_body(possible[columns], name).feasible:
+        if check_body(possible[columns], name):
             possible[columns] = 0.0
-    prior = CadPrior(bodies.phi, cad_weight) if cad_weight and bodies.titles else None
+    prior = CadPrior(bodies, cad_weight) if cad_weight and region.names else None
     return Projection(model.region, reference=possible, prior=prior, fixed=model.fixed)
 
 
@@ -252,12 +246,9 @@ def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult
     files = [values_in_file(structure.robot, phi, kind) for kind in file_kinds(structure.robot)]
     every = [phi, *files]
     base = np.array([[values[n] for n in phi] for values in every]) @ structure.G.T
-    sentence = _say_left_out(model, nearest.phi)
-    if not nearest.accurate:
-        sentence = f" The solver is not sure that no real robot is nearer.{sentence}"
-    bodies = draw_bodies(structure)
-    if cad_weight and bodies.sentence:
-        sentence = f"{sentence} {bodies.sentence}"
+    unsure = "" if nearest.accurate else " The solver is not sure that no real robot is nearer."
+    replaced = draw_bodies(structure)[1] if cad_weight else ""
+    sentence = f"{unsure} {replaced}".rstrip()
     value = model.to_x @ nearest.phi
     return replace(
         found, nearest=nearest, value=value, base=base[0], in_files=base[1:], sentence=sentence
@@ -270,24 +261,8 @@ def _believe(model: FittedModel, cad_weight: float) -> LeastSquares:
     Bodies that are better known than by the divergence of that weight are held tighter.
     """
     data = model.data.beside(*model.left_out)
-    robot = model.structure.robot
-    if not (robot.prior or robot.said.prior_share):
-        return data
-    rows, aim, _ = state_rows(model.structure, 0.0, cad_weight)
+    rows, aim = state_rows(model.structure, 0.0, cad_weight)
     return data.beside(data.unit * rows, data.unit * aim)
-
-
-def _say_left_out(model: FittedModel, phi: Array) -> str:
-    """Return what the nearest real robot has although the model leaves it out, if that matters."""
-    rows, aim = model.left_out
-    torque = np.linalg.norm(model.whole.factor(model.estimate.weights)[:, -1])
-    share = float(np.linalg.norm(rows @ phi - aim) / max(torque, np.finfo(float).tiny))
-    if share < RULES.left_out:
-        return ""
-    return (
-        " Real bodies cannot keep to all that the model leaves out or holds: in the nearest real "
-        f"robot the difference makes {percent(share, 2)} of the torque."
-    )
 
 
 # Can base parameters belong to a real robot? The answer with its proof.

@@ -18,13 +18,7 @@ from identifiability.foundation.linalg import SPAN_TOLERANCE
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.values import frozen
 from identifiability.physical import pseudo_inertia
-from identifiability.physical.pseudo_inertia import (
-    BASIS,
-    check_body,
-    entry_scale,
-    natural_scale,
-    scale_matrix,
-)
+from identifiability.physical.pseudo_inertia import BASIS, entry_scale, natural_scale, scale_matrix
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel, list_functions
 from identifiability.regression.structure import Structure
@@ -36,9 +30,9 @@ from identifiability.regression.structure import Structure
 
 _MASS, _FIRST = GROUPED_KINDS.index("m"), [GROUPED_KINDS.index(kind) for kind in ("mx", "my", "mz")]
 
-#: A row (p,) of parameters, what its product may not fall below, and both in words: in units of
-#: the width between two bounds.
-Bound = tuple[Array, float, str]
+#: A row (p,) of parameters and what its product may not fall below, in units of the width between
+#: two bounds.
+Bound = tuple[Array, float]
 
 
 @frozen
@@ -80,7 +74,6 @@ class PhysicalSet:
             "mass": np.broadcast_to(self.mass, nb),
             "length": np.broadcast_to(self.length, nb),
             "names": self.names or tuple(f"body {k + 1}" for k in range(nb)),
-            "columns": self.columns or tuple(f"parameter {j}" for j in range(self.size)),
         }
         for name, value in completed.items():
             object.__setattr__(self, name, value)
@@ -134,32 +127,25 @@ class PhysicalSet:
     @cached_property
     def rows(self) -> Array:
         """(m, p): ``rows @ phi ≥ least`` are the signs and then the bounds."""
-        rows: Array = np.vstack([np.eye(self.size)[self.signed], *[row for row, *_ in self.bounds]])
+        rows: Array = np.vstack([np.eye(self.size)[self.signed], *[row for row, _ in self.bounds]])
         return rows
 
     @cached_property
     def scaled_rows(self) -> Array:
-        """(m, p), the same of scaled parameters; a scale drops out of signs."""
-        rows = self.rows.copy()
-        rows[self.bounded] *= self.scale
+        """(m, p), the same of scaled parameters: what has a sign alone is of scale 1."""
+        rows: Array = self.rows * self.scale
         return rows
 
     @cached_property
     def least(self) -> Array:
         """What the m rows may not fall below."""
-        return np.array([0.0] * len(self.signed) + [least for _, least, _ in self.bounds])
+        return np.array([0.0] * len(self.signed) + [least for _, least in self.bounds])
 
     @cached_property
     def bounded(self) -> np.ndarray:
         """Which of the m rows are bounds, (m,) bool."""
         mask: np.ndarray = np.arange(len(self.rows)) >= len(self.signed)
         return mask
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """The m signs and bounds in words."""
-        signs = (f"{self.columns[j]} ≥ 0" for j in self.signed)
-        return (*signs, *(label for *_, label in self.bounds))
 
     def margins(self, phi: ArrayLike) -> Array:
         """Smallest dimensionless eigenvalue of every body.
@@ -191,16 +177,6 @@ class PhysicalSet:
         slack = np.asarray(phi, float) @ self.rows.T - self.least
         inside = (slack >= -tolerance * self.bounded).all(axis=-1)
         return np.asarray(inside & (self.margins(phi) >= -tolerance).all(axis=-1))
-
-    def violations(self, phi: Array) -> tuple[str, ...]:
-        """Everything that keeps parameters ``phi (p,)`` out of the set, a sentence each."""
-        pairs = zip(self.names, self.bodies, strict=True)
-        checks = [check_body(phi[columns], name) for name, columns in pairs]
-        slack = zip(self.labels, self.rows @ phi - self.least, strict=True)
-        return (
-            *(check.reason for check in checks if not check.feasible),
-            *(f"{label} does not hold." for label, room in slack if room < 0),
-        )
 
 
 @lru_cache(maxsize=4)
@@ -244,27 +220,25 @@ def _stated_bounds(structure: Structure, mass: Array) -> Iterator[Bound]:
             continue
         m = np.zeros(p)
         m[structure.inertial[members, _MASS]] = 1.0
-        title = "total mass" if len(bound.bodies) > 1 else f"mass of {bound.bodies[0]}"
         if bound.mass is not None:
-            yield from _between(m, 0.0 * m, bound.mass, 1.0, title, "kg")
+            yield from _between(m, 0.0 * m, bound.mass, 1.0)
         first = np.zeros((3, p))
         first[:, structure.inertial[members[0]][_FIRST]] = bound.rotation.T
         moment = first - np.outer(bound.rotation.T @ bound.origin, m)  # about the body's frame
         for k, span in enumerate(bound.box or ()):
-            title = f"{'xyz'[k]} of the centre of {bound.bodies[0]}"
-            yield from _between(moment[k], m, span, float(mass[members[0]]), title, "m")
+            yield from _between(moment[k], m, span, float(mass[members[0]]))
 
 
 def _between(
-    value: Array, weight: Array, span: tuple[float, float], size: float, title: str, unit: str
+    value: Array, weight: Array, span: tuple[float, float], size: float
 ) -> Iterator[Bound]:
     """Yield the rows of ``low ≤ value ≤ high``, times a weight where there is one."""
     low, high = span
     width = (high - low) * size
     constant = not weight.any()
-    for sign, end, relation in ((1.0, low, "≥"), (-1.0, high, "≤")):
+    for sign, end in ((1.0, low), (-1.0, high)):
         row = sign * (value - end * weight) / width
-        yield row, sign * end / width if constant else 0.0, f"{title} {relation} {end:g} {unit}"
+        yield row, sign * end / width if constant else 0.0
 
 
 # What the data say about the parameters: a compressed least-squares problem.

@@ -14,6 +14,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.physical.cad_prior import CadPrior
+from identifiability.physical.cad_prior import CadPrior, relative_to
 from identifiability.physical.fitted_model import Fixed, LeastSquares, PhysicalSet
 
 #: Smallest dimensionless eigenvalue of a body in the answer: simulators refuse singular inertia.
@@ -57,8 +58,8 @@ class FeasibleEstimate:
         What feasibility costs: rise of the residual sum of squares over least squares, in σ².
     margins : (nb,)
         Smallest dimensionless eigenvalue of every body.
-    active_bodies, active_rows : tuple of str
-        Constraints that hold the estimate back.
+    active_bodies : tuple of str
+        Bodies at the edge of what can exist, which hold the estimate back.
     accurate : bool
         Whether the solver is sure of the optimum; the answer is feasible either way.
     """
@@ -68,7 +69,6 @@ class FeasibleEstimate:
     excess: float
     margins: Array
     active_bodies: tuple[str, ...]
-    active_rows: tuple[str, ...]
     accurate: bool
 
 
@@ -102,26 +102,24 @@ class Optimum:
     Attributes
     ----------
     z : (q,)
-    rows : (m,)
-        Multipliers of signs and bounds.
     bodies : (nb,)
-        Sizes of those of bodies; zero where a prior keeps them off the edge.
+        Sizes of the multipliers of bodies; zero where a prior keeps them off the edge.
     accurate : bool
     curve : (q, q)
         Second derivatives of the cost under a prior [σ²].
     """
 
     z: Array
-    rows: Array
     bodies: Array
     accurate: bool = True
     curve: Array | None = None
 
 
+@frozen
 class Projection:
     """A program: solve it for as many data sets as there are, one at a time.
 
-    Parameters
+    Attributes
     ----------
     region : PhysicalSet
         What is possible.
@@ -133,28 +131,35 @@ class Projection:
         Nominal robot that pulls.
     fixed : Fixed, optional
         Combinations of parameters outside the bodies that keep their values.
-
-    Raises
-    ------
-    ValueError
-        When the prior holds a body that cannot exist; it is named.
     """
 
-    def __init__(
-        self,
-        region: PhysicalSet,
-        *,
-        margin: float = MARGIN,
-        reference: Array | None = None,
-        prior: CadPrior | None = None,
-        fixed: Fixed | None = None,
-    ) -> None:
-        p = region.size
-        self.region, self.margin = region, margin
-        self.reference = np.zeros(p) if reference is None else reference
-        self.fixed = Fixed.none(p) if fixed is None else fixed
-        self.nominal = np.zeros((0, 16, p)) if prior is None else prior.cones(region)
-        self.weight = 0.0 if prior is None else prior.weight
+    region: PhysicalSet
+    margin: float = MARGIN
+    reference: Array | float = 0.0
+    prior: CadPrior | None = None
+    fixed: Fixed | None = None
+
+    @cached_property
+    def nominal(self) -> Array:
+        """Maps to pseudo-inertias that the prior's bodies make the identity, (nb, 16, p).
+
+        Raises
+        ------
+        ValueError
+            When the prior holds a body that cannot exist; it is named.
+        """
+        region = self.region
+        maps = np.zeros((len(region.bodies), 16, region.size))
+        if self.prior is None:
+            return maps[:0]
+        for own, name, columns in zip(maps, region.names, region.bodies, strict=True):
+            own[:, columns] = relative_to(self.prior.phi[columns], name) * region.scale[columns]
+        return maps
+
+    @property
+    def held(self) -> Fixed:
+        """Combinations that keep their values, be they none."""
+        return self.fixed or Fixed.none(self.region.size)
 
     def solve(self, data: LeastSquares) -> FeasibleEstimate:
         """Project one data set.
@@ -172,10 +177,10 @@ class Projection:
     def _solve_simply(self, program: Program) -> Optimum | None:
         """Return the optimum where nothing holds it back, or a prior alone; None if it is not."""
         nobody = np.zeros(len(self.region.bodies))
-        found: Optimum | None = Optimum(0 * program.stiff, 0 * program.slack, nobody)
-        if self.weight:
+        found: Optimum | None = Optimum(0 * program.stiff, nobody)
+        if self.prior is not None:
             try:
-                found = next(follow(program, self.region, self.nominal, [self.weight]), None)
+                found = next(follow(program, self.region, self.nominal, [self.prior.weight]), None)
             except np.linalg.LinAlgError:  # be it by rounding at an edge
                 return None
         if found is None:
@@ -204,11 +209,11 @@ class Projection:
         bodies = [J >> self.margin * np.eye(4) for J in square(self.region.cones)]
         factor = np.linalg.qr(program.stiff[:, None] * program.along.T, mode="r")  # it is sparser
         linked = image == factor @ step
-        held = (self.fixed.rows * program.scale) @ step == 0
+        held = (self.held.rows * program.scale) @ step == 0
         cost = cp.sum_squares(image)
-        if self.weight:
+        if self.prior is not None:
             away = [cp.trace(J) - cp.log_det(J) - 4 for J in square(self.nominal)]
-            cost += self.weight * sum(away)
+            cost += self.prior.weight * sum(away)
         problem = cp.Problem(cp.Minimize(cost), [linked, held, signs, *bodies])
         for options in ({}, EXACTER):
             with warnings.catch_warnings(), suppress(cp.SolverError):
@@ -222,9 +227,8 @@ class Projection:
                 f"every body has room; {ADVICE}."
             )
         pressure = np.array([np.linalg.norm(J.dual_value) for J in bodies])
-        sure = problem.status == cp.OPTIMAL
         z = program.along.T @ step.value
-        return Optimum(z, np.maximum(signs.dual_value, 0.0), pressure, accurate=sure)
+        return Optimum(z, pressure, problem.status == cp.OPTIMAL)
 
     def follow(self, data: LeastSquares, weights: Sequence[float]) -> Iterator[tuple[Array, Array]]:
         """Yield the optimum (p,) under each weight, and a root (p, q) of its errors.
@@ -254,7 +258,7 @@ class Projection:
         x = program.free + program.along @ found.z
         # The solver's last digits may lie beyond a sign, which a reader of robot files refuses.
         x[self.region.signed] = np.maximum(x[self.region.signed], 0.0)
-        return self.fixed.settle(x * program.scale)
+        return self.held.settle(x * program.scale)
 
     def _state(self, data: LeastSquares) -> Program:
         """Return a data set in scaled parameters, with what pulls where it says nothing.
@@ -272,7 +276,7 @@ class Projection:
             scale[own], pull[own] = scale[own[seen[own]]].min(initial=whole or 1.0), 1.0
         stacked = np.vstack([data.R * scale / data.unit, np.diag(pull)])
         wanted = np.concatenate([data.z / data.unit, pull * self.reference / scale])
-        origin, along = self.fixed.span(scale)
+        origin, along = self.held.span(scale)
         Q, factor = np.linalg.qr(stacked @ along)
         U, stiff, Vt = np.linalg.svd(factor)
         along = along @ Vt.T
@@ -286,14 +290,12 @@ class Projection:
         rss, margins = float(data.rss(phi)), region.margins(phi)
         # Complementarity: of slack and multiplier one is zero, and the larger one says which.
         pressed = found.bodies > margins - self.margin
-        active = found.rows > program.rows @ found.z + program.slack
         return FeasibleEstimate(
             phi=phi,
             rss=rss,
             excess=(rss - data.rss_min) / data.unit**2,
             margins=margins,
             active_bodies=tuple(np.array(region.names, object)[pressed]),
-            active_rows=tuple(np.array(region.labels, object)[active]),
             accurate=found.accurate,
         )
 
@@ -361,7 +363,7 @@ def follow(
     program : Program
     region : PhysicalSet
     maps : (nb, 16, p)
-        To pseudo-inertias that the nominal bodies make the identity (`CadPrior.cones`).
+        To pseudo-inertias that the nominal bodies make the identity (`Projection.nominal`).
     weights : sequence of float
         Of the prior [σ²], the heaviest first.
     enough : float
@@ -410,7 +412,7 @@ def follow(
         )
         z, slack, y = z + reach * step, slack + reach * change, y + reach * rise
         if weight == light and reach == 1.0 and max(force @ step, product.sum()) < reached:
-            yield Optimum(z, y, np.zeros(len(maps)), curve=curve)
+            yield Optimum(z, np.zeros(len(maps)), curve=curve)
             at, left = at + 1, STEPS
         weight = max(weights[min(at, len(weights) - 1)], LIGHTER * weight)
 

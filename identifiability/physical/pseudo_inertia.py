@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
-from identifiability.foundation.values import frozen
 
 #: A body whose margin is above ``-BOUNDARY`` is on or inside the cone: a thin disc has margin 0.
 BOUNDARY: Tolerance = 1e-7
@@ -129,54 +128,23 @@ def margin(theta: ArrayLike, mass: ArrayLike = 1.0, length: ArrayLike = 0.1) -> 
     return np.asarray(np.linalg.eigvalsh(J)[..., 0], float)
 
 
-@frozen
-class BodyCheck:
-    """Whether ten numbers are a body, and in words why not.
-
-    Attributes
-    ----------
-    name : str
-    margin : float
-        Smallest eigenvalue of J in the body's own scale (`natural_scale`); ≥ −`BOUNDARY` when
-        feasible.
-    feasible : bool
-    reason : str
-        One sentence; for a feasible body it says so.
-    """
-
-    name: str
-    margin: float
-    feasible: bool
-    reason: str
-
-
-def check_body(theta: ArrayLike, name: str) -> BodyCheck:
-    """Say whether the parameters of one body can belong to a mass distribution.
+def check_body(theta: ArrayLike, name: str) -> str:
+    """Say why the parameters of one body belong to no mass distribution; nothing if they do.
 
     Parameters
     ----------
     theta : (10,) [kg m², kg m, kg]
+        A body exists whose margin in its own scale (`natural_scale`) is at least −`BOUNDARY`.
     name : str
-
-    Returns
-    -------
-    BodyCheck
     """
     values = np.asarray(theta, float)
-    value = float(margin(values, *natural_scale(values)))
-    feasible = value >= -BOUNDARY
-    reason = (
-        f"{name}: a body with these parameters exists." if feasible else _violation(values, name)
-    )
-    return BodyCheck(name, value, feasible, reason)
-
-
-def _violation(theta: Array, name: str) -> str:
-    mass, first = theta[9], theta[6:9]
+    if margin(values, *natural_scale(values)) >= -BOUNDARY:
+        return ""
+    mass, first = values[9], values[6:9]
     if mass <= 0:
         what = "must be positive" if mass < 0 else "cannot be zero while its moments are not"
         return f"{name}: mass {mass:.4g} kg {what}."
-    S = to_matrix(theta)[:3, :3] - np.outer(first, first) / mass  # about the centre of mass
+    S = to_matrix(values)[:3, :3] - np.outer(first, first) / mass  # about the centre of mass
     moments = np.linalg.eigvalsh(S)
     principal = moments.sum() - moments  # descending
     text = ", ".join(f"{value:.4g}" for value in principal)

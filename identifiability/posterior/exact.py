@@ -510,13 +510,12 @@ def interior(target: Target, sampler: ExactSampler, start: Array) -> Array:
     Raises
     ------
     ValueError
-        When it is not; what is violated is said.
+        When it is not.
     """
     eta = target.to_eta(start)
     if not sampler.contains(eta[None])[0]:
-        found = " ".join(target.region.violations(start)) or "It lies on the boundary of the set."
         raise ValueError(
-            f"posterior: the starting point is not inside the physical set. {found} Expected an "
-            "inner point; use the projection with a margin, project(data, region, margin=1e-3).phi."
+            "posterior: the starting point is not inside the physical set. Expected an inner "
+            "point; use the projection with a margin, project(data, region, margin=1e-3).phi."
         )
     return eta

@@ -530,7 +530,7 @@ def payload(
                 found = replace(found, known=Known.nothing(fit.submodel.M, fit.submodel.fixed))
             theta = theta[[kinds.index(kind) for kind in KINDS]]
             gains = find_gains(found, structure, seen, place, theta)
-        bodies = draw_bodies(structure).phi[structure.inertial]
+        bodies = draw_bodies(structure)[0][structure.inertial]
         length = float(np.median(natural_scale(bodies)[1]))
     paths = given_paths(both.fitted)
     return Load(

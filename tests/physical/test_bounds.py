@@ -58,21 +58,9 @@ def test_the_centre_is_held_in_the_frame_of_the_body(bounded, rng):
             centres = [centre, np.zeros(3)] if body == "arm" else [np.zeros(3), centre]
             phi = placed(structure, rng.uniform(0.5, 2, 2), centres)
             inside = bool(np.all(np.abs(u) <= 1))
-            assert region.contains(phi) == inside != bool(region.violations(phi))
+            assert region.contains(phi) == inside
             found.append(inside)
         assert 5 < sum(found) < 55
-
-
-def test_bounds_that_do_not_hold_are_named(bounded):
-    structure = bounded(
-        "[bounds.bodies.arm]\nbox = [[0.1, 0.3], [-0.1, 0.1], [0, 0.2]]\n"
-        '[bounds.bodies."t*"]\nbox = [[0.05, 0.15], [-0.1, 0.1], [-0.2, 0.2]]\n'
-    )
-    said = physical_set(structure).violations(placed(structure, (1, 1), ([0.5, 0, 0], [0.3, 0, 0])))
-    assert said == (
-        "x of the centre of arm ≤ 0.3 m does not hold.",
-        "x of the centre of tip ≤ 0.15 m does not hold.",
-    )
 
 
 def test_masses_are_bounded_body_by_body_and_in_all_and_a_name_goes_before_a_pattern(bounded):
@@ -80,14 +68,16 @@ def test_masses_are_bounded_body_by_body_and_in_all_and_a_name_goes_before_a_pat
     structure = bounded(text + "[bounds.bodies.tip]\nmass = [0.1, 2]\n")
     region = physical_set(structure)
     centres = np.zeros((2, 3))
-    for masses, wrong in (
-        ((1, 1), ()),
-        ((3.5, 0.2), ("mass of arm ≤ 3 kg does not hold.",)),
-        ((1, 0.05), ("mass of tip ≥ 0.1 kg does not hold.",)),
-        ((2.5, 1.8), ("total mass ≤ 4 kg does not hold.",)),
-        ((0.3, 0.4), ("mass of arm ≥ 0.5 kg does not hold.", "total mass ≥ 1 kg does not hold.")),
+    for masses, broken in (
+        ((1, 1), 0),
+        ((3.5, 0.2), 1),  # the arm
+        ((1, 0.05), 1),  # the tip
+        ((2.5, 1.8), 1),  # both together
+        ((0.3, 0.4), 2),  # the arm, and both together
     ):
-        assert region.violations(placed(structure, masses, centres)) == wrong
+        phi = placed(structure, masses, centres)
+        assert np.sum(region.rows @ phi < region.least) == broken
+        assert region.contains(phi) == (not broken)
 
 
 @pytest.mark.parametrize(
@@ -129,8 +119,8 @@ def test_the_nearest_real_robot_keeps_to_its_bounds_and_is_the_optimum(problem, 
     found = project(data, region)
     assert found.accurate
     assert region.contains(found.phi)
-    assert {"mass of arm ≤ 1.9 kg", "total mass ≤ 2.8 kg"} <= set(found.active_rows)
-    assert any("of the centre of tip" in row for row in found.active_rows)
+    slack = region.rows @ found.phi - region.least
+    assert np.sum(slack[region.bounded] < 1e-4) > 2  # of the arm, of both, of the tip's centre
     other = project(LeastSquares(data.R, data.R @ found.phi, 1.0, 60.0), region)
     np.testing.assert_allclose(other.phi, found.phi, atol=1e-4)
     free = project(data, PhysicalSet(region.bodies, region.nonnegative))

@@ -23,7 +23,7 @@ def test_a_cloud_of_points_is_always_a_body_and_its_margin_does_not_depend_on_un
     for _ in range(50):
         mass, r = cloud(rng)
         theta, small = parameters(mass, r), parameters(1e3 * mass, 1e3 * r)
-        assert check_body(theta, "link").feasible
+        assert not check_body(theta, "link")
         own = margin(theta, *natural_scale(theta))
         np.testing.assert_allclose(margin(small, *natural_scale(small)), own, rtol=1e-9)
 
@@ -32,4 +32,4 @@ def test_feasibility_is_the_same_in_every_frame(rng):
     theta = np.array([0.2, 0, 0, 0.03, 0, 0.04, 0.0, 0, 0, 1.0])  # 0.2 > 0.03 + 0.04
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     move = np.block([[turn, rng.normal(size=(3, 1))], [np.zeros((1, 3)), np.ones((1, 1))]])
-    assert not check_body(to_vector(move @ to_matrix(theta) @ move.T), "link").feasible
+    assert check_body(to_vector(move @ to_matrix(theta) @ move.T), "link")

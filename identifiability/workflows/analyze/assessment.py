@@ -151,7 +151,9 @@ def fit_ladder(
         model = FittedModel.of(structure, submodel, information, estimator)
         heaviest = found[0].robot.cad_weight if found else np.inf
         one = settle_robot(model, held_out, cad_weight, heaviest, choose=not short)
-        robot = one.robot.with_certificate(*certify_model(model))
+        certificate, said = certify_model(model)
+        said += one.robot.sentence
+        robot = replace(one.robot, certificate=certificate, sentence=said)
         found.append(replace(one, robot=robot))
         assert one.free is not None
         scores.append(one.free)

@@ -115,10 +115,10 @@ def check_result(robot: Robot, path: Path, content: Result, known: set[str]) -> 
         )
     whole = complete_values(robot, given, keep=False)
     for body in robot.bodies:
-        check = check_body(np.array([whole[f"{body}.{kind}"] for kind in GROUPED_KINDS]), body)
-        if not check.feasible:
+        wrong = check_body(np.array([whole[f"{body}.{kind}"] for kind in GROUPED_KINDS]), body)
+        if wrong:
             raise IdentifiabilityError(
-                f"{path}: {check.reason} It was found with the other values kept: make the result "
+                f"{path}: {wrong} It was found with the other values kept: make the result "
                 "without --fixed."
             )
 

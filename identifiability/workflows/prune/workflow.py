@@ -287,7 +287,8 @@ def _choose(question: Question, search: Search, cad_prior: float | None) -> tupl
     found = []
     for k, model, certificate, said in tried[:1] + tried[1:][-1:]:
         one = settle_robot(model, held_out, cad_prior)
-        robot = one.robot.with_certificate(certificate, said)
+        told = said + one.robot.sentence
+        robot = replace(one.robot, certificate=certificate, sentence=told)
         found.append((k, replace(one, robot=robot)))
     (_, first), (_, last) = found[0], found[-1]
     pair = [x.real for x in (last, first) if x.real is not None]

@@ -70,9 +70,7 @@ def test_what_cannot_exist_says_why(change, said):
     theta = body()
     for k, value in change.items():
         theta[k] = value
-    check = check_body(theta, "arm")
-    assert not check.feasible
-    assert said in check.reason
+    assert said in check_body(theta, "arm")
 
 
 @pytest.mark.parametrize(("below", "feasible"), [(0.9e-7, True), (1.1e-7, False)])
@@ -83,9 +81,9 @@ def test_a_thin_body_exists_up_to_rounding(below, feasible):
     mass, length = natural_scale(disc)
     J[2, 2] = -below * mass * length**2
     # The scale hardly moves with J[2, 2].
-    check = check_body(to_vector(J), "disc")
-    assert check.margin == pytest.approx(-below, rel=1e-3)
-    assert check.feasible == feasible
+    theta = to_vector(J)
+    assert margin(theta, *natural_scale(theta)) == pytest.approx(-below, rel=1e-3)
+    assert (check_body(theta, "disc") == "") == feasible
     thin = PhysicalSet(np.arange(10)[None], np.zeros(10, bool), mass=mass, length=length)
     assert certify(np.eye(10), to_vector(J), thin).feasible == feasible
 
@@ -95,7 +93,7 @@ def test_a_real_robot_is_left_as_it_is():
     found = project(data_on(phi), region(mass=2.0, length=0.1))
     np.testing.assert_allclose(found.phi, phi, rtol=1e-6, atol=1e-9)
     assert found.excess < 1e-6
-    assert (found.active_bodies, found.active_rows) == ((), ())
+    assert found.active_bodies == ()
 
 
 def test_a_body_that_cannot_exist_is_moved_to_the_edge_but_for_a_millionth():
@@ -104,7 +102,7 @@ def test_a_body_that_cannot_exist_is_moved_to_the_edge_but_for_a_millionth():
     found = project(data_on(phi), region(mass=2.0, length=0.1))
     np.testing.assert_allclose(found.margins, 1e-6, rtol=0.1)
     assert found.active_bodies == ("arm",)
-    assert found.active_rows == ("parameter 10 ≥ 0",)
+    assert found.phi[10] == pytest.approx(0.0, abs=1e-6)
     assert found.phi[10] == pytest.approx(0.0, abs=1e-6)
     data = data_on(phi)
     cost = np.sum((data.R @ found.phi - data.z) ** 2)
