@@ -23,13 +23,11 @@ from identifiability.logs import signals
 from identifiability.logs.prepare import Dataset
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.structure import Structure
-from identifiability.robot import Motion, Robot
+from identifiability.robot import Motion
 from identifiability.simulation.forward import ForwardRobot
 
 #: Length of a simulated stretch [s].
 HORIZON: Tolerance = 0.25
-#: Simulated stretches, at most: each is drawn by itself for intervals.
-STRETCHES = DRAWN_STRETCHES
 
 
 @frozen
@@ -111,11 +109,6 @@ class Physical:
     values: Mapping[str, float]
     cad_weight: float = 0.0
 
-    @property
-    def robot(self) -> Robot:
-        """The robot."""
-        return self.structure.robot
-
     def of(self, parameters: Iterable[Parameter]) -> dict[str, float]:
         """Return the values of some parameters, zero where there is none."""
         return {p.name: self.values.get(p.name, 0.0) for p in parameters}
@@ -126,7 +119,7 @@ def compare_forward(
     after: Physical,
     unseen: Sequence[Dataset],
     rng: np.random.Generator,
-    stretches: int = STRETCHES,
+    stretches: int = DRAWN_STRETCHES,
 ) -> ForwardGap:
     """Simulate stretches of unseen motion with two models of a robot.
 
@@ -163,7 +156,7 @@ def compare_forward(
         for fit in (before, after):
             others = {id(s): other_torque(fit, s.motion) for s in unseen}
             tau = np.stack([_mean_torque(fit, s, others[id(s)], rows) for s, rows in at])
-            simulator = ForwardRobot(fit.robot, joint_values(fit))
+            simulator = ForwardRobot(fit.structure.robot, joint_values(fit))
             positions = simulator.run(q[:, 0], first, tau, dt)
             share = np.minimum(np.abs(positions - q[:, 1:]) / moved, 1.0)
             errors.append(np.nan_to_num(share, nan=1.0))
@@ -208,7 +201,7 @@ def _mean_torque(fit: Physical, samples: Dataset, others: Array, rows: np.ndarra
     """
     t, tau = samples.motion.t, samples.tau
     out = np.empty((len(rows), tau.shape[1]))
-    for k, joint in enumerate(fit.robot.joints):
+    for k, joint in enumerate(fit.structure.robot.joints):
         delay = fit.values.get(f"{joint}.delay", 0.0)
         out[:, k] = np.interp(t[rows] + delay, t, tau[:, k]) - others[rows, k]
     middle: Array = 0.5 * (out[1:] + out[:-1])
@@ -221,19 +214,19 @@ def other_torque(fit: Physical, motion: Motion) -> Array:
     Simulated motion leaves it little within a stretch, and friction that remembers its way and what
     drifts over a session are those of the log.
     """
-    out = np.zeros((len(motion), len(fit.robot.joints)))
+    out = np.zeros((len(motion), len(fit.structure.robot.joints)))
     for effect in fit.structure.model.effects:
         if not find_family(effect.name).native:
-            values = np.array(list(fit.of(effect.parameters(fit.robot)).values()))
+            values = np.array(list(fit.of(effect.parameters(fit.structure.robot)).values()))
             W = np.zeros((*out.shape, len(values)))
-            effect.fill(fit.robot, motion, W)
+            effect.fill(fit.structure.robot, motion, W)
             out += W @ values
     return out
 
 
 def joint_values(fit: Physical) -> dict[str, float]:
     """Return parameters as bodies and joints hold them: payloads in bodies, two Coulomb levels."""
-    robot, values = fit.robot, fit.of(fit.structure.parameters)
+    robot, values = fit.structure.robot, fit.of(fit.structure.parameters)
     out = {}
     for body, kind in product(robot.bodies, INERTIAL_KINDS):
         load = values.get(f"{body}.payload_{kind}", 0.0)

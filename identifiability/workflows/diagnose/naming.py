@@ -133,21 +133,16 @@ class Naming:
         return s.value[at] / unit, s.root[:, at].T @ s.root[:, at] / np.outer(unit, unit)
 
     @cached_property
-    def seen_entries(self) -> Entries:
-        """Columns of the parts along the fitted rows."""
-        return self.missing.entries
-
-    @cached_property
     def unseen_entries(self) -> Entries:
-        """The same along the unseen rows."""
+        """Columns of the parts along the unseen rows."""
         if self.unseen is self.fitted:
-            return self.seen_entries
+            return self.missing.entries
         return self.unseen.seen.entries(self.missing.candidates)
 
     def columns(self, parts: Sequence[int], joint: int, *, unseen: bool = False) -> Array:
         """Return the columns of some parts in a joint, (N, m)."""
         rows = self.unseen if unseen else self.fitted
-        entries = self.unseen_entries if unseen else self.seen_entries
+        entries = self.unseen_entries if unseen else self.missing.entries
         none = np.zeros(len(rows))
         at = [k for p in parts for k in self.parts[p].candidate.columns]
         out: Array = np.zeros((len(rows), len(at)))
@@ -158,7 +153,7 @@ class Naming:
     def acts(self, part: int) -> list[int]:
         """Return the joints in which a part acts."""
         own = self.parts[part].candidate.columns
-        return sorted({j for j, k in self.seen_entries if k in own})
+        return sorted({j for j, k in self.missing.entries if k in own})
 
     def left(self, parts: Sequence[int], values: Array, *, unseen: bool = False) -> Array:
         """Return what values (b + m,) of the model with some parts leave of torque, (N, n)."""
@@ -204,15 +199,11 @@ class Naming:
         plain = (JointNoise(np.empty(0), 1.0),) * self.fitted.seen.y.shape[1]
         return self.missing.products(edges=[0, len(self.fitted)], noise=plain)
 
-    def error(self, parts: Sequence[int]) -> float:
-        """Return the error of model and some parts on unseen rows over each joint's own scale."""
+    def error(self, parts: Sequence[int] | None = None) -> float:
+        """Return the error of model and parts on unseen rows over each joint's own scale."""
+        parts = range(len(self.parts)) if parts is None else parts
         left = self.left(parts, self.fit(parts), unseen=True)
         return float(Gap(self.unseen, left[:, :, None]).prediction.error_over_joints()[0])
-
-    def worse_than(self, other: Naming) -> bool:
-        """Whether unseen rows are predicted worse than by another one."""
-        own, others = (x.error(range(len(x.parts))) for x in (self, other))
-        return own > WORSE * others
 
 
 def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
@@ -229,7 +220,8 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
     fitted = Rows.of(s, setting.samples, setting.known)
     if not (fixed or root.size):
         s = replace(s, robot=fit_loads(s, fitted.seen.X, fitted.seen.y, fitted.data))
-        setting, fitted = replace(setting, structure=s), fitted.of_robot(s.robot)
+        setting = replace(setting, structure=s)
+        fitted = replace(fitted, seen=replace(fitted.seen, robot=s.robot))
     unseen = Rows.of(s, setting.validation, setting.known) if setting.validation else fitted
     families = find_families(effects, commanded=setting.commanded)
     motions = [x.motion for x in setting.samples]
@@ -322,7 +314,7 @@ def _without_worse(naming: Naming) -> Naming:
     """
     while naming.parts:
         every = range(len(naming.parts))
-        whole = naming.error(every)
+        whole = naming.error()
         each = [naming.error([k for k in every if k != gone]) for gone in every]
         worst = int(np.argmin(each))
         if not each[worst] < whole / WORSE:

@@ -100,11 +100,6 @@ class KnownValues(Known):
         """Rows about the coordinates of what is known, each of variance 1."""
         return np.diag(np.sqrt(self.precision))[self.precision > 0]
 
-    def moved(self, off: Array) -> Array:
-        """Return the values whose coordinates are so much (s,)."""
-        values: Array = self.base + self.directions @ off
-        return values
-
     @property
     def hint(self) -> str:
         """What is kept near the file, in one sentence."""
@@ -151,7 +146,7 @@ def know_share(share: float, structure: Structure, *, refitted: bool = False) ->
             f"The values may be off by a share above 0 and up to 1, {share:g} was given; 0.1 is a "
             "tenth of each."
         )
-    rows, aim, _ = state_rows(structure, share)
+    rows, aim = state_rows(structure, share)
     if not refitted:
         own, nominal = np.flatnonzero(~rows.any(0)), structure.nominal
         sd = np.maximum(share * np.abs(nominal[own]), ROUNDOFF * np.abs(nominal).max(initial=0.0))
@@ -247,10 +242,6 @@ class Rows:
     def data(self) -> np.ndarray:
         """Where torque of each joint is data, (N, n) bool."""
         return self.seen.data
-
-    def of_robot(self, robot: Robot) -> Rows:
-        """Return the same of a robot whose loads are known by other values."""
-        return replace(self, seen=replace(self.seen, robot=robot))
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -409,23 +400,9 @@ STRETCH = 300
 READ = 40
 
 
-@frozen
-class Roles:
-    """Logs by what they are for.
-
-    Attributes
-    ----------
-    fit : tuple of Log
-        What the model is fitted to and the evidence is from.
-    verify : tuple of Log
-        What may refute a name, and what the gap is measured on.
-    verified_on : str
-        In words, to follow "on".
-    """
-
-    fit: tuple[Log, ...]
-    verify: tuple[Log, ...]
-    verified_on: str
+#: Logs that are fitted and give the evidence, those that may refute it and measure the gap, and
+#: what these are in words, to follow "on".
+Roles = tuple[tuple[Log, ...], tuple[Log, ...], str]
 
 
 def assign_roles(logs: Sequence[Log], validate: Sequence[Log]) -> Roles:
@@ -452,7 +429,7 @@ def assign_roles(logs: Sequence[Log], validate: Sequence[Log]) -> Roles:
         *logs, last = logs
         validate, aside = [last], ", which was set aside"
     verified_on = f"{join([log.name for log in validate])}{aside}"
-    return Roles(tuple(logs), tuple(validate), verified_on)
+    return tuple(logs), tuple(validate), verified_on
 
 
 def _one_log(log: Log) -> Roles:
@@ -468,7 +445,7 @@ def _one_log(log: Log) -> Roles:
     fit = log.cut(0, int((1 - PAUSE) * end), f"{log.name}{PART}1")
     verify = log.cut(int(np.ceil(start)), len(log), f"{log.name}{PART}2")
     verified_on = f"the last {100 * LAST:.0f} % of {log.name}, set aside"
-    return Roles((fit,), (verify,), verified_on)
+    return (fit,), (verify,), verified_on
 
 
 def prepare_rows(
@@ -526,11 +503,9 @@ def along_rollouts(
     phi = np.array([known.get(name, 0.0) for name in structure.columns])
     out = list[Dataset]()
     for own, log in zip(samples, logs, strict=True):
-        found = None
-        if log.rollout is not None:
-            found = add_instrument(robot, log, own)
-        if found is not None and found.instrument is not None:
-            moved = found.instrument
+        found = None if log.rollout is None else add_instrument(robot, log, own)
+        moved = None if found is None else found.instrument
+        if moved is not None:
             more = (model.regressor(robot, moved) - model.regressor(robot, own.motion)) @ phi
             own = replace(own, motion=moved, tau=own.tau + more)  # noqa: PLW2901 - the same
         out.append(own)

@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects import find_family, title_of
-from identifiability.effects.vocabulary import file_kinds, values_in_file
 from identifiability.estimation.differences import Change, table_changes
 from identifiability.estimation.estimate import estimate, find_estimator
 from identifiability.estimation.fit import Fit as Known
@@ -29,8 +28,7 @@ from identifiability.foundation.rounding import digits, error_text, exact, join,
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
-from identifiability.physical.cad_prior import WEAK, real_robot_dict, share_weight, state_mass
-from identifiability.physical.feasibility import find_nearest
+from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.columns import Refusal
 from identifiability.regression.gather import gather_information
@@ -64,18 +62,6 @@ from identifiability.workflows.session import weigh_rows
 if TYPE_CHECKING:
     from identifiability.workflows.commanded import Moved
     from identifiability.workflows.opening import Recordings
-
-#: What the table says of an effect at a place, and of each parameter there.
-PLACE, PARAMETER = ("effect", "joint", "shape", "log_odds"), ("parameter", "value", "error", "unit")
-
-#: Names that are said of what cannot be told apart.
-LISTED = 2
-
-
-def call(names: list[str]) -> str:
-    """Return a name with those that it cannot be told from, or how many these are."""
-    some = f"{names[0]} or one of {len(names) - 1} that look like it"
-    return some if len(names) > LISTED else " or ".join(names)
 
 
 class Rival(NamedTuple):
@@ -227,8 +213,8 @@ class NamedEffect:
 
     @property
     def called(self) -> str:
-        """The same in few words: what is said first may not be surer."""
-        return call(self.names)
+        """The same as one name: what is said first may not be surer."""
+        return " or ".join(self.names)
 
 
 @frozen
@@ -400,7 +386,19 @@ class Diagnosis(Result, Setting, Predicts):
     @property
     def unexplained(self) -> str:
         """What is left, in words."""
-        return state_remainder(self)
+        if max(self.held_after, self.error_after) < ROUNDING:
+            return "The residual is rounding: the logs are explained to their last digits."
+        parts = []
+        left = [x for x in self.evidence if np.isfinite(x.after)]
+        if left:
+            most = max(left, key=lambda x: x.after)
+            odds = f"{most.after:.2g}".replace("-", "−")
+            parts.append(
+                "Nothing that is known explains the rest; the likeliest is "
+                f"{_at(most.name, most.place)} (log odds {odds})"
+            )
+        parts.append(f"The residual looks like {_looks(self)}")
+        return " ".join(f"{part}." for part in parts)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row for every named effect and place.
@@ -413,7 +411,9 @@ class Diagnosis(Result, Setting, Predicts):
                 where = (e.name, p.place, p.shape, p.odds)
                 which = (", ".join(e.alternatives), e.before, e.after)
                 rows += [(*where, *row, *which) for row in p.rows]
-        return pd.DataFrame(rows, columns=[*PLACE, *PARAMETER, "or", "before", "after"])
+        place, parameter = "effect joint shape log_odds", "parameter value error unit"
+        columns = f"{place} {parameter} or before after".split()
+        return pd.DataFrame(rows, columns=columns)
 
     def error_frame(self) -> pd.DataFrame:
         """Return the errors of each joint on unseen motion before and after.
@@ -581,7 +581,7 @@ def _what(d: Diagnosis) -> Answer:
     model = d.alternative.partition(":")[0]
     told = [f"{model}."] if model else []
     told += [f"{_capital(c.called)}. What was logged meanwhile was left out." for c in d.changes]
-    named = [f"{call([c.what, *c.others])} in a part of {c.log}" for c in d.changes]
+    named = [f"{' or '.join([c.what, *c.others])} in a part of {c.log}" for c in d.changes]
     named += map(_state_effect, d.effects)
     if not d.effects:
         why = "No effect can be named" if d.evidence else _state_untried(d)
@@ -622,13 +622,6 @@ PLACES = 3
 ROUNDING: Tolerance = 1e-9
 #: Share of its variance from which on what a residual depends on is said.
 VISIBLE: Tolerance = 0.05
-#: What a residual looks like that depends on one of these; a function of any other.
-LOOKS = {
-    "time": "a drift over time",
-    "session": "a drift over the session",
-    "log": "a difference between the logs",
-    "load": "something that goes with the load",
-}
 
 
 def _at(name: str, place: str) -> str:
@@ -713,31 +706,14 @@ def advice(e: NamedEffect) -> str:
     return f"{known or 'run other speeds, postures and loads in turn'} to separate them"
 
 
-def state_remainder(d: Diagnosis) -> str:
-    """Return what is left in words."""
-    if max(d.held_after, d.error_after) < ROUNDING:
-        return "The residual is rounding: the logs are explained to their last digits."
-    parts = []
-    left = [x for x in d.evidence if np.isfinite(x.after)]
-    if left:
-        most = max(left, key=lambda x: x.after)
-        odds = f"{most.after:.2g}".replace("-", "−")
-        parts.append(
-            "Nothing that is known explains the rest; the likeliest is "
-            f"{_at(most.name, most.place)} (log odds {odds})"
-        )
-    parts.append(f"The residual looks like {_looks(d)}")
-    return " ".join(f"{part}." for part in parts)
-
-
 def _looks(d: Diagnosis) -> str:
     """Return what the residual depends on most, in words."""
     most = max(d.discrepancies, key=lambda x: max(x.explained.values(), default=0.0))
     where, best = max(most.explained.items(), key=lambda x: x[1])
     if best < VISIBLE:
         return "noise: it depends on none of velocity, position, acceleration, load or time"
-    kind = LOOKS.get(where, f"a function of {where}")
-    return f"{kind} in {most.joint} ({percent(best, 2)} of its variance)"
+    share = f"{percent(best, 2)} of its variance"
+    return f"something that depends on the {where} in {most.joint} ({share})"
 
 
 # What is missing and how large errors are, as tables.
@@ -827,11 +803,9 @@ def fit_physical(
     information = weigh_rows(joints, samples, information, wls)[0]
     submodel, fit = full_model(structure.base), estimate(information)
     model = FittedModel(structure, submodel, information, information, fit)
-    if unseen and cad_weight is None:
-        held_out, short = hold_folds(information, wls)
-        found = settle_robot(model, held_out, None, choose=not short).robot
-    else:
-        found = find_nearest(model, WEAK if cad_weight is None else cad_weight)
+    held_out, short = hold_folds(information, wls)
+    choose = bool(unseen) and not short
+    found = settle_robot(model, held_out, cad_weight, choose=choose).robot
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence.strip())
     return Physical(structure, found.parameters(), found.cad_weight)
@@ -865,19 +839,9 @@ def nearest_dict(d: Diagnosis) -> dict[str, Any]:
     try:
         real = real_robot(d, structure) if known is None else known
     except IdentifiabilityError as error:
-        nothing = real_robot_dict(structure, {}, (np.nan,) * 3, np.empty((0, 3)))
-        return {**nothing, "reason": str(error)}
-    values = dict(real.values)
-    # A named effect may have the columns of one in the model: these stand for both.
-    names = structure.columns
-    first = np.array([names.index(n) == k for k, n in enumerate(names)])
-    files = [values_in_file(structure.robot, values, kind) for kind in file_kinds(structure.robot)]
-    phi = np.array([[v[n] for n in names] for v in (values, *files)]).T
-    regression = replace(structure.regression(d.samples, keep=True), instruments=None)
-    found = predict(regression, structure.G @ (phi * first[:, None]))
-    errors, each = found.relative_error(), found.joint_error()
-    held_out = (float(errors[0]), float(errors[1]), float(errors[2]))
-    return real_robot_dict(structure, _fold(values), held_out, each, d.samples, real.cad_weight)
+        return {**real_robot_dict(structure, {}), "reason": str(error)}
+    values, weight = _fold(dict(real.values)), real.cad_weight
+    return real_robot_dict(structure, values, samples=d.samples, cad_weight=weight)
 
 
 def _fold(values: dict[str, float]) -> dict[str, float]:

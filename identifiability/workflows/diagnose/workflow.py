@@ -230,32 +230,31 @@ class _Asked:
 
     def look(self, given: Recordings) -> tuple[Diagnosis, Opening]:
         """Name what is missing in recordings, under the model that the fitted ones prefer."""
-        roles, robot = assign_roles(given.fitted, given.held_out), self.session.structure.robot
-        session = replace(self.session, recordings=Recordings(roles.fit, roles.verify, given.hints))
+        fit, verify, verified_on = assign_roles(given.fitted, given.held_out)
+        session = replace(self.session, recordings=Recordings(fit, verify, given.hints))
         how = session.preparation if session.how.cutoff is None else session.how
-        most = min(MOST_SAMPLES, MOST_IN_ALL // len(roles.fit))
-        prepare = partial(prepare_rows, robot, how=how, most=most)
+        most = min(MOST_SAMPLES, MOST_IN_ALL // len(fit))
+        prepare = partial(prepare_rows, self.session.structure.robot, how=how, most=most)
         if self.fixed:
             opening = session.open("diagnosed", prepare, seek=False)
         else:
             session, opening = session.settle("diagnosed", prepare)
-            logs = session.recordings
-            roles = replace(roles, fit=logs.fitted, verify=logs.held_out)
         if given.rolled is not None:
-            both = ((opening.samples, roles.fit), (opening.validation, roles.verify))
-            along = [along_rollouts(opening.structure, s, logs, given.values) for s, logs in both]
+            logs = session.recordings
+            both = ((opening.samples, logs.fitted), (opening.validation, logs.held_out))
+            along = [along_rollouts(opening.structure, s, own, given.values) for s, own in both]
             opening = replace(opening, samples=along[0], validation=along[1])
-        fit, verify = (in_memory(s) for s in (opening.samples, opening.validation))
-        require_signal(verify, "verified")
+        samples, validation = (in_memory(s) for s in (opening.samples, opening.validation))
+        require_signal(validation, "verified")
         session.say("building columns", 0.1)
         near = know_share(self.near, opening.structure, refitted=True) if self.near else None
         setting = Setting(
             structure=opening.structure,
-            samples=tuple(fit),
+            samples=tuple(samples),
             known=near or (self.known if self.fixed else know_nothing(opening.structure)),
-            validation=tuple(verify),
+            validation=tuple(validation),
             fixed=self.fixed,
-            verified_on=roles.verified_on,
+            verified_on=verified_on,
             preparation=how or Preparation(),
             commanded=given.commanded,
             seed=self.seed,
@@ -306,7 +305,7 @@ class _Asked:
             return named
         # Unseen rows cannot show what changed, but that nothing did.
         found = self._settle(without)
-        return named if found.worse_than(named) else found
+        return named if found.error() > WORSE * named.error() else found
 
 
 def _settle_values(
@@ -365,7 +364,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     rng : numpy.random.Generator
         For intervals.
     """
-    setting, parts = naming.setting, naming.parts
+    setting, parts, known = naming.setting, naming.parts, naming.setting.known
     structure, robot = setting.structure, setting.structure.robot
     families = list(dict.fromkeys(p.candidate.family.name for p in parts))
     own = [[k for k, p in enumerate(parts) if p.candidate.family.name == f] for f in families]
@@ -408,7 +407,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
             Odds(t.group.family, place_of(t), t.odds, after.get(t.key, float("nan")))
             for t in naming.before
         ),
-        values=setting.known.moved(fits[-1][: len(setting.known.precision)]),
+        values=known.base + known.directions @ fits[-1][: len(known.precision)],
         model=Model((*structure.model.effects, *added)),
     )
 
