@@ -44,7 +44,7 @@ from hidden_physics_laws import OUTSIDE
 from scipy.spatial.transform import Rotation
 from shared import ROOT, study_parser, write_answer
 
-from identifiability import Analysis, analyze
+from identifiability import Analysis, Log, analyze
 from identifiability.foundation.errors import ClosureError, IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import plain
@@ -412,7 +412,10 @@ def examine(x: Logged, which: Condition) -> dict[str, Any]:
         (x.path / "said.txt").write_text(f"{error}\n")
         return row | {"named": bool(re.search(which.says, str(error), re.IGNORECASE))}
     row |= {"seconds": time.process_time() - begin, "trust": a.answers()[2].tone}
-    row["error"] = sealed_error(a, logs[FITTED + 1 :])
+    sealed: list[Any] = logs[FITTED + 1 :]
+    if a.alternative is not None:  # under which all is said
+        sealed = [a.alternative.read(Log.read(path), robot) for path in sealed]
+    row["error"] = sealed_error(a, sealed)
     text = said(a)
     row["named"] = bool(which.says and re.search(which.says, text, re.IGNORECASE))
     f = a.to_frame()
