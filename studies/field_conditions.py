@@ -55,6 +55,7 @@ from identifiability.simulation.mujoco_robot import MujocoRobot
 BODY = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 #: Robots of the draws, in turn.
 ARMS, CHAINS = ("six-dof-arm", "arm", "scara", "seven"), ("five-bar", "3-rrr", "3-rps")
+EVERY = (*ARMS, *CHAINS)
 
 
 @dataclass
@@ -124,7 +125,7 @@ class Condition:
     says: str
     log: Callable[[Logged], None] | None = None
     machine: Callable[[Case], None] | None = None
-    of: tuple[str, ...] = (*ARMS, *CHAINS)
+    of: tuple[str, ...] = EVERY
     labels: bool = True
 
 
@@ -314,8 +315,7 @@ CONDITIONS = {
 def draw(folder: Path, stream: str, number: int, name: str, which: Condition) -> Logged:
     """Return the draw of a number under a condition; motions and noise are those of the number."""
     rng = np.random.default_rng([stream_number(stream), number])
-    kinds = list(which.of)
-    robot_name = kinds[number % len(kinds)]
+    robot_name = EVERY[number % len(EVERY)]
     path = folder / f"{number:04d}-{name.replace(' ', '-').replace('%', '')}"
     shutil.rmtree(path, ignore_errors=True)
     path.mkdir(parents=True)
@@ -476,7 +476,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     done = {(r["condition"], r["number"]) for r in rows}
     for number in range(asked.first, asked.first + draws):
         for name in names:
-            if (name, number) in done:
+            if (name, number) in done or EVERY[number % len(EVERY)] not in CONDITIONS[name].of:
                 continue
             x = draw(asked.folder, asked.stream, number, name, CONDITIONS[name])
             row = {"condition": name, "number": number, **examine(x, CONDITIONS[name])}
