@@ -266,7 +266,7 @@ def _unit(x: Logged) -> None:
 
 
 def _zero(x: Logged) -> None:
-    name = f"{x.joint(len(x.robot.joints) // 2)}.q"
+    name = f"{x.robot.joints[1]}.q"
     x.change(lambda _, f: f.update({name: f[name] + 0.5}))
 
 
