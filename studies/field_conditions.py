@@ -266,7 +266,7 @@ def _unit(x: Logged) -> None:
 
 
 def _zero(x: Logged) -> None:
-    name = f"{x.joint(len(x.robot.joints) // 2)}.q"
+    name = f"{x.robot.joints[1]}.q"
     x.change(lambda _, f: f.update({name: f[name] + 0.5}))
 
 
@@ -296,7 +296,7 @@ CONDITIONS = {
     ),
     "on its side": Condition(GRAVITY, machine=_turned(90.0), of=ARMS, labels=False),
     "overhead": Condition(GRAVITY, machine=_turned(180.0), of=ARMS, labels=False),
-    "tilted by 2 degrees": Condition(GRAVITY, machine=_turned(2.0), of=ARMS),
+    "tilted by 2 degrees": Condition(r"gravity|tilted", machine=_turned(2.0), of=ARMS),
     "noisy positions": Condition("", _noisy),
     "offsets by run": Condition("offset", _offsets),
     "gains off by 5-15 %": Condition("gain|scale", _gains, labels=False),
