@@ -21,7 +21,6 @@ from identifiability.effects.registry import (
     forget,
     load_plugin,
     register,
-    stated_effects,
     title_of,
 )
 
@@ -46,6 +45,5 @@ __all__ = [
     "forget",
     "load_plugin",
     "register",
-    "stated_effects",
     "title_of",
 ]

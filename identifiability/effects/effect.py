@@ -308,12 +308,12 @@ class Span:
     joint : str
     position_range : float [rad or m]
     rms_speed : float [rad/s or m/s]
+    robot : Robot
+        Whose axis it is.
     low, high : float [rad or m]
         Ends of that range, as the robot file counts positions.
     largest_speed, farthest : float
         Largest speed, and largest distance from home [rad/s or m/s, rad or m].
-    robot : Robot, optional
-        Whose axis it is.
     motions : tuple of Motion
         Of the logs.
     """
@@ -321,11 +321,11 @@ class Span:
     joint: str
     position_range: float
     rms_speed: float
+    robot: Robot
     low: float = 0.0
     high: float = 1.0
     largest_speed: float = 1.0
     farthest: float = 1.0
-    robot: Robot | None = None
     motions: tuple[Motion, ...] = ()
 
 
@@ -397,8 +397,6 @@ class Family:
         Whether its columns depend on the masses that the robot file states.
     native : bool
         Whether MuJoCo has it itself in a forward simulation, or it shifts the recorded torque.
-    dry : bool
-        Whether joints stick by it, as by Coulomb friction.
     remembers : bool
         Whether it depends on the way that led to a state, not on that and the time alone.
     unnamed : bool
@@ -429,7 +427,6 @@ class Family:
     logs: Literal["any", "torque", "commands"] = "any"
     loaded: bool = False
     native: bool = False
-    dry: bool = False
     remembers: bool = False
     unnamed: bool = False
     flexible: bool = False
@@ -604,22 +601,13 @@ class Placed(Effect):
             out.append((effect, left))
         return out
 
-    @staticmethod
-    def part_parameters(robot: Robot, part: Part) -> list[Parameter]:
-        """Return the parameters of one part."""
-        return list(part.find(robot)[1].values())
-
-    def layout(self, robot: Robot) -> list[tuple[Effect, list[int]]]:
-        """Return the effect of each part, and which of its columns the part takes."""
-        return [(effect, list(taken)) for effect, taken in self._taken(robot)]
-
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write the columns of all parts; each effect is computed once."""
-        start, done, layout = 0, dict[int, Array](), self.layout(robot)
-        for effect, columns in layout:
+        start, done = 0, dict[int, Array]()
+        for effect, taken in self._taken(robot):
             if id(effect) not in done:
                 W = np.zeros((len(motion), out.shape[1], len(effect.parameters(robot))))
                 effect.fill(robot, motion, W)
                 done[id(effect)] = W
-            out[:, :, start : start + len(columns)] = done[id(effect)][:, :, columns]
-            start += len(columns)
+            out[:, :, start : start + len(taken)] = done[id(effect)][:, :, [*taken]]
+            start += len(taken)

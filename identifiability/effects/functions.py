@@ -238,8 +238,6 @@ def carried_by(at: Along) -> Array:
 
 def largest_load(span: Span) -> tuple[float, ...]:
     """Return the largest load of the motions at an axis [N·m or N]."""
-    if span.robot is None:
-        return ()
     axis = next(a for a in span.robot.axes if a.name == span.joint)
     loads = [carried_by(Along(span.robot, m, axis)) for m in span.motions]
     return (max(float(np.abs(x).max(initial=0.0)) for x in loads) or 1.0,)

@@ -22,7 +22,6 @@ from identifiability.effects.effect import (
 from identifiability.effects.friction import CoulombAsymmetry, CoulombFriction, ViscousFriction
 from identifiability.effects.inertia import ActuatorInertia
 from identifiability.effects.nominal import (
-    Torque,
     needs_masses,
     once,
     position_derivatives,
@@ -34,7 +33,6 @@ from identifiability.effects.springs import JointStiffness
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.linalg import without_rounding
 from identifiability.foundation.names import Array, Parameter
-from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Motion, Robot
 from identifiability.robot.closure import project
 
@@ -133,7 +131,6 @@ def nominal_torque(robot: Robot, motion: Motion) -> Array:
     native=True,
     rank=12,
 )
-@frozen
 class TimeDelay(AtMotors):
     """``τ_measured(t) = τ(t − δ) ≈ τ − δ dτ/dt``: torque and motion are not sampled together.
 
@@ -141,14 +138,8 @@ class TimeDelay(AtMotors):
     differentiated is a model's, never the measured one, whose noise would enter the column.
     It looks like actuator inertia and viscous friction at one frequency of motion. A delay is never
     negative: torque that comes before its motion is a `clock_error`.
-
-    Attributes
-    ----------
-    torque : callable(Robot, Motion) -> (N, n)
-        Model torque; by default that of the robot file's values.
     """
 
-    torque: Torque = nominal_torque
     name = "time_delay"
     equation = "τ = −δ dτ/dt"
     source = "[Ljung 1999, Sec. 4.2]"
@@ -159,7 +150,7 @@ class TimeDelay(AtMotors):
 
     def curves(self, at: Along) -> list[Array]:
         """Return minus how the torque changes."""
-        return [-at.slope(self.torque(at.robot, at.motion)[:, at.joint])]
+        return [-at.slope(nominal_torque(at.robot, at.motion)[:, at.joint])]
 
 
 # Torque that is stamped before the motion it belongs to.
@@ -269,8 +260,6 @@ class TorqueScale(AtMotors):
 
 def other_joints(span: Span) -> tuple[float, ...]:
     """Return the numbers of all joints but this one, from one on."""
-    if span.robot is None:
-        return ()
     every, driven = span.robot.joints, {*span.robot.motor_joints} - {span.joint}
     return tuple(float(k) for k, name in enumerate(every, 1) if name in driven)
 

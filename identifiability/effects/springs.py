@@ -275,7 +275,6 @@ class PositionTorque(Shaped):
     shapes=_spacings,
     against="position",
     needs="coulomb_friction",
-    dry=True,
     flexible=True,
     told_by="pass each position in both directions",
     rank=6.5,

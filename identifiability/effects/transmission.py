@@ -77,7 +77,6 @@ def _ways(span: Span) -> tuple[float, ...]:
     "presliding hysteresis",
     shapes=_ways,
     needs="coulomb_friction",
-    dry=True,
     remembers=True,
     told_by="reverse often, after short ways and after long ones,",
     rank=6.3,
@@ -127,7 +126,6 @@ def rigid_load(at: Along) -> Array:
     needs="coulomb_friction",
     refuse=needs_masses,
     loaded=True,
-    dry=True,
     rank=8,
 )
 class LoadDependentFriction(AlongAxes):
@@ -251,7 +249,6 @@ def gear_ratio(robot: Robot, place: str) -> float:
 
 
 def _turns(span: Span) -> tuple[float, ...]:
-    assert span.robot is not None
     turn = 2 * np.pi / gear_ratio(span.robot, span.joint)
     # Waves in a turn of the motor that are tried: its own, those of a strain wave gear, its
     # poles.

@@ -224,7 +224,7 @@ def _lay_out(
     """Return each effect once: its number of columns, and which of them go where."""
     out: dict[int, tuple[Effect, int, list[tuple[int, int]]]] = {}
     for part, columns in parts:
-        effect, own = Placed([part]).layout(robot)[0]
+        effect, own = part.find(robot)
         if id(effect) not in out:
             out[id(effect)] = (effect, len(effect.parameters(robot)), [])
         out[id(effect)][2].extend(zip(own, columns, strict=True))
