@@ -3,7 +3,8 @@
 Every name here is public vocabulary: it stands in reports, JSON, ladders and on the command line.
 
 To add an effect: a class that states its columns under `declare`, in a file of its own or in that
-of its subject; files of this folder are found by themselves.
+of its subject; files of this folder are found by themselves, and `effect.ORDER` says
+where it stands among the others.
 """
 
 from importlib import import_module

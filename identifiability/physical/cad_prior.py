@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtrc
 
-from identifiability.effects.gravity import settle_gravity
+from identifiability.effects.base import settle_gravity
 from identifiability.effects.vocabulary import file_kinds, values_in_file
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import listing

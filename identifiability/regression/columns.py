@@ -12,7 +12,7 @@ from itertools import groupby
 
 import numpy as np
 
-from identifiability.effects import Effect, Family, Part, Placed, Span
+from identifiability.effects import Effect, Family, Part, Span
 from identifiability.effects.effect import measure_spans
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import GROUPED_KINDS, Array
