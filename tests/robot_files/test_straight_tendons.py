@@ -122,7 +122,8 @@ def test_a_cable_of_the_file_is_named_and_stays_in_what_is_written(load_text, tm
     assert stated | expected == stated
     assert robot.rest["cable"] == 0.3
     assert {"joint_stiffness", "passive_joint_friction"} <= {*default_effects(robot, ())}
-    assert "passive_joint_friction" not in default_effects(load_text(stretched('stiffness="5"')))
+    other = load_text(stretched('stiffness="5"'))
+    assert "passive_joint_friction" not in default_effects(other, ())
     robot = load_text(stretched())
     kinds = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
     bodies = {b: np.array([robot.nominal[f"{b}.{k}"] for k in kinds]) for b in robot.bodies}
