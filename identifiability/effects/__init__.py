@@ -3,7 +3,8 @@
 Every name here is public vocabulary: it stands in reports, JSON, ladders and on the command line.
 
 To add an effect: a class that states its columns under `declare`, in a file of its own or in that
-of its subject; files of this folder are found by themselves.
+of its subject; files of this folder are found by themselves, and `effect.ORDER` says
+where it stands among the others.
 """
 
 from importlib import import_module
@@ -21,7 +22,6 @@ from identifiability.effects.registry import (
     forget,
     load_plugin,
     register,
-    stated_effects,
     title_of,
 )
 
@@ -46,6 +46,5 @@ __all__ = [
     "forget",
     "load_plugin",
     "register",
-    "stated_effects",
     "title_of",
 ]

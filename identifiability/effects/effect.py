@@ -214,19 +214,14 @@ class AlongAxes(Effect):
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return every kind of every axis."""
-        return tuple(
-            self._parameter(axis, kind)
-            for axis in self.places(robot)
-            for kind in self.kinds(robot, axis)
-        )
-
-    def _parameter(self, axis: Axis, kind: str) -> Parameter:
-        known = [name for name, _, _ in self.units]
-        at = known.index(kind) if kind in known else 0
-        _, turning, sliding = self.units[at]
-        unit = sliding if axis.prismatic else turning
-        stated_as = self.stated_as[at] if self.stated_as else ""
-        return Parameter(axis.name, kind, unit, self.name, axis.symbol, self.nonnegative, stated_as)
+        known, out = [name for name, _, _ in self.units], []
+        for axis in self.places(robot):
+            for kind in self.kinds(robot, axis):
+                at = known.index(kind) if kind in known else 0
+                unit = self.units[at][2 if axis.prismatic else 1]
+                signs = self.nonnegative, self.stated_as[at] if self.stated_as else ""
+                out.append(Parameter(axis.name, kind, unit, self.name, axis.symbol, *signs))
+        return tuple(out)
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write a column for every force."""
@@ -237,6 +232,11 @@ class AlongAxes(Effect):
             for force in self.curves(at):
                 put(out, column, load, force)
                 column += 1
+
+
+def counted(kind: str, count: int) -> tuple[str, ...]:
+    """Return the kinds of several parameters, counted from one."""
+    return tuple(f"{kind}{k + 1}" for k in range(count))
 
 
 @frozen
@@ -308,12 +308,12 @@ class Span:
     joint : str
     position_range : float [rad or m]
     rms_speed : float [rad/s or m/s]
+    robot : Robot
+        Whose axis it is.
     low, high : float [rad or m]
         Ends of that range, as the robot file counts positions.
     largest_speed, farthest : float
         Largest speed, and largest distance from home [rad/s or m/s, rad or m].
-    robot : Robot, optional
-        Whose axis it is.
     motions : tuple of Motion
         Of the logs.
     """
@@ -321,11 +321,11 @@ class Span:
     joint: str
     position_range: float
     rms_speed: float
+    robot: Robot
     low: float = 0.0
     high: float = 1.0
     largest_speed: float = 1.0
     farthest: float = 1.0
-    robot: Robot | None = None
     motions: tuple[Motion, ...] = ()
 
 
@@ -355,12 +355,18 @@ def in_motor(robot: Robot, place: str) -> str:
     return "a passive joint has no motor" if place in robot.passive else ""
 
 
-def _nowhere_refused(_robot: Robot, _place: str) -> str:
-    return ""
-
-
-def _not_stated(_robot: Robot) -> bool:
-    return False
+#: The order in which families are searched and reported; a user's own come last.
+ORDER = """
+viscous_friction coulomb_friction coulomb_asymmetry actuator_inertia torque_offset
+stribeck_friction rising_friction sigmoid_friction hysteresis backlash position_friction
+passive_joint_friction load_dependent_friction quadratic_friction joint_stiffness
+position_ripple gear_ripple time_delay clock_error command_delay torque_leak velocity_leak
+torque_scale imu_mounting gravity_tilt encoder_bias payload rigid_body free_spring
+gravity_spring torque_drift constant_force friction_drift position_torque function_of_velocity
+function_of_load function_of_position function_of_other_velocity function_of_time
+function_of_session_time function_of_position_and_velocity function_of_velocity_and_load
+function_of_velocity_and_time
+"""
 
 
 @frozen
@@ -397,8 +403,6 @@ class Family:
         Whether its columns depend on the masses that the robot file states.
     native : bool
         Whether MuJoCo has it itself in a forward simulation, or it shifts the recorded torque.
-    dry : bool
-        Whether joints stick by it, as by Coulomb friction.
     remembers : bool
         Whether it depends on the way that led to a state, not on that and the time alone.
     unnamed : bool
@@ -411,8 +415,6 @@ class Family:
         By which `simulate` hides it in a joint, up to a factor.
     told_by : str
         Motion that tells it from what it resembles.
-    rank : int
-        Where it stands among the families; a user's own come last.
     """
 
     effect: Effect
@@ -424,24 +426,28 @@ class Family:
     alike: bool = False
     fixed_only: bool = False
     needs: str = ""
-    refuse: Callable[[Robot, str], str] = _nowhere_refused
-    stated: Callable[[Robot], bool] = _not_stated
+    refuse: Callable[[Robot, str], str] = lambda _robot, _place: ""
+    stated: Callable[[Robot], bool] = lambda _robot: False
     logs: Literal["any", "torque", "commands"] = "any"
     loaded: bool = False
     native: bool = False
-    dry: bool = False
     remembers: bool = False
     unnamed: bool = False
     flexible: bool = False
     continuous: bool = False
     law: Law | None = None
     told_by: str = ""
-    rank: int = 100
 
     @property
     def name(self) -> str:
         """Public name, that of its effects."""
         return self.effect.name
+
+    @property
+    def rank(self) -> int:
+        """Where it stands among the families."""
+        names = ORDER.split()
+        return names.index(self.name) if self.name in names else len(names)
 
     def at(self, shape: float | tuple[float, ...] | None, place: str) -> Effect:
         """Return the effect with a shape at a place, as the robot has it without one."""
@@ -458,9 +464,7 @@ class Family:
 
     def grid(self, span: Span) -> tuple[float, ...]:
         """Return the shapes to try at a place; one nan where there is no shape."""
-        if self.shapes is None:
-            return (float("nan"),)
-        return self.shapes(span)
+        return (float("nan"),) if self.shapes is None else self.shapes(span)
 
 
 def measure_spans(robot: Robot, motions: Iterable[Motion]) -> dict[str, Span]:
@@ -507,9 +511,7 @@ class Part:
 
     def takes(self, parameter: Parameter) -> bool:
         """Whether a parameter of the effect belongs to the part."""
-        here = parameter.owner == self.owner or (
-            is_pattern(self.owner) and bool(find_named(self.owner, [parameter.owner]))
-        )
+        here = bool(find_named(self.owner, [parameter.owner]))
         return here and (not self.kinds or parameter.kind in self.kinds)
 
     def find(self, robot: Robot) -> tuple[Effect, dict[int, Parameter]]:
@@ -604,22 +606,13 @@ class Placed(Effect):
             out.append((effect, left))
         return out
 
-    @staticmethod
-    def part_parameters(robot: Robot, part: Part) -> list[Parameter]:
-        """Return the parameters of one part."""
-        return list(part.find(robot)[1].values())
-
-    def layout(self, robot: Robot) -> list[tuple[Effect, list[int]]]:
-        """Return the effect of each part, and which of its columns the part takes."""
-        return [(effect, list(taken)) for effect, taken in self._taken(robot)]
-
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write the columns of all parts; each effect is computed once."""
-        start, done, layout = 0, dict[int, Array](), self.layout(robot)
-        for effect, columns in layout:
+        start, done = 0, dict[int, Array]()
+        for effect, taken in self._taken(robot):
             if id(effect) not in done:
                 W = np.zeros((len(motion), out.shape[1], len(effect.parameters(robot))))
                 effect.fill(robot, motion, W)
                 done[id(effect)] = W
-            out[:, :, start : start + len(columns)] = done[id(effect)][:, :, columns]
-            start += len(columns)
+            out[:, :, start : start + len(taken)] = done[id(effect)][:, :, [*taken]]
+            start += len(taken)

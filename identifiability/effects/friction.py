@@ -29,7 +29,7 @@ from identifiability.robot import Axis, Robot
 # Viscous friction at every actuated joint and coupled motor.
 
 
-@declare("viscous friction", native=True, told_by=SPEEDS, rank=1)
+@declare("viscous friction", native=True, told_by=SPEEDS)
 class ViscousFriction(AlongAxes):
     """``τ = Fv q̇``."""
 
@@ -48,7 +48,7 @@ class ViscousFriction(AlongAxes):
 # Coulomb friction with the same level for both directions.
 
 
-@declare("Coulomb friction", native=True, rank=2)
+@declare("Coulomb friction", native=True)
 class CoulombFriction(AlongAxes):
     """``τ = Fc sign(q̇)`` at every actuated joint and coupled motor."""
 
@@ -77,7 +77,6 @@ ROUNDING: Tolerance = 1e-9
     needs="coulomb_friction",
     native=True,
     told_by=RESTS,
-    rank=3,
 )
 class CoulombAsymmetry(AlongAxes):
     """``τ = Fc⁺`` for q̇ > 0 and ``−Fc⁻`` for q̇ < 0; both are positive numbers.
@@ -129,7 +128,7 @@ def settle_directions(values: dict[str, float], given: Mapping[str, float]) -> N
 # Drag that grows with the square of speed.
 
 
-@declare("quadratic friction", needs="viscous_friction", told_by=SPEEDS, rank=9)
+@declare("quadratic friction", needs="viscous_friction", told_by=SPEEDS)
 class QuadraticFriction(AlongAxes):
     """``τ = Fq |q̇| q̇``: fans, oil, air.
 
@@ -164,10 +163,8 @@ def stribeck_velocities(span: Span) -> tuple[float, ...]:
     "Stribeck friction",
     shapes=stribeck_velocities,
     needs="coulomb_friction",
-    dry=True,
     continuous=True,
     told_by=SPEEDS,
-    rank=6,
 )
 class StribeckFriction(Shaped):
     """``τ = (Fs − Fc) exp(−|q̇/vs|) sign(q̇)``: the excess of static over Coulomb friction.
@@ -204,10 +201,8 @@ class StribeckFriction(Shaped):
     "friction that rises with speed to its level",
     shapes=stribeck_velocities,
     needs="viscous_friction",
-    dry=True,
     continuous=True,
     told_by=SPEEDS,
-    rank=6.1,
 )
 class RisingFriction(StribeckFriction):
     """``τ = −Fr exp(−|q̇/vr|) sign(q̇)``: what Coulomb friction lacks at low speed.
@@ -238,10 +233,8 @@ SHARES = tuple(float(x) for x in np.geomspace(0.08, 3.2, 12))
     "smooth (sigmoid) friction",
     shapes=lambda span: tuple(s * span.rms_speed for s in SHARES),
     needs="viscous_friction",
-    dry=True,
     continuous=True,
     told_by=SPEEDS,
-    rank=6.2,
 )
 class SigmoidFriction(StribeckFriction):
     """``τ = Ft tanh(q̇/vt)``: dry friction that turns smoothly from one direction to the other.
@@ -276,7 +269,6 @@ def _cables(robot: Robot) -> bool:
     stated=_cables,
     separate=True,
     native=True,
-    rank=7,
 )
 class PassiveJointFriction(AlongAxes):
     """Viscous and Coulomb friction at passive joints, projected on the actuated ones by -Xᵀ."""
@@ -306,7 +298,6 @@ class PassiveJointFriction(AlongAxes):
     against="time",
     separate=True,
     told_by="repeat the motion later",
-    rank=22.5,
 )
 class FrictionDrift(AlongAxes):
     """``τ = (dv q̇ + dc sign(q̇)) t``: viscous and dry friction that change at a steady rate.

@@ -7,6 +7,7 @@ together.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from operator import attrgetter
 from typing import Any, Literal
 
 import numpy as np
@@ -20,6 +21,7 @@ from identifiability.effects.effect import (
     Shaped,
     Span,
     actuated_joints,
+    counted,
 )
 from identifiability.effects.measurement import FromJoint, is_alone, nominal_torque, other_joints
 from identifiability.effects.nominal import needs_masses, rigid_torque
@@ -119,96 +121,6 @@ class Coordinate:
     shapes: Callable[[Span], tuple[float, ...]]
     usual: tuple[float, float]
 
-    def share(self, at: Along, largest: float) -> Array:
-        """Return it from −1 to 1, (N,); times begin at zero."""
-        share = self.value(at) / largest
-        return 2.0 * share - 1.0 if self.against in ("time", "session") else share
-
-
-@frozen
-class SmoothFunction(Shaped):
-    """``τ = f(u)``: quadratic splines of a coordinate from −1 to 1; a constant is one of them.
-
-    Its shape is the largest value of the coordinate, in its unit. With the velocity it is ``τ =
-    f₀(u) + f₁(u) sign q̇ + f₂(u) q̇``, splines for each by itself.
-
-    The time of a session is another thing than that of a log: logs are pieces of a session with
-    pauses between, of which the last is seldom fitted, so that its function is held to a straight
-    line as closely as the motion says, and goes straight on beyond its end.
-
-    Attributes
-    ----------
-    of : Coordinate, optional
-        By default the position.
-    moving : bool
-        Whether it is one of the velocity as well.
-    name, equation, units
-    """
-
-    of: Coordinate | None = None
-    moving: bool = False
-    name: str = ""
-    equation: str = ""
-    units: tuple[tuple[str, str, str], ...] = ()
-    source = SOURCE
-    supersedes = CONTAINED
-
-    @property
-    def coordinate(self) -> Coordinate:
-        """What it is a function of."""
-        return self.of or POSITION
-
-    @property
-    def pieces(self) -> int:
-        """Pieces of a function of the coordinate."""
-        session = self.coordinate.against == "session"
-        return SESSION_PIECES if session else PIECES_OF_TWO if self.moving else PIECES
-
-    def typical(self, robot: Robot, axis: Axis) -> float:
-        """Return the usual largest value."""
-        del robot
-        return self.coordinate.usual[axis.prismatic]
-
-    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
-        """Return one for every column."""
-        del robot, axis
-        count = (3 if self.moving else 1) * (self.pieces + DEGREE)
-        return tuple(f"{self.units[0][0]}{k + 1}" for k in range(count))
-
-    def curves(self, at: Along) -> list[Array]:
-        """Return the splines, and these times direction and speed."""
-        u = self.coordinate.share(at, self.shape(at.robot, at.axis))
-        beyond = straight_beyond if self.coordinate.against == "session" else splines
-        columns = beyond(u, self.pieces)
-        if not self.moving:
-            return list(columns.T)
-        share = at.speed[:, None] / largest_speed(at.robot, at.axis)
-        return [*columns.T, *(columns * at.sign[:, None]).T, *(columns * share).T]
-
-
-def _declare_function(
-    of: Coordinate,
-    name: str,
-    kind: str,
-    told_by: str,
-    rank: float,
-    *,
-    moving: bool = False,
-    **facts: Any,
-) -> None:
-    """Register the function of a coordinate, or of it and the velocity."""
-    x, load = of.symbol, of.against == "load"
-    equation = f"τ = f({x}), f = Σ cₖ Bₖ({x})"
-    if moving:
-        equation = f"τ = f₀({x}) + f₁({x}) sign(q̇) + f₂({x}) q̇, f = Σ cₖ Bₖ"
-    units = ((kind, "N·m", "N"),)
-    effect = SmoothFunction(None, None, of, moving, f"function_of_{name}", equation, units)
-    if load:
-        facts["refuse"] = needs_masses
-    what = f"an unnamed function of {name.replace('_', ' ') if moving else of.title}"
-    own: Any = {"unnamed": True, "flexible": True, "loaded": load, "told_by": told_by, "rank": rank}
-    register(Family(effect, what, shapes=of.shapes, **own, **{"against": of.against} | facts))
-
 
 # What torque depends on in a way that has no name here.
 
@@ -216,11 +128,6 @@ def _declare_function(
 def largest_distance(span: Span) -> tuple[float, ...]:
     """Return the largest distance of the motions from home [rad or m]."""
     return (span.farthest,)
-
-
-def travel_of(at: Along) -> Array:
-    """Return the position from home, (N,) [rad or m]."""
-    return at.travel
 
 
 def load_of(robot: Robot, motion: Motion) -> Array:
@@ -238,8 +145,6 @@ def carried_by(at: Along) -> Array:
 
 def largest_load(span: Span) -> tuple[float, ...]:
     """Return the largest load of the motions at an axis [N·m or N]."""
-    if span.robot is None:
-        return ()
     axis = next(a for a in span.robot.axes if a.name == span.joint)
     loads = [carried_by(Along(span.robot, m, axis)) for m in span.motions]
     return (max(float(np.abs(x).max(initial=0.0)) for x in loads) or 1.0,)
@@ -247,11 +152,6 @@ def largest_load(span: Span) -> tuple[float, ...]:
 
 #: Duration where none is given [s].
 TYPICAL: Tolerance = 30.0
-
-
-def time_of(at: Along) -> Array:
-    """Return the time of the log, (N,) [s]."""
-    return at.motion.t
 
 
 def duration(span: Span) -> tuple[float, ...]:
@@ -295,38 +195,115 @@ def end_of_session(span: Span) -> tuple[float, ...]:
     return (max(ends) or TYPICAL_SESSION,)
 
 
-POSITION = Coordinate("q", "position", "position", travel_of, largest_distance, (3.0, 0.5))
+POSITION = Coordinate(
+    "q", "position", "position", attrgetter("travel"), largest_distance, (3.0, 0.5)
+)
 LOAD = Coordinate("τ_load", "the load", "load", carried_by, largest_load, (10.0, 100.0))
-TIME = Coordinate("t", "time", "time", time_of, duration, (TYPICAL,) * 2)
+TIME = Coordinate("t", "time", "time", attrgetter("motion.t"), duration, (TYPICAL,) * 2)
 SESSION = Coordinate(
     "T", "the time of the session", "session", session_of, end_of_session, (TYPICAL_SESSION,) * 2
 )
+
+
+@frozen
+class SmoothFunction(Shaped):
+    """``τ = f(u)``: quadratic splines of a coordinate from −1 to 1; a constant is one of them.
+
+    Its shape is the largest value of the coordinate, in its unit. With the velocity it is ``τ =
+    f₀(u) + f₁(u) sign q̇ + f₂(u) q̇``, splines for each by itself.
+
+    The time of a session is another thing than that of a log: logs are pieces of a session with
+    pauses between, of which the last is seldom fitted, so that its function is held to a straight
+    line as closely as the motion says, and goes straight on beyond its end.
+
+    Attributes
+    ----------
+    of : Coordinate
+    moving : bool
+        Whether it is one of the velocity as well.
+    name, equation, units
+    """
+
+    of: Coordinate = POSITION
+    moving: bool = False
+    name: str = ""
+    equation: str = ""
+    units: tuple[tuple[str, str, str], ...] = ()
+    source = SOURCE
+    supersedes = CONTAINED
+
+    @property
+    def pieces(self) -> int:
+        """Pieces of a function of the coordinate."""
+        session = self.of.against == "session"
+        return SESSION_PIECES if session else PIECES_OF_TWO if self.moving else PIECES
+
+    def typical(self, robot: Robot, axis: Axis) -> float:
+        """Return the usual largest value."""
+        del robot
+        return self.of.usual[axis.prismatic]
+
+    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
+        """Return one for every column."""
+        del robot, axis
+        count = (3 if self.moving else 1) * (self.pieces + DEGREE)
+        return counted(self.units[0][0], count)
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return the splines, and these times direction and speed."""
+        u = self.of.value(at) / self.shape(at.robot, at.axis)
+        u = 2.0 * u - 1.0 if self.of.against in ("time", "session") else u  # times begin at zero
+        beyond = straight_beyond if self.of.against == "session" else splines
+        columns = beyond(u, self.pieces)
+        if not self.moving:
+            return list(columns.T)
+        share = at.speed[:, None] / largest_speed(at.robot, at.axis)
+        return [*columns.T, *(columns * at.sign[:, None]).T, *(columns * share).T]
+
+
+def _declare_function(
+    of: Coordinate,
+    name: str,
+    kind: str,
+    told_by: str,
+    *,
+    moving: bool = False,
+    **facts: Any,
+) -> None:
+    """Register the function of a coordinate, or of it and the velocity."""
+    x, load = of.symbol, of.against == "load"
+    equation = f"τ = f({x}), f = Σ cₖ Bₖ({x})"
+    if moving:
+        equation = f"τ = f₀({x}) + f₁({x}) sign(q̇) + f₂({x}) q̇, f = Σ cₖ Bₖ"
+    units = ((kind, "N·m", "N"),)
+    effect = SmoothFunction(None, None, of, moving, f"function_of_{name}", equation, units)
+    if load:
+        facts["refuse"] = needs_masses
+    what = f"an unnamed function of {name.replace('_', ' ') if moving else of.title}"
+    own: Any = {"unnamed": True, "flexible": True, "loaded": load, "told_by": told_by}
+    register(Family(effect, what, shapes=of.shapes, **own, **{"against": of.against} | facts))
+
+
 LOADED, LATER = "move with and without a load", "repeat the motion later"
-_declare_function(POSITION, "position", "fq", POSTURES, 32)
-_declare_function(LOAD, "load", "fl", LOADED, 31)
-_declare_function(TIME, "time", "ft", LATER, 34)
-_declare_function(SESSION, "session_time", "fT", "log the same motion later in the session", 34.5)
-_declare_function(POSITION, "position_and_velocity", "fqv", SPEEDS, 35, moving=True)
-_declare_function(LOAD, "velocity_and_load", "fvl", LOADED, 36, moving=True, against="velocity")
-_declare_function(TIME, "velocity_and_time", "fvt", LATER, 37, moving=True)
+_declare_function(POSITION, "position", "fq", POSTURES)
+_declare_function(LOAD, "load", "fl", LOADED)
+_declare_function(TIME, "time", "ft", LATER)
+_declare_function(SESSION, "session_time", "fT", "log the same motion later in the session")
+_declare_function(POSITION, "position_and_velocity", "fqv", SPEEDS, moving=True)
+_declare_function(LOAD, "velocity_and_load", "fvl", LOADED, moving=True, against="velocity")
+_declare_function(TIME, "velocity_and_time", "fvt", LATER, moving=True)
 
 
 # Torque that depends on the speed in a way that has no name here.
 
 
-def fastest(span: Span) -> tuple[float, ...]:
-    """Return the largest speed of the motions at an axis [rad/s or m/s]."""
-    return (span.largest_speed,)
-
-
 @declare(
     "an unnamed function of velocity",
-    shapes=fastest,
+    shapes=lambda span: (span.largest_speed,),
     separate=True,
     unnamed=True,
     flexible=True,
     told_by=SPEEDS,
-    rank=30,
 )
 class FunctionOfVelocity(Shaped):
     """``τ = f(q̇)``, smooth in the root of the speed but for a step at rest.
@@ -341,17 +318,12 @@ class FunctionOfVelocity(Shaped):
     source = SOURCE
     supersedes = CONTAINED
     units = (("fo", "N·m", "N"), ("fe", "N·m", "N"))
-    count = PIECES + DEGREE + 1
 
     def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
         """Return one for every odd column, then for every even one."""
         del robot, axis
-        even = self.count // 2
-        return tuple(
-            f"{letter}{k + 1}"
-            for (letter, _, _), count in zip(self.units, (self.count - even, even), strict=True)
-            for k in range(count)
-        )
+        pairs = (PIECES + DEGREE) // 2
+        return (*counted("fo", pairs + 1), *counted("fe", pairs))
 
     def curves(self, at: Along) -> list[Array]:
         """Return the step with differences of opposite splines, then their sums."""
@@ -375,7 +347,6 @@ class FunctionOfVelocity(Shaped):
     unnamed=True,
     flexible=True,
     told_by="move one joint while the others stand still",
-    rank=33,
 )
 class FunctionOfOtherVelocity(FromJoint):
     """``τ = f(q̇_other)``, smooth in the root of the speed up to its limit.
@@ -393,7 +364,7 @@ class FunctionOfOtherVelocity(FromJoint):
     def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
         """Return one for every spline, with the joint that it comes from."""
         (kind,) = super().kinds(robot, axis)
-        return tuple(f"{kind}_{k + 1}" for k in range(PIECES + DEGREE))
+        return counted(f"{kind}_", PIECES + DEGREE)
 
     def curves(self, at: Along) -> list[Array]:
         """Return the splines of the speed of the other joint."""

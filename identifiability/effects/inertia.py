@@ -27,7 +27,7 @@ def _inner_bodies(robot: Robot) -> tuple[str, ...]:
 _NONNEGATIVE = ("m", "Ixx", "Iyy", "Izz")
 
 
-@declare("wrong masses", _inner_bodies, fixed_only=True, native=True, rank=15)
+@declare("wrong masses", _inner_bodies, fixed_only=True, native=True)
 class RigidBody(Effect):
     """Inertia and gravity: ``τ = K(q, q̇, q̈) π`` projected on the actuated joints.
 
@@ -58,15 +58,11 @@ class RigidBody(Effect):
         """Write 10 columns a body."""
         model, data = robot.model, robot.model.createData()
         regressor = pin.computeJointTorqueRegressor
-        direct = motion.X is None and np.array_equal(robot.actuated, np.arange(robot.nv))
-        # The tree's rows go to a buffer of their own only where they must be combined.
-        K = out if direct else np.empty((len(motion), robot.nv, out.shape[2]))
+        K = np.empty((len(motion), robot.nv, out.shape[2]))
         bodies = K[:, : model.nv]
         K[:, model.nv :] = 0.0  # tendons carry none
         for k, (q, v, a) in enumerate(zip(*tree_motion(robot, motion), strict=True)):
             bodies[k] = regressor(model, data, q, v, a)
-        if direct:
-            return
         out[:] = K[:, robot.actuated]
         if motion.X is not None:
             out -= motion.X.transpose(0, 2, 1) @ K[:, robot.dependent]
@@ -82,7 +78,7 @@ def _unseen(robot: Robot, place: str) -> str:
     return in_motor(robot, place)
 
 
-@declare("actuator inertia", alike=True, refuse=_unseen, native=True, rank=4)
+@declare("actuator inertia", alike=True, refuse=_unseen, native=True)
 class ActuatorInertia(AlongAxes):
     """``τ = Ia q̈``: rotor and drive inertia referred to the joint.
 
@@ -127,7 +123,6 @@ class ActuatorInertia(AlongAxes):
     against="position",
     fixed_only=True,
     native=True,
-    rank=14,
 )
 class Payload(Effect):
     """``τ = K_body [m mx my mz Ixx …]``: a load fixed to a last body of the robot.

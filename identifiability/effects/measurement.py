@@ -22,7 +22,6 @@ from identifiability.effects.effect import (
 from identifiability.effects.friction import CoulombAsymmetry, CoulombFriction, ViscousFriction
 from identifiability.effects.inertia import ActuatorInertia
 from identifiability.effects.nominal import (
-    Torque,
     needs_masses,
     once,
     position_derivatives,
@@ -34,7 +33,6 @@ from identifiability.effects.springs import JointStiffness
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.linalg import without_rounding
 from identifiability.foundation.names import Array, Parameter
-from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Motion, Robot
 from identifiability.robot.closure import project
 
@@ -56,7 +54,6 @@ class AtMotors(AlongAxes):
     refuse=in_motor,
     native=True,
     told_by=RESTS,
-    rank=5,
 )
 class TorqueOffset(AtMotors):
     """A constant torque: sensor bias or current offset."""
@@ -80,7 +77,6 @@ class TorqueOffset(AtMotors):
     refuse=in_motor,
     against="time",
     told_by="repeat the motion later",
-    rank=21.5,
 )
 class TorqueDrift(TorqueOffset):
     """``τ = o + d t``: an offset that changes at a steady rate in every log.
@@ -131,9 +127,7 @@ def nominal_torque(robot: Robot, motion: Motion) -> Array:
     logs="torque",
     loaded=True,
     native=True,
-    rank=12,
 )
-@frozen
 class TimeDelay(AtMotors):
     """``τ_measured(t) = τ(t − δ) ≈ τ − δ dτ/dt``: torque and motion are not sampled together.
 
@@ -141,14 +135,8 @@ class TimeDelay(AtMotors):
     differentiated is a model's, never the measured one, whose noise would enter the column.
     It looks like actuator inertia and viscous friction at one frequency of motion. A delay is never
     negative: torque that comes before its motion is a `clock_error`.
-
-    Attributes
-    ----------
-    torque : callable(Robot, Motion) -> (N, n)
-        Model torque; by default that of the robot file's values.
     """
 
-    torque: Torque = nominal_torque
     name = "time_delay"
     equation = "τ = −δ dτ/dt"
     source = "[Ljung 1999, Sec. 4.2]"
@@ -159,7 +147,7 @@ class TimeDelay(AtMotors):
 
     def curves(self, at: Along) -> list[Array]:
         """Return minus how the torque changes."""
-        return [-at.slope(self.torque(at.robot, at.motion)[:, at.joint])]
+        return [-at.slope(nominal_torque(at.robot, at.motion)[:, at.joint])]
 
 
 # Torque that is stamped before the motion it belongs to.
@@ -172,7 +160,6 @@ class TimeDelay(AtMotors):
     logs="torque",
     loaded=True,
     native=True,
-    rank=12.1,
 )
 class ClockError(TimeDelay):
     """``τ_measured(t) = τ(t + ε)``: no torque follows a motion before it happens.
@@ -205,7 +192,6 @@ def _needs_servos(robot: Robot, place: str) -> str:
     logs="commands",
     loaded=True,
     native=True,
-    rank=12.15,
 )
 class CommandDelay(TimeDelay):
     """``τ(q_cmd(t)) = τ + δ (dτ/dt + kp q̇ + kv q̈)``: the servo of a joint acts δ later.
@@ -243,7 +229,6 @@ class CommandDelay(TimeDelay):
     against="load",
     loaded=True,
     told_by=POSTURES,
-    rank=12.4,
 )
 class TorqueScale(AtMotors):
     """``τ = s τ``: the torque of one joint is s too large, as by a wrong constant of its motor.
@@ -269,8 +254,6 @@ class TorqueScale(AtMotors):
 
 def other_joints(span: Span) -> tuple[float, ...]:
     """Return the numbers of all joints but this one, from one on."""
-    if span.robot is None:
-        return ()
     every, driven = span.robot.joints, {*span.robot.motor_joints} - {span.joint}
     return tuple(float(k) for k, name in enumerate(every, 1) if name in driven)
 
@@ -293,9 +276,8 @@ class FromJoint(Shaped):
 
     def axes(self, robot: Robot) -> list[Axis]:
         """Return those of joints, without the motors that mix them."""
-        joints = robot.axes[: len(robot.motor_joints)] if len(robot.motor_joints) > 1 else ()
-        asked = {a.name for a in super().axes(robot)}
-        return [a for a in joints if a.name in asked]
+        own = robot.motor_joints if len(robot.motor_joints) > 1 else ()
+        return [a for a in super().axes(robot) if a.name in own]
 
     def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
         """Return one kind, which says where it comes from."""
@@ -349,7 +331,6 @@ class FromJoint(Shaped):
     needs="coulomb_friction",
     loaded=True,
     told_by="move one joint while the others stand still",
-    rank=12.2,
 )
 class TorqueLeak(FromJoint):
     """``τ = c τ_other``: cross-talk of sensors and currents, cables that run through a joint.
@@ -378,7 +359,6 @@ class TorqueLeak(FromJoint):
     refuse=is_alone,
     needs="viscous_friction",
     told_by="move one joint while the others stand still",
-    rank=12.3,
 )
 class VelocityLeak(FromJoint):
     """``τ = c q̇_other``: coupled drives, hoses, induced voltage.
@@ -413,7 +393,6 @@ def _stands_in_a_tree(robot: Robot, place: str) -> str:
     refuse=_stands_in_a_tree,
     loaded=True,
     told_by=POSTURES,
-    rank=13.5,
 )
 class EncoderBias(AtMotors):
     """``τ = −b ∂τ/∂q``: a joint's position is measured b too large, and so is its command.

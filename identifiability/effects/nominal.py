@@ -44,10 +44,8 @@ def reference_values(robot: Robot) -> Mapping[str, float]:
         return robot.reference
     values = dict(robot.nominal)
     for k, body in enumerate(robot.bodies):  # a sidecar may state others, which are no loads
-        theta = robot.model.inertias[k + 1].toDynamicParameters()
-        values |= {
-            f"{body}.{kind}": float(v) for kind, v in zip(INERTIAL_KINDS, theta, strict=True)
-        }
+        theta = robot.model.inertias[k + 1].toDynamicParameters().tolist()
+        values |= zip((f"{body}.{kind}" for kind in INERTIAL_KINDS), theta, strict=True)
     return values
 
 

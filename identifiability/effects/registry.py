@@ -130,11 +130,6 @@ def title_of(name: str) -> str:
     return FAMILIES[name].title if name in FAMILIES else name.replace("_", " ")
 
 
-def stated_effects(robot: Robot) -> tuple[str, ...]:
-    """Return what default models have beyond their own effects, because the file states it."""
-    return tuple(name for name, family in FAMILIES.items() if family.stated(robot))
-
-
 def default_effects(robot: Robot, names: Iterable[str]) -> tuple[str, ...]:
     """Return the effects of a default model, where the sidecar says that they are.
 
@@ -160,7 +155,8 @@ def default_effects(robot: Robot, names: Iterable[str]) -> tuple[str, ...]:
             used |= {name, source}
         elif not any(name in find_effect(s).supersedes for s in said):
             out.append(name)
-    out += [name for name in stated_effects(robot) if name not in said and name not in out]
+    stated = [name for name, family in FAMILIES.items() if family.stated(robot)]
+    out += [name for name in stated if name not in said and name not in out]
     return (*out, *(text for name, texts in said.items() if name not in used for text in texts))
 
 

@@ -13,6 +13,7 @@ from identifiability.effects.effect import (
     AlongAxes,
     Shaped,
     Span,
+    counted,
     every_axis,
 )
 from identifiability.effects.registry import declare
@@ -28,9 +29,7 @@ def _springs(robot: Robot) -> bool:
     return any(name.endswith(".K") and value for name, value in robot.nominal.items())
 
 
-@declare(
-    "joint stiffness", against="position", stated=_springs, native=True, told_by=POSTURES, rank=10
-)
+@declare("joint stiffness", against="position", stated=_springs, native=True, told_by=POSTURES)
 class JointStiffness(AlongAxes):
     """``τ = K (q − q_rest)``: a spring, a cable or a hose along the joint.
 
@@ -58,11 +57,12 @@ class JointStiffness(AlongAxes):
 # Constant-force springs.
 
 
-def _same_as_offset(robot: Robot, place: str) -> str:
-    return "there it is a torque offset" if place in robot.joints else ""
-
-
-@declare("constant force", every_axis, refuse=_same_as_offset, told_by=RESTS, rank=22)
+@declare(
+    "constant force",
+    every_axis,
+    refuse=lambda robot, place: "there it is a torque offset" if place in robot.joints else "",
+    told_by=RESTS,
+)
 class ConstantForce(AlongAxes):
     """``τ = F₀`` along a joint or a tendon: a constant-force spring, a weight on a rope.
 
@@ -93,7 +93,6 @@ class ConstantForce(AlongAxes):
     every_axis,
     against="position",
     told_by=POSTURES,
-    rank=20,
 )
 class FreeSpring(AlongAxes):
     """``τ = k (q − q₀) = k q − k q₀``: one spring by two parameters, linear in both.
@@ -130,7 +129,6 @@ def _hinges(robot: Robot) -> tuple[str, ...]:
     _hinges,
     against="position",
     told_by=POSTURES,
-    rank=21,
 )
 class GravitySpring(AlongAxes):
     """``τ = k sin(q − q₀) = ks sin q + kc cos q``: a spring that balances gravity about a joint.
@@ -186,7 +184,6 @@ def cubic_piece(away: Array) -> Array:
     shapes=_spacings,
     against="position",
     told_by=POSTURES,
-    rank=23,
     flexible=True,
 )
 class PositionTorque(Shaped):
@@ -208,8 +205,7 @@ class PositionTorque(Shaped):
     def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
         """Return one for every spline, counted from the lower end."""
         first, last = self.grid(robot, axis)
-        letter = self.units[0][0]
-        return tuple(f"{letter}{k + 1}" for k in range(last - first + DEGREE))
+        return counted(self.units[0][0], last - first + DEGREE)
 
     def reached(self, robot: Robot, span: Span) -> tuple[str, ...]:
         """Return the pieces that a motion gets to; of the others it says nothing."""
@@ -275,10 +271,8 @@ class PositionTorque(Shaped):
     shapes=_spacings,
     against="position",
     needs="coulomb_friction",
-    dry=True,
     flexible=True,
     told_by="pass each position in both directions",
-    rank=6.5,
 )
 class PositionFriction(PositionTorque):
     """``τ = Σ cₖ Bₖ(q) sign(q̇)``: misaligned bearings, bent screws, worn teeth.

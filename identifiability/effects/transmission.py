@@ -68,19 +68,12 @@ def stretch_of_springs(motion: Motion, position: Array, speed: Array, width: flo
 ELEMENTS: tuple[Tolerance, Tolerance, Tolerance] = (1.0, 2.0, 4.0)
 
 
-def _ways(span: Span) -> tuple[float, ...]:
-    # Ways that are tried, as shares of the joint's range.
-    return tuple(s * span.position_range for s in (0.003, 0.01, 0.03, 0.1))
-
-
 @declare(
     "presliding hysteresis",
-    shapes=_ways,
+    shapes=lambda span: tuple(s * span.position_range for s in (0.003, 0.01, 0.03, 0.1)),
     needs="coulomb_friction",
-    dry=True,
     remembers=True,
     told_by="reverse often, after short ways and after long ones,",
-    rank=6.3,
 )
 class Hysteresis(Shaped):
     """``τ = Σ Hₖ zₖ``, springs that slip: generalised Maxwell slip, linear in its levels.
@@ -127,8 +120,6 @@ def rigid_load(at: Along) -> Array:
     needs="coulomb_friction",
     refuse=needs_masses,
     loaded=True,
-    dry=True,
-    rank=8,
 )
 class LoadDependentFriction(AlongAxes):
     """``τ = Fl |τ_load| sign(q̇)``.
@@ -157,19 +148,13 @@ class LoadDependentFriction(AlongAxes):
 EDGE: Tolerance = 10.0
 
 
-def _widths(span: Span) -> tuple[float, ...]:
-    # Widths that are tried, as shares of the joint's range.
-    return tuple(s * span.position_range for s in (0.003, 0.01, 0.03))
-
-
 @declare(
     "backlash of a gear",
-    shapes=_widths,
+    shapes=lambda span: tuple(s * span.position_range for s in (0.003, 0.01, 0.03)),
     refuse=needs_masses,
     loaded=True,
     remembers=True,
     told_by="reverse under load and without,",
-    rank=6.4,
 )
 class Backlash(Shaped):
     """``τ = −Bl τ_load min(1, 10 (1 − |z|))``: an indicator of play, not a model of it.
@@ -207,7 +192,7 @@ def _periods(span: Span) -> tuple[float, ...]:
     return tuple(span.position_range / k for k in RIPPLES)
 
 
-@declare("position ripple", shapes=_periods, against="position", told_by=POSTURES, rank=11)
+@declare("position ripple", shapes=_periods, against="position", told_by=POSTURES)
 class PositionRipple(Shaped):
     """``τ = Rs sin(2π q/λ) + Rc cos(2π q/λ)``: cogging, screw pitch, gear teeth.
 
@@ -251,7 +236,6 @@ def gear_ratio(robot: Robot, place: str) -> float:
 
 
 def _turns(span: Span) -> tuple[float, ...]:
-    assert span.robot is not None
     turn = 2 * np.pi / gear_ratio(span.robot, span.joint)
     # Waves in a turn of the motor that are tried: its own, those of a strain wave gear, its
     # poles.
@@ -270,7 +254,6 @@ def _unknown(robot: Robot, place: str) -> str:
     refuse=_unknown,
     against="position",
     told_by="run slowly through the whole range",
-    rank=11.5,
 )
 class GearRipple(PositionRipple):
     """``τ = Rs sin(2π q/λ) + Rc cos(2π q/λ)`` with λ a turn of the motor, or a part of it.
@@ -286,5 +269,4 @@ class GearRipple(PositionRipple):
 
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return a turn of the motor, or of the joint where the ratio is not known."""
-        ratio = gear_ratio(robot, axis.name)
-        return float(2 * np.pi / ratio) if np.isfinite(ratio) else float(2 * np.pi)
+        return float(2 * np.pi / np.nan_to_num(gear_ratio(robot, axis.name), nan=1.0))

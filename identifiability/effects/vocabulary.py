@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 from typing import Literal
@@ -45,16 +45,8 @@ def biased_places(robot: Robot, kind: Kind) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=8)
-def _names_stated(robot: Robot, families: tuple[Family, ...], kind: Kind) -> frozenset[str]:
-    """Return the names of the parameters that a file of a robot can state."""
-    return frozenset(p.name for p in _stated(robot, families, kind))
-
-
-def _stated(
-    robot: Robot, families: Iterable[Family], kind: Kind | None = None
-) -> Iterator[Parameter]:
-    """Yield the parameters that a file of a robot can state, by default its own."""
-    kind = kind or file_kinds(robot)[0]
+def _stated(robot: Robot, families: tuple[Family, ...], kind: Kind) -> tuple[Parameter, ...]:
+    """Return the parameters that a file of a robot can state."""
     tendons = robot.tendon_axes if kind == "mjcf" else ()
     places = {
         **dict.fromkeys(robot.bodies, INERTIAL_KINDS),
@@ -63,10 +55,8 @@ def _stated(
     }
     for place in set(places) & set(biased_places(robot, kind)):
         places[place] = (*places[place], "offset")
-    for family in families:
-        for parameter in family.effect.parameters(robot):
-            if parameter.stated_as in places.get(parameter.owner, ()):
-                yield parameter
+    every = (p for family in families for p in family.effect.parameters(robot))
+    return tuple(p for p in every if p.stated_as in places.get(p.owner, ()))
 
 
 def values_in_file(
@@ -84,7 +74,7 @@ def values_in_file(
         Format of the file; by default that of the robot's own.
     """
     kind = kind or file_kinds(robot)[0]
-    stated = set(_names_stated(robot, tuple(FAMILIES.values()), kind))
+    stated = {p.name for p in _stated(robot, tuple(FAMILIES.values()), kind)}
     if "stiffness" in joint_numbers(kind):
         stated |= values.keys() - settle_springs(robot, values)[1].keys()
     out = {name: value if name in stated else 0.0 for name, value in values.items()}
@@ -163,7 +153,7 @@ def complete_values(
     """
     bodies = {f"{body}.{kind}" for body in robot.bodies for kind in INERTIAL_KINDS}
     values = {n: v for n, v in robot.nominal.items() if keep or n in bodies} | dict(given)
-    for p in _stated(robot, FAMILIES.values()):
+    for p in _stated(robot, tuple(FAMILIES.values()), file_kinds(robot)[0]):
         if p.owner in robot.bodies and p.kind != p.stated_as:
             values[f"{p.owner}.{p.stated_as}"] += values.pop(p.name, 0.0)
     settle_directions(values, given)
@@ -177,7 +167,8 @@ def stated_numbers(robot: Robot, values: Mapping[str, float]) -> dict[str, dict[
     out = {joint: dict.fromkeys(joint_numbers(kind), 0.0) for joint in every}
     for place in set(out) & set(biased_places(robot, kind)):
         out[place]["offset"] = 0.0
-    for p in {p.name: p for p in _stated(robot, FAMILIES.values()) if p.owner in out}.values():
+    own = _stated(robot, tuple(FAMILIES.values()), kind)
+    for p in {p.name: p for p in own if p.owner in out}.values():
         out[p.owner][p.stated_as] += values.get(p.name, 0.0)
     return out
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtrc
 
-from identifiability.effects.gravity import settle_gravity
+from identifiability.effects.base import settle_gravity
 from identifiability.effects.vocabulary import file_kinds, values_in_file
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import listing

@@ -12,7 +12,7 @@ from itertools import groupby
 
 import numpy as np
 
-from identifiability.effects import Effect, Family, Part, Placed, Span
+from identifiability.effects import Effect, Family, Part, Span
 from identifiability.effects.effect import measure_spans
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import GROUPED_KINDS, Array
@@ -224,7 +224,7 @@ def _lay_out(
     """Return each effect once: its number of columns, and which of them go where."""
     out: dict[int, tuple[Effect, int, list[tuple[int, int]]]] = {}
     for part, columns in parts:
-        effect, own = Placed([part]).layout(robot)[0]
+        effect, own = part.find(robot)
         if id(effect) not in out:
             out[id(effect)] = (effect, len(effect.parameters(robot)), [])
         out[id(effect)][2].extend(zip(own, columns, strict=True))

@@ -6,6 +6,7 @@ Hidden effects are in the data and not in the robot file.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import field
 
 import numpy as np
 
@@ -18,15 +19,14 @@ from identifiability.robot import Axis, Robot
 from identifiability.robot.closure import rest_along
 from identifiability.simulation.motion import PrescribedMotion
 from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
-from identifiability.simulation.rules import RULES
 
 # Friction, rotor inertia and springs of the simulated robot.
 #
 # Written out as force laws of speed and position; the columns in `effects` are written apart.
 
 
-#: Springs of which no robot file states a rest, and where `JointTerms` has them.
-_SPRINGS = {"k": "slope", "kq0": "pull", "ks": "sine", "kc": "cosine", "F0": "constant"}
+#: Parameters of springs of which no robot file states a rest.
+_SPRINGS = ("k", "kq0", "ks", "kc", "F0")
 
 
 def both_directions(parameters: Mapping[str, float]) -> dict[str, float]:
@@ -52,12 +52,9 @@ class JointTerms:
         Of the rotor.
     stiffness : float [N·m/rad or N/m]
     offset : float [N·m or N]
-    slope, pull : float [N·m/rad or N/m, N·m or N]
-        Of a spring with an unknown rest, ``slope · position − pull``.
-    sine, cosine : float [N·m]
-        Of a gravity spring or counterweight.
-    constant : float [N·m or N]
-        Of a constant-force spring.
+    loose : mapping
+        Of springs of which no file states a rest, by kind: ``k · position − kq0`` [N·m/rad or N/m,
+        N·m or N], ``ks`` and ``kc`` of a gravity spring or counterweight [N·m], a constant ``F0``.
     """
 
     viscous: float
@@ -66,11 +63,7 @@ class JointTerms:
     inertia: float
     stiffness: float
     offset: float
-    slope: float = 0.0
-    pull: float = 0.0
-    sine: float = 0.0
-    cosine: float = 0.0
-    constant: float = 0.0
+    loose: Mapping[str, float] = field(default_factory=dict)
 
     @staticmethod
     def of(values: Mapping[str, float], name: str, inertia_parts: tuple[str, ...]) -> JointTerms:
@@ -83,7 +76,7 @@ class JointTerms:
             inertia=sum(values.get(f"{name}.{part}", 0.0) for part in inertia_parts),
             stiffness=values.get(f"{name}.K", 0.0),
             offset=values.get(f"{name}.off", 0.0),
-            **{field: values.get(f"{name}.{kind}", 0.0) for kind, field in _SPRINGS.items()},
+            loose={kind: values.get(f"{name}.{kind}", 0.0) for kind in _SPRINGS},
         )
 
     def friction(self, speed: Array) -> Array:
@@ -110,8 +103,9 @@ class JointTerms:
 
     def springs(self, position: Array) -> Array:
         """Return springs of which no file states a rest, at positions (N,) as the file counts."""
-        swing = self.sine * np.sin(position) + self.cosine * np.cos(position)
-        return self.slope * position - self.pull + swing + self.constant
+        k, pull, sine, cosine, constant = self.loose.values()
+        swing = sine * np.sin(position) + cosine * np.cos(position)
+        return k * position - pull + swing + constant
 
 
 def left_out(robot: Robot) -> tuple[str, ...]:
@@ -263,6 +257,10 @@ HIDDEN_WHOLE = (
 )
 
 
+#: Noise, or a hidden effect, of so many times the torque is no measurement.
+LOUDEST: Tolerance = 100.0
+
+
 @frozen
 class Hidden:
     """An effect that is in the data and not in the robot file.
@@ -316,7 +314,7 @@ def parse_hidden(text: str, laws: Mapping[str, Law] | None = None) -> Hidden:
         share = float(number) if given else 0.05
     except ValueError:
         share = -1.0
-    if not 0 < share < RULES.noise_loudest:
+    if not 0 < share < LOUDEST:
         raise IdentifiabilityError(
             f"The size of the hidden effect '{text}' is not understood; give its share of the "
             "joint's torque, such as stribeck_friction=0.05."

@@ -6,7 +6,7 @@ straight tendons.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import mujoco
@@ -23,7 +23,6 @@ from identifiability.robot.servo import UNLIMITED, Servo
 from identifiability.robot.write import own_inertial, share_out
 from identifiability.simulation.forces import JointTerms, both_directions
 from identifiability.simulation.mujoco_robot import MujocoRobot, compile_robot, robot_spec
-from identifiability.simulation.rules import RULES
 
 # The MuJoCo model that is simulated forward: the robot file with other values, and its sidecar.
 #
@@ -153,41 +152,6 @@ def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
     spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT, **options)
 
 
-# Where motors of a robot that is simulated forward act: at joints, or along straight tendons.
-
-
-class Drives:
-    """The actuated joints of a robot in a MuJoCo model, whose actuators are at its tendons.
-
-    Parameters
-    ----------
-    kinematics : MujocoRobot
-    """
-
-    def __init__(self, kinematics: MujocoRobot) -> None:
-        self.model, self._lines = kinematics.model, kinematics.cables
-        #: Where they are in velocities and positions, which lengths of tendons follow.
-        self._dofs, self._at = kinematics.actuated, kinematics.positions
-
-    def forces(self, force: Array, bias: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Return forces (K, n) of K copies as the model takes them, at joints and actuators.
-
-        Less what is always taken off at joints (nv,) and cables (c,).
-        """
-        full = np.zeros((len(force), self.model.nv + len(self._lines)))
-        full[:, self._dofs] = force
-        return full[:, : self.model.nv] - bias[0], full[:, self.model.nv :] - bias[1]
-
-    def positions(self, copies: Sequence[Any]) -> Array:
-        """Return positions of K copies, (K, n)."""
-        out = []
-        for data in copies:
-            if self._lines:
-                mujoco.mj_kinematics(self.model, data)
-            out.append(np.append(data.qpos, [c.length(data) for c in self._lines])[self._at])
-        return np.array(out)
-
-
 # Forward simulation: many short stretches of motion from measured states, by MuJoCo.
 #
 # What a user does with a fitted model is to simulate with it. Open-loop simulation of a whole log
@@ -195,6 +159,8 @@ class Drives:
 # error after a given time is a fair figure of merit.
 
 
+#: What is farther than so many ranges of the motion has diverged.
+DIVERGED: Tolerance = 10.0
 #: Impedance of dry friction: how little a joint that sticks creeps.
 HARD: tuple[Tolerance, Tolerance] = (0.9999, 0.9999)
 
@@ -230,8 +196,7 @@ class ForwardRobot:
         self._kinematics = MujocoRobot(robot, compile_forward(robot, values, servo))
         self.model = self._kinematics.model
         self._set_joints(numbers)
-        self._bias = self._constant(terms)
-        self._drives = Drives(self._kinematics)
+        self.bias = self._constant(terms)
         options = self.model.opt
         disabled = mujoco.mjtDisableBit
         # What the file switches off is in no value that is given.
@@ -243,11 +208,6 @@ class ForwardRobot:
     def home(self) -> Array:
         """Return the home configuration, (nq,)."""
         return np.asarray(self._kinematics.home()[: self.model.nq])
-
-    @property
-    def offset(self) -> Array:
-        """Torque that is always taken off at joints, (nv,)."""
-        return self._bias[0]
 
     def _set_joints(self, joints: Mapping[str, Mapping[str, float]]) -> None:
         """Set friction, rotors and springs."""
@@ -323,18 +283,28 @@ class ForwardRobot:
         self.model.tendon_solimp_fri[:, :2] = HARD
         states = self._start(q, dq)
         out = np.full((count, steps, n), np.nan)
-        drives = self._drives
+        kinematics, nv = self._kinematics, self.model.nv
         alive = np.ones(count, bool)
-        limit = RULES.diverged * (np.abs(q).max(0) + np.abs(dq).max(0) * dt * steps + 1.0)
+        limit = DIVERGED * (np.abs(q).max(0) + np.abs(dq).max(0) * dt * steps + 1.0)
         for step in range(steps):
-            joints, cables = drives.forces(tau[:, step], self._bias)
+            force = np.zeros((count, kinematics.size))  # at joints, then at actuators of tendons
+            force[:, kinematics.actuated] = tau[:, step]
+            force -= np.concatenate(self.bias)
             for k in np.flatnonzero(alive).tolist():
-                states[k].qfrc_applied[:], states[k].ctrl[:] = joints[k], cables[k]
+                states[k].qfrc_applied[:], states[k].ctrl[:] = force[k, :nv], force[k, nv:]
                 mujoco.mj_step(self.model, states[k], inner)
-            at = drives.positions(states)
+            at = np.array([self._positions(state) for state in states])
             alive &= np.all(np.abs(at) < limit, axis=1)
             out[alive, step] = at[alive]
         return out
+
+    def _positions(self, data: Any) -> Array:
+        """Return the positions of a state, (n,); lengths of tendons follow those of joints."""
+        lines = self._kinematics.cables
+        if lines:
+            mujoco.mj_kinematics(self.model, data)
+        full = np.append(data.qpos, [line.length(data) for line in lines])
+        return np.asarray(full[self._kinematics.positions])
 
     def _start(self, q: Array, dq: Array) -> list[Any]:
         """Return closed configurations with their velocities."""

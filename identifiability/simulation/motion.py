@@ -13,6 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import LogError, listing, near_match
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import MOST_SAMPLES, Period
 from identifiability.foundation.output import check_writable, temporary_folder, write_bytes
@@ -55,7 +56,7 @@ class TrajectoryFile(BaseModel):
 
     period: float = Field(ge=1e-3, le=1e6)
     samples: int = Field(ge=2, le=MOST_SAMPLES)
-    trajectories: dict[str, dict[str, SeriesEntry]]
+    trajectories: dict[str, dict[str, SeriesEntry]] = Field(min_length=1)
 
 
 @frozen
@@ -176,8 +177,6 @@ def shipped_trajectory(robot: Robot, name: str) -> Trajectory:
 
 def _chosen(known: Mapping[str, Trajectory], name: str, where: str) -> Trajectory:
     """Return a trajectory of a file by name, the first without one."""
-    if not known:
-        raise LogError("The file holds no trajectory; give one under 'trajectories'.")
     if name and name not in known:
         raise LogError(
             f"There is no motion file or trajectory '{name}' {where}{near_match(name, known)} It "
@@ -331,7 +330,7 @@ def write_trajectory_bag(path: str | Path, joints: Sequence[str], motion: Prescr
     header = make["std_msgs/msg/Header"](stamp, "")
     kind = "trajectory_msgs/msg/JointTrajectory"
     message = make[kind](header, list(joints), points)
-    return _write_mcap(path, store, [(0, TOPIC, message)])
+    return _write_mcap(path, store, TOPIC, [(0, message)])
 
 
 def write_command_bag(path: str | Path, t: Array, targets: Array) -> Path:
@@ -353,10 +352,10 @@ def write_command_bag(path: str | Path, t: Array, targets: Array) -> Path:
     make = store.types
     layout = make["std_msgs/msg/MultiArrayLayout"]([], 0)
     messages = [
-        (round(float(at) * 1e9), COMMANDS, make["std_msgs/msg/Float64MultiArray"](layout, row))
+        (round(float(at) * 1e9), make["std_msgs/msg/Float64MultiArray"](layout, row))
         for at, row in zip(t, np.ascontiguousarray(targets), strict=True)
     ]
-    return _write_mcap(path, store, messages)
+    return _write_mcap(path, store, COMMANDS, messages)
 
 
 def _bag(path: str | Path) -> tuple[Path, Any]:
@@ -371,24 +370,20 @@ def _bag(path: str | Path) -> tuple[Path, Any]:
     try:
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415 - an extra
     except ImportError:
-        raise LogError(
-            f"'{path}' would be a bag, which needs the extra 'ros': "
-            "pip install 'robot-identifiability[ros]'."
-        ) from None
+        raise LogError(Finding("bag.extra", path)) from None
     return path, get_typestore(Stores.ROS2_HUMBLE)
 
 
-def _write_mcap(path: Path, store: Any, messages: Sequence[tuple[int, str, Any]]) -> Path:
-    """Write messages with their times [ns] and topics, all of one topic, whole or not at all."""
+def _write_mcap(path: Path, store: Any, topic: str, messages: Sequence[tuple[int, Any]]) -> Path:
+    """Write messages of a topic with their times [ns], whole or not at all."""
     from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: PLC0415 - an extra
 
     with temporary_folder() as folder:
         bag = Path(folder) / "bag"
         with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-            _, topic, first = messages[0]
-            kind = first.__msgtype__
+            kind = messages[0][1].__msgtype__
             connection = writer.add_connection(topic, kind, typestore=store)
-            for at, _, message in messages:
+            for at, message in messages:
                 writer.write(connection, at, store.serialize_cdr(message, kind))
         (file,) = bag.glob("*.mcap")
         return write_bytes(path, file.read_bytes())

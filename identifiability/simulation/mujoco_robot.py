@@ -395,7 +395,7 @@ class MujocoRobot:
         """
         address = self.positions
         start = full[address]
-        steps = max(1, int(np.ceil(np.abs(target - start).max() / 0.02))) if self.closed else 1
+        steps = max(1, int(np.ceil(np.abs(target - start).max() / 0.02))) if self.ties else 1
         for k in range(1, steps + 1):
             full = np.array(full)
             full[address] = start + (target - start) * k / steps
@@ -406,11 +406,6 @@ class MujocoRobot:
                 )
         return full
 
-    @property
-    def closed(self) -> bool:
-        """Whether there are loops."""
-        return bool(self.ties)
-
     def _close(self, full: Array) -> bool:
         """Close the loops by Newton steps of the passive joints; `full` is changed in place."""
         before = np.inf
@@ -419,7 +414,7 @@ class MujocoRobot:
             self.data.qpos[:] = full[: self.model.nq]
             mujoco.mj_kinematics(self.model, self.data)
             mujoco.mj_comPos(self.model, self.data)
-            if not self.closed:
+            if not self.ties:
                 return True
             error, self._A = self._apart(full)
             size = float(np.abs(error).max())
@@ -457,7 +452,7 @@ class MujocoRobot:
 
     def _passive_acceleration(self, v: Array) -> Array:
         """Return the passive accelerations that the loops demand at zero actuated acceleration."""
-        if not self.closed:
+        if not self.ties:
             return np.zeros(len(self.passive))
         self.data.qvel[:] = v[: self.model.nv]
         mujoco.mj_comVel(self.model, self.data)

@@ -30,8 +30,7 @@ from identifiability.logs.commands import acting
 from identifiability.robot import Robot
 from identifiability.robot.mjcf import quiet
 from identifiability.robot.servo import Servo
-from identifiability.simulation.forward import HARD, ForwardRobot
-from identifiability.simulation.rules import RULES
+from identifiability.simulation.forward import DIVERGED, HARD, ForwardRobot
 
 #: Longest step of the integrator [s].
 STEP: Tolerance = 1e-3
@@ -88,7 +87,7 @@ class CommandedRobot:
         joints = [self.model.joint(j) for j in robot.joints]
         self.dofs = np.array([j.dofadr[0] for j in joints], int)
         self.at = np.array([j.qposadr[0] for j in joints], int)
-        self.offset = self._forward.offset[self.dofs]
+        self.offset = self._forward.bias[0][self.dofs]
 
     def inertia(self, q: Array) -> Array:
         """Return the inertia that each joint feels at a configuration (n,), its rotor's too, (n,).
@@ -213,7 +212,7 @@ class CommandedRobot:
         )
         out = np.full((len(models), len(log), len(self.at)), np.nan)
         places = 1 + self.at
-        limit = RULES.diverged * (np.abs(log.q).max() + 1.0)
+        limit = DIVERGED * (np.abs(log.q).max() + 1.0)
         for r, (k, (a, b)) in enumerate(runs):
             first, speeds = start[r, places], start[r, 1 + self.model.nq + self.dofs]
             path = np.concatenate([[first - h * speeds, first], states[r][:, places]])

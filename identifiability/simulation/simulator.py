@@ -18,6 +18,7 @@ from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.robot import Robot, RobotLike
 from identifiability.simulation.forces import (
+    LOUDEST,
     Law,
     both_directions,
     hidden_torque,
@@ -26,7 +27,6 @@ from identifiability.simulation.forces import (
 )
 from identifiability.simulation.motion import PrescribedMotion, Trajectory
 from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
-from identifiability.simulation.rules import RULES
 
 # Noise on simulated logs.
 
@@ -36,7 +36,7 @@ def _below(most: float) -> Expected:
     return Expected(words, lambda value: 0 <= value < most)
 
 
-Level = Annotated[float, _below(RULES.noise_loudest)]
+Level = Annotated[float, _below(LOUDEST)]
 
 
 @frozen

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from identifiability.effects import find_families
-from identifiability.effects.gravity import GravityTilt, horizontal_axes
+from identifiability.effects.base import GravityTilt, horizontal_axes
 from identifiability.effects.inertia import ActuatorInertia
 from identifiability.effects.nominal import gravity_torque
 from identifiability.effects.transmission import Hysteresis

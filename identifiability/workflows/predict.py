@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from pydantic import BaseModel, ConfigDict, Field
 
-from identifiability.effects.gravity import settle_gravity
+from identifiability.effects.base import settle_gravity
 from identifiability.effects.vocabulary import complete_values
 from identifiability.estimation.prediction import Prediction, TorqueUncertainty
 from identifiability.foundation.answers import Answer, Column, Table, frame_table
@@ -829,12 +829,6 @@ class PositionPrediction(Result):
     def answers(self) -> tuple[Answer, ...]:
         """Return by how much positions err, and what moved the robots, and when."""
         return _position_error(self), _driven(self)
-
-    def decided_by(self) -> tuple[RuleTable, ...]:
-        """Return the numbers by which it was decided, the verb's own first."""
-        from identifiability.simulation.rules import RULES as SIMULATION  # noqa: PLC0415 - MuJoCo
-
-        return (SIMULATION,)
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint, in mrad or mm."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability import analyze, prune
-from identifiability.effects.gravity import horizontal_axes
+from identifiability.effects.base import horizontal_axes
 from identifiability.effects.nominal import gravity_torque
 from identifiability.estimation.mixed_model import whitened_information
 from identifiability.estimation.noise import JointNoise, JointRuns

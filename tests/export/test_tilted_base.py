@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability import Robot, analyze, diagnose, simulate
-from identifiability.effects.gravity import GravityTilt, horizontal_axes, tilt_text
+from identifiability.effects.base import GravityTilt, horizontal_axes, tilt_text
 from identifiability.effects.nominal import rigid_torque
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, random_motion

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from made_robots import arm
 
-from identifiability.effects.registry import stated_effects
+from identifiability.effects.registry import default_effects
 from identifiability.regression.regression import Model
 from identifiability.robot import complete_motion
 from identifiability.robot.mjcf import quiet
@@ -121,8 +121,9 @@ def test_a_cable_of_the_file_is_named_and_stays_in_what_is_written(load_text, tm
     expected = {"cable.K": 50.0, "cable.Fv": 4.0, "cable.Fc": 2.0, "cable.Ia": 0.5}
     assert stated | expected == stated
     assert robot.rest["cable"] == 0.3
-    assert {"joint_stiffness", "passive_joint_friction"} <= {*stated_effects(robot)}
-    assert "passive_joint_friction" not in stated_effects(load_text(stretched('stiffness="5"')))
+    assert {"joint_stiffness", "passive_joint_friction"} <= {*default_effects(robot, ())}
+    other = load_text(stretched('stiffness="5"'))
+    assert "passive_joint_friction" not in default_effects(other, ())
     robot = load_text(stretched())
     kinds = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
     bodies = {b: np.array([robot.nominal[f"{b}.{k}"] for k in kinds]) for b in robot.bodies}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.effects.imu import move_mounting
+from identifiability.effects.base import move_mounting
 from identifiability.estimation.estimate import Kind, Method, find_estimator, settle_noise
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.prediction import Prediction, Task, predict, predict_all

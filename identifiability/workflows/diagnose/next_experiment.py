@@ -227,13 +227,13 @@ class Bench:
         effects = [[named], *(list_shapes(d, r.family, r.place) for r in rivals)]
         model = Model.of(*(x for x in d.model.texts if x != text))
         question = add_beside(d.robot, model, [Placed(parts) for parts in effects])
-        widths = [len(Placed.part_parameters(d.robot, part)) for own in effects for part in own]
+        widths = [len(Placed([part]).parameters(d.robot)) for own in effects for part in own]
         first = len(question.columns) - sum(widths)
         each = iter(np.split(np.arange(first, len(question.columns)), np.cumsum(widths)[:-1]))
         (own,), *others = (tuple(next(each) for _ in parts) for parts in effects)
         known = gather_known(question, d.samples, 0)
         by_name = dict(zip(p.parameters, p.values, strict=True))
-        values = np.array([by_name[one.name] for one in Placed.part_parameters(d.robot, named)])
+        values = np.array([by_name[one.name] for one in Placed([named]).parameters(d.robot)])
         size = float(values @ known.G[np.ix_(own, own)] @ values)
         length = np.sqrt(np.diag(known.G))
         length = np.where(length > IDLE * length.max(), length, np.inf)

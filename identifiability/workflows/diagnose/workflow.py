@@ -442,7 +442,7 @@ def _place(naming: Naming, k: int, fitted: Array) -> Placement:
     value, covariance = naming.values(k)
     first = len(fitted) - sum(len(p.candidate.columns) for p in naming.parts[k:])
     own = fitted[first : first + len(value)]
-    parameters = Placed.part_parameters(robot, c.part)
+    parameters = Placed([c.part]).parameters(robot)
     added = [naming.columns([k], j) @ value for j in naming.acts(k)]
     return Placement(
         place=c.place,

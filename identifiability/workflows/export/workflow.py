@@ -13,7 +13,7 @@ import pinocchio as pin
 from pydantic import Field
 
 from identifiability.effects import FAMILIES
-from identifiability.effects.gravity import settle_gravity
+from identifiability.effects.base import settle_gravity
 from identifiability.effects.nominal import reference_values
 from identifiability.effects.vocabulary import (
     Kind,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.effects import find_families
-from identifiability.effects.gravity import GravityTilt, horizontal_axes
+from identifiability.effects.base import GravityTilt, horizontal_axes
 from identifiability.effects.inertia import Payload, RigidBody
 from identifiability.effects.measurement import CommandDelay, EncoderBias, TimeDelay, nominal_torque
 from identifiability.logs.prepare import Dataset
@@ -199,14 +199,6 @@ def test_a_delay_does_not_look_from_log_to_log(polar, by_hand):
     found = [W.copy() for _, _, W, _ in Regression(polar, model, logs).chunks()]
     for W, m in zip(found, parts, strict=True):
         np.testing.assert_array_equal(W, model.regressor(polar, m))
-
-
-def test_the_torque_that_is_delayed_can_be_any_models(polar, by_hand, columns):
-    motion = swung(polar, by_hand, T)
-    ramp = TimeDelay(lambda robot, m: np.outer(m.t, [3.0, -2.0]))
-    found = columns(polar, motion, ramp)
-    np.testing.assert_allclose(found["lift.delay"][1][:, 0], -3.0)
-    np.testing.assert_allclose(found["reach.delay"][1][:, 1], 2.0)
 
 
 def test_the_delayed_torque_holds_the_files_springs(make, tables, polar, move):

@@ -1,0 +1,249 @@
+"""The base: where gravity points from it, and how its inertial sensor is mounted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+import pinocchio as pin
+
+from identifiability.effects.effect import POSTURES, Effect
+from identifiability.effects.nominal import gravity_torque, has_masses, load_model, needs_masses
+from identifiability.effects.registry import declare
+from identifiability.foundation.errors import ModelError
+from identifiability.foundation.names import BASE, Array, Parameter
+from identifiability.robot import Motion, Robot
+from identifiability.robot.closure import project, tree_motion
+from identifiability.robot.floating import SIX, base_acceleration
+from identifiability.robot.kinematics import turn
+
+# A base that does not stand as the robot file says: gravity points elsewhere in its world.
+
+
+#: Rotations of gravity about two horizontal axes.
+TILTS = ("tilt1", "tilt2")
+
+
+def horizontal_axes(gravity: Array) -> tuple[Array, Array]:
+    """Return two unit vectors at right angles to gravity and to each other."""
+    up = -gravity / np.linalg.norm(gravity)
+    start = np.eye(3)[int(np.argmin(np.abs(up)))]
+    first = start - up * (up @ start)
+    first /= np.linalg.norm(first)
+    return first, np.cross(up, first)
+
+
+def turn_gravity(robot: Robot, angles: Sequence[float] | Array) -> Robot:
+    """Return the robot with gravity turned by small angles (2,) [rad] about horizontal axes."""
+    if not np.any(angles) or not robot.gravity.any():
+        return robot
+    step = np.column_stack(horizontal_axes(robot.gravity)) @ np.asarray(angles, float)
+    return robot.turned(turn(robot.gravity, step))
+
+
+def settle_gravity(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, dict[str, float]]:
+    """Return robot and values with a tilt as files state it: gravity's direction."""
+    names = [f"{BASE}.{kind}" for kind in TILTS]
+    out = dict(values)
+    return turn_gravity(robot, [out.pop(name, 0.0) for name in names]), out
+
+
+def tilt_text(direction: Array) -> str:
+    """Return the effect about a direction of gravity (3,), as a model file writes it."""
+    unit = direction / np.linalg.norm(direction)
+    return f"{GravityTilt.name}@{BASE}:{','.join(repr(float(x)) for x in unit)}"
+
+
+def _needs_gravity(robot: Robot, place: str) -> str:
+    if not robot.gravity.any():
+        return "there is no gravity in the robot file"
+    return needs_masses(robot, place)
+
+
+@declare(
+    "a tilted base",
+    lambda _robot: (BASE,),
+    against="position",
+    refuse=_needs_gravity,
+    loaded=True,
+    told_by=POSTURES,
+)
+class GravityTilt(Effect):
+    """``τ = ∂τ_g/∂θ θ``: the base stands at a small angle to what is known of it.
+
+    Two rotations about horizontal axes; the masses are the file's. It looks like offsets where the
+    arm keeps its attitude, and like wrong first moments. What is known is what the file says, or
+    the direction of gravity in the file's world that a model states as its shape: about it the
+    angles of a large tilt are small as well, and whatever masses the columns take, they are zero
+    where the direction is right.
+
+    Parameters
+    ----------
+    direction : (3,), optional
+        Of gravity, where it is not the file's.
+    """
+
+    name = "gravity_tilt"
+    equation = "τ = ∂τ_g/∂θ θ"
+    source = "gravity enters the equations linearly [Khalil 2002, Eq. 9.34]"
+    shape_size: ClassVar[int] = 3
+
+    def __init__(self, direction: Sequence[float] | Array | None = None) -> None:
+        if direction is not None and not np.linalg.norm(direction) > 0:
+            raise ModelError(f"{self.name}: gravity has no direction; give a vector that is not 0.")
+        self.direction = None if direction is None else tuple(map(float, direction))
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """How a ladder file writes the effect."""
+        return (self.name,) if self.direction is None else (tilt_text(np.array(self.direction)),)
+
+    def about(self, shape: Sequence[float]) -> GravityTilt:
+        """Return the effect about a direction of gravity."""
+        return GravityTilt(shape)
+
+    def turn(self, robot: Robot) -> Robot:
+        """Return the robot under the gravity that is known."""
+        if self.direction is None or not robot.gravity.any():
+            return robot
+        return robot.turned(np.array(self.direction))
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return two small angles."""
+        if not robot.gravity.any():
+            return ()
+        return tuple(Parameter(BASE, kind, "rad", self.name, stated_as="gravity") for kind in TILTS)
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write the torque for one radian about each of two horizontal axes."""
+        if not out.shape[2]:
+            return
+        for k, axis in enumerate(horizontal_axes(robot.gravity)):
+            out[:, :, k] = gravity_torque(robot, motion, np.cross(axis, robot.gravity))
+
+
+# An inertial sensor that is mounted on its base otherwise than the sidecar says.
+
+
+#: What is corrected, by its key under ``[imu]``: kinds of parameters and their unit.
+CORRECTIONS = {
+    "rotation": (("imu_rx", "imu_ry", "imu_rz"), "rad"),
+    "place": (("imu_x", "imu_y", "imu_z"), "m"),
+    "acc_bias": (("imu_ax", "imu_ay", "imu_az"), "m/s²"),
+    "gyro_bias": (("imu_wx", "imu_wy", "imu_wz"), "rad/s"),
+}
+
+
+def move_mounting(robot: Robot, values: Mapping[str, float], digits: int = 4) -> str:
+    """Return the mounting with fitted corrections as the sidecar states it; empty without any.
+
+    Parameters
+    ----------
+    robot : Robot
+    values : mapping
+        Of parameters, by name.
+    digits : int
+        Of each number.
+    """
+    found = {
+        key: np.array([values.get(f"{BASE}.{kind}", 0.0) for kind in kinds])
+        for key, (kinds, _) in CORRECTIONS.items()
+    }
+    if robot.base is None or not any(x.any() for x in found.values()):
+        return ""
+    imu = robot.base.imu
+    turned = pin.exp3(found["rotation"]) @ imu.rotation.T
+    moved = {key: x + getattr(imu, key) for key, x in found.items() if key != "rotation"}
+    moved = {"rotation": pin.rpy.matrixToRpy(turned), **moved}
+    entries = [f"{k} = [{', '.join(f'{v:.{digits}g}' for v in x + 0.0)}]" for k, x in moved.items()]
+    fit = ", ".join(f'"{key}"' for key in imu.fit or CORRECTIONS)
+    return f"imu = {{{', '.join(entries)}, fit = [{fit}]}}"
+
+
+def _refuse(robot: Robot, _place: str) -> str:
+    if not has_masses(robot):  # contacts may press: no force of theirs depends on the sensor
+        return f"{robot.path.name} states no masses, so the load is not known"
+    return ""
+
+
+@declare(
+    "an inertial sensor mounted otherwise than stated",
+    lambda robot: () if robot.base is None else (BASE,),
+    against="time",
+    refuse=_refuse,
+    stated=lambda robot: robot.base is not None and bool(robot.base.imu.fit),
+    loaded=True,
+    told_by="turn and tilt the base about all its axes",
+)
+class ImuMounting(Effect):
+    """``τ = ∂τ/∂(a, ω, ω̇) · ∂(a, ω, ω̇)/∂θ θ`` with ``a_imu = R(a − g + ω̇×r + ω×(ω×r)) + b``.
+
+    Corrections θ of what the sidecar states: the sensor is turned by small angles about the axes
+    of the base, sits so much farther, and reads so much more, along its own axes. They are linear
+    in small corrections, and the masses are the file's: a large one goes into the sidecar, and
+    what is left of it is found again.
+    """
+
+    name = "imu_mounting"
+    equation = "τ = ∂τ/∂θ θ, a_imu = R(a − g + ω̇×r + ω×(ω×r)) + b"
+    source = "acceleration of a point of a rigid body"
+
+    def _fitted(self, robot: Robot) -> list[str]:
+        if robot.base is None:
+            return []
+        return [k for k in CORRECTIONS if k in (robot.base.imu.fit or CORRECTIONS)]
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return those that the sidecar asks for, else all twelve."""
+        return tuple(
+            Parameter(BASE, kind, CORRECTIONS[key][1], self.name)
+            for key in self._fitted(robot)
+            for kind in CORRECTIONS[key][0]
+        )
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write how torque changes with each correction."""
+        if robot.base is None or not out.shape[2]:
+            return
+        imu, omega = robot.base.imu, motion.v[:, 3:SIX]
+        still = np.zeros_like(omega)
+        alpha = motion.a[:, 3:SIX] - base_acceleration(still, omega, still)[:, 3:]
+
+        def lever(w: Array, turning: Array, r: Array) -> Array:
+            return np.cross(turning, r) + np.cross(w, np.cross(w, r))
+
+        read = motion.a[:, :3] + lever(
+            omega, alpha, imu.place
+        )  # at the sensor, along the axes of the base
+        changes = self._derivatives(robot, motion)
+        column, eye = 0, np.eye(3)
+        for key in self._fitted(robot):
+            for k in range(3):
+                size, steps = 1e-6, []
+                for sign in (1.0, -1.0):  # kinematics alone: differences of quadratic functions
+                    e = np.tile(sign * size * eye[k], (len(motion), 1))
+                    axis = e @ imu.rotation  # the sensor's in those of the base
+                    w = omega - axis if key == "gyro_bias" else omega
+                    u, turning = read, alpha
+                    if key == "rotation":
+                        w, u, turning = (x + np.cross(e, x) for x in (omega, read, alpha))
+                    u = u - axis if key == "acc_bias" else u
+                    r = imu.place + (e if key == "place" else still)
+                    moved = base_acceleration(u - lever(w, turning, r), w, turning)
+                    steps.append(np.hstack([moved, w]))
+                change = np.einsum("nij,nj->ni", changes, (steps[0] - steps[1]) / (2 * size))
+                out[:, :, column] = project(robot, motion, change)
+                column += 1
+
+    def _derivatives(self, robot: Robot, motion: Motion) -> Array:
+        """Return how torque of the tree changes with the base's a, ω̇ and ω, (N, nv, 9)."""
+        model, turns = load_model(robot), np.eye(robot.model.nv)[3:SIX]
+        data, out = model.createData(), np.empty((len(motion), model.nv, SIX + 3))
+        for k, (q, v, a) in enumerate(zip(*tree_motion(robot, motion), strict=True)):
+            M = pin.crba(model, data, q)
+            out[k, :, :SIX] = (np.triu(M) + np.triu(M, 1).T)[:, :SIX]
+            # Torque is quadratic in speeds: a central difference is exact, whatever its step.
+            each = [[pin.rnea(model, data, q, v + s * e, a) for s in (0.5, -0.5)] for e in turns]
+            out[k, :, SIX:] = np.stack([up - down for up, down in each], 1)
+        return out
