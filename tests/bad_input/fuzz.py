@@ -33,9 +33,7 @@ from spoil import (
     XML,
     Spoilt,
     spoil_bytes,
-    spoil_csv,
     spoil_document,
-    spoil_parquet,
     spoil_xml,
     to_toml,
 )
@@ -152,8 +150,8 @@ def readers() -> dict[str, Reader]:
     def markup(suffix: str, good: bytes) -> Reader:
         return Reader(suffix, good, st.one_of(spoil_xml(good), spoil_bytes(good, XML)), Robot.load)
 
-    def table(suffix: str, good: bytes, tokens: list[bytes], whole: Spoilt) -> Reader:
-        return Reader(suffix, good, st.one_of(spoil_bytes(good, tokens), whole), log)
+    def table(suffix: str, good: bytes, tokens: list[bytes]) -> Reader:
+        return Reader(suffix, good, spoil_bytes(good, tokens), log)
 
     arrays = {kind: frame[[f"{j}.{kind}" for j in two.joints]] for kind in ("q", "tau")}
     held = {"t": frame["t"].to_numpy(), **{kind: x.to_numpy() for kind, x in arrays.items()}}
@@ -163,10 +161,10 @@ def readers() -> dict[str, Reader]:
     text = frame.to_csv(index=False).encode()
     packed = parquet.getvalue()
     return bag_reader(frame, log) | {
-        "csv": table(".csv", text, TABLE, spoil_csv(frame)),
-        "parquet": table(".parquet", packed, [b"PAR1", b"\0" * 8], spoil_parquet(frame)),
-        "npz": Reader(".npz", zipped.getvalue(), spoil_bytes(zipped.getvalue(), [b"PK"]), log),
-        "mat": Reader(".mat", matlab.getvalue(), spoil_bytes(matlab.getvalue(), [b"miM"]), log),
+        "csv": table(".csv", text, TABLE),
+        "parquet": table(".parquet", packed, [b"PAR1", b"\0" * 8]),
+        "npz": table(".npz", zipped.getvalue(), [b"PK"]),
+        "mat": table(".mat", matlab.getvalue(), [b"miM"]),
         "ladder": document(".toml", LADDER.encode(), TOML, ladder),
         "sidecar": document(".toml", sidecar, TOML, lambda p: Robot.load("five-bar", p)),
         "result": document(

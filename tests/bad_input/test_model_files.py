@@ -5,12 +5,9 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import identifiability
-from identifiability import Model, Robot, analyze, diagnose, excite, prune, simulate
-from identifiability.cli import app
-from identifiability.effects import Placed
+from identifiability import Model, Robot, analyze, prune, simulate
 from identifiability.foundation.errors import ModelError
 from identifiability.regression.reduction import build_ladder, ladder_text, model_entry, read_ladder
 from identifiability.regression.structure import Structure, random_motion
@@ -65,23 +62,6 @@ def test_a_model_with_every_reduction_is_written_and_read_back_as_it_was(tmp_pat
         assert again.columns == submodel.columns
         np.testing.assert_array_equal(again.M, submodel.M)
         np.testing.assert_array_equal(again.fixed, submodel.fixed)
-
-
-def test_effects_live_where_a_file_says_with_the_shape_that_it_gives():
-    robot = Robot.load("two-link")
-    texts = ("rigid_body", "stribeck_friction@elbow:0.02", "joint_stiffness@shoulder+elbow")
-    model = Model.of(*texts)
-    assert model.texts == texts
-    assert model.names == ("rigid_body", "stribeck_friction", "joint_stiffness")
-    names = [p.name for p in model.parameters(robot)]
-    assert names[-3:] == ["elbow.Fs", "shoulder.K", "elbow.K"]
-    stribeck = model.effects[1]
-    assert isinstance(stribeck, Placed)
-    assert stribeck.parts[0].effect.given == 0.02
-    motion = random_motion(robot, np.random.default_rng(0), 20)
-    W = Model((stribeck,)).regressor(robot, motion)[:, 1, 0]
-    speed = motion.actuated_v[:, 1]
-    np.testing.assert_allclose(W, np.exp(-np.abs(speed) / 0.02) * np.sign(speed))
 
 
 def test_a_place_may_be_a_pattern_and_a_named_place_goes_before_it():
@@ -147,19 +127,3 @@ def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(besid
     assert "tol_gap_rel" in found["solver"]
     decided = ("method", "cad_prior", "replicates", "seed")
     assert [found[k] for k in decided] == ["ols", "0.5", "0", "0"]
-
-
-def test_other_verbs_say_that_a_ladder_beside_the_robot_was_not_used(beside, log, tmp_path):
-    unused = "ladder.toml beside robot.xml was not used"
-    motion = excite(beside, evaluations=1)
-    found = diagnose(beside, log, effects=["payload"], quick=True, forward=False)
-    for result in (motion, found):
-        content = result.to_dict()
-        assert any(h.startswith(unused) for h in content["hints"])
-        assert content["provenance"]["sidecar"] == beside.sidecar.name
-        assert "clarabel" in content["provenance"]
-    result = analyze(beside, log, replicates=0).to_json(tmp_path / "r.json")
-    out = str(tmp_path / "fitted.xml")
-    done = CliRunner().invoke(app, ["export", str(beside.path), str(result), "--out", out])
-    assert done.exit_code == 0, done.output
-    assert unused in done.output

@@ -55,18 +55,6 @@ def test_the_regressor_equals_inverse_dynamics_at_random_states_and_parameters(r
     np.testing.assert_allclose(W @ np.concatenate(phi), expected, rtol=0, atol=1e-9 * scale)
 
 
-def test_the_file_states_the_same_inertias_to_both_roads(robot):
-    motion = random_motion(robot, np.random.default_rng(3), 25)
-    phi = [robot.nominal[f"{b}.{kind}"] for b in robot.bodies for kind in INERTIAL_KINDS]
-    W = Model.of("rigid_body").regressor(robot, motion)
-    tau = (
-        MujocoRobot(robot)
-        .inverse_dynamics(motion.actuated_q, motion.actuated_v, motion.actuated_a)
-        .tau
-    )
-    np.testing.assert_allclose(W @ np.array(phi), tau, rtol=0, atol=1e-9 * np.abs(tau).max())
-
-
 def test_power_of_the_actuators_is_the_rate_of_change_of_energy(robot):
     """τ·q̇ = dE/dt with MuJoCo's energy, along a smooth motion of the closed mechanism."""
     from identifiability.robot import complete_motion

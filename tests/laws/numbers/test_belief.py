@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict
 from identifiability.posterior.diagnostics import Convergence
 from identifiability.posterior.target import Prior
@@ -116,14 +115,6 @@ def test_what_the_density_at_an_edge_decides_has_no_interval(prior_sensitivity, 
     assert found.flags == (Flag.BY_CONE if stated else Flag.BY_PRIOR,)
     assert found.believed == ((2.5, 3.5) if stated else None)
     assert ("no interval is stated" in found.reason) == (not stated)
-
-
-def test_the_limits_are_the_users():
-    assert refined(sd=0.5, prior=10.0).flags == (Flag.BY_CONE,)
-    strict = Thresholds(constraint_variance=0.2)
-    assert refined(sd=0.5, prior=10.0, rules=strict).verdict is Class.SIGN_ONLY
-    more = Thresholds(contraction=0.7)
-    assert refined(sd=0.1, prior=0.3, rules=more).flags == (Flag.BY_PRIOR,)
 
 
 def test_a_posterior_that_may_not_be_shown_adds_nothing():

@@ -57,14 +57,6 @@ def test_actuators_are_weighted_by_their_own_residual_variance(rows):
     assert abs(fit.value[0] - 1) < abs(plain.value[0] - 1)
 
 
-def test_weights_are_the_method_unless_it_is_named(rows):
-    information = gather(*rows)
-    # A factor is made of that of another fit of the same rows, to rounding.
-    np.testing.assert_allclose(
-        estimate(information).weights, estimate(information, "wls").weights, rtol=1e-12
-    )
-
-
 def test_the_condition_is_that_of_columns_of_equal_length(rows):
     W, tau = rows
     for units in (np.ones(3), np.array([1e3, 1.0, 1e-3])):

@@ -215,17 +215,6 @@ def test_an_actuator_that_a_model_cannot_explain_does_not_decide_what_others_nee
     assert error["settled"] == pytest.approx(error["own"], rel=0.1)
 
 
-@pytest.mark.parametrize("name", ["ols", "wls"])
-def test_instruments_know_the_noise_of_the_logs_too(name):
-    rng = np.random.default_rng(6)
-    W = rng.normal(size=(200, 2, 3))
-    whole = gather(W, W @ np.ones(3) + rng.standard_normal((200, 2)), 2)
-    base = find_estimator(name)
-    settled = settle_noise(replace(base, instruments=True), whole)
-    np.testing.assert_allclose(settled.noise.times, base.fit(whole).times)
-    np.testing.assert_allclose(settled.noise.variance, base.fit(whole).variance)
-
-
 def test_too_few_outputs_for_all_columns_say_nothing_of_the_noise():
     rng = np.random.default_rng(7)
     W = rng.normal(size=(30, 1, 12))

@@ -103,21 +103,6 @@ def test_what_is_not_determined_is_not_identifiable_and_says_what_it_hides_behin
     assert second.verdict is Class.IDENTIFIABLE
 
 
-@pytest.mark.parametrize(
-    ("robust", "words"),
-    [(0.99, "σ is 99 % of the value: even the sign may be chance"),
-     (1.01, "σ is 101 % of the value: zero and the other sign fit as well"),
-     (0.6e4, "σ is more than 9999 % of the value"),
-     (0.09e2, "σ is 900 % of the value"),
-     (50.0, "σ is 5000 % of the value"),
-     (120.0, "σ is more than 9999 % of the value")],
-)  # fmt: skip
-def test_what_is_not_identifiable_says_by_how_much(robust, words):
-    found = verdict(1.0, robust, noise=1e3)
-    assert found.verdict is Class.NOT_IDENTIFIABLE
-    assert words in found.reason
-
-
 def test_a_value_without_spread_is_certain_and_zero_is_not():
     assert verdict(1.0, 0.0, noise=1e3).verdict is Class.IDENTIFIABLE
     assert verdict(0.0, 0.0).flags == (Flag.NEGLIGIBLE,)
