@@ -16,7 +16,6 @@ NUMBERS = [b"nan", b"-inf", b"1e999", b"-1e-320", b"0", b"-1", b"1e18", b"9" * 4
 TABLE = [b",", b"\n", b"\r\n", b";", b'"', b" ", b"t", b".q", b"elbow.q", b"a,b", b"True", b"#"]
 TOML = [b"[", b"]", b"{", b"}", b'"', b"=", b"\n", b"[[models]]", b'name = "a"', b"[limits]", b"."]
 JSON = [b"[", b"]", b"{", b"}", b'"', b":", b",", b"null", b"true", b'"sin"', b"NaN", b"[" * 3000]
-BAG = [b"\x89MCAP0\r\n", b"\0" * 8, b"position", b"sensor_msgs/msg/JointState"]
 XML = [
     b"<", b">", b"/>", b'"', b"<!--", b"&lt;", b"0 0 0", b"robot", b"mujoco", b'name=""',
     b"<body>", b"</body>", b'<body name="b"><joint name="j"/></body>', b"<inertial/>", b"<link/>",

@@ -23,13 +23,6 @@ def log():
 
 
 @pytest.mark.parametrize("verb", [analyze, prune])
-def test_a_log_of_a_few_samples_is_refused_with_how_many_are_needed(verb, log):
-    said = "12 of 12 samples are left, too few to say anything; at least 20 are needed"
-    with pytest.raises(LogError, match=said):
-        verb("two-link", log.cut(0, 12, "short"), replicates=0)
-
-
-@pytest.mark.parametrize("verb", [analyze, prune])
 def test_a_validation_log_of_another_robot_is_named(verb, log):
     (other,) = logs_of("six-dof-arm", 2)
     with pytest.raises(LogError, match="which the robot does not have"):

