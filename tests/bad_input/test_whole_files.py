@@ -185,8 +185,3 @@ def test_two_robot_files_that_need_other_sidecars_have_one_each(tmp_path):
         assert Robot.load(tmp_path / "fitted.xml").nominal[f"{arm.joints[0]}.Ia"] == 0.3
         assert Robot.load(tmp_path / "fitted.urdf").sidecar == first
         write_parameters(arm, rotor, tmp_path / "fitted.urdf")
-    write_parameters(arm, rotor, tmp_path / "simulator.xml")
-    write_parameters(arm, rotor, tmp_path / "simulator.urdf")  # the other way round
-    for ending in ("xml", "urdf"):
-        found = Robot.load(tmp_path / f"simulator.{ending}").nominal
-        assert found[f"{arm.joints[0]}.Ia"] == 0.3

@@ -185,10 +185,6 @@ def test_the_survey_of_two_parts_is_that_of_both(two):
     for name in ("low", "high", "torque", "torque_range"):
         np.testing.assert_array_equal(getattr(both, name), getattr(whole, name))
     assert (whole.dropped, whole.first_dropped) == (7, (3, 4, 5, 6, 7))
-    notes = whole.notes("log", ("a", "b"), 60)
-    assert notes[0].startswith("7 of 60 samples were dropped")
-    assert "data rows 4, 5, 6, 7, 8 …" in notes[0]
-    assert "first in data row 10" in notes[1]
     # The first joint's torque changes, the second one's does not; no torque matters at rest.
     assert find_signal([whole]).tolist() == [True, False]
     assert find_signal([parts[0], parts[1]]).tolist() == [True, False]
