@@ -35,6 +35,6 @@ def test_what_is_wrong_with_a_log_is_never_trusted(tmp_path, name):
 @pytest.mark.everything
 @pytest.mark.parametrize("name", [n for n, x in study.CONDITIONS.items() if x.says])
 def test_what_can_be_known_is_named(tmp_path, name):
-    number = study.CHAINS.index("3-rps") if study.CONDITIONS[name].of == study.CHAINS else 3
+    number = study.EVERY.index("3-rps" if study.CONDITIONS[name].of == study.CHAINS else "seven")
     row = examine(name, tmp_path, number)
     assert row["named"]

@@ -175,7 +175,7 @@ def _known_keys(schema: type[BaseModel], place: Sequence[str | int]) -> list[str
     """Return the keys of the table at a place in a document."""
     for part in place:
         for name, field in schema.model_fields.items():
-            if part in (name, field.alias):
+            if part in (name, field.alias) or name == "root":
                 schema = _table_in(field.annotation) or schema
                 break
     return [field.alias or name for name, field in schema.model_fields.items()]

@@ -99,7 +99,6 @@ class Convergence:
     rhat, ess_bulk, ess_tail, tau : (p,)
         `tau` in draws of one walker. Where no chain ever moved R-hat is infinite and no draw is
         effective.
-    acceptance : float
     reasons : tuple of str
         Why the posterior may not be shown; empty when it may.
     """
@@ -108,7 +107,6 @@ class Convergence:
     ess_bulk: Array
     ess_tail: Array
     tau: Array
-    acceptance: float
     reasons: tuple[str, ...]
 
     @property
@@ -161,7 +159,7 @@ def diagnose_convergence(
         tail[walked] = stats.ess(some, method="tail", prob=(0.05, 0.95), **axes)
     tau = autocorrelation_time(chains)
     labels = tuple(names) or tuple(f"parameter {j}" for j in range(p))
-    found = Convergence(rhat, bulk, tail, tau, posterior.acceptance, ())
+    found = Convergence(rhat, bulk, tail, tau, ())
     reasons = _reasons(found, N, labels, limits)
     stopped = (posterior.stopped,) if posterior.stopped and reasons else ()
     return replace(found, reasons=(*stopped, *reasons))
@@ -222,11 +220,5 @@ def _reasons(
         reasons.append(
             f"The chains are short: {draws} draws are {draws / found.tau[j]:.0f} autocorrelation "
             f"times of {names[j]} (at least {limits.lengths:g}); sample longer."
-        )
-    if found.acceptance < limits.acceptance:
-        reasons.append(
-            f"Only {100 * found.acceptance:.1f} % of the proposals were accepted "
-            f"(at least {100 * limits.acceptance:g} %): the density differs too much from the "
-            "proposals; use weaker further factors."
         )
     return tuple(reasons)

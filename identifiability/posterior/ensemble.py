@@ -1,8 +1,7 @@
 """The posterior by emcee, with exact transitions as proposals.
 
-The exact sampler is a proposal that emcee accepts or rejects (`MHMove`). Its transition is
-reversible with respect to the model of `Target`, so the Metropolis ratio is exact, and acceptance
-is 1 as long as that model is the whole truth.
+The exact sampler is a proposal of emcee (`MHMove`). Its transition is reversible with respect to
+the model of `Target`, which is the whole density, so every proposal inside is accepted.
 
 Several independent ensembles start at different points. emcee's `DESnookerMove` has no place here:
 at 37 dimensions its standard deviations are 27 % too small in emcee 3.1.6.
@@ -34,14 +33,11 @@ class Posterior:
     ----------
     draws : (E, K, N, p)
         Ensembles, walkers, draws, parameters.
-    acceptance : float
-        Share of accepted proposals of the exact sampler.
     stopped : str
         A sentence where the budget ended the sampling.
     """
 
     draws: Array
-    acceptance: float
     stopped: str = ""
 
     def flat(self) -> Array:
@@ -91,7 +87,6 @@ def sample_posterior(
     """
     sampler = build_sampler(target)
     sampler, centre = sampler.centred(interior(target, sampler, start))
-    density = _log_density(sampler)
     kept = np.empty((ENSEMBLES, walkers, draws, target.size))
     with one_thread():
         starts = sampler.disperse(centre, ENSEMBLES, rng)
@@ -101,7 +96,7 @@ def sample_posterior(
         # cost little more than those of one.
         first = np.concatenate([_spread(sampler, eta, walkers, child) for eta in starts])
         stopped = ""
-        for i, eta in enumerate(_walk(density, own, first, warmup + draws, child)):
+        for i, eta in enumerate(_walk(sampler, own, first, warmup + draws, child)):
             done = i + 1 - warmup
             if done > 0:
                 kept[:, :, done - 1] = target.to_phi(eta).reshape(*kept.shape[:2], -1)
@@ -112,17 +107,10 @@ def sample_posterior(
                     f"Sampling stopped at {done} of {draws} draws a walker, when its paths had the "
                     f"{pieces:,} straight pieces that it may cost."
                 )
-            found = Posterior(kept[:, :, : max(done, 0)], own.share, stopped)
+            found = Posterior(kept[:, :, : max(done, 0)], stopped)
             if stopped or (enough and done > 0 and done % ROUND == 0 and enough(found)):
                 break
     return found
-
-
-def _log_density(sampler: ExactSampler) -> Callable[[Array], Array]:
-    def log_density(eta: Array) -> Array:
-        return np.where(sampler.contains(eta), sampler.model.log_density(eta), -np.inf)
-
-    return log_density
 
 
 def _spread(sampler: ExactSampler, eta: Array, walkers: int, rng: np.random.Generator) -> Array:
@@ -132,24 +120,11 @@ def _spread(sampler: ExactSampler, eta: Array, walkers: int, rng: np.random.Gene
 
 
 def _exact_move(sampler: ExactSampler, rng: np.random.Generator) -> Any:
-    """Return the exact transition as a proposal, which counts how often emcee accepts it.
+    """Return the exact transition as a proposal, which counts the `pieces` of its paths.
 
     emcee brings all of scipy.stats along, which nothing else of an analysis needs.
     """
     from emcee.moves import MHMove  # noqa: PLC0415
-
-    class Exact(MHMove):  # type: ignore[misc]
-        proposed = accepted = pieces = 0
-
-        def propose(self, model: Any, state: Any) -> tuple[Any, np.ndarray]:
-            state, accepted = super().propose(model, state)
-            self.proposed += accepted.size
-            self.accepted += int(accepted.sum())
-            return state, accepted
-
-        @property
-        def share(self) -> float:
-            return self.accepted / max(self.proposed, 1)
 
     def propose(coords: Array, _: Any) -> tuple[Array, Array]:
         new, pieces = sampler.fly(coords, rng)
@@ -157,12 +132,13 @@ def _exact_move(sampler: ExactSampler, rng: np.random.Generator) -> Any:
         density = sampler.model.log_density
         return new, density(coords) - density(new)
 
-    move = Exact(propose)
+    move = MHMove(propose)
+    move.pieces = 0
     return move
 
 
 def _walk(
-    density: Callable[[Array], Array],
+    sampler: ExactSampler,
     move: Any,
     first: Array,
     steps: int,
@@ -170,6 +146,9 @@ def _walk(
 ) -> Iterator[Array]:
     """Walkers (K, p) after each step."""
     import emcee  # noqa: PLC0415
+
+    def density(eta: Array) -> Array:
+        return np.where(sampler.contains(eta), sampler.model.log_density(eta), -np.inf)
 
     engine = emcee.EnsembleSampler(*first.shape, density, moves=move, vectorize=True)
     # emcee copies NumPy's global state unless it is given one: ours comes from rng.

@@ -391,8 +391,7 @@ def _cost(eta: Array, mean: Array, sd: Array, region: Cone) -> tuple[float, Arra
 #
 # What to use when: `ExactSampler.step` alone is the fastest way to a posterior whose model is the
 # one of `target`, and to many replicates of an experiment at once (calibration). `ensemble` runs
-# it inside emcee, where other likelihoods and priors may be multiplied in, and where independent
-# ensembles give the diagnostics.
+# it inside emcee, where independent ensembles give the diagnostics.
 
 
 #: How far outside is inside, as a share of what a prior standard deviation changes.

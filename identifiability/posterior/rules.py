@@ -21,7 +21,6 @@ class Thresholds(RuleTable):
         400.0
     )
     lengths: Annotated[float, "fewest draws a walker, in autocorrelation times, derived"] = 10.0
-    acceptance: Annotated[float, "smallest accepted share of proposals, by hand"] = 0.1
 
 
 @frozen

@@ -125,8 +125,12 @@ def _silence_stuck(log: Log) -> tuple[Log, list[Finding]]:
         joint = log.joints[k]
         for a, b in find_runs(log.tau[:, [k]]):
             value = float(log.tau[a, k])
-            rests = np.ptp(log.q[a:b, k]) <= RULES.moving * np.ptp(log.q[:, k])
-            if value in (low[k], high[k]) or rests or gone[a, k]:
+            path, little = log.q[a:b, k], RULES.moving * np.ptp(log.q[:, k])
+            # No motor at its limit moves a joint there and back again, beyond both its ends.
+            ends = path[[0, -1]]
+            back = min(path.max() - ends.max(), ends.min() - path.min()) > little
+            limit = value in (low[k], high[k]) and not back
+            if limit or np.ptp(path) <= little or gone[a, k]:
                 continue
             gone[a:b, k] = True
             where = phrase("stuck", "stands", joint=joint, value=value, first=a + 1, last=b)

@@ -24,7 +24,6 @@ from identifiability.foundation.rounding import (
     format_number,
     join,
     stated_text,
-    whole_percent,
 )
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import mass_rows, total_mass
@@ -392,7 +391,6 @@ CONVERGENCE = with_hints(
     Column("effective draws", "{:.0f}".format),
     Column("in the tails", "{:.0f}".format),
     Column("autocorrelation time", "{:.1f}".format),
-    Column("accepted", whole_percent),
     Column("may be shown", "badge"),
 )
 
@@ -504,12 +502,12 @@ def convergence_table(analysis: Analysis) -> Table:
     for name, summary in summaries(analysis).items():
         if summary is not None:
             c = summary.convergence
-            numbers = (c.rhat.max(), c.ess_bulk.min(), c.ess_tail.min(), c.tau.max(), c.acceptance)
+            numbers = (c.rhat.max(), c.ess_bulk.min(), c.ess_tail.min(), c.tau.max())
             good = summary.trustworthy
             word = Cell("yes" if good else "no", badge="pass" if good else "differs")
             rows.append((name, *numbers, word))
     limits = Thresholds()
-    limit = words("analysis.limits", **asdict(limits), percent=100 * limits.acceptance)
+    limit = words("analysis.limits", **asdict(limits))
     rows.append(("limit", *(Cell(text, np.nan) for text in limit.values())))
     return Table.of("Convergence of the chains", CONVERGENCE, rows)
 

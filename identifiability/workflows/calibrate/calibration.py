@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects import bring, find_families
-from identifiability.estimation.noise import JointRuns, Noise, find_runs, fit_residual_noise
+from identifiability.estimation.noise import JointRuns, find_runs, fit_residual_noise
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Column, Table
@@ -163,8 +163,6 @@ class Calibration(Result):
     model : str
     cell : Cell
         What was counted, with all causes.
-    noise : Noise
-        Of the torque in the repetitions.
     false_names : FalseNames or None
         Names that a diagnosis gives where nothing is missing, where that was asked for.
     hints : tuple of str
@@ -178,7 +176,6 @@ class Calibration(Result):
     analysis: Analysis
     model: str
     cell: Cell
-    noise: Noise
     false_names: FalseNames | None
     hints: tuple[str, ...]
     provenance: Mapping[str, str]
@@ -214,14 +211,6 @@ class Calibration(Result):
         told += [self.false_names.statement] if self.false_names is not None else []
         return "\n".join([*told, *self.hints])
 
-    def noise_rows(self) -> list[dict[str, Any]]:
-        """Return the noise of the repetitions, one row a joint."""
-        own, joints = self.noise, self.analysis.robot.joints
-        orders = [len(joint.pacf) for joint in own.joints]
-        columns = zip(joints, orders, np.sqrt(own.variance), own.times, strict=True)
-        names = ("joint", "order", "sd", "autocorrelation_time")
-        return [dict(zip(names, row, strict=True)) for row in columns]
-
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""
         return {
@@ -233,7 +222,7 @@ class Calibration(Result):
             "statement": self.statement,
             "cells": [self.cell.to_dict()],
             "causes": [],
-            "noise": self.noise_rows(),
+            "noise": [],
             "posterior": None,
             "diagnosis": None if self.false_names is None else self.false_names.to_dict(),
             "hints": list(self.hints),
@@ -311,7 +300,6 @@ def calibrate(
         analysis=analysis,
         model=result.name,
         cell=cell,
-        noise=world.noise,
         false_names=named,
         hints=hints,
         provenance=analysis.provenance | {k: str(v) for k, v in numbers.items()},
@@ -356,8 +344,9 @@ def _wrong(calibration: Calibration) -> Answer:
 
 def _weakest(calibration: Calibration) -> Answer:
     cell = calibration.cell
-    name, held = cell.names[cell.worst], whole_percent(cell.each[cell.worst].value)
-    short = f"In {name}: {held} of its intervals hold the truth."
+    worst = calibration.to_frame().iloc[0]
+    held = whole_percent(worst["value"])
+    short = f"In {worst['parameter']}: {held} of its intervals hold the truth."
     narrow = f"Too few beyond chance: {join(list(cell.below))}. " if cell.below else ""
     tone = "amber" if narrow else ""
     return Answer("Where is it weakest, and why?", short, f"{narrow}{_reason(calibration)}", tone)

@@ -199,11 +199,6 @@ class Cell:
         return each_share(self.held)
 
     @property
-    def worst(self) -> int:
-        """The parameter whose intervals hold the truth least often."""
-        return int(np.argmin([s.value for s in self.each]))
-
-    @property
     def below(self) -> tuple[str, ...]:
         """Parameters whose coverage is below 95 % beyond Monte-Carlo error."""
         pairs = zip(self.names, self.each, strict=True)

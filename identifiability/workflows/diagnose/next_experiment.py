@@ -142,7 +142,7 @@ def find_next(
         Of several names that are "A or B" the one with the largest torque is asked about.
     duration : float [s]
         The period. It is logged up to 32 times.
-    limits : Limits, mapping, path or None
+    limits : mapping, path or None
         TOML with limits of the joints, as for `excite`.
     harmonics, evaluations, seed, progress
         As for `excite`.

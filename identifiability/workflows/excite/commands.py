@@ -105,7 +105,7 @@ class Commands:
             f"limits ({self.robot.joints[k]})."
         )
         if self.limits.assumed:
-            text += f" Assumed, as nobody stated them: {self.limits.state_assumed()}."
+            text += f" Assumed, as nobody stated them: {listing(self.limits.assumed)}."
         pairs = zip(self.robot.joints, self.targets[0], strict=True)
         rest = listing([f"{j} = {x:.4g}" for j, x in pairs], 12)
         return f"{text} They begin and end at {rest}. {self.unwatched}".strip()
@@ -130,7 +130,7 @@ def excite_commands(
     duration : float [s]
     rate : float [Hz]
         At which commands are sent.
-    limits : Limits, mapping, path or None
+    limits : mapping, path or None
         As in `excite`.
     scale : float
         Share of what the limits allow, of commands.

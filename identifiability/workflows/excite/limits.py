@@ -8,19 +8,18 @@ each other.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import RootModel, ValidationError
 
 from identifiability.effects import default_effects
 from identifiability.foundation.documents import first_problem, read_document
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import join
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import USUAL_EFFECTS
@@ -42,28 +41,8 @@ from identifiability.workflows.excite.rules import RULES
 # slider2 = {tau = 400, power = 150} # of its drive [N·m or N; W]
 
 
-#: What these limits are called.
-KINDS = {"q": "range", "v": "speed", "a": "acceleration"}
-
-
-class LimitsFile(BaseModel):
-    """The file; joints may stand at the top or in a table ``limits``."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    limits: dict[str, LimitEntry] = {}
-
-    @model_validator(mode="before")
-    @classmethod
-    def _gather_joints(cls, content: Any) -> Any:
-        if not isinstance(content, dict) or not isinstance(content.get("limits", {}), dict):
-            return content
-        joints = {k: v for k, v in content.items() if k != "limits"}
-        return {"limits": {**content.get("limits", {}), **joints}}
-
-
-def _endless() -> Array:
-    return np.array(np.inf)
+class LimitsFile(RootModel[dict[str, LimitEntry]]):
+    """The file: joints and what replaces their limits."""
 
 
 @frozen
@@ -88,22 +67,11 @@ class Limits:
     high: Array
     speed: Array
     acceleration: Array
-    torque: Array = field(default_factory=_endless)
-    power: Array = field(default_factory=_endless)
+    torque: Array
+    power: Array
     # Condition number that a motion stays below; above 1000 a configuration is near-singular.
     closure_bound: float = 300.0
     assumed: tuple[str, ...] = ()
-
-    def state_assumed(self) -> str:
-        """Return what nobody stated, in words: which limits, and of which joints."""
-        of = {kind: [n[:-2] for n in self.assumed if n.endswith(f".{kind}")] for kind in KINDS}
-        return join(
-            [
-                f"{KINDS[kind]} of {join(js, 4) if len(js) < len(self.joints) else 'all joints'}"
-                for kind, js in of.items()
-                if js
-            ]
-        )
 
     @property
     def middle(self) -> Array:
@@ -118,8 +86,8 @@ class Limits:
         return half
 
 
-#: Limits, or what says them.
-LimitsLike: TypeAlias = Limits | Mapping[str, Any] | str | Path
+#: What says limits.
+LimitsLike: TypeAlias = Mapping[str, Any] | str | Path
 
 
 def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
@@ -128,7 +96,7 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
     Parameters
     ----------
     robot : Robot
-    given : Limits, path, mapping or None
+    given : path, mapping or None
         A limits file, or what would stand in one.
 
     Raises
@@ -136,16 +104,9 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
     RobotError
         If the file cannot be read, or names a joint that the robot does not have.
     """
-    if isinstance(given, Limits):
-        if given.joints != robot.motor_joints or np.any(given.low >= given.high):
-            raise RobotError(
-                f"The limits are not those of {robot.name}: they must be rising and of its "
-                f"actuated joints {listing(robot.motor_joints)}, in this order."
-            )
-        return given
     source, entry = _read(given)
     known = robot.motor_joints
-    for name in entry.limits:
+    for name in entry.root:
         if name not in known:
             raise RobotError(
                 f"{source}: '{name}' is no actuated joint of the robot{near_match(name, known)} "
@@ -164,7 +125,7 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
     for kind, values in own.items():
         found[kind] = values[motors].copy()
         for k, name in enumerate(robot.motor_joints):
-            stated = getattr(entry.limits.get(name), kind, None)
+            stated = getattr(entry.root.get(name), kind, None)
             if stated is not None:
                 found[kind][k] = stated
             elif kind in usual and not np.isfinite(found[kind][k]).all():
@@ -192,11 +153,11 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
 def _read(given: Mapping[str, Any] | str | Path | None) -> tuple[str, LimitsFile]:
     """Return where limits come from and what they are."""
     if given is None:
-        return "", LimitsFile()
+        return "", LimitsFile({})
     if isinstance(given, (str, Path)):
         return str(given), read_document(given, LimitsFile, "TOML", "limits", RobotError)
     try:
-        return "The limits", LimitsFile.model_validate(dict(given))
+        return "The limits", LimitsFile.model_validate(given)
     except ValidationError as problem:
         raise RobotError(f"The limits: {first_problem(problem, LimitsFile)}") from None
 
@@ -229,8 +190,6 @@ class Clearance:
             return None, f"{str(error).rstrip('.')}, so {end}"
         if len(shapes.geometryObjects) < 2:
             return None, f"{robot.path.name} has no shapes that can collide, so {end}"
-        if not len(shapes.collisionPairs):
-            return None, ""  # bodies are all joined to each other
         objects, data = shapes.geometryObjects, shapes.createData()
         pin.computeDistances(robot.model, robot.model.createData(), shapes, data, robot.home)
         near = [
@@ -248,11 +207,6 @@ class Clearance:
         )
         watched = Clearance(robot, shapes) if len(shapes.collisionPairs) else None
         return watched, said if near else ""
-
-    @property
-    def pairs(self) -> int:
-        """Pairs of shapes that are watched."""
-        return len(self.geometry.collisionPairs)
 
     def gaps(self, q: Array) -> Array:
         """Return the least distance of any pair at configurations (N, nq), (N,) [m]; < 0 inside."""
@@ -298,15 +252,10 @@ class Drive:
         structure = Structure.of(robot, Model.of(*default_effects(robot, USUAL_EFFECTS)))
         return Drive(structure, limits.torque, limits.power)
 
-    def torques(self, motion: Motion) -> Array:
-        """Return the torque that a motion takes, (N, n) [N·m or N]."""
-        of = self.structure
-        out: Array = of.model.regressor(of.robot, motion) @ of.nominal
-        return out
-
     def load(self, motion: Motion) -> Array:
         """Return the largest share of a limit that each sample asks for, (N,)."""
-        torque = np.abs(self.torques(motion))
+        of = self.structure
+        torque = np.abs(of.model.regressor(of.robot, motion) @ of.nominal)
         power = np.abs(torque * motion.actuated_v)
         share: Array = np.maximum(torque / self.torque, power / self.power).max(1)
         return share

@@ -340,7 +340,7 @@ class Excitation(Result):
         if np.isfinite(self.gap):
             told.append(f"Bodies that are not joined keep {1000 * self.gap:.3g} mm apart")
         if self.limits.assumed:
-            told.append(f"Nobody stated the {self.limits.state_assumed()}, so these were assumed")
+            told.append(f"Assumed, as nobody stated them: {listing(self.limits.assumed)}")
         return " ".join(f"{text}." for text in told)
 
 

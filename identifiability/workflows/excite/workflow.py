@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from identifiability.foundation.engines.mapping import Engine, one_thread
-from identifiability.foundation.errors import ClosureError, LogError
+from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
     MOST_SAMPLES,
@@ -40,7 +40,7 @@ from identifiability.workflows.excite.limits import LimitsLike, Workspace, find_
 from identifiability.workflows.excite.result import Excitation, Merit
 from identifiability.workflows.excite.rules import RULES
 from identifiability.workflows.excite.search import OPEN, Objective, Search, Series, search
-from identifiability.workflows.opening import Logs, Progress, list_logs, quiet, state_provenance
+from identifiability.workflows.opening import Logs, Progress, quiet, state_provenance
 from identifiability.workflows.session import Session
 
 #: Length of a period [s], by default.
@@ -83,7 +83,7 @@ def excite(
         The period, by default 7.5 s; of commands 15 s in all.
     samples : int
         Samples a period; all of them are checked.
-    limits : Limits, mapping, path or None
+    limits : mapping, path or None
         Replaces limits of the robot file: ``{"joint1": {"q": [-1, 1], "v": 2, "a": 10}}``, or a
         TOML file with JOINT = {q = [low, high], v = speed, a = acceleration, tau = torque,
         power = power}.
@@ -154,8 +154,6 @@ def _start(
     """Return what was measured already, if anything, and what was mended of it."""
     if logs is None:
         return [], ()
-    if not list_logs(logs):
-        raise LogError("No log was given to start from; give at least one, or none at all.")
     session = Session.read(
         question.structure, logs, preparation=preparation, engine=engine, commands=False
     )

@@ -31,7 +31,7 @@ def summary(sd, reasons=(), prior_sensitivity=0.0):
         mean=3.0 * one, sd=np.array([sd]), interval=np.array([[2.5, 3.5]]),
         chains=np.zeros((1, 1, 5, 1)),
         prior_sensitivity=prior_sensitivity * one,
-        convergence=Convergence(one, one, one, one, 0.5, tuple(reasons)),
+        convergence=Convergence(one, one, one, one, tuple(reasons)),
     )  # fmt: skip
 
 
