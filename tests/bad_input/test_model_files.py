@@ -100,17 +100,12 @@ def test_effects_that_cannot_live_there_are_refused(text, sentence):
         Model.of("rigid_body", text).parameters(Robot.load("two-link"))
 
 
-@pytest.fixture
-def beside(tmp_path):
-    """A robot file with a ladder and a sidecar beside it."""
+def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(log, tmp_path):
     shipped = Robot.load("two-link")
     for part in (shipped.path, shipped.sidecar):
         (tmp_path / part.name).write_bytes(part.read_bytes())
     (tmp_path / "ladder.toml").write_text('[[models]]\nname = "mine"\n')
-    return Robot.load(tmp_path / shipped.path.name)
-
-
-def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(beside, log):
+    beside = Robot.load(tmp_path / shipped.path.name)
     result = analyze(beside, log, replicates=0, cad_prior=0.5, method="ols")
     found = json.loads(json.dumps(result.to_dict()["provenance"]))
     ladder = beside.path.with_name("ladder.toml")

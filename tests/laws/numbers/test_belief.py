@@ -164,9 +164,3 @@ def test_intervals_hold_the_truth_at_the_edge_of_the_possible_too(truth, signed)
     assert held == pytest.approx(0.977 if truth == 0 else 0.95, abs=0.025)
     np.testing.assert_allclose(law.cdf(high) - law.cdf(low), 0.95, atol=2e-3)
     assert (high - low <= np.ptp(law.ppf([[0.025], [0.975]]), axis=0) + 1e-3).all()
-
-
-def test_a_posterior_that_may_not_be_shown_says_so_in_a_hint():
-    doubtful = replace_belief(physical=summary(0.1, reasons=["It moved too little."]))
-    assert doubtful.hint == "The posterior with bodies is not shown: It moved too little."
-    assert replace_belief().hint == ""
