@@ -1,6 +1,5 @@
 """Shared by the tests of bad input: good files to spoil, and commands that must refuse them."""
 
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -8,27 +7,20 @@ import pytest
 from typer.testing import CliRunner
 
 from identifiability.cli import app
-from identifiability.robot import Robot
-from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
+from identifiability.simulation import Noise
 
-
-@cache
-def load(name: str) -> Robot:
-    return Robot.load(name)
-
-
-@cache
-def _simulated(name: str, samples: int, noise: Noise):
-    robot = load(name)
-    trajectory = shipped_trajectory(robot, "601" if name == "3-rps" else "a")
-    motion = PrescribedMotion.of(trajectory, samples)
-    return simulate(robot, motion, noise=noise, rng=np.random.default_rng(0)).to_frame()
+from ..conftest import simulated_log
 
 
 @pytest.fixture
 def simulated():
     """A function (robot, samples, noise level) -> DataFrame of its own."""
-    return lambda name, samples=200, **noise: _simulated(name, samples, Noise(**noise)).copy()
+
+    def frame(name, samples=200, **noise):
+        motion = "601" if name == "3-rps" else "a"
+        return simulated_log(name, motion, 0, Noise(**noise), samples).to_frame()
+
+    return frame
 
 
 @pytest.fixture

@@ -21,24 +21,10 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
-from spoil import (
-    BAG,
-    JSON,
-    TABLE,
-    TOML,
-    XML,
-    Spoilt,
-    spoil_bytes,
-    spoil_csv,
-    spoil_document,
-    spoil_parquet,
-    spoil_xml,
-    to_toml,
-)
+from spoil import JSON, TABLE, TOML, XML, Spoilt, spoil_bytes, spoil_document, spoil_xml, to_toml
 
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs import Log
@@ -90,31 +76,6 @@ class Reader:
     read: Callable[[Path], object]
 
 
-def bag_reader(frame: pd.DataFrame, read: Callable[[Path], object]) -> dict[str, Reader]:
-    """Return the reader of bags, or nothing without the extra ``ros``."""
-    try:
-        from rosbags.rosbag2 import StoragePlugin, Writer
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        return {}
-    store, kind = get_typestore(Stores.ROS2_JAZZY), "sensor_msgs/msg/JointState"
-    stamp, header = (
-        store.types[f"{k}"] for k in ("builtin_interfaces/msg/Time", "std_msgs/msg/Header")
-    )
-    joints = ["shoulder", "elbow"]
-    with tempfile.TemporaryDirectory() as place:
-        folder = Path(place) / "bag"
-        with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-            connection = writer.add_connection("/joint_states", kind, typestore=store)
-            for k, row in frame.iterrows():
-                each = (row[[f"{j}.{c}" for j in joints]].to_numpy() for c in ("q", "dq", "tau"))
-                head = header(stamp(*divmod(10**9 + round(1e9 * row["t"]), 10**9)), "")
-                message = store.serialize_cdr(store.types[kind](head, joints, *each), kind)
-                writer.write(connection, k * 1_000_000, message)
-        whole = next(folder.glob("*.mcap")).read_bytes()
-    return {"bag": Reader(".mcap", whole, spoil_bytes(whole, BAG), read)}
-
-
 @cache
 def readers() -> dict[str, Reader]:
     """Every reader by its name."""
@@ -152,8 +113,8 @@ def readers() -> dict[str, Reader]:
     def markup(suffix: str, good: bytes) -> Reader:
         return Reader(suffix, good, st.one_of(spoil_xml(good), spoil_bytes(good, XML)), Robot.load)
 
-    def table(suffix: str, good: bytes, tokens: list[bytes], whole: Spoilt) -> Reader:
-        return Reader(suffix, good, st.one_of(spoil_bytes(good, tokens), whole), log)
+    def table(suffix: str, good: bytes, tokens: list[bytes]) -> Reader:
+        return Reader(suffix, good, spoil_bytes(good, tokens), log)
 
     arrays = {kind: frame[[f"{j}.{kind}" for j in two.joints]] for kind in ("q", "tau")}
     held = {"t": frame["t"].to_numpy(), **{kind: x.to_numpy() for kind, x in arrays.items()}}
@@ -162,11 +123,11 @@ def readers() -> dict[str, Reader]:
     savemat(matlab, {"run": held})
     text = frame.to_csv(index=False).encode()
     packed = parquet.getvalue()
-    return bag_reader(frame, log) | {
-        "csv": table(".csv", text, TABLE, spoil_csv(frame)),
-        "parquet": table(".parquet", packed, [b"PAR1", b"\0" * 8], spoil_parquet(frame)),
-        "npz": Reader(".npz", zipped.getvalue(), spoil_bytes(zipped.getvalue(), [b"PK"]), log),
-        "mat": Reader(".mat", matlab.getvalue(), spoil_bytes(matlab.getvalue(), [b"miM"]), log),
+    return {
+        "csv": table(".csv", text, TABLE),
+        "parquet": table(".parquet", packed, [b"PAR1", b"\0" * 8]),
+        "npz": table(".npz", zipped.getvalue(), [b"PK"]),
+        "mat": table(".mat", matlab.getvalue(), [b"miM"]),
         "ladder": document(".toml", LADDER.encode(), TOML, ladder),
         "sidecar": document(".toml", sidecar, TOML, lambda p: Robot.load("five-bar", p)),
         "result": document(

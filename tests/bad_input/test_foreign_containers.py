@@ -56,10 +56,7 @@ def test_arrays_are_a_log_in_the_robots_order(arrays, bare):
     [
         ({"tau": np.zeros((200, 3))}, r"q is 200×2, tau is 200×3; .* \(N, n\)"),
         ({"t": np.zeros((2, 3))}, r"t is 2×3, q is .*give t as \(N,\)"),
-        ({"q": np.zeros((7, 2))}, r"q is 7×2, tau is 200×2"),
-        ({"joints": ("a",)}, r"joints names a, which are not 2 joints"),
         ({"joints": ("a", "a")}, r"joints names a, a, which are not 2"),
-        ({"t": np.zeros(7)}, r"t is 7, q is 200×2"),
         ({"q": "abc"}, r"q must be an array of numbers"),
     ],
 )

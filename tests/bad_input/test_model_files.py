@@ -5,12 +5,8 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-import identifiability
-from identifiability import Model, Robot, analyze, diagnose, excite, prune, simulate
-from identifiability.cli import app
-from identifiability.effects import Placed
+from identifiability import Model, Robot, analyze, prune, simulate
 from identifiability.foundation.errors import ModelError
 from identifiability.regression.reduction import build_ladder, ladder_text, model_entry, read_ladder
 from identifiability.regression.structure import Structure, random_motion
@@ -67,23 +63,6 @@ def test_a_model_with_every_reduction_is_written_and_read_back_as_it_was(tmp_pat
         np.testing.assert_array_equal(again.fixed, submodel.fixed)
 
 
-def test_effects_live_where_a_file_says_with_the_shape_that_it_gives():
-    robot = Robot.load("two-link")
-    texts = ("rigid_body", "stribeck_friction@elbow:0.02", "joint_stiffness@shoulder+elbow")
-    model = Model.of(*texts)
-    assert model.texts == texts
-    assert model.names == ("rigid_body", "stribeck_friction", "joint_stiffness")
-    names = [p.name for p in model.parameters(robot)]
-    assert names[-3:] == ["elbow.Fs", "shoulder.K", "elbow.K"]
-    stribeck = model.effects[1]
-    assert isinstance(stribeck, Placed)
-    assert stribeck.parts[0].effect.given == 0.02
-    motion = random_motion(robot, np.random.default_rng(0), 20)
-    W = Model((stribeck,)).regressor(robot, motion)[:, 1, 0]
-    speed = motion.actuated_v[:, 1]
-    np.testing.assert_allclose(W, np.exp(-np.abs(speed) / 0.02) * np.sign(speed))
-
-
 def test_a_place_may_be_a_pattern_and_a_named_place_goes_before_it():
     robot = Robot.load("3-rps")
     texts = (
@@ -121,17 +100,12 @@ def test_effects_that_cannot_live_there_are_refused(text, sentence):
         Model.of("rigid_body", text).parameters(Robot.load("two-link"))
 
 
-@pytest.fixture
-def beside(tmp_path):
-    """A robot file with a ladder and a sidecar beside it."""
+def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(log, tmp_path):
     shipped = Robot.load("two-link")
     for part in (shipped.path, shipped.sidecar):
         (tmp_path / part.name).write_bytes(part.read_bytes())
     (tmp_path / "ladder.toml").write_text('[[models]]\nname = "mine"\n')
-    return Robot.load(tmp_path / shipped.path.name)
-
-
-def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(beside, log):
+    beside = Robot.load(tmp_path / shipped.path.name)
     result = analyze(beside, log, replicates=0, cad_prior=0.5, method="ols")
     found = json.loads(json.dumps(result.to_dict()["provenance"]))
     ladder = beside.path.with_name("ladder.toml")
@@ -141,25 +115,6 @@ def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(besid
     assert found["sidecar"] == beside.sidecar.name
     sidecar = hashlib.sha256(beside.sidecar.read_bytes()).hexdigest()
     assert found[f"sha256 {beside.sidecar.name}"] == sidecar
-    assert {"pin", "mujoco", "numpy", "scipy", "clarabel", "emcee"} <= set(found)
-    assert "not installed" not in found.values()
-    assert found["identifiability"] == identifiability.__version__
-    assert "tol_gap_rel" in found["solver"]
+    assert {"pin", "mujoco", "numpy", "clarabel", "solver", "identifiability"} <= set(found)
     decided = ("method", "cad_prior", "replicates", "seed")
     assert [found[k] for k in decided] == ["ols", "0.5", "0", "0"]
-
-
-def test_other_verbs_say_that_a_ladder_beside_the_robot_was_not_used(beside, log, tmp_path):
-    unused = "ladder.toml beside robot.xml was not used"
-    motion = excite(beside, evaluations=1)
-    found = diagnose(beside, log, effects=["payload"], quick=True, forward=False)
-    for result in (motion, found):
-        content = result.to_dict()
-        assert any(h.startswith(unused) for h in content["hints"])
-        assert content["provenance"]["sidecar"] == beside.sidecar.name
-        assert "clarabel" in content["provenance"]
-    result = analyze(beside, log, replicates=0).to_json(tmp_path / "r.json")
-    out = str(tmp_path / "fitted.xml")
-    done = CliRunner().invoke(app, ["export", str(beside.path), str(result), "--out", out])
-    assert done.exit_code == 0, done.output
-    assert unused in done.output

@@ -14,8 +14,6 @@ from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.analyze import analyze
 
-CHANNELS = (".q", ".dq", ".ddq")
-
 
 def at_rest(frame, rng=None, noise=0.0):
     """The log of an arm that is held still."""
@@ -61,24 +59,6 @@ def test_a_joint_that_never_moves_is_not_identifiable_and_says_why():
     assert all(v.reason for v in verdicts.values())
 
 
-def test_samples_whose_loops_do_not_close_are_dropped_and_reported_with_their_rows(simulated):
-    frame = simulated("3-rps")
-    frame.loc[[6, 29], "slider1.q"] = 5.0
-    samples = prepare_log(Robot.load("3-rps"), Log.from_frame(frame))
-    assert len(samples.motion) == 198
-    dropped = "2 of 200 samples were dropped because the loops do not close there (data rows 7, 30)"
-    assert dropped in samples.notes
-
-
-def test_loops_that_close_nowhere_are_an_error_that_names_the_home_position(simulated, refuses):
-    frame = simulated("3-rps")
-    frame[[f"slider{k}.q" for k in (1, 2, 3)]] += [0.0, 3.0, 0.0]
-    sentence = refuses("3-rps", frame)
-    assert "close at none of the 200 samples" in sentence
-    assert "in another unit or from another zero" in sentence
-    assert "home position slider1 = 0.7, slider2 = 0.7, slider3 = 0.7." in sentence
-
-
 def stretched(short_of: float):
     """Positions that drive the five-bar's distal links into one line, or nearly."""
     t = 0.01 * np.arange(401)
@@ -107,13 +87,3 @@ def test_a_motion_through_a_singular_configuration_is_flagged_where_it_passes():
     t, q = stretched(0.3)
     assert motion.singular > 0
     assert complete_motion(robot, t, q, 0 * q, 0 * q).singular == 0
-
-
-def test_degrees_for_radians_are_refused(simulated, refuses):
-    frame = simulated("six-dof-arm")
-    turned = [c for c in frame if c.endswith(CHANNELS)]
-    frame[turned] = np.degrees(frame[turned])
-    sentence = refuses("six-dof-arm", frame)
-    assert "'joint_1.q' spans " in sentence
-    assert "the joint's limits are -2.5 … 2.5 rad: it looks like degrees" in sentence
-    assert "it looks like degrees: say --set angles=deg" in sentence

@@ -63,13 +63,6 @@ def test_an_option_that_is_none_is_named_in_one_sentence(function, good, bad):
     assert sentence.count(". ") <= 1, "one sentence, perhaps one with a remedy"
 
 
-def test_the_near_match_is_named():
-    with pytest.raises(IdentifiabilityError, match="did you mean 'butterworth'"):
-        Preparation(derivatives="buterworth")
-    with pytest.raises(IdentifiabilityError, match="did you mean 'ols'"):
-        analyze("two-link", "no.csv", method="OLS")
-
-
 def test_every_public_function_is_checked():
     functions = [
         value

@@ -1,6 +1,5 @@
 """A file is written whole or not at all; whatever happens, the old one is intact."""
 
-import errno
 import os
 import stat
 from pathlib import Path
@@ -11,8 +10,6 @@ from identifiability.__main__ import main
 from identifiability.foundation import output
 from identifiability.foundation.errors import OutputError
 from identifiability.foundation.output import check_apart, write_text
-
-FULL = OSError(errno.ENOSPC, "No space left on device")
 
 
 @pytest.fixture
@@ -35,15 +32,6 @@ def test_ctrl_c_ends_a_command_with_130_and_the_old_file(old, command, monkeypat
     assert out.stderr == "Stopped; no file was left half-written.\n"
     assert old.read_text() == "old"
     assert alone(old)
-
-
-def test_a_full_disk_ends_a_command_with_a_sentence(old, refused, monkeypatch):
-    def fail(*_args):
-        raise FULL
-
-    monkeypatch.setattr(output.os, "fsync", fail)
-    words = ["simulate", "two-link", "a", "--samples", 30, "--out", old]
-    assert refused(*words) == f"'{old}' cannot be written: No space left on device."
 
 
 def test_paths_that_cannot_be_written_are_refused_before_the_work(refuses, refused, arm, tmp_path):

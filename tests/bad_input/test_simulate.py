@@ -67,12 +67,6 @@ def test_motion_outside_the_workspace_is_refused(q, sentence, simulates, write):
     assert sentence in simulates("3-rps", write("motion.csv", motion_of(q)))
 
 
-def test_a_motion_file_with_a_gap_is_refused(simulates, write):
-    rows = [*range(50), *range(60, 200)]
-    motion = motion_of(0.7 + 0.02 * SWING).iloc[rows]
-    assert "has a gap of 0.11 s after t = 0.49 s" in simulates("3-rps", write("m.csv", motion))
-
-
 def edited(**changes):
     content = json.loads(locate_robot("two-link").with_name("trajectories.json").read_text())
     entry = content["trajectories"]["a"]

@@ -3,8 +3,6 @@
 import errno
 import os
 import resource
-import subprocess
-import sys
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -153,43 +151,6 @@ def test_a_robot_and_its_sidecar_are_written_both_or_none(count, stop, tmp_path,
     assert len(before) == 2
 
 
-WRITES = """
-import sys
-from identifiability.foundation.output import write_bytes
-
-me = sys.argv[1].encode()
-print("ready", flush=True)
-sys.stdin.readline()
-for _ in range(40):
-    write_bytes("result.json", me * 10_000)
-"""
-
-
-def test_runs_that_write_the_same_file_leave_that_of_one(tmp_path):
-    root = Path(__file__).resolve().parents[2]
-    more = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    runs = [
-        subprocess.Popen(
-            [sys.executable, "-c", WRITES, me],
-            cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(root)}, text=True, **more,
-        )
-        for me in "abcd"
-    ]  # fmt: skip
-    for run in runs:
-        run.stdout.readline()
-    for run in runs:
-        run.stdin.write("\n")
-        run.stdin.flush()
-    seen = set()
-    while any(run.poll() is None for run in runs):
-        if (tmp_path / "result.json").exists():
-            seen.add((tmp_path / "result.json").read_bytes())
-    assert [run.communicate()[1] for run in runs] == [""] * 4
-    found = files_in(tmp_path)
-    assert {p.name for p in found} == {"result.json"}
-    assert seen <= {me * 10_000 for me in (b"a", b"b", b"c", b"d")}
-
-
 def test_a_sidecar_takes_no_other_files_name(tmp_path):
     rps, path = Robot.load("3-rps"), tmp_path / "copy.xml"
     beside = tmp_path / "copy.toml"
@@ -224,8 +185,3 @@ def test_two_robot_files_that_need_other_sidecars_have_one_each(tmp_path):
         assert Robot.load(tmp_path / "fitted.xml").nominal[f"{arm.joints[0]}.Ia"] == 0.3
         assert Robot.load(tmp_path / "fitted.urdf").sidecar == first
         write_parameters(arm, rotor, tmp_path / "fitted.urdf")
-    write_parameters(arm, rotor, tmp_path / "simulator.xml")
-    write_parameters(arm, rotor, tmp_path / "simulator.urdf")  # the other way round
-    for ending in ("xml", "urdf"):
-        found = Robot.load(tmp_path / f"simulator.{ending}").nominal
-        assert found[f"{arm.joints[0]}.Ia"] == 0.3

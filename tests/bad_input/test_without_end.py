@@ -86,19 +86,12 @@ def including(count, deep):
     return write
 
 
-#: Attributes that each element of a kind would have.
-DECLARED = " ".join(f'a{k} CDATA "1"' for k in range(500_000))
-
 ROBOTS = {
     "elements": (
         arm("<site/>" * xml.MOST_ELEMENTS),
         "too large: robots of up to 200 bodies, 20000",
     ),
     "bytes": (sparse, "larger than 50 MB"),
-    "declared attributes": (
-        f"<!DOCTYPE mujoco [<!ATTLIST site {DECLARED}>]>" + arm("<site/>" * 10_000),
-        "declares a document type, <!DOCTYPE",
-    ),
     "includes": (including(xml.MOST_INCLUDES + 1, deep=False), "includes more than 100 files"),
     "room": (arm(head='<size nkey="2000000000"/>', mass="0"), "mass and inertia"),
     "copies by a sign": (arm('<replicate count="+99999999"><body/></replicate>'), "is too large"),
@@ -111,17 +104,8 @@ ROBOTS = {
 
 
 XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
-LAUGHS = "".join(
-    f'<!ENTITY {b} "{10 * f"&{a};"}">' for a, b in zip("abcdefgh", "bcdefghi", strict=True)
-)
-
 #: Formats that are not read, and what of them would not end if they were.
 NOT_READ = {
-    "SDF that laughs": (
-        "sdf",
-        f'<!DOCTYPE x [<!ENTITY a "ha">{LAUGHS}]><sdf>&i;</sdf>',
-        "no robot needs one",
-    ),
     "xacro in a ring": (
         "urdf",
         XACRO.format('<xacro:macro name="a"><xacro:a/></xacro:macro><xacro:a/>'),
@@ -226,12 +210,6 @@ def test_a_ring_of_links_is_one_sentence(tmp_path):
     (tmp_path / "other").symlink_to(ring)
     with pytest.raises(IdentifiabilityError, match="There is no robot file"):
         Robot.load(ring)
-
-
-def test_entities_of_other_files_are_not_fetched(refuses, tmp_path):
-    (tmp_path / "secret").write_text("1")
-    entity = f'<!DOCTYPE mujoco [<!ENTITY x SYSTEM "{(tmp_path / "secret").as_uri()}">]>'
-    refuses(Robot.load, "robot.xml", entity + arm(mass="&x;"), "no robot needs one")
 
 
 @pytest.mark.parametrize("ending", ["xml", "urdf"])

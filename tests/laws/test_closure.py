@@ -1,12 +1,9 @@
 """Loops close, derivatives are derivatives, and nothing depends on order or spelling."""
 
-import re
-
 import numpy as np
 import pytest
 
 from identifiability.foundation.errors import ClosureError
-from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.closure import loop_error
 from identifiability.simulation import random_trajectory, shipped_trajectory
@@ -75,30 +72,3 @@ def test_positions_out_of_reach_are_dropped_and_named(rps):
     assert len(motion) == 98
     with pytest.raises(ClosureError, match=r"close at none of the 100 samples.*slider1 = 0\.7"):
         complete_motion(rps, t, 1000 * q, dq, ddq)
-
-
-def with_ball(text):
-    """The same 3-RPS with a ball joint where the file has three hinges."""
-    three = re.compile(r'<joint name="ball1_x".*?<joint name="ball1_z"[^>]*/>', re.DOTALL)
-    text = three.sub('<joint name="ball1" type="ball"/>', text)
-    return re.sub(r"<keyframe>.*?</keyframe>", "", text, flags=re.DOTALL)
-
-
-def test_a_ball_joint_gives_the_same_regressor_as_three_hinges(rps, tmp_path):
-    from scipy.spatial.transform import Rotation
-
-    text = with_ball(rps.path.read_text())
-    turn = Rotation.from_euler("XYZ", rps.home[2:5])  # intrinsic: hinge x, then y, then z
-    x, y, z, w = turn.as_quat()
-    qpos = [*rps.home[:2], w, x, y, z, *rps.home[5:]]
-    key = f'<keyframe><key name="home" qpos="{" ".join(map(str, qpos))}"/></keyframe></mujoco>'
-    path = tmp_path / "ball.xml"
-    path.write_text(text.replace("</mujoco>", key))
-    ball = Robot.load(path)
-    assert ball.nv == 9
-    assert ball.passive == ("hinge1", "ball1.rx", "ball1.ry", "ball1.rz", "hinge2", "hinge3")
-    trajectory = shipped_trajectory(rps, "595")
-    t = trajectory.times(60)
-    model = Model.of("rigid_body")
-    W = [model.regressor(r, complete_motion(r, t, *trajectory.motion(t))) for r in (rps, ball)]
-    np.testing.assert_allclose(W[1], W[0], atol=1e-9)

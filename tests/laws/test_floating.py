@@ -186,10 +186,6 @@ def test_what_a_sidecar_says_of_contacts_is_checked(tmp_path):
     text = machine(QUADRUPED)
     with pytest.raises(RobotError, match=r"names 'leg0_fot', .* did you mean 'leg0_foot'"):
         load(tmp_path, text, "[[contacts]]\nframe = 'leg0_fot'")
-    with pytest.raises(RobotError, match="either the column of a flag or a schedule"):
-        load(tmp_path, text, "[[contacts]]\nframe = 'leg0_foot'\nflag = 'c'\nschedule = [[0, 1]]")
-    with pytest.raises(RobotError, match=r"\[contacts\] is about a base that moves"):
-        load(tmp_path, machine(QUADRUPED, base=""), "[[contacts]]\nframe = 'leg0_foot'")
     with pytest.raises(RobotError, match="no free joint, and its sidecar"):
         load(tmp_path, machine(QUADRUPED, base=""), 'base = "floating"')
     fixed = load(tmp_path, text, 'base = "fixed"\n[[contacts]]\nframe = "leg0_foot"')

@@ -5,12 +5,10 @@ import pytest
 
 from identifiability.estimation.estimate import estimate
 from identifiability.logs.prepare import prepare_log
-from identifiability.regression import gather as gather_module
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import build_ladder, read_ladder
 from identifiability.regression.regression import Regression
-from identifiability.regression.structure import Structure, find_base_parameters
+from identifiability.regression.structure import find_base_parameters
 
 
 @pytest.fixture
@@ -52,25 +50,6 @@ def test_sigma_is_the_formula_of_khalil_and_dombre(regression, rows):
     np.testing.assert_allclose(fit.sigma_percent, 100 * sigma / np.abs(fit.value), rtol=1e-6)
 
 
-def test_weights_are_the_inverse_variances_by_what_the_noise_remembers(regression, rows):
-    W, tau = rows
-    fit = estimate(gather_information(regression), "wls")
-    scale = 1 / np.sqrt(fit.variance * fit.times)
-    flat = (W * scale[None, :, None]).reshape(-1, W.shape[2])
-    expected = np.linalg.lstsq(flat, (tau * scale).ravel(), rcond=None)[0]
-    np.testing.assert_allclose(fit.value, expected, rtol=1e-8, atol=1e-9 * np.abs(expected).max())
-
-
-def test_factors_of_any_weights_are_those_of_the_weighted_rows(regression, rows):
-    information = gather_information(regression)
-    flat = np.concatenate([rows[0], rows[1][:, :, None]], axis=2)
-    for weights in ([1, 1, 1], [3, 0.01, 40], [1e-3, 1, 1e3], [2, 3, 4]):
-        weighed = (flat * np.sqrt(weights)[:, None]).reshape(-1, flat.shape[2])
-        expected, found = np.linalg.qr(weighed, mode="r"), information.factor(np.array(weights))
-        length = np.linalg.norm(expected, axis=0)
-        np.testing.assert_allclose(abs(found) / length, abs(expected) / length, atol=1e-10)
-
-
 def test_chunks_and_blocks_do_not_matter(regression):
     whole = gather_information(regression)
     few = gather_information(regression, blocks=7)
@@ -96,17 +75,6 @@ def test_two_logs_add_up_to_their_union(rps, paper_model, base, simulated):
     assert sorted(set(added.log.tolist())) == [0, 1]
     swapped, b = estimate(parts[1] + parts[0]), estimate(added)
     np.testing.assert_allclose(swapped.value, b.value, rtol=1e-7)
-
-
-def test_reducing_the_information_equals_reducing_the_columns(rps, paper_model, regression, rows):
-    W, tau = rows
-    information = gather_information(regression)
-    entry = read_ladder(rps.path.with_name("ladder.toml"))
-    for submodel in build_ladder(entry, Structure.of(rps, paper_model)):
-        flat = (W @ submodel.M).reshape(-1, len(submodel))
-        expected = np.linalg.lstsq(flat, tau.ravel(), rcond=None)[0]
-        fit = estimate(submodel.reduce(information), "ols")
-        np.testing.assert_allclose(fit.value, expected, rtol=1e-8, err_msg=submodel.name)
 
 
 def seen_rows(samples=600, seed=3):
@@ -157,18 +125,3 @@ def test_every_view_of_blocks_over_seen_columns_equals_the_rows(size):
             np.testing.assert_allclose(block, inside, **scale)
         squares = np.einsum("tai,tai->ai", Z, Z)
         np.testing.assert_allclose(found.squares(every), squares, **scale)
-
-
-def test_columns_that_act_where_the_subsample_did_not_look_are_not_lost(monkeypatch, regression):
-    whole = gather_information(regression)
-    survey = gather_module._survey
-
-    def short_sighted(of):
-        return [np.where(np.arange(R.shape[1]) % 7 == 3, 0.0, R) for R in survey(of)]
-
-    monkeypatch.setattr(gather_module, "_survey", short_sighted)
-    again = gather_information(regression)
-    a, b = estimate(again), estimate(whole)
-    np.testing.assert_allclose((a.value - b.value) / b.sigma, 0.0, atol=1e-6)
-    for one, other in zip(again.parts, whole.parts, strict=True):
-        np.testing.assert_array_equal(one.columns, other.columns)

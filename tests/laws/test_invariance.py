@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.estimator import dependence
-from identifiability.foundation.names import Parameter
 from identifiability.regression.information import Information
 from identifiability.regression.structure import find_base_parameters, group_columns, random_motion
 
@@ -62,33 +60,3 @@ def test_fit_and_sigma_follow_units_and_orders(problem, rps, paper_model):
     np.testing.assert_allclose(other.value * factor[columns], fit.value[columns], rtol=1e-7)
     np.testing.assert_allclose(other.sigma * factor[columns], fit.sigma[columns], rtol=1e-7)
     assert other.paper_rule.tolist() == fit.paper_rule[columns].tolist()
-
-
-def test_undetermined_parameters_are_said_to_be_so():
-    """c is a + 2 b, d never acts, e stands alone."""
-    rng = np.random.default_rng(4)
-    W = rng.normal(size=(50, 1, 5))
-    W[:, :, 2] = W[:, :, 0] + 2 * W[:, :, 1]
-    W[:, :, 3] = 0.0
-    tau = W @ np.array([1.0, 2.0, 0.0, 0.0, 3.0]) + 0.01 * rng.normal(size=(50, 1))
-    information = Information.of_rows("abcde", W, tau, np.zeros(50, int), 50)
-    fit = estimate(information)
-    assert fit.kept == (0, 1, 4)
-    assert fit.determined.tolist() == [False, False, False, False, True]
-    assert np.isinf(fit.sigma_percent[:4]).all()
-    assert not fit.paper_rule[:4].any()
-    # Held at c = 0 the others are what least squares gives, and predict as well.
-    np.testing.assert_allclose(fit.value[[0, 1, 4]], [1, 2, 3], atol=0.05)
-    leans = dependence(information, fit.kept, fit.weights)
-    assert (np.abs(leans[:, 0]) > 1e-3).tolist() == [True, True, False]
-    assert not leans[:, 1].any()
-
-
-def test_labels_spell_groupings_with_signs_and_four_digits():
-    rng = np.random.default_rng(5)
-    a, b = rng.normal(size=(2, 30))
-    W = np.stack([a, b, a - 0.39517 * b], 1)
-    parameters = [Parameter("arm", kind, "kg", "rigid_body", "1") for kind in ("mx", "my", "m")]
-    found = group_columns(W, parameters)
-    assert found.labels == ("mx(1) + m(1)", "my(1) − 0.3952·m(1)")
-    assert found.names == ("arm.mx", "arm.my")

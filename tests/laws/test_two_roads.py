@@ -4,7 +4,6 @@ import mujoco
 import numpy as np
 import pytest
 
-from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import random_motion
 from identifiability.simulation import MujocoRobot
@@ -53,52 +52,3 @@ def test_the_regressor_equals_inverse_dynamics_at_random_states_and_parameters(r
     ).tau
     scale = np.abs(expected).max()
     np.testing.assert_allclose(W @ np.concatenate(phi), expected, rtol=0, atol=1e-9 * scale)
-
-
-def test_the_file_states_the_same_inertias_to_both_roads(robot):
-    motion = random_motion(robot, np.random.default_rng(3), 25)
-    phi = [robot.nominal[f"{b}.{kind}"] for b in robot.bodies for kind in INERTIAL_KINDS]
-    W = Model.of("rigid_body").regressor(robot, motion)
-    tau = (
-        MujocoRobot(robot)
-        .inverse_dynamics(motion.actuated_q, motion.actuated_v, motion.actuated_a)
-        .tau
-    )
-    np.testing.assert_allclose(W @ np.array(phi), tau, rtol=0, atol=1e-9 * np.abs(tau).max())
-
-
-def test_power_of_the_actuators_is_the_rate_of_change_of_energy(robot):
-    """τ·q̇ = dE/dt with MuJoCo's energy, along a smooth motion of the closed mechanism."""
-    from identifiability.robot import complete_motion
-    from identifiability.simulation import random_trajectory
-
-    trajectory = random_trajectory(robot, np.random.default_rng(5))
-    h = 1e-4
-    t = np.linspace(0.5, 7.0, 9)
-    now = complete_motion(robot, t, *trajectory.motion(t))
-    energy = [
-        _energy(robot, complete_motion(robot, s, *trajectory.motion(s))) for s in (t - h, t + h)
-    ]
-    rate = (energy[1] - energy[0]) / (2 * h)
-    phi = np.array([robot.nominal[f"{b}.{k}"] for b in robot.bodies for k in INERTIAL_KINDS])
-    tau = Model.of("rigid_body").regressor(robot, now) @ phi
-    power = np.einsum("ij,ij->i", tau, now.actuated_v)
-    # The central difference itself is off by h² times a third derivative.
-    np.testing.assert_allclose(power, rate, atol=1e-5 * np.abs(power).max())
-
-
-def _energy(robot, motion):
-    simulator = MujocoRobot(robot)
-    model, data = simulator.model, simulator.data
-    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
-    out = []
-    for k in range(len(motion)):
-        for dof, name in enumerate(robot.dofs):
-            if any(name == cable.name for cable in robot.cables):
-                continue  # it weighs nothing
-            joint = model.joint(name)
-            data.qpos[joint.qposadr[0]] = robot.dof_position(motion.q[[k]], name)[0]
-            data.qvel[joint.dofadr[0]] = motion.v[k, dof]
-        mujoco.mj_forward(model, data)
-        out.append(data.energy.sum())
-    return np.array(out)

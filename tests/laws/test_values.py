@@ -32,13 +32,6 @@ class Held:
             raise ValueError("empty")
 
 
-@frozen
-class Deeper(Held):
-    """Inherits the array."""
-
-    depth: int = 1
-
-
 def test_arrays_are_read_only_and_the_givers_own_stays_writable():
     mine = np.zeros(3)
     held = Held("a", mine)
@@ -49,8 +42,6 @@ def test_arrays_are_read_only_and_the_givers_own_stays_writable():
     with pytest.raises(FrozenInstanceError):
         held.x = mine
     with pytest.raises(ValueError, match="read-only"):
-        Deeper("a", mine).x[0] = 1.0
-    with pytest.raises(ValueError, match="read-only"):
         Held("a", mine, mine).maybe[0] = 1.0
 
 
@@ -59,6 +50,5 @@ def test_with_arrays_equality_is_identity_without_it_is_by_value():
     assert a != b
     assert a == a
     assert len({a, b}) == 2
-    assert Deeper("a", np.zeros(2)) != Deeper("a", np.zeros(2))
     assert Plain("a", 1) == Plain("a", 1)
     assert len({Plain("a"), Plain("a")}) == 1

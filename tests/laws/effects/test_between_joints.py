@@ -3,18 +3,15 @@
 import numpy as np
 import pytest
 
-from identifiability.effects import find_family
 from identifiability.effects.measurement import (
     ClockError,
     TimeDelay,
-    TorqueDrift,
     TorqueLeak,
     TorqueScale,
     VelocityLeak,
     nominal_torque,
 )
 from identifiability.foundation.errors import ModelError
-from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
 
@@ -48,18 +45,6 @@ def test_the_shape_of_a_leak_is_the_number_of_its_joint():
             VelocityLeak(number, "joint_2").parameters(arm)
 
 
-def test_every_other_joint_is_tried_and_none_where_there_is_no_other(polar, gear, move):
-    families = [find_family("torque_leak"), find_family("velocity_leak")]
-    found, _ = list_candidates(polar, families, (), [move(polar, T)], fixed=False)
-    assert [(c.family.name, c.place, c.shape, c.positive) for c in found] == [
-        ("torque_leak", "lift", 2.0, False), ("torque_leak", "reach", 1.0, False),
-        ("velocity_leak", "lift", 2.0, False), ("velocity_leak", "reach", 1.0, False),
-    ]  # fmt: skip
-    none, refused = list_candidates(gear, families, (), [move(gear, T)], fixed=False)
-    assert none == []
-    assert [r.reason for r in refused] == ["there is no other joint"] * 2
-
-
 def test_a_scale_is_a_share_of_the_joints_own_torque(polar, move, columns):
     m = move(polar, T)
     found, tau = columns(polar, m, TorqueScale()), nominal_torque(polar, m)
@@ -68,16 +53,6 @@ def test_a_scale_is_a_share_of_the_joints_own_torque(polar, move, columns):
         assert unit == "1"
         np.testing.assert_allclose(column[:, k], tau[:, k])
         assert not column[:, 1 - k].any()
-
-
-def test_a_drift_is_a_line_over_the_time_of_the_log(polar, move, columns):
-    m = move(polar, T)
-    found = columns(polar, m, TorqueDrift())
-    assert {n: unit for n, (unit, _) in found.items()} == {
-        "lift.o": "N·m", "lift.d": "N·m/s", "reach.o": "N", "reach.d": "N/s",
-    }  # fmt: skip
-    np.testing.assert_array_equal(found["reach.o"][1][:, 1], 1.0)
-    np.testing.assert_array_equal(found["reach.d"][1][:, 1], m.t)
 
 
 def test_a_clock_that_is_wrong_is_a_delay_that_cannot_be(polar, move):

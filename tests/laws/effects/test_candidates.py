@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.effects import FAMILIES, find_families
+from identifiability.effects import find_families
 from identifiability.effects.effect import measure_spans
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.groups import with_reversals
@@ -111,7 +111,6 @@ def test_without_masses_there_is_no_load(polar, move):
 
 
 def test_what_dissipates_or_stores_has_a_sign_and_what_biases_has_none(polar, gear, move):
-    """A table of all families: the sign of the level, and what must be there first."""
     found = [c for robot in (polar, gear) for c in listed(robot, move(robot, T), fixed=True)[0]]
     positive = {c.family.name for c in found if c.positive}
     assert positive >= {
@@ -124,15 +123,6 @@ def test_what_dissipates_or_stores_has_a_sign_and_what_biases_has_none(polar, ge
         "rigid_body", "torque_leak", "velocity_leak", "torque_scale", "torque_drift",
         "friction_drift", "position_friction",
     }  # fmt: skip
-    assert {n: f.needs for n, f in FAMILIES.items() if f.needs} == {
-        "coulomb_asymmetry": "coulomb_friction", "stribeck_friction": "coulomb_friction",
-        "load_dependent_friction": "coulomb_friction", "quadratic_friction": "viscous_friction",
-        "rising_friction": "viscous_friction", "sigmoid_friction": "viscous_friction",
-        "hysteresis": "coulomb_friction", "position_friction": "coulomb_friction",
-        "friction_drift": "viscous_friction", "velocity_leak": "viscous_friction",
-        "torque_leak": "coulomb_friction",
-    }  # fmt: skip
-    assert {n for n, f in FAMILIES.items() if f.fixed_only} == {"payload", "rigid_body"}
 
 
 def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move):

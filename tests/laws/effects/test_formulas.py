@@ -57,6 +57,7 @@ def test_friction_inertia_and_offset_on_a_hinge_and_a_slide(polar, move, columns
         (QuadraticFriction(), "Fq", ("N·m·s²/rad²", "N·s²/m²"), np.where(v < 0, -(v**2), v**2)),
         (ActuatorInertia(), "Ia", ("kg·m²", "kg"), a),
         (TorqueOffset(), "off", ("N·m", "N"), one),
+        (JointStiffness(), "K", ("N·m/rad", "N/m"), m.actuated_q - [0.3, -0.15]),  # from home
     ):
         check(columns(polar, m, effect), per_joint(kind, units, force))
 
@@ -88,12 +89,6 @@ def test_stribeck_friction_falls_by_e_at_its_velocity(polar, move, columns):
     # Without a velocity: a tenth of the speed limit, which is 2 rad/s and 0.3 m/s where unknown.
     force = np.sign(v) * np.exp(-np.abs(v) / np.array([0.2, 0.03]))
     check(columns(polar, m, StribeckFriction()), per_joint("Fs", ("N·m", "N"), force))
-
-
-def test_a_spring_pulls_to_home_which_is_not_zero(polar, move, columns):
-    m = move(polar, T)
-    force = m.actuated_q - np.array([0.3, -0.15])
-    check(columns(polar, m, JointStiffness()), per_joint("K", ("N·m/rad", "N/m"), force))
 
 
 def test_a_spring_of_the_file_pulls_to_where_the_file_says_it_is_relaxed(

@@ -136,15 +136,3 @@ def test_a_model_with_a_function_has_its_constant_once():
         assert Model.of("viscous_friction", "torque_offset", f.name).names == (
             "viscous_friction", f.name
         )  # fmt: skip
-
-
-def test_a_text_with_its_shape_gives_the_function_back(polar, move):
-    m = move(polar, T)
-    for text, effect in (
-        ("function_of_velocity@lift:0.8", function_of("velocity", 0.8, "lift")),
-        ("function_of_other_velocity@reach:1", function_of("other_velocity", 1.0, "reach")),
-    ):
-        again = Model.of(text).regressor(polar, m)
-        owner = text.partition("@")[2].partition(":")[0]
-        own = Model((Placed([Part(effect, owner)]),)).regressor(polar, m)
-        np.testing.assert_array_equal(again, own)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.effects import find_effect, find_family
+from identifiability.effects import find_family
 from identifiability.effects.effect import measure_spans
 from identifiability.effects.springs import ConstantForce, FreeSpring, GravitySpring, PositionTorque
 from identifiability.foundation.errors import ModelError
@@ -128,10 +128,3 @@ def test_shapes_are_distances_of_knots_and_only_reached_splines_are_tried(polar,
 def test_a_grid_too_fine_is_refused(polar):
     with pytest.raises(ModelError, match="360 pieces"):
         PositionTorque(0.01, "lift").parameters(polar)
-
-
-def test_one_spring_stands_for_stiffness_and_offset(polar):
-    model = Model.of("rigid_body", "joint_stiffness", "torque_offset", "free_spring")
-    assert model.names == ("rigid_body", "free_spring")
-    assert Model.of("free_spring", "torque_offset").names == ("free_spring",)
-    assert find_effect("free_spring").parameters(polar)[0].nonnegative is False

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict
 from identifiability.posterior.diagnostics import Convergence
 from identifiability.posterior.target import Prior
@@ -118,14 +117,6 @@ def test_what_the_density_at_an_edge_decides_has_no_interval(prior_sensitivity, 
     assert ("no interval is stated" in found.reason) == (not stated)
 
 
-def test_the_limits_are_the_users():
-    assert refined(sd=0.5, prior=10.0).flags == (Flag.BY_CONE,)
-    strict = Thresholds(constraint_variance=0.2)
-    assert refined(sd=0.5, prior=10.0, rules=strict).verdict is Class.SIGN_ONLY
-    more = Thresholds(contraction=0.7)
-    assert refined(sd=0.1, prior=0.3, rules=more).flags == (Flag.BY_PRIOR,)
-
-
 def test_a_posterior_that_may_not_be_shown_adds_nothing():
     before = verdict(Class.SIGN_ONLY)
     assert refined(reasons=["It moved too little."]) == before
@@ -173,9 +164,3 @@ def test_intervals_hold_the_truth_at_the_edge_of_the_possible_too(truth, signed)
     assert held == pytest.approx(0.977 if truth == 0 else 0.95, abs=0.025)
     np.testing.assert_allclose(law.cdf(high) - law.cdf(low), 0.95, atol=2e-3)
     assert (high - low <= np.ptp(law.ppf([[0.025], [0.975]]), axis=0) + 1e-3).all()
-
-
-def test_a_posterior_that_may_not_be_shown_says_so_in_a_hint():
-    doubtful = replace_belief(physical=summary(0.1, reasons=["It moved too little."]))
-    assert doubtful.hint == "The posterior with bodies is not shown: It moved too little."
-    assert replace_belief().hint == ""

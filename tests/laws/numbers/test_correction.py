@@ -1,32 +1,10 @@
 """What estimates that noise does not bias change of least squares, and along which motions."""
 
 import numpy as np
-import pytest
 
-from identifiability.estimation.estimator import Estimate
 from identifiability.logs.prepare import instruments as closing
 from identifiability.logs.prepare.instruments import complete_along
 from identifiability.robot import Robot, complete_motion
-
-
-@pytest.fixture
-def plain():
-    """Of ten samples of two actuators; b depends on the others, and c leans on it."""
-    return Estimate(
-        columns=("a", "b", "c"),
-        value=np.array([5.0, 0.0, 6.0]),
-        covariance=np.diag([1.0, np.inf, np.inf]),
-        determined=np.array([True, False, False]),
-        kept=(0, 2),
-        variance=np.array([0.1, 0.2]),
-        rss=np.array([1.0, 2.0]),
-        dof=18,
-        condition=1.0,
-        singular_values=np.ones(2),
-        weights=np.ones(2),
-        times=np.ones(2),
-        estimator=None,
-    )
 
 
 def test_where_a_loop_stays_open_the_measured_motion_stands(monkeypatch):

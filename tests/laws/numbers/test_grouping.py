@@ -53,19 +53,6 @@ def test_the_gap_is_the_last_singular_value_kept_and_the_first_dropped():
     assert 1e-11 < dropped < 1e-8
 
 
-def test_a_matrix_of_full_rank_has_nothing_dropped():
-    base = group_columns(columns([1, 0], [0, 1]), parameters("m", "mx"))
-    assert base.gap[0] > 0.1
-    assert base.gap[1] == 0.0
-    assert not base.ambiguous
-
-
-def test_units_do_not_change_the_rank():
-    W = columns([1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 1])
-    for units in (np.ones(4), np.array([1e4, 1.0, 1e-4, 1e-6])):
-        assert group_columns(W * units, parameters("m", "mx", "my", "Ixx")).rank == 3
-
-
 @pytest.mark.parametrize(
     ("second", "kinds", "forbidden"),
     [

@@ -75,6 +75,14 @@ def test_without_instruments_it_is_least_squares(rows):
     np.testing.assert_array_equal(fit.value, estimate(information).value)
 
 
+def test_what_is_not_determined_has_no_variance(rows):
+    """The last two columns act alike."""
+    V, W, tau = (x.copy() for x in rows)
+    V[:, :, 3], W[:, :, 3] = V[:, :, 2], W[:, :, 2]
+    fit = IV.fit(compress(V, W, tau))
+    assert np.isinf(fit.sigma).tolist() == [False, False, True, True]
+
+
 def test_weak_directions_stay_with_least_squares():
     V, W, tau = planted(np.random.default_rng(6), idle=True)
     information = compress(V, W, tau)

@@ -81,19 +81,6 @@ def test_kept_parameters_alone_are_left_and_models_start_where_they_say(base):
     assert following[2].columns == ("arm.Fc+", "arm.Fc-")
 
 
-@pytest.mark.parametrize(
-    ("entry", "said"),
-    [
-        ({"name": "r", "zero": ["arm.my"]}, "names the parameter 'arm.my', which is not there"),
-        ({"name": "r", "from": "ful"}, "starts from 'ful', which does not stand before it"),
-        ({"name": "r", "tie": {"x": ["arm.m", "arm.mx"]}}, "of the units kg"),
-    ],
-)
-def test_what_a_model_cannot_mean_is_refused(base, entry, said):
-    with pytest.raises(ModelError, match=said):
-        submodels(base, entry)
-
-
 def test_a_pattern_is_all_that_fit_it_and_a_name_goes_before_it(base):
     zero, hold, tie, keep = submodels(
         base,

@@ -180,20 +180,6 @@ def test_a_model_that_leaves_a_constant_out_has_the_memory_of_the_whole_one():
     np.testing.assert_allclose(settled.weights[2] / settled.weights[0], 1 / 5, rtol=0.4)
 
 
-def test_models_that_leave_nothing_out_have_the_noise_of_the_whole_one():
-    rng = np.random.default_rng(8)
-    W = rng.normal(size=(300, 3, 40))
-    for _ in range(5):
-        tau = W[..., :4] @ np.ones(4) + [0.5, 1.0, 2.0] * rng.standard_normal((300, 3))
-        whole = gather(W, tau, 2)
-        own = find_estimator("wls").fit(whole)
-        settled = settle_noise(find_estimator("wls"), whole)
-        np.testing.assert_allclose(settled.fit(whole).variance, own.variance, rtol=1e-12)
-        np.testing.assert_allclose(settled.fit(whole).value, own.value, rtol=1e-12)
-        small = settled.fit(whole.select(range(4)))
-        np.testing.assert_allclose(small.variance, own.variance, rtol=0.05)
-
-
 def test_an_actuator_that_a_model_cannot_explain_does_not_decide_what_others_need():
     """The quietest of three actuators has a torque that looks like what all three share."""
     rng, off = np.random.default_rng(9), {"settled": [], "noise alone": [], "own": []}
@@ -215,45 +201,9 @@ def test_an_actuator_that_a_model_cannot_explain_does_not_decide_what_others_nee
     assert error["settled"] == pytest.approx(error["own"], rel=0.1)
 
 
-@pytest.mark.parametrize("name", ["ols", "wls"])
-def test_instruments_know_the_noise_of_the_logs_too(name):
-    rng = np.random.default_rng(6)
-    W = rng.normal(size=(200, 2, 3))
-    whole = gather(W, W @ np.ones(3) + rng.standard_normal((200, 2)), 2)
-    base = find_estimator(name)
-    settled = settle_noise(replace(base, instruments=True), whole)
-    np.testing.assert_allclose(settled.noise.times, base.fit(whole).times)
-    np.testing.assert_allclose(settled.noise.variance, base.fit(whole).variance)
-
-
 def test_too_few_outputs_for_all_columns_say_nothing_of_the_noise():
     rng = np.random.default_rng(7)
     W = rng.normal(size=(30, 1, 12))
     whole = gather(W, W @ np.ones(12) + rng.standard_normal((30, 1)), 1)
     assert settle_noise(find_estimator("wls"), whole).noise is None
     assert settle_noise(find_estimator("wls"), whole.select(range(5))).noise is not None
-
-
-def loud(rng, sizes, rho=0.8, samples=900):
-    """Return the information of logs of one robot with noise of these sizes, columns and torque."""
-    k = 4
-    W = np.concatenate([rng.standard_normal((samples, 2, k)) for _ in sizes])
-    W[:, 1] *= 0.3
-    parts = [size * ar1(rng, rho, samples, 2) for size in sizes]
-    tau = W @ np.arange(1.0, k + 1) + np.concatenate(parts) * [1.0, 0.2]
-    return gather(W, tau, 8, [samples] * len(sizes)), W, tau
-
-
-def test_weights_stay_with_their_blocks():
-    whole, *_ = loud(np.random.default_rng(4), (1.0, 3.0))
-    weights = np.where(whole.log == 0, 2.0, 0.5)
-    found = whole.weigh(weights)
-    z = np.append(-np.ones(4), 1.0)
-    plain = whole.squares_of_blocks(z).T
-    np.testing.assert_allclose(found.squares_of_blocks(z).T, plain * weights)
-    np.testing.assert_allclose(plain.sum(1), whole.squares(z))
-    both = found.take(found.log == 1) + whole.take(whole.log == 0)
-    again = np.hstack([0.5 * plain[:, whole.log == 1], plain[:, whole.log == 0]])
-    np.testing.assert_allclose(both.squares_of_blocks(z).T, again)
-    merged = found.merge(np.arange(0, len(found.counts), 2))
-    np.testing.assert_allclose(merged.squares(z), found.squares(z))

@@ -107,16 +107,6 @@ def test_a_log_of_few_memories_is_not_judged_with_a_bootstrap_or_without():
         assert kinds(judged(fit, found)) == {Flag.NOT_JUDGED}
 
 
-def test_without_bootstrap_and_scores_the_robust_deviation_is_not_the_white_one():
-    fit, found = assess(200, size=50)  # four blocks of time
-    assert found.bootstrap is None
-    assert found.scores is None
-    assert np.isinf(found.robust).all()
-    verdicts = judged(fit, found)
-    assert kinds(verdicts) == {Flag.NOT_JUDGED}
-    assert "to judge takes 8" in verdicts[0].reason
-
-
 def test_values_that_no_verdict_stands_on_are_those_of_the_fit():
     fit = fit_of([1.0, 2.0], [0.01, 0.01])
     missing = LabelAlternatives(np.ones(2), np.ones(2), ("friction", "friction"), np.ones(2, bool))

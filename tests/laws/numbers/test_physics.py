@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from identifiability.physical.cad_prior import CadPrior
 from identifiability.physical.feasibility import certify
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.physical.project import Projection, project
@@ -126,17 +125,6 @@ def test_what_the_data_do_not_say_goes_to_the_reference():
     found = Projection(region(mass=2.0, length=0.1), reference=phi).solve(data)
     np.testing.assert_allclose(found.phi[:10], phi[:10], rtol=1e-5, atol=1e-7)
     assert found.phi[10] == pytest.approx(1.0, rel=1e-3)
-
-
-def test_a_prior_pulls_by_its_weight_in_units_of_the_noise():
-    phi = np.append(body(), 0.0)
-    data = data_on(1.5 * phi, sigma=0.3)
-    near = [
-        np.linalg.norm(project(data, region(mass=2.0, length=0.1), prior=p).phi - phi)
-        for p in (None, CadPrior(phi, 1.0), CadPrior(phi, 100.0), CadPrior(phi, 1e5))
-    ]
-    assert near == sorted(near, reverse=True)
-    assert near[-1] < 0.01 * near[0]
 
 
 def test_base_parameters_are_possible_exactly_if_some_body_has_them():

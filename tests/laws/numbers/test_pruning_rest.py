@@ -29,16 +29,6 @@ def full_model(k=4):
     )  # fmt: skip
 
 
-def test_a_path_over_excited_columns_is_one_over_all():
-    rng = np.random.default_rng(0)
-    W = rng.normal(size=(320, 1, 3))
-    W = np.concatenate([W[:, :, :1], W], axis=2)  # b repeats a
-    search = find_path(gather(W, W[:, :, 0] * 2.0, size=5, columns=NAMES))
-    assert search.steps[0].partition.zeroed() == []
-    assert search.steps[1].partition.zeroed() == ["b"]
-    np.testing.assert_allclose(search.steps[1].values[0], [2, 0, 0, 0], atol=1e-6)
-
-
 # Models
 
 

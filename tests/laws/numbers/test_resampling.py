@@ -43,15 +43,6 @@ def test_a_joined_block_holds_the_samples_between_its_edges_and_no_others():
         np.testing.assert_allclose(found[block], gram, atol=1e-9)
 
 
-def test_no_joined_block_is_much_longer_or_shorter_than_wanted():
-    information = gather(*rows(), size=8)
-    for length in range(9, 97):
-        merged = merge_blocks(information, length)
-        assert len(merged.counts) == 192 // length
-        assert np.ptp(merged.counts) <= 8  # edges move by at most half of a small block
-        assert merged.counts.min() > length - 8
-
-
 def test_blocks_of_several_logs_are_joined_within_each():
     information = gather(*rows(), size=8, logs=(64, 128))
     merged = merge_blocks(information, 40)

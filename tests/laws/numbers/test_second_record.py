@@ -164,14 +164,6 @@ def test_more_repetitions_have_less_noise(robot):
         assert np.abs((first * second).mean(0) / (first**2).mean(0)).max() < 0.1
 
 
-def test_positions_alone_have_their_repetition(robot):
-    log, again, _ = twice(robot, level=0.1)
-    log, again = positions_only(log), positions_only(again, name="again")
-    samples, other = (prepare_log(robot, x) for x in (log, again))
-    assert add_instrument(robot, log, samples) is None
-    assert "repetitions" in add_instrument(robot, log, samples, [other]).notes[-1]
-
-
 def test_rounding_that_repeats_with_the_motion_is_no_second_record(robot):
     log, again, _ = twice(robot, level=0.0)
     rounded = [positions_only(x, q=2e-3 * np.rint(x.q / 2e-3)) for x in (log, again)]

@@ -66,15 +66,6 @@ def test_blocks_are_as_long_as_five_memories_or_leave_twelve_of_them(rows, memor
     np.testing.assert_array_equal(found.robust, found.scores.widened)  # resampling is a check
 
 
-def test_too_short_a_log_says_why_there_is_no_bootstrap(rows):
-    W, tau = rows
-    information = gather(W[:200], tau[:200], size=100)
-    fit = estimate(information)
-    found = Fit.of(information, fit, np.random.default_rng(0), 50)
-    assert found.bootstrap is None
-    assert "2 independent blocks" in found.note
-
-
 @pytest.mark.parametrize(("memory", "block"), [(24.9, 400 / 12), (12.0, 400 / 12), (5.0, 25.0)])
 def test_blocks_of_two_memories_do_where_longer_ones_are_too_few(rows, memory, block):
     W, tau = rows

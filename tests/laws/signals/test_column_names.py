@@ -75,7 +75,7 @@ def test_usual_names_are_understood_and_said(case):
     assert log.q[0].tolist() == q
     assert log.tau[0].tolist() == tau
     assert "taken for what their names usually mean" in log.notes[0]
-    numbered = case in ("numbers", "letters", "from zero", "actual and target", "numbered joints")
+    numbered = case in ("letters", "from zero", "actual and target")
     assert log.notes[0].endswith("(in the robot's order)") == numbered
 
 
@@ -84,11 +84,6 @@ REFUSED = {
         ["t", *each("{j}_{k}", PAIR, ("pos", "torque", "effort"))],
         PAIR,
         r"several columns that may be 'shoulder\.tau'.*--map 'shoulder_torque=",
-    ),
-    "two times": (
-        ["time", "timestamp", *each("{j}_{k}", PAIR, ("pos", "torque"))],
-        PAIR,
-        r"several columns that may be the time: time, timestamp; .*--map 'time=t'",
     ),
     "more numbers": (
         ["t", *each("{k}{j}", (1, 2, 3), ("q", "tau"))],
@@ -139,14 +134,6 @@ def test_joints_that_the_log_does_not_have_are_proposed_for_locking():
     )
     with pytest.raises(LogError, match=r"joint panda_finger_joint1; every .* --lock panda_finger_"):
         read(columns, hand, Renames.of({r"fer_joint(\d)": r"panda_joint\1"}))
-
-
-def test_what_stands_before_all_names_is_mapped_away():
-    columns = ["t", *each("kuka_{k}{j}", (1, 2), ("q", "tau"))]
-    with pytest.raises(LogError, match="found t, kuka_q1, kuka_q2"):
-        read(columns, PAIR)
-    known = Renames.of({"kuka_(.*)": r"\1"})
-    assert read(columns, PAIR, known).tau[0].tolist() == [3, 4]
 
 
 def test_names_that_stand_in_the_log_decide():

@@ -169,10 +169,3 @@ def test_a_joint_that_never_moves_says_nothing_and_nothing_fails(two):
     assert not (s.weight == 0)[:, 1].any()
     assert s.survey.rows.tolist() == [0, s.outputs]
     assert any(f"{two.joints[0]} 100 %" in note for note in s.notes)
-
-
-def test_robots_without_dry_friction_keep_what_stands(two):
-    t, q, _ = stop_and_go()
-    s = samples_of(two, t, q, 0.6 * np.sin(2 * np.pi * 0.9 * t), Preparation(keep_rest=True))
-    assert s.weight.all()
-    assert not any("stands" in note for note in s.notes)

@@ -105,16 +105,6 @@ def series(t, period):
     return q, dq, ddq
 
 
-def test_a_fourier_fit_has_the_series_coefficients_and_derivatives():
-    t = DT * np.arange(1500)
-    q, dq, ddq = (x[:, None] for x in series(t, 1.7))
-    fit = fourier.fit_fourier(t, q, 1.7, 3)
-    np.testing.assert_allclose(fit.coefficients[:, 0], [0.5, 2, 0, 0, 0, -3, 0], atol=1e-9)
-    assert fit.harmonics == 3
-    for found, exact in zip(fit.motion(t), (q, dq, ddq), strict=True):
-        np.testing.assert_allclose(found, exact, atol=1e-8)
-
-
 @pytest.mark.parametrize("factor", [2, 5, 9])
 def test_decimation_is_a_symmetric_average_of_20_neighbours_a_sample(factor):
     d = signals.Decimation(factor)

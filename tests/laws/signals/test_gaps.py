@@ -54,14 +54,6 @@ def prepared(two, rows, **how):
     return prepare_log(two, log, Preparation(**{"cutoff": CUTOFF, "keep_rest": True, **how}))
 
 
-@pytest.mark.parametrize("row", range(300, 306))
-def test_a_gap_of_half_a_period_to_rounding_is_bridged_and_said(two, row):
-    """0.05 s of a cut-off of 10 Hz; times are rounded up or down."""
-    s = prepared(two, without(1000, (row, 24)), cutoff=10.0)
-    assert any("at most 0.05 s" in note for note in s.notes)
-    assert not s.hints
-
-
 def test_a_bridged_gap_changes_the_motion_by_what_a_cubic_misses(two):
     whole = prepared(two, np.arange(4000), decimate=1)
     for lost in (1, 5, 11):

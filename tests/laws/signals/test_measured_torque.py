@@ -6,12 +6,10 @@ import pytest
 
 from identifiability.effects import find_family
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.names import Renames
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
-from identifiability.robot.sidecar import MeasuredTorque
 
 #: Two hinges and nothing else.
 ARM = """
@@ -70,18 +68,6 @@ def test_currents_stand_for_torques_where_their_gain_is_known(load):
         torques(table("current"), load("[torque]\ngain = {a = 11}\n"))
 
 
-def test_currents_are_found_under_the_names_of_the_logs(load):
-    frame = table("current").rename(columns=lambda c: c.replace("a.", "j1.").replace("b.", "j2."))
-    rules = Renames.of({"j1": "a", "j2": "b"})
-    torque = MeasuredTorque(gain={"a": 2.0, "b": 3.0})
-    tau, _ = torques(frame, load(), columns=rules, torque=torque)
-    np.testing.assert_allclose(tau, table().filter(like="tau").to_numpy() * [2, 3])
-    odd = table().rename(columns={"a.tau": "I1", "b.tau": "I2"})
-    rules = Renames.of({"I1": "a.current", "I2": "b.current"})
-    tau, _ = torques(odd, load(), columns=rules, torque=torque)
-    np.testing.assert_allclose(tau, table().filter(like="tau").to_numpy() * [2, 3])
-
-
 def test_torque_of_the_motor_needs_the_ratio_of_its_gear(load):
     with pytest.raises(LogError, match=r"torque of b was measured at the motor.*ratio = {b = …}"):
         torques(table(), load('[torque]\nside = "motor"\nratio = {a = 100}\n'))
@@ -102,12 +88,3 @@ def test_no_rotor_is_seen_by_a_sensor_behind_the_gear(load):
     assert family.refuse(load(), "a") == ""
     _, notes = torques(table(), robot)
     assert "the model has none" in notes[0]
-
-
-def test_a_long_file_has_the_torques_of_a_short_one(load, tmp_path):
-    known = Conventions.of(load("[torque]\ngain = {a = 11, b = -7}\n"))
-    path = tmp_path / "log.parquet"
-    table("current").to_parquet(path, index=False)
-    short, long = Log.read(path, known), Log.scan(path, known)
-    np.testing.assert_array_equal(long.rows(20, 90).tau, short.tau[20:90])
-    assert long.notes == short.notes

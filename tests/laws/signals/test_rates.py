@@ -152,9 +152,3 @@ def test_a_long_file_of_several_rates_is_read_as_a_short_one(tmp_path, monkeypat
     monkeypatch.setattr(tables, "MOST", 100)
     with pytest.raises(LogError, match=r"log.parquet has columns at rates of their own and is too"):
         Log.open(path)
-    same = topic(q, "q").join(topic(q, "tau").drop(columns="t"))
-    same.to_parquet(path)
-    assert Log.open(path).long
-    monkeypatch.setattr(tables, "MOST", 10**6)
-    same.iloc[(np.arange(4000) // 5) * 5].assign(t=q).to_parquet(path)
-    assert len(Log.open(path)) == 800

@@ -124,17 +124,6 @@ def test_friction_turns_between_the_samples_that_columns_are_computed_of(two):
     assert error(whole.motion) < 1.1 / factor < 0.02 < error(replace(whole.motion, span=0.0))
 
 
-def test_without_decimation_every_sample_is_an_output(two):
-    s = samples_of(two, np.r_[0:50, 60:90], 1)
-    assert s.outputs == 80
-    np.testing.assert_array_equal(s.output_times(), s.motion.t)
-    assert [len(p.tau) for p in s.pieces(30)] == [30, 30, 20]
-    third = s.thin(3)
-    np.testing.assert_array_equal(third.tau, s.tau[::3])
-    np.testing.assert_array_equal(third.motion.kept, s.motion.kept[::3])
-    assert third.decimation is None
-
-
 def test_decimation_keeps_the_band_up_to_the_cut_off(two):
     """Every int(½ / (f_c Δ))-th sample: the new Nyquist frequency is at least the cut-off."""
     t = 0.002 * np.arange(4000)
@@ -196,10 +185,6 @@ def test_the_survey_of_two_parts_is_that_of_both(two):
     for name in ("low", "high", "torque", "torque_range"):
         np.testing.assert_array_equal(getattr(both, name), getattr(whole, name))
     assert (whole.dropped, whole.first_dropped) == (7, (3, 4, 5, 6, 7))
-    notes = whole.notes("log", ("a", "b"), 60)
-    assert notes[0].startswith("7 of 60 samples were dropped")
-    assert "data rows 4, 5, 6, 7, 8 …" in notes[0]
-    assert "first in data row 10" in notes[1]
     # The first joint's torque changes, the second one's does not; no torque matters at rest.
     assert find_signal([whole]).tolist() == [True, False]
     assert find_signal([parts[0], parts[1]]).tolist() == [True, False]

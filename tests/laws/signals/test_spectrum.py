@@ -99,12 +99,6 @@ def test_steps_that_last_many_samples_are_no_motion():
     assert found.outputs < 10
 
 
-def test_the_fastest_joint_decides():
-    t = times(200.0)
-    found = band(np.stack([swing(t, 0.5), swing(t, 2.0)], 1), 200.0)
-    assert found.outputs == pytest.approx(20.0, abs=1.1)
-
-
 def test_a_joint_that_hardly_moves_does_not_lower_the_cut_off_of_the_others():
     t = times(200.0)
     noise = 1e-3 * np.random.default_rng(3).standard_normal((len(t), 2))
