@@ -1,28 +1,15 @@
 """Find the gap between model and data, name the missing effect, add it, verify.
 
 What to use when: `diagnose` runs all stages. By themselves: `look` has rows, candidates, noise and
-log odds of a `Setting`, `name_missing` says what is missing and lets unseen motion take it out,
-`find_discrepancies` says where the residual sits. A study adds its own effect with
+log odds of a `Setting`, `naming.name_missing` says what is missing and lets unseen motion take it
+out, `problem.find_discrepancies` says where the residual sits. A study adds its own effect with
 `identifiability.effects.register`.
 """
 
-from identifiability.workflows.diagnose.naming import Naming, look, name_missing
+from identifiability.workflows.diagnose.naming import look
 from identifiability.workflows.diagnose.next_experiment import NextMotion, find_next
-from identifiability.workflows.diagnose.problem import Discrepancy, Setting, find_discrepancies
-from identifiability.workflows.diagnose.result import Diagnosis, NamedEffect, Placement
+from identifiability.workflows.diagnose.problem import Setting
+from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.workflow import diagnose
 
-__all__ = [
-    "Diagnosis",
-    "Discrepancy",
-    "NamedEffect",
-    "Naming",
-    "NextMotion",
-    "Placement",
-    "Setting",
-    "diagnose",
-    "find_discrepancies",
-    "find_next",
-    "look",
-    "name_missing",
-]
+__all__ = ["Diagnosis", "NextMotion", "Setting", "diagnose", "find_next", "look"]
