@@ -129,7 +129,7 @@ def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move):
     parts = [move(polar, T[:120]), move(polar, T[120:])]
     rng = np.random.default_rng(0)
     logs = [Dataset("log", m, rng.standard_normal((len(m), 2)), None, (), "") for m in parts]
-    candidates, _ = listed(polar, parts[0], "joint_stiffness", "torque_offset")
+    candidates, _ = listed(polar, parts[0], "encoder_bias", "joint_stiffness", "torque_offset")
     model = Model.of("rigid_body", "viscous_friction")
     structure = Structure.of(polar, model)
     rows = Rows.of(structure, logs, know_nothing(structure))
