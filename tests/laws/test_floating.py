@@ -1,5 +1,7 @@
 """Laws of bases that nothing drives: two other roads, contacts that are eliminated, counts."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -172,6 +174,9 @@ def test_no_force_at_a_contact_enters_the_projected_rows_and_no_other_row_is_los
         assert np.linalg.matrix_rank(free, tol=1e-6) == LEFT[case]
     lost = np.abs(motion.free).sum(1) == 0
     assert (motion.silent | ~lost).all()
+    model = Model.of("rigid_body")  # of which columns are projected as its torque is
+    W = model.regressor(robot, replace(motion, free=None))
+    np.testing.assert_allclose(model.regressor(robot, motion), motion.freed(W), atol=1e-9)
 
 
 def test_rows_change_as_little_as_the_motion_does(tmp_path):
