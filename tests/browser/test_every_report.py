@@ -11,6 +11,9 @@ from identifiability.cli import app
 
 COMMANDS = typer.main.get_command(app).commands
 
+#: Two frames, after which what is drawn has the size of its box.
+FRAMES = """() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"""
+
 #: How far the page, and what stands outside scrolling boxes, reaches beyond the window [px].
 BEYOND = """() => {
   for (const fold of document.querySelectorAll("details")) fold.open = true;
@@ -57,6 +60,8 @@ def test_a_report_is_never_wider_than_its_window(seen):
     for width in (400, 1280):
         seen.page.set_viewport_size({"width": width, "height": 900})
         assert seen.page.evaluate("innerWidth") == width
+        seen.page.evaluate(BEYOND)  # which opens what is folded
+        seen.page.evaluate(FRAMES)
         assert seen.page.evaluate(BEYOND) == [0, []]
         assert seen.page.evaluate(CUT) == []
 
@@ -64,8 +69,9 @@ def test_a_report_is_never_wider_than_its_window(seen):
 def test_every_column_of_every_table_sorts_by_click(seen):
     seen.page.evaluate(
         "document.querySelectorAll('details').forEach((d) => d.open = true);"
-        "document.getElementById('statistics')?.click()"
+        "document.querySelector('#statistics:not(:checked)')?.click()"
     )
+    seen.page.evaluate(FRAMES)
     columns = seen.page.evaluate(SORTED)
     for shown, before, up, down in columns:
         assert shown
