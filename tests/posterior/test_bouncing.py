@@ -90,7 +90,5 @@ def test_the_first_exit_is_the_first_one_on_a_fine_grid(rng):
 def test_a_start_outside_is_refused_with_the_reason(posteriors, rng):
     target, start = posteriors.sign_target(rng)
     start[1] = -0.5
-    with pytest.raises(
-        ValueError, match="not inside the physical set"
-    ):
+    with pytest.raises(ValueError, match="not inside the physical set"):
         sample_exact(target, start, 10, rng)
