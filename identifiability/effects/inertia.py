@@ -58,11 +58,15 @@ class RigidBody(Effect):
         """Write 10 columns a body."""
         model, data = robot.model, robot.model.createData()
         regressor = pin.computeJointTorqueRegressor
-        K = np.empty((len(motion), robot.nv, out.shape[2]))
+        direct = motion.X is None and np.array_equal(robot.actuated, np.arange(robot.nv))
+        # The tree's rows go to a buffer of their own only where they must be combined.
+        K = out if direct else np.empty((len(motion), robot.nv, out.shape[2]))
         bodies = K[:, : model.nv]
         K[:, model.nv :] = 0.0  # tendons carry none
         for k, (q, v, a) in enumerate(zip(*tree_motion(robot, motion), strict=True)):
             bodies[k] = regressor(model, data, q, v, a)
+        if direct:
+            return
         out[:] = K[:, robot.actuated]
         if motion.X is not None:
             out -= motion.X.transpose(0, 2, 1) @ K[:, robot.dependent]
