@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from identifiability.estimation.estimator import Estimate, dependence
+from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.fit import Fit, remembering_covariance
 from identifiability.estimation.torque_errors import (
     ErrorSums,
@@ -309,6 +310,16 @@ class Prediction:
         squares: Array = (self.raw if raw else self.sums).squares.sum(0)
         rms: Array = np.sqrt(squares / np.maximum(self.sums.rows.sum(0), 1)[:, None])
         return rms
+
+    def surely_better(self, one: int, other: int) -> bool:
+        """Return whether a model errs less than another by more than one standard error.
+
+        Of the difference of absolute errors over stretches of the samples that are held, as a name
+        is confirmed on unseen motion; False where none are held.
+        """
+        size = np.abs(self.residual[:, :, [one, other]]).sum(1)
+        parts = [x.sum() for x in np.array_split(size[:, 1] - size[:, 0], LEVELS.folds)]
+        return bool(np.sum(parts) > np.std(parts, ddof=1) * np.sqrt(len(parts)))
 
     def error_over_joints(self) -> Array:
         """Return the error over each joint's own scale, of each model, (m,)."""

@@ -270,13 +270,13 @@ class ModelResult:
     def real(self) -> Submodel | None:
         """The model as the nearest real robot has it, if its values are those to use.
 
-        They are unless the estimate is surely better on folds, and on unseen motion, too: one
-        motion does not tell what extrapolates. What its bodies cannot do without although the model
-        leaves it out is held. None where they cannot have alike what the model ties.
+        They are unless the estimate is surely better on folds and unseen motion does not refute
+        that, by more than its standard error: one motion does not tell what extrapolates. What its
+        bodies cannot do without although the model leaves it out is held. None where they cannot
+        have alike what the model ties.
         """
         real, M = self.physical, self.submodel.M
-        refuted = self.unseen_by(1) < self.unseen_by(0)
-        if real is None or not (real.as_good or refuted):
+        if real is None or not (real.as_good or self.unseen.surely_better(1, 0)):
             return None
         apart = real.base - M @ real.value
         fixed = np.where(M.any(axis=1), self.submodel.fixed, apart)
