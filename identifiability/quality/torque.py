@@ -41,9 +41,12 @@ def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
     known = np.flatnonzero(np.isfinite(factors))
     share = factors[known]
     odd = np.abs(np.log(share)) > np.log(RULES.unit_factor)
-    alone = _find_alone(logs, factors)
-    if alone:
-        return alone
+    # No other body makes the torque of one joint alone so much larger or smaller.
+    other = np.abs(np.log(share)) > 2.0 * np.log(RULES.unit_factor)
+    if other.sum() < len(share) and (odd == other).all() and other.any():
+        k = int(np.flatnonzero(other)[0])
+        how = phrase("unit", "one", joint=logs.joints[known[k]], name=_name_unit(share[k]))
+        return [Finding("unit", multiple=f"{share[k]:.2g} times", how=how, factors=share.tolist())]
     # Factors of two joints do not differ by more than this.
     apart = not odd.any() and len(share) > 1 and share.max() >= 8.0 * share.min()
     if not len(share) or not (odd.all() or apart):
@@ -78,23 +81,6 @@ def measure_factors(logs: MeasuredLogs) -> Array:
     return factors
 
 
-def _find_alone(logs: MeasuredLogs, factors: Array) -> list[Finding]:
-    """Return the joint whose torque alone is so much larger or smaller: no other body does that."""
-    every = factors.copy()
-    for k in np.flatnonzero(np.isnan(every) & np.isfinite(logs.stated).all(0)).tolist():
-        # Where bodies look like a rotor the file's own rotor is beside them.
-        rotor = logs.stated[:, k], logs.torque[:, k], logs.ordinary(k)[:, :3]
-        every[k] = _factor(*rotor, alike=0.6)
-    far = np.abs(np.log(every))
-    known = np.isfinite(far)
-    odd = known & (far > np.log(RULES.unit_factor))
-    if odd.sum() != 1 or known.sum() < 2 or not far[odd] > 2.0 * np.log(RULES.unit_factor):
-        return []
-    k = int(np.flatnonzero(odd)[0])
-    how = phrase("unit", "one", joint=logs.joints[k], name=_name_unit(every[k]))
-    return [Finding("unit", multiple=f"{every[k]:.2g} times", how=how, factors=every.tolist())]
-
-
 def _plain_factor(predicted: Array, measured: Array) -> float:
     """Return the slope of measured on predicted torque, (N,) each, beside an offset; or NaN."""
     p, m = predicted - predicted.mean(), measured - measured.mean()
@@ -106,12 +92,8 @@ def _plain_factor(predicted: Array, measured: Array) -> float:
     return float(p @ m) / lengths[0] ** 2
 
 
-def _factor(predicted: Array, measured: Array, ordinary: Array, alike: float = 0.7) -> float:
-    """Return the slope of measured on predicted torque, (N,) each; NaN where it does not show.
-
-    Measured torque must follow the predicted one with the correlation `alike` beside what is
-    `ordinary` (N, k).
-    """
+def _factor(predicted: Array, measured: Array, ordinary: Array) -> float:
+    """Return the slope of measured on predicted torque, (N,) each; NaN where it does not show."""
     kept = np.ones(len(predicted), bool)
     slope = np.nan
     # Rounds of the regression in which the worst twentieth of the samples is left out.
@@ -125,7 +107,9 @@ def _factor(predicted: Array, measured: Array, ordinary: Array, alike: float = 0
         if not length > 0.3 * varies or not np.linalg.norm(m) > 0:
             return np.nan
         slope = float(p @ m) / float(length**2)
-        if float(p @ m) / float(length * np.linalg.norm(m)) < alike:
+        # The measured torque must follow the predicted one with this correlation, at that
+        # joint.
+        if float(p @ m) / float(length * np.linalg.norm(m)) < 0.7:
             return np.nan
         left = np.zeros(len(predicted))
         left[kept] = np.abs(m - slope * p)
