@@ -317,17 +317,15 @@ class Resumed(Engine):
     def __init__(self, engine: Engine, folder: str | Path) -> None:
         self.engine, self.folder = engine, Path(folder)
         self.found = self.done = 0
+        why: object = ""
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             if self.folder.stat().st_mode & 0o002:
-                raise ValueError(
-                    "it can be written to by everybody, and what is kept there is run as a program"
-                )
+                why = "it can be written to by everybody, and what it keeps is run as a program"
         except (OSError, ValueError) as error:
             why = getattr(error, "strerror", None) or error
-            raise OutputError(
-                f"'{folder}' cannot keep finished work: {why}; give a folder."
-            ) from None
+        if why:
+            raise OutputError(f"'{folder}' cannot keep finished work: {why}; give a folder.")
 
     def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
         paths = [self.folder / f"{fingerprint(function, item)}.result" for item in items]
@@ -356,7 +354,7 @@ def _read_back(path: Path) -> tuple[Any, ...]:
 
 
 def fingerprint(function: Callable[..., Any], item: Any = None) -> str:
-    """Return a hash of a function with its arguments, an item, and the programs that do the work."""
+    """Return a hash of a function with its arguments, an item, and the programs that work."""
     import joblib  # noqa: PLC0415 - heavy
 
     parts: list[Any] = [item, *map(find_version, NUMERICS)]
