@@ -10,7 +10,6 @@ from identifiability.logs.prepare.dataset import prepare_log
 from identifiability.robot import Robot
 
 
-
 @pytest.fixture(autouse=True)
 def small(sizes):
     """Pieces of some hundred rows."""
