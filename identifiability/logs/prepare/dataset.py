@@ -584,7 +584,7 @@ def prepare_rows(
     tau = log.tau[part][motion.kept] - _known_torque(robot, log.name, motion)
     if robot.base is not None and log.base is not None:
         tau = motion.freed(tau + _pushed(robot, motion, log.base[part][motion.kept]))
-    dwells = None if plan.dwells is None else plan.dwells.find(log, dq)[part][motion.kept]
+    dwells = None if plan.dwells is None else plan.dwells.find(dq)[part][motion.kept]
     if robot.base is not None:
         dwells = _silent(motion, dwells)
     if log.unmeasured is not None:
