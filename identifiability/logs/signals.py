@@ -168,10 +168,6 @@ def _spline_slope(x: Array) -> Array:
 TOGETHER = 16
 
 
-#: Samples for each output that columns are computed of, at least, where there are so many.
-DENSE = 32
-
-
 @frozen
 class Decimation:
     """Zero-phase FIR low-pass and decimation that torque and regressor columns share.
@@ -180,27 +176,9 @@ class Decimation:
     ----------
     factor : int
         Every `factor`-th sample is kept.
-    spare : int
-        Of every so many samples the motion is known well enough: it was low-passed.
     """
 
     factor: int
-    spare: int = 1
-
-    @cached_property
-    def every(self) -> int:
-        """Columns are computed of every so many samples."""
-        most = max(1, min(self.factor // DENSE, self.spare))
-        return next(e for e in range(most, 0, -1) if self.factor % e == 0)
-
-    @property
-    def coarse(self) -> Decimation:
-        """The same filter, of every so many samples."""
-        return self if self.every == 1 else self._coarse
-
-    @cached_property
-    def _coarse(self) -> Decimation:
-        return Decimation(self.factor // self.every)
 
     @cached_property
     def taps(self) -> Array:

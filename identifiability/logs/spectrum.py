@@ -268,8 +268,6 @@ def choose_band(
             highest,
             f"{RULES.cutoff_highest:g} × the sampling rate, the motion reaches {band:.3g} Hz",
         )
-    # Columns are computed of so many samples for each output, which the low-pass must suit.
-    highest /= max(1, int(0.5 * rate / chosen) // signals.DENSE)
     wide = max(chosen, min(limit, highest))
     return Band(wide, chosen, band, limit, noise(wide), reason, joints, rate)
 

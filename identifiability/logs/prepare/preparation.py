@@ -16,12 +16,10 @@ from scipy.special import bdtrc
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Count, Derivatives, Positive, check_fields
 from identifiability.foundation.rounding import format_count
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier, signals
 from identifiability.logs.base import ACC, GYRO
@@ -45,13 +43,6 @@ from identifiability.robot.floating import BASE_JOINTS, SIX, base_acceleration
 # Velocities that were measured with noise are smoothed: signs of speed are taken of what is left.
 
 
-#: Cut-offs of the smoothed velocity that are tried, and in how many times the best one smoothing
-#: ends: what it takes from the motion is the same in every period, and no data average it out. It
-#: falls with the eighth power of the cut-off, the noise rises with its root.
-TRIED = 48
-WIDER: Tolerance = 1.5
-
-
 @frozen
 class Smoothing:
     """How velocities that were measured with noise are smoothed, for their signs.
@@ -73,10 +64,9 @@ class Smoothing:
 
     @staticmethod
     def choose(windows: Sequence[Array], dt: float) -> Smoothing | None:
-        """Return what smooths velocities with the least error; None where noise is negligible.
+        """Return what smooths velocities; None where noise is negligible.
 
-        The cut-off has the least unbiased estimate of the mean square error, of what it takes from
-        the motion and what it leaves of the noise [Mallows 1973].
+        The low-pass leaves the band of the motion alone.
 
         Parameters
         ----------
@@ -89,17 +79,9 @@ class Smoothing:
         noisy = level > RULES.noise_negligible * size
         if not noisy.any():
             return None
-        spectrum = Spectrum.of(windows, dt, 1)
-        f, power = spectrum.f[1:], spectrum.power[1:, noisy]
-        tried = np.geomspace(f[0], 0.45 / dt, TRIED)
-        ratio = np.tan(np.pi * f * dt) / np.tan(np.pi * tried * dt)[:, None]
-        passed = 1.0 / (1.0 + ratio**8)  # fourth order, there and back
-        share = (passed**2).mean(1) * (f[-1] * 2 * dt)
-        density = 2 * dt * level[noisy] ** 2
-        taken = ((1 - passed) ** 2) @ ((power - density) / density) * f[0]
-        best = int(np.argmin(taken.sum(1) + noisy.sum() * 0.5 * share / dt))
-        cutoff = min(WIDER * float(tried[best]), float(tried[-1]))
-        sd = np.sqrt(np.interp(cutoff, tried, share)) * level
+        band = float(Spectrum.of(windows, dt, 1).bandwidths().max(initial=0.0))
+        cutoff = min(max(RULES.cutoff_wide * band, RULES.cutoff_lowest), 0.45 / dt)
+        sd = np.sqrt(2 * cutoff * dt) * level
         at_rest = np.sqrt(np.mean([noise_parts(x)[0] for x in windows], axis=0))
         # Noise at rest of less than this share of that in motion (rms) cannot be told
         # from none.
@@ -292,8 +274,6 @@ class Plan:
         What to say of it where every reader looks.
     band : float or None [Hz]
         Up to where torque and columns are kept beside computed derivatives; None without these.
-    spare : int
-        Of every so many samples all is known that columns are made of.
     """
 
     step: float
@@ -308,12 +288,11 @@ class Plan:
     smoothing: Smoothing | None = None
     hints: tuple[str, ...] = ()
     band: float | None = None
-    spare: int = 1
 
     @property
     def decimation(self) -> signals.Decimation | None:
         """The decimation, if there is any."""
-        return signals.Decimation(self.factor, self.spare) if self.factor > 1 else None
+        return signals.Decimation(self.factor) if self.factor > 1 else None
 
     @property
     def filter_reach(self) -> int:
@@ -336,10 +315,9 @@ class Plan:
         records = [w.dq if w.dq is not None and recorded else w.q for w in windows]
         levels = [noise_level(x, w.t) ** 2 for x, w in zip(records, windows, strict=True)]
         sd: Array = np.sqrt(np.mean(levels, axis=0))
-        if recorded or self.cutoff is None:
-            return sd if recorded else 0 * sd
-        # White noise up to the cut-off, differentiated.
-        return sd * 2 * np.pi * np.sqrt(2 / 3 * self.step * self.cutoff**3)
+        if not recorded:  # white noise up to the cut-off, differentiated
+            sd *= 2 * np.pi * np.sqrt(2 / 3 * self.step * (self.cutoff or 0.0) ** 3)
+        return sd
 
     def mend(self, log: Log, origin: int = 0) -> Log:
         """Return a log, as it was recorded, with repeated values interpolated.
@@ -753,9 +731,6 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
             "(compensated): what gravity tells of masses is the file's"
         )
     plan = replace(plan, factor=_choose_factor(plan, how), stale=stale)
-    if plan.cutoff is not None and robot.base is None:  # a base's own sensor is not low-passed
-        spare = RULES.cutoff_highest / (plan.cutoff * plan.step)
-        plan = replace(plan, spare=int(spare * (1 + ROUNDOFF)))
     dwells = None
     if not how.keep_rest:
         stays = Stays.of(plan, windows, raw.origins)
@@ -857,5 +832,4 @@ def _choose_factor(plan: Plan, how: Preparation) -> int:
         return how.decimate
     if plan.band is None:
         return 1
-    factor = max(1, int(0.5 / (plan.band * plan.step)))
-    return factor - factor % max(1, factor // signals.DENSE)  # for `Decimation.every`
+    return max(1, int(0.5 / (plan.band * plan.step)))
