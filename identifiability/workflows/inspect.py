@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.effects.nominal import has_masses
 from identifiability.foundation.answers import Answer, Cell, Column, Table
-from identifiability.foundation.engines.mapping import Engine, Serial
+from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing
 from identifiability.foundation.findings import Finding, Level, ledger, phrase
 from identifiability.foundation.names import Array

@@ -20,7 +20,7 @@ from urllib.parse import quote
 import pandas as pd
 
 from identifiability.foundation.answers import Cell, Column, Note, Table
-from identifiability.foundation.engines.mapping import Engine, Serial
+from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing, near_match
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.numbers import percent

@@ -19,7 +19,7 @@ from identifiability.effects.vocabulary import complete_values
 from identifiability.estimation.prediction import Prediction, TorqueUncertainty
 from identifiability.foundation.answers import Answer, Column, Table, frame_table
 from identifiability.foundation.documents import read_document
-from identifiability.foundation.engines.mapping import Engine, one_thread
+from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, RobotError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import BASE, Array, shorten_paths

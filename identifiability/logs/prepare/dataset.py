@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.foundation.engines.mapping import Engine, Serial, Steps
+from identifiability.foundation.engines import Engine, Serial, Steps
 from identifiability.foundation.errors import ClosureError, LogError, RobotError
 from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.names import Array

@@ -14,7 +14,7 @@ from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import Turns
-from identifiability.foundation.engines.mapping import Engine, one_thread
+from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array

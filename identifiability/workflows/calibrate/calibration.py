@@ -20,7 +20,7 @@ from identifiability.estimation.noise import JointRuns, find_runs, fit_residual_
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Column, Table
-from identifiability.foundation.engines.mapping import Engine, Serial, Steps
+from identifiability.foundation.engines import Engine, Serial, Steps
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.numbers import REACH, Share, exact_share
 from identifiability.foundation.options import (

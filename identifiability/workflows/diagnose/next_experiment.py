@@ -17,7 +17,7 @@ from scipy.special import ndtr
 
 from identifiability.effects import Part, Placed, find_family, title_of
 from identifiability.estimation.rules import RULES
-from identifiability.foundation.engines.mapping import one_thread
+from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted

@@ -30,7 +30,7 @@ from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import take_turns
-from identifiability.foundation.engines.mapping import Engine, Steps, one_thread
+from identifiability.foundation.engines import Engine, Steps, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import Array
