@@ -144,27 +144,6 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     return bordered
 
 
-def renamed(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Return what makes a function refuse arguments by their old names, with the new ones.
-
-    Stands above `checked`: ``@renamed(draws="replicates")``; empty where there is no new one.
-    """
-
-    def rename(function: Callable[P, R]) -> Callable[P, R]:
-        @wraps(function)
-        def called(*args: P.args, **kwargs: P.kwargs) -> R:
-            for old in names.keys() & kwargs.keys():
-                what = getattr(function, "__name__", "the function")
-                new = names[old]
-                now = f"called '{new}' now" if new else "no longer needed: leave it out"
-                raise OptionError(f"'{old}' of {what} is {now}.")
-            return function(*args, **kwargs)
-
-        return called
-
-    return rename
-
-
 def check_fields(options: Any, what: str = "") -> None:
     """Check the fields of a dataclass against their annotations; for its ``__post_init__``.
 

@@ -237,17 +237,6 @@ def percent_digits(percent: float) -> str:
     return f"{percent:.0f}" if percent <= 9999 else "more than 9999"
 
 
-def format_time(seconds: float) -> str:
-    """Return a time in seconds, or in minutes where it is long.
-
-    Examples
-    --------
-    >>> format_time(90), format_time(600)
-    ('90 s', '10 min')
-    """
-    return f"{seconds:g} s" if seconds < 120 else f"{seconds / 60:.3g} min"
-
-
 def percent(share: float, count: int = 3, *, pad: bool = False) -> str:
     """Return a share in percent with some significant digits, or a dash.
 
@@ -261,17 +250,6 @@ def percent(share: float, count: int = 3, *, pad: bool = False) -> str:
 
 #: Shares in percent to two digits, and errors to three, zeros kept.
 rough_percent, error_text = partial(percent, count=2), partial(percent, pad=True)
-
-
-def whole_percent(share: float) -> str:
-    """Return a share in percent without decimals, or a dash.
-
-    Examples
-    --------
-    >>> whole_percent(0.8249), whole_percent(float("nan"))
-    ('82 %', '—')
-    """
-    return f"{100 * share:.0f} %" if math.isfinite(share) else NONE
 
 
 def stated_text(stated: float | None, sigma: float = math.nan) -> str:
@@ -288,11 +266,6 @@ def stated_text(stated: float | None, sigma: float = math.nan) -> str:
         return "0"
     ends = format_measured(math.nan if stated is None else stated, sigma)[0]
     return format_number(stated) if ends == NONE else ends
-
-
-def time_text(time: float) -> str:
-    """Return an autocorrelation time in samples."""
-    return f"{time:.2f}" if time < 10 else f"{time:.0f}"
 
 
 def percent_text(value: float | None) -> str:

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import whole_percent
+from identifiability.foundation.rounding import rough_percent
 from identifiability.foundation.values import frozen
 from identifiability.report.drawing import break_gaps, peak_rows, svg
 from identifiability.report.figures import POINTS, medians_along, spread_rows
@@ -284,7 +284,7 @@ class Fold:
 
 def share_cell(share: float) -> Cell:
     """Return a share with its bar; none where it is not known."""
-    return Cell(whole_percent(share), share, share=float(np.clip(np.nan_to_num(share), 0.0, 1.0)))
+    return Cell(rough_percent(share), share, share=float(np.clip(np.nan_to_num(share), 0.0, 1.0)))
 
 
 def fold_rows(
