@@ -57,7 +57,6 @@ def check_writable(path: FilePath) -> Path:
     return path
 
 
-@checked
 def check_ending(path: FilePath, *endings: str) -> None:
     """Refuse a file whose name ends as if it were of another format.
 
@@ -156,6 +155,7 @@ def _sweep(folder: Path) -> None:
     """Remove the half files that killed programs left in a folder a day ago or before."""
     for left in folder.glob(f"{HALF}*.tmp"):
         with suppress(OSError):
+            # A day, in seconds.
             if time.time() - left.stat().st_mtime > 86_400:
                 left.unlink()
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from decimal import ROUND_HALF_EVEN, Decimal
+from decimal import Decimal
 from functools import partial
 from typing import Any, Literal
 
@@ -177,8 +177,7 @@ def format_measured(value: float, sigma: float) -> tuple[str, str]:
         power = 0
     place = _last_place(sigma) - power
     tail = f"·10{superscript(power)}" if power else ""
-    shifted = (Decimal(repr(float(x))).scaleb(-power) for x in (value, sigma))
-    first, second = (_fixed(x, place) + tail for x in shifted)
+    first, second = (_fixed(x / 10.0**power, place) + tail for x in (value, sigma))
     return first, second
 
 
@@ -308,9 +307,6 @@ def _last_place(sigma: float) -> int:
     return exponent - 1 if lead < 355 else exponent
 
 
-def _fixed(x: Decimal, place: int) -> str:
-    rounded = x.quantize(Decimal(1).scaleb(place), ROUND_HALF_EVEN)
-    text = f"{rounded:f}"
-    if not rounded:
-        text = text.removeprefix("-")
-    return text.replace("-", "−")
+def _fixed(x: float, place: int) -> str:
+    rounded = Decimal(repr(float(x))).quantize(Decimal(1).scaleb(place))  # a half to the even digit
+    return f"{rounded + 0:f}".replace("-", "−")

@@ -117,24 +117,6 @@ class Gallery:
 
 
 @frozen
-class Sketch:
-    """A drawing that is SVG already, with its caption.
-
-    Attributes
-    ----------
-    markup : Markup
-    width : int
-        Width at which its text has the intended size [px].
-    caption : str
-    """
-
-    markup: Markup
-    width: int
-    caption: str = ""
-    kind: ClassVar[str] = "picture"
-
-
-@frozen
 class Traces:
     """Lines over time that can be zoomed and read off where they are.
 
@@ -264,7 +246,6 @@ class Answers:
     """The questions of a page, the drawing of what they are about beside them."""
 
     answers: tuple[Answer, ...]
-    sketch: Sketch | None = None
     below: tuple[Picture, ...] = ()
     kind: ClassVar[str] = "answers"
 
@@ -316,7 +297,7 @@ def fold_rows(
 
 
 Block: TypeAlias = (
-    Prose | Notes | Terms | Table | Picture | Gallery | Fold | Sketch | Traces | Moving | Answers
+    Prose | Notes | Terms | Table | Picture | Gallery | Fold | Traces | Moving | Answers
 )
 
 
