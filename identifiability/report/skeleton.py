@@ -18,6 +18,9 @@ WIDTH, HEIGHT, MARGIN = 400, 380, 46
 #: Direction that one looks along: azimuth and height [rad].
 TURN, LIFT = -0.95, 0.42
 
+#: A robot whose points lie in a plane up to this share of its size is drawn in that plane.
+FLAT = 0.03
+
 
 def _trace(robot: Robot, poses: Array) -> tuple[dict[str, Array], Array]:
     """Return lines of moving bodies, (2 s, F, 3) each, and places of joints, (j, F, 3) [m].
@@ -109,13 +112,23 @@ def move_skeletons(
 
 
 def _look(points: Array, robot: Robot) -> Callable[[Array], Array]:
-    """Return what takes points (N, 3) to the paper, (N, 2) [px], so that some fill it."""
+    """Return what takes points (N, 3) to the paper, (N, 2) [px], so that some fill it.
+
+    Of a flat robot it shows the plane, from above if it is level, else upright.
+    """
     up, gravity = np.array([0.0, 0.0, 1.0]), robot.gravity
     vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else up
     east, north, _ = pin.exp3(shortest_turn(up, vertical)).T
     right = np.cos(TURN) * east + np.sin(TURN) * north
     level = np.cos(TURN) * north - np.sin(TURN) * east
     away = np.cos(LIFT) * level - np.sin(LIFT) * vertical
+    _, extent, axes = np.linalg.svd(points - points.mean(0), full_matrices=False)
+    if extent[0] > 0 and extent[2] < FLAT * extent[0] < extent[1]:
+        away = -axes[2] if axes[2][np.argmax(np.abs(axes[2]))] > 0 else axes[2]
+        right = np.cross(away, vertical)
+        if abs(away @ vertical) > 0.9:  # level
+            right, away = east, -vertical
+        right /= np.linalg.norm(right)
     paper = np.stack([right, -np.cross(right, away)], 1)
     low, high = (points @ paper).min(0), (points @ paper).max(0)
     least = 1e-9 + 0.02 * float(np.max(high - low))
