@@ -17,9 +17,8 @@ from scipy.special import bdtrc
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Count, Derivatives, Positive, check_fields
-from identifiability.foundation.rounding import format_count
+from identifiability.foundation.rounding import format_count, percent
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier, signals
 from identifiability.logs.base import ACC, GYRO
