@@ -189,6 +189,7 @@ def test_reversals_are_data_where_a_rollout_turns_by_the_same_friction(arm, fram
     assert turning[0] == 0 < turning[1]
 
 
+@pytest.mark.everything
 def test_intervals_hold_where_servos_measure_half_as_often_as_is_assumed(arm):
     how = servos.Recorder(rate=200.0, delay=0.007, bits=14, servo_rate=500.0)
     rng = np.random.default_rng(11)
@@ -389,7 +390,7 @@ def test_what_the_sidecar_states_of_a_body_or_a_parameter_counts_beside_the_log(
         Robot.load(tmp_path / "arm.urdf")
 
 
-@pytest.mark.parametrize("late", [0.0, 0.004])
+@pytest.mark.parametrize("late", [pytest.param(0.0, marks=pytest.mark.everything), 0.004])
 def test_the_joint_that_is_late_is_named_and_not_those_that_its_delay_made_early(arm, late):
     rng, how = np.random.default_rng(1), servos.Recorder(200.0, 50.0, 0.006, 12)
     moves = [servos.draw_commands(arm, 5.0, 50.0, 0.35, rng) for _ in range(2)]
