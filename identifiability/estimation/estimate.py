@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.estimation.evidence import Folds, Score
+from identifiability.estimation.evidence import HeldOut
 from identifiability.estimation.noise import Noise
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.errors import LogError
@@ -194,16 +194,15 @@ def _predicts(information: Information, fits: Sequence[Estimate], weighed: Infor
         To the information, and to it with weights.
     weighed : Information
     """
+    noise = Noise.of(fits[0].variance, fits[0].times)
     try:
-        folds = Folds.of(information, float(fits[0].times.max()))
+        held_out = HeldOut.of(information, noise)
     except LogError:  # too short to be asked
         return True
-    tests, errors = information.summed(folds.tested), []
-    for part, fit in zip((information, weighed), fits, strict=True):
-        values = fit.estimator.refit(part, fit, folds.train.astype(float))
-        squares = tests.squares_of_blocks(np.pad(-values, ((0, 0), (0, 1)), constant_values=1.0))
-        errors.append(Score.of_errors(squares, information.variation, folds.ratio).error)
-    return not errors[1] > errors[0]
+    train, both = held_out.folds.train.astype(float), (information, weighed)
+    values = [f.estimator.refit(part, f, train) for part, f in zip(both, fits, strict=True)]
+    before, after = map(held_out.score, values)
+    return not after.error > before.error
 
 
 def _measure(information: Information, fit: Estimate) -> tuple[Array, Array]:
