@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
 from identifiability.estimation.evidence import Folds, choose_folds
 from identifiability.estimation.prediction import (
     ErrorSums,
