@@ -16,7 +16,6 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import EstimatorKind, check_choice, checked
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 
@@ -107,10 +106,6 @@ def estimate(information: Information, method: Method = "wls") -> Estimate:
 # fits have not seen it, and spoils all others.
 
 
-#: Weights are iterated until none changes by more than this share, but no oftener than so.
-AGREED: Tolerance = 0.02
-
-
 @frozen
 class Outliers:
     """Blocks of which an actuator's torque is weighed down.
@@ -159,12 +154,12 @@ def weigh_outliers(
         return information, None
     before = fit = estimator.fit(information)
     weighed, weights = information, np.ones((information.actuators, len(information.counts)))
-    # Weights are iterated until none changes by more than this share, but no oftener than so.
+    # Until none changes by more than two hundredths.
     for _ in range(30):
         beyond, limit = _measure(information, fit)
         last, weights = weights, np.minimum(1.0, limit / np.maximum(beyond, limit))
         weighed = information if (weights == 1.0).all() else information.weigh(weights)
-        if np.abs(np.log(weights / last)).max() < AGREED:
+        if np.allclose(weights, last, rtol=0.02):
             break
         fit = estimator.fit(weighed)
     out = (weights < 1.0).any(0)

@@ -14,12 +14,9 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dtrtri
 
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-
-#: Keeps a fold solvable in which a column never acts; columns have about unit length.
-RIDGE: Tolerance = 1e-9
 
 
 @frozen
@@ -46,7 +43,7 @@ class Normal:
     @staticmethod
     def ridged(P: Array, h: Array) -> Normal:
         """Return the same of a curvature that rounding or instruments may leave indefinite."""
-        ridge = RIDGE * np.eye(len(P))
+        ridge = ROUNDOFF * np.eye(len(P))  # columns have about unit length
         try:
             return Normal.of(P + ridge, h)
         except np.linalg.LinAlgError:
