@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from identifiability import analyze_many
 from identifiability.cli import app
-from identifiability.foundation.engines.mapping import Processes, Resumed, Serial
+from identifiability.foundation.engines import Processes, Resumed, Serial
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.workflows import many as module
 

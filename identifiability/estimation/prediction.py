@@ -17,7 +17,7 @@ from scipy.special import stdtrit
 from identifiability.estimation.estimator import Estimate, dependence
 from identifiability.estimation.evidence import LEVELS, Folds
 from identifiability.estimation.fit import Fit, remembering_covariance
-from identifiability.foundation.engines.mapping import Engine, Steps
+from identifiability.foundation.engines import Engine, Steps
 from identifiability.foundation.linalg import few_at_once
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import ENDS, REACH

@@ -15,7 +15,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from identifiability.effects import Effect, Part, Placed, find_effect, find_family
-from identifiability.foundation.engines.mapping import Engine, Result, Serial, Steps
+from identifiability.foundation.engines import Engine, Result, Serial, Steps
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.options import Expected, checked

@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.effects.nominal import has_masses
 from identifiability.foundation.answers import Answer, Cell, Column, Table
-from identifiability.foundation.engines.mapping import Engine, Serial
+from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing
 from identifiability.foundation.findings import Finding, Level, ledger, phrase
 from identifiability.foundation.names import Array
@@ -32,7 +32,7 @@ from identifiability.foundation.rounding import (
     format_number,
     join,
     percent,
-    whole_percent,
+    rough_percent,
 )
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
@@ -673,7 +673,7 @@ MOTION = with_hints(
     "inspection.motion",
     Column("least", digits(3), "low"),
     Column("largest", digits(3), "high"),
-    Column("of its range", whole_percent, "room"),
+    Column("of its range", rough_percent, "room"),
     Column("speed", digits(3), "speed"),
     Column("acceleration", digits(3), "acceleration"),
     Column("bandwidth", digits(3), "bandwidth"),
@@ -694,7 +694,7 @@ CLOCK = with_hints(
     Column("gaps", "number", "gaps"),
     Column("lost", "number", "lost"),
     Column("cut-off [Hz]", digits(3), "cutoff"),
-    Column("used", whole_percent, lambda r: r.kept / r.samples),
+    Column("used", rough_percent, lambda r: r.kept / r.samples),
     Column("left", "number", "outputs"),
 )
 

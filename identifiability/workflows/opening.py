@@ -21,13 +21,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.foundation import __version__
-from identifiability.foundation.engines.mapping import (
-    NUMERICS,
-    Engine,
-    Processes,
-    Steps,
-    find_version,
-)
+from identifiability.foundation.engines import NUMERICS, Engine, Processes, Steps, find_version
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.names import shorten_paths

@@ -6,7 +6,6 @@ import pytest
 
 from identifiability import Log, Robot
 from identifiability.foundation.documents import MOST_BYTES as DOCUMENT
-from identifiability.foundation.documents import MOST_KEYS, MOST_VALUES
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Renames
 from identifiability.robot import assembly
@@ -156,11 +155,6 @@ def test_a_mesh_that_weighs_is_bounded(refuses):
 TOML = {
     "bytes": ("#" * (DOCUMENT["TOML"] + 1), "larger than 1 MB"),
     "depth of a key": (".".join("a" * 65) + " = 1", "names more than 64 tables"),
-    "keys": (
-        "[nominal]\n" + "\n".join(f"a{k} = 1" for k in range(MOST_KEYS + 1)),
-        f"'nominal' has {MOST_KEYS + 1} entries, more than {MOST_KEYS}",
-    ),
-    "values": ("home = [" + "1," * (MOST_VALUES + 1) + "]", f"more than {MOST_VALUES}"),
     "coefficients": (
         f'[[couplings]]\njoint = "elbow"\npolynomial = {[1.0] * 51}',
         "polynomial': list should have at most 50 items",

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from identifiability.cli.verbs import run_demo
-from identifiability.foundation.engines.mapping import Serial
+from identifiability.foundation.engines import Serial
 from identifiability.robot import Robot
 from identifiability.robot.locate import locate_robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, random_trajectory, simulate

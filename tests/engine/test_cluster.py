@@ -9,9 +9,8 @@ import cloudpickle
 import numpy as np
 import pytest
 
-from identifiability.foundation.engines import cluster as clusters
-from identifiability.foundation.engines.cluster import choose_engine
-from identifiability.foundation.engines.mapping import Resumed, Serial
+from identifiability.foundation import engines as clusters
+from identifiability.foundation.engines import Resumed, Serial, choose_engine
 from identifiability.foundation.errors import EngineError, LogError
 
 try:
@@ -76,7 +75,7 @@ def test_an_item_that_ends_every_worker_is_one_sentence(cluster, work, monkeypat
 
 @needs_dask
 def test_workers_with_another_program_are_refused(cluster, monkeypatch):
-    module = sys.modules["identifiability.foundation.engines.cluster"]
+    module = sys.modules["identifiability.foundation.engines"]
     monkeypatch.setattr(module, "source_digest", lambda name: str(os.getpid()))
     with pytest.raises(EngineError, match="do not have this version of identifiability"):
         choose_engine(scheduler=cluster.client.scheduler.address)

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from identifiability.cli import app
-from identifiability.foundation.engines.mapping import Processes
+from identifiability.foundation.engines import Processes
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from identifiability.foundation.engines.cluster import choose_engine
-from identifiability.foundation.engines.mapping import Processes, Resumed, Serial, in_order
+from identifiability.foundation.engines import Processes, Resumed, Serial, choose_engine, in_order
 from identifiability.foundation.errors import EngineError, IdentifiabilityError, LogError
 
 
@@ -116,7 +115,7 @@ def test_processes_that_nobody_asked_for_start_once_that_pays(monkeypatch, work)
             os.getpid()
         }
         assert engine._pool is None
-    monkeypatch.setattr("identifiability.foundation.engines.mapping.OPENING", 1e-9)
+    monkeypatch.setattr("identifiability.foundation.engines.OPENING", 1e-9)
     for engine in (Processes(), choose_engine()):
         with engine:  # the first item says that the other eight would take longer than an instant
             found = list(engine.map(partial(work.look_up, np.arange(9)), range(9)))

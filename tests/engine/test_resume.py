@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from identifiability.foundation.engines import mapping as prints
-from identifiability.foundation.engines.mapping import Resumed, Serial
+from identifiability.foundation import engines as prints
+from identifiability.foundation.engines import Resumed, Serial
 from identifiability.foundation.errors import OutputError
 
 calls = []
@@ -112,7 +112,7 @@ def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path):
 PROGRAM = """
 import sys, time
 from pathlib import Path
-from identifiability.foundation.engines.cluster import choose_engine
+from identifiability.foundation.engines import choose_engine
 
 def work(item):
     if sys.argv[1] == "slow" and item >= 12:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from identifiability.foundation.engines.mapping import one_thread
+from identifiability.foundation.engines import one_thread
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet

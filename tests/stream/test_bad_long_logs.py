@@ -3,7 +3,7 @@
 import pytest
 
 from identifiability import analyze
-from identifiability.foundation.engines.mapping import Processes, Serial
+from identifiability.foundation.engines import Processes, Serial
 from identifiability.foundation.errors import ClosureError, LogError
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation

@@ -5,7 +5,7 @@ import pytest
 
 from identifiability import analyze
 from identifiability.estimation.prediction import predict
-from identifiability.foundation.engines.mapping import Processes, Resumed, Serial
+from identifiability.foundation.engines import Processes, Resumed, Serial
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.gather import gather_information

@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.foundation.engines.mapping import Engine, Serial, Steps
+from identifiability.foundation.engines import Engine, Serial, Steps
 from identifiability.foundation.errors import ClosureError, LogError, RobotError
 from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import checked
+from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.base import AFTER, UP

@@ -18,9 +18,8 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Count, Derivatives, Positive, check_fields
-from identifiability.foundation.rounding import format_count
+from identifiability.foundation.rounding import format_count, percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier, signals

@@ -22,19 +22,18 @@ from identifiability.estimation.groups import Alternatives
 from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.estimation.rules import Thresholds
-from identifiability.foundation.engines.mapping import Engine, Steps, one_thread
+from identifiability.foundation.engines import Engine, Steps, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.findings import of_key
-from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import (
     Names,
     NotNegative,
     Replicates,
     Seed,
     checked,
-    renamed,
     settle_count,
 )
+from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import find_signal
@@ -85,7 +84,6 @@ from identifiability.workflows.session import Session, Weighed, find_missing, se
 CERTIFIED = 4
 
 
-@renamed(cad_weight="cad_prior")
 @checked
 def prune(
     robot: RobotLike,
