@@ -264,7 +264,9 @@ def quiet() -> Iterator[None]:
 
 def _reason(error: Exception, root: ET.Element) -> str:
     """Return MuJoCo's reason on one line, with its full stop."""
-    text = re.sub(r"(XML )?Error: |Element name '', |id -?\d+, ", "", " ".join(str(error).split()))
+    text = re.sub(
+        r"(XML )?Error: |(?<=Element) name '',| id -?\d+,", "", " ".join(str(error).split())
+    )
     known = {e.get(key) or "" for e in root.iter() for key in ("name", "class")}
     known |= {"hinge", "slide", "ball", "free"}
     quoted, text = re.search(r"'([^']+)'", text), text.rstrip(".")[:300]
@@ -297,8 +299,8 @@ def _forget_looks(spec: Any) -> None:
     for element in (*geoms, *sites, *spec.tendons, *spec.meshes):
         element.material = ""
     used = {e.meshname for e in (*geoms, *sites)} | {f.name for f in spec.flexes}
-    kinds = (spec.sensors, spec.pairs, spec.excludes, spec.tuples, spec.skins, spec.lights)
-    kinds = (*kinds, spec.materials, spec.textures, spec.hfields)
+    kinds = [spec.sensors, spec.pairs, spec.excludes, spec.tuples, spec.skins, spec.lights]
+    kinds += [spec.materials, spec.textures, spec.hfields]
     unused = [mesh for mesh in spec.meshes if mesh.name not in used]
     for element in [*(e for kind in kinds for e in kind), *unused]:
         spec.delete(element)

@@ -45,7 +45,7 @@ MJCF = {
     "unknown motor": (('joint="elbow"', 'joint="elbw"'), "'elbw' for .*, did you mean 'elbow'"),
     "number in words": (
         ('mass="4"', 'mass="four"'),
-        r"bad format in attribute 'mass' \(element 'inertial', line 23\)\.",
+        r"bad format in attribute 'mass' Element 'inertial', line 23\.",
     ),
     "tendon": (
         (
@@ -54,7 +54,7 @@ MJCF = {
             '<site site="s1"/><site site="s2"/></spatial></tendon>'
             '<equality><tendon tendon1="a"/></equality>',
         ),
-        "couples the tendon 'a', which does not run along joints; only <fixed> tendons",
+        "closes a loop with <tendon>; only <connect>, <weld> and <joint> equalities",
     ),
     "coupling of driven joints": (
         equality('<joint joint1="elbow" joint2="shoulder"/>'),

@@ -161,10 +161,6 @@ TOML = {
         f"'nominal' has {MOST_KEYS + 1} entries, more than {MOST_KEYS}",
     ),
     "values": ("home = [" + "1," * (MOST_VALUES + 1) + "]", f"more than {MOST_VALUES}"),
-    "coefficients": (
-        f'[[couplings]]\njoint = "elbow"\npolynomial = {[1.0] * 51}',
-        "polynomial': list should have at most 50 items",
-    ),
 }
 
 
