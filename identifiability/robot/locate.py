@@ -103,7 +103,7 @@ LONGEST_NAME = 500
 
 #: No mass, moment, length or gravity in SI units is larger, and no mass smaller unless it is zero.
 LARGEST: Tolerance = 1e15
-SMALLEST: Tolerance = 1e-30
+SMALLEST = 1 / LARGEST
 
 
 # Parse the XML of a robot file as far as its size allows: what has no end is refused at once.

@@ -23,7 +23,6 @@ from identifiability.foundation.output import write_text, write_together
 from identifiability.robot.assembly import position_limits
 from identifiability.robot.closure import rest_along
 from identifiability.robot.description import ENDLESS, Axis, Coupling, Description
-from identifiability.robot.files import PLACEHOLDER
 from identifiability.robot.floating import BASE_JOINTS
 from identifiability.robot.kinematics import WORLD, Joint, Point, least_eigenvalue, shortest_turn
 from identifiability.robot.locate import drop_repeated, own_sidecar, place_sidecar, read_markup
@@ -659,7 +658,7 @@ def converted_urdf(robot: Description) -> ET.Element:
     ground, between = ground_of(robot), links_between(robot)
     ET.SubElement(top, "link", name=ground)
     for name in (*robot.bodies, *between.values()):
-        size = 1.0 if name in robot.bodies else PLACEHOLDER
+        size = 1.0 if name in robot.bodies else TINY  # simulators refuse none
         urdf_inertial(ET.SubElement(top, "link", name=name), size, np.zeros(3), size * np.eye(3))
     coupled = in_file(robot, 2)
     for body, parent, joints in body_joints(robot, ground):
