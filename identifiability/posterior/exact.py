@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.foundation.linalg import ROUNDING
+from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -486,7 +486,7 @@ def build_sampler(target: Target) -> ExactSampler:
     both = np.vstack([target.region.rows, entries])
     # What rounding takes outside is inside: rows and diagonals of matrices have this much room.
     # How far outside is inside, as a share of what a prior standard deviation changes.
-    room = ROUNDING * np.abs(both) @ target.proper_prior.sd
+    room = TINY * np.abs(both) @ target.proper_prior.sd
     room[m:] *= np.tile(UPPER % 5 == 0, len(entries) // 10)
     room[:m] -= target.region.least
     region = Cone(both @ target.basis, both @ origin + room, m)
