@@ -34,6 +34,7 @@ from identifiability.report.blocks import (
     GLOSSARY,
     Fold,
     Gallery,
+    Moving,
     Notes,
     Prose,
     Section,
@@ -50,7 +51,7 @@ from identifiability.report.blocks import (
     torque_traces,
 )
 from identifiability.report.figures import MOST, draw_confusion, draw_forest, order_correlated
-from identifiability.report.skeleton import sketch_verdicts
+from identifiability.report.skeleton import move_with_torque, sketch_verdicts
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.belief import Source, Summary
@@ -83,6 +84,24 @@ def analysis_heading(analysis: Analysis) -> tuple[str, str]:
 def analysis_sketch(analysis: Analysis) -> Sketch | None:
     """Return the robot, coloured by what is identifiable, if it can be drawn."""
     return sketch_verdicts(analysis.robot, analysis.chosen.verdicts)
+
+
+def analysis_moving(analysis: Analysis) -> Moving | None:
+    """Return the robot along unseen motion beside measured and predicted torque."""
+    if not np.isfinite(analysis.chosen.error_ra_validation):
+        return None
+    sample, out = (analysis.validation or analysis.samples)[0], analysis.held_out
+    measured, predicted = (x[: len(out.t[0])] for x in out.to_draw(0))
+    lines = {"measured": measured, "predicted": predicted, "residual": measured - predicted}
+    return move_with_torque(
+        analysis.robot,
+        sample.motion,
+        out.t[0],
+        measured,
+        measured - predicted,
+        lambda k: {name: x[:, k] for name, x in lines.items()},
+        sample.name,
+    )
 
 
 def analysis_sections(analysis: Analysis) -> list[Section | None]:
@@ -122,7 +141,7 @@ def section_parameters(analysis: Analysis) -> Section:
     size = format_count(len(chosen.submodel), "parameter")
     return section(
         "analysis.parameters",
-        figure,
+        *filter(None, (analysis_sketch(analysis), figure)),
         *tables,
         _name_key(analysis),
         title=model_title(chosen),

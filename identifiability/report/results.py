@@ -84,7 +84,7 @@ def _within(blocks: Iterable[Any]) -> Iterator[Any]:
 def render_page(page: Page) -> str:
     """Return a page as HTML that loads nothing and runs no script but its own."""
     environment = page_environment()
-    kinds = {getattr(block, "kind", "") for block in _within(page.sections)}
+    kinds = {getattr(b, "kind", "") for b in _within((*page.summary, *page.sections))}
     zoomed = "traces" in kinds
     names = ["page.js", *(("uplot/uPlot.js", "traces.js") if zoomed else ())]
     names += ["moving.js"] if "moving" in kinds else []
@@ -171,8 +171,9 @@ def _of_page(result: Result, name: str, usual: Any = None) -> Any:
 
 def answer_first(result: Result) -> Answers:
     """Return what the page of a result answers first."""
-    below = _of_page(result, "below")
-    return Answers(result.answers(), _of_page(result, "sketch"), () if below is None else (below,))
+    moving, below = (_of_page(result, name) for name in ("moving", "below"))
+    sketch = None if moving else _of_page(result, "sketch")
+    return Answers(result.answers(), sketch, tuple(filter(None, (moving, below))))
 
 
 def build_page(result: Result) -> Page:
