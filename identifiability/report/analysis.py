@@ -38,7 +38,6 @@ from identifiability.report.blocks import (
     Notes,
     Prose,
     Section,
-    Sketch,
     Term,
     Terms,
     Trace,
@@ -51,7 +50,7 @@ from identifiability.report.blocks import (
     torque_traces,
 )
 from identifiability.report.figures import MOST, draw_confusion, draw_forest, order_correlated
-from identifiability.report.skeleton import move_with_torque, sketch_verdicts
+from identifiability.report.skeleton import move_with_torque
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.belief import Source, Summary
@@ -79,11 +78,6 @@ def analysis_heading(analysis: Analysis) -> tuple[str, str]:
     samples = format_count(analysis.information.samples, "sample")
     about = f"{robot.path.name} · {count_joints(robot)} · {logs} with {samples}"
     return "Identifiability report", about
-
-
-def analysis_sketch(analysis: Analysis) -> Sketch | None:
-    """Return the robot, coloured by what is identifiable, if it can be drawn."""
-    return sketch_verdicts(analysis.robot, analysis.chosen.verdicts)
 
 
 def analysis_moving(analysis: Analysis) -> Moving | None:
@@ -141,7 +135,7 @@ def section_parameters(analysis: Analysis) -> Section:
     size = format_count(len(chosen.submodel), "parameter")
     return section(
         "analysis.parameters",
-        *filter(None, (analysis_sketch(analysis), figure)),
+        figure,
         *tables,
         _name_key(analysis),
         title=model_title(chosen),

@@ -171,9 +171,8 @@ def _of_page(result: Result, name: str, usual: Any = None) -> Any:
 
 def answer_first(result: Result) -> Answers:
     """Return what the page of a result answers first."""
-    moving, below = (_of_page(result, name) for name in ("moving", "below"))
-    sketch = None if moving else _of_page(result, "sketch")
-    return Answers(result.answers(), sketch, tuple(filter(None, (moving, below))))
+    drawn = (_of_page(result, name) for name in ("moving", "below"))
+    return Answers(result.answers(), tuple(filter(None, drawn)))
 
 
 def build_page(result: Result) -> Page:
@@ -318,7 +317,7 @@ def _style() -> str:
     sheet = re.sub(r"/\*.*?\*/", "", sheet, flags=re.DOTALL)
     own = re.sub(r"(?m)^(\s*)(?::root|html|body|main)(?=\s*\{)", r"\1:scope", sheet)
     tidy = (
-        ".chips, .arrow, .copy { display: none; } thead button { pointer-events: none; } "
+        ".chips, .arrow, .copy, .player { display: none; } thead button { pointer-events: none; } "
         "tbody th { min-width: 0; } td.is-text:last-child { min-width: 280px; } "
     )
     narrow = ":scope { max-width: 100%; padding: 0 4px; font-size: 14px; background: none; }"

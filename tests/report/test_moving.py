@@ -75,6 +75,6 @@ def test_a_joint_is_marked_when_and_where_torque_is_missed(name):
     (_, _, path), *others = drawn.plot
     assert path.startswith("M0.0 ")
     assert not others
-    page = render_page(Page("a", summary=(Answers((), None, (drawn,)),)))
+    page = render_page(Page("a", summary=(Answers((), (drawn,)),)))
     assert "drawMoving" in page
     assert path in page
