@@ -7,20 +7,8 @@ import pytest
 
 from identifiability import analyze
 from identifiability.estimation.verdict import Class
-from identifiability.logs.prepare import Preparation
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate
-
-#: Too few blocks of time are left.
-LOW = Preparation(cutoff=1.0)
-
-
-@pytest.fixture(scope="module")
-def slow(simulated_session):
-    """A function (robot, motion) -> log without derivatives, for a cut-off below its motion."""
-    return lambda name, motion="a": replace(
-        simulated_session(name, motion, 0, Noise(torque=0.02)), dq=None, ddq=None
-    )
 
 
 @pytest.mark.parametrize("size", [pytest.param(0.0, marks=pytest.mark.everything), 1e-3])
