@@ -609,7 +609,7 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
     masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
     real = ladder.chosen.physical
     said = filter(None, ("" if real is None else real.sentence, ladder.mass_statement))
-    settings = {"method": ladder.method, "seed": ladder.seed}
+    settings = {key: ladder.settings[key] for key in ("method", "seed")}
     text = words("pruning.how", effects=", ".join(ladder.effects), **settings)
     some = not ladder.nothing
     return [

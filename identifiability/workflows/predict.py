@@ -48,13 +48,7 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.robot.robot import new_place
 from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.robot.sidecar import Value
-from identifiability.workflows.answers import (
-    answer_next,
-    answer_quality,
-    hides_joints,
-    list_worst,
-    with_hints,
-)
+from identifiability.workflows.answers import answer_next, answer_quality, list_errors, with_hints
 from identifiability.workflows.commands import given_paths, name_export, name_logs, source_name
 from identifiability.workflows.opening import Logs, in_memory, read_recordings
 from identifiability.workflows.rules import RULES
@@ -179,10 +173,10 @@ class TorquePrediction(Result):
         """Return what was predicted, how well, whether to trust it, what to do next."""
         known = [n for n, has in zip(self.logs, self.measured, strict=True) if has]
         each = self.error_frame()["error"].to_numpy(float)
-        quality = answer_quality(self.error_ra, self.robot.joints, each, join(known))
+        more = f"Measured on {join(known)}."
         if np.isfinite(self.error_ra) and self.error_ra != self.error_ra_raw:
-            raw = f"Of the torque as it was measured it errs by {percent(self.error_ra_raw)}."
-            quality = replace(quality, text=f"{quality.text} {raw}")
+            more += f" Of the torque as it was measured it errs by {percent(self.error_ra_raw)}."
+        quality = answer_quality(self.error_ra, self.robot.joints, each, more if known else "")
         return _what(self), quality, _trust(self), answer_next(_next_commands(self))
 
     def decided_by(self) -> tuple[RuleTable, ...]:
@@ -908,9 +902,9 @@ def _position_error(result: PositionPrediction) -> Answer:
         for run, x, w in zip(result.runs, whole, short, strict=True)
     ]
     each = 1e3 * (last.window_errors if driven else last.errors)[result.alike]
-    if hides_joints(each, np.inf):
-        joints = [j for j, a in zip(result.robot.joints, result.alike, strict=True) if a]
-        said.append(f"By joint of {last.name}: {list_worst(joints, each, unit)}.")
+    joints = np.array(result.robot.joints)[result.alike].tolist()
+    if len(joints) > 1:
+        said.append(f"By joint of {last.name}: {list_errors(joints, each, unit)}.")
     told = " → ".join(texts)
     better = len(totals) > 1 and totals[1] < totals[0]
     tone = "blue" if len(totals) == 1 else "green" if better else "amber"
