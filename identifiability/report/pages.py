@@ -562,7 +562,7 @@ def payload_sections(result: Load) -> list[Section | None]:
 def prediction_heading(result: TorquePrediction) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
     count = format_count(len(result.t), "sample")
-    return "Predicted torque", f"{result.robot.path.name} · {result.model} · {count}"
+    return "Predicted torque", f"{result.robot.path.name} · {result.fit.submodel.name} · {count}"
 
 
 def prediction_below(result: TorquePrediction) -> Picture | None:

@@ -521,11 +521,14 @@ class Laddered(OfStructure, Result, Predicts):
     @property
     def statement(self) -> str:
         """The answers in plain words, behind a wrong mass, with what is odd."""
-        told, tilt = (*self.answers()[:2], self._answer_trust()), self.robot.tilt
-        parts = [f"{a.short} {a.text}" for a in told] if not self.nothing else [told[2].text]
+        told, tilt = [self._answer_trust()], self.robot.tilt
+        parts = [told[0].text]
+        if not self.nothing:
+            told = [self._answer_use(), self._answer_quality(), *told]
+            parts = [f"{a.short} {a.text}" for a in told]
         parts += [] if tilt is None else [f"In this model gravity {tilt.text}."]
         parts += [] if self.moved is None else [self.moved.statement]
-        return " ".join(filter(None, (self.weight, *parts, *self.hints)))
+        return " ".join(filter(None, (self.mass_warning, self.weight, *parts, *self.hints)))
 
     @property
     def weight(self) -> str:
