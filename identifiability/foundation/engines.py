@@ -122,7 +122,7 @@ class Engine:
                 progress(done, len(items))
             yield result
 
-    def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+    def _run(self, function: Any, items: Sequence[Any]) -> Iterator[Any]:
         return (run_limited(function, item) for item in items)
 
     def close(self) -> None:
@@ -162,7 +162,7 @@ class Processes(Engine):
 
         return self._asked or int(joblib.cpu_count())
 
-    def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+    def _run(self, function: Any, items: Sequence[Any]) -> Iterator[Any]:
         begin = time.thread_time()  # a busy machine takes as much longer to open
         first = [] if self._asked else [run_limited(function, item) for item in items[:1]]
         gained = (time.thread_time() - begin) * (len(items) - 1) * (1 - 1 / self.workers)
@@ -265,7 +265,7 @@ class Dask(Engine):
             self.close()
             raise EngineError(Finding(f"cluster.{wrong}", scheduler))
 
-    def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+    def _run(self, function: Any, items: Sequence[Any]) -> Iterator[Any]:
         import dask  # noqa: PLC0415
         from distributed import KilledWorker  # noqa: PLC0415
         from distributed.core import CommClosedError, RPCClosed  # noqa: PLC0415
@@ -327,7 +327,7 @@ class Resumed(Engine):
         if why:
             raise OutputError(f"'{folder}' cannot keep finished work: {why}; give a folder.")
 
-    def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+    def _run(self, function: Any, items: Sequence[Any]) -> Iterator[Any]:
         paths = [self.folder / f"{fingerprint(function, item)}.result" for item in items]
         kept = [_read_back(path) for path in paths]
         fresh = self.engine.map(

@@ -23,10 +23,16 @@ from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, RobotError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import BASE, Array, shorten_paths
-from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import digits, error_text, exact, format_count, join
+from identifiability.foundation.rounding import (
+    digits,
+    error_text,
+    exact,
+    format_count,
+    join,
+    percent,
+)
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals

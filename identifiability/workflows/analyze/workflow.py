@@ -43,14 +43,7 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
-from identifiability.foundation.options import (
-    NotNegative,
-    Replicates,
-    Seed,
-    checked,
-    renamed,
-    settle_count,
-)
+from identifiability.foundation.options import NotNegative, Replicates, Seed, checked, settle_count
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
@@ -559,7 +552,6 @@ def predict_everywhere(
 # The whole way from logs to the answer.
 
 
-@renamed(cad_weight="cad_prior")
 @checked
 def analyze(
     robot: RobotLike,

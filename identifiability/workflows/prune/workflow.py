@@ -32,16 +32,15 @@ from identifiability.foundation.engines import Engine, Steps, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import (
     Names,
     NotNegative,
     Replicates,
     Seed,
     checked,
-    renamed,
     settle_count,
 )
+from identifiability.foundation.rounding import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
@@ -90,7 +89,6 @@ from identifiability.workflows.session import Session, Weighed, find_missing, se
 CERTIFIED = 4
 
 
-@renamed(cad_weight="cad_prior")
 @checked
 def prune(
     robot: RobotLike,
