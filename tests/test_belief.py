@@ -76,7 +76,7 @@ def test_all_draws_belong_to_a_real_robot(analysis):
     ).flat()
     assert region.contains(draws).all()
     to_x = np.linalg.pinv(chosen.submodel.M) @ structure.G
-    for x in analysis.belief.physical.draws[:5]:
+    for x in analysis.belief.physical.chains[0, 0, :5]:
         assert certify(to_x, x, region).feasible
 
 
@@ -172,7 +172,7 @@ def test_what_the_data_leave_open_is_determined_by_bodies_or_is_the_prior(analys
 def test_friction_of_the_unpruned_model_is_never_below_zero(analysis, unpruned):
     held = analysis.full.submodel.nonnegative
     for summary in (unpruned.signs, unpruned.physical):
-        assert (summary.draws[:, held] >= -1e-9).all()
+        assert (summary.chains[..., held] >= -1e-9).all()
 
 
 def test_a_chain_that_has_not_converged_is_withheld_in_json_and_verdicts(analysis, unpruned):

@@ -15,16 +15,9 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.evidence import LEVELS
-from identifiability.estimation.verdict import Verdict
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table, measured_cells
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import (
-    NONE,
-    error_text,
-    format_count,
-    format_number,
-    percent,
-)
+from identifiability.foundation.rounding import error_text, format_count, format_number, percent
 from identifiability.foundation.rules import RuleTable
 from identifiability.robot import Robot
 from identifiability.workflows.rules import RULES
@@ -81,17 +74,6 @@ def list_errors(joints: Sequence[str], each: Array, unit: str) -> str:
     order = np.argsort(-each, kind="stable")
     said = [f"{joints[k]} {format_number(each[k], 2)} {unit}" for k in order]
     return ", ".join(said if len(said) <= MOST else [*said[: MOST - 1], "…", said[-1]])
-
-
-def bias_columns(verdicts: Sequence[Verdict]) -> tuple[Column, ...]:
-    """Return the column of what least squares would have been, if the fit is none."""
-    if all(v.bias_sigma is None for v in verdicts):
-        return ()
-    return (Column("least squares − value", _sigmas, "bias_sigma", detail=True),)
-
-
-def _sigmas(moved: float | None) -> str:
-    return NONE if moved is None else f"{moved:+z.2f} σ".replace("-", "−")
 
 
 #: What every table of judged parameters shows of a `Verdict`.

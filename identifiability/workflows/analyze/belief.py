@@ -114,11 +114,6 @@ class Summary:
     convergence: Convergence
 
     @property
-    def draws(self) -> Array:
-        """All draws, (D, m)."""
-        return self.chains.reshape(-1, self.chains.shape[-1])
-
-    @property
     def stated(self) -> np.ndarray:
         """Which intervals may be stated, (m,) bool; the others are the prior's."""
         return np.asarray(self.prior_sensitivity <= POSTERIOR_RULES.prior_sensitivity)
