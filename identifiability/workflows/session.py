@@ -388,7 +388,7 @@ class Session:
         return partial(prepare_log, robot, how=self.how, engine=self.engine, progress=reading)
 
     def weigh(self, opening: Opening, method: Method, kind: Kind) -> Weighed:
-        """Return the rows of opened logs, each by its noise, with instruments where there are any."""
+        """Return the rows of opened logs by their noise, with instruments where there are any."""
         opening, estimator = self._with_instruments(opening, method, kind)
         building = share(self.say, "building the regression", 0.2, 0.4)
         alike = gather_information(opening.regression, engine=self.engine, progress=building)

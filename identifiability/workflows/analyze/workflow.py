@@ -35,7 +35,6 @@ from identifiability.estimation.groups import Alternatives
 from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Prediction, Task, predict, predict_all, widening
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.torque_errors import Turns, take_turns
 from identifiability.estimation.verdict import Flag, Verdict, judge, narrow
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import LogError, ModelError, listing
@@ -196,7 +195,7 @@ def settle_robot(
     """
     submodel, fit = model.submodel, model.estimate
     free = held_out.refit(fit, submodel.M, submodel.fixed)
-    score = held_out.score_roots(free, held_out.roots(submodel.M[:, list(fit.kept)]))
+    score = held_out.score(free)
     weight = WEAK if cad_weight is None and not choose else cad_weight
     tried = [w for w in WEIGHTS if w <= heaviest] if weight is None else [weight or WEIGHTS[-1]]
     chosen = choose_prior(model, held_out, score, tried)
@@ -522,7 +521,7 @@ def say_of_fit(session: Session, samples: Sequence[Dataset], result: ModelResult
 
 
 def predict_everywhere(
-    session: Session, rows: Weighed, own: Settled, which: int, turns: Turns | None
+    session: Session, rows: Weighed, own: Settled, which: int, turns: Folds | None
 ) -> Prediction | None:
     """Return torque along unseen motion where joints stand, too; None where none does.
 
@@ -533,7 +532,7 @@ def predict_everywhere(
     own : Settled
     which : int
         Of its accounts.
-    turns : Turns or None
+    turns : Folds or None
         Which fold's predicts a sample, where no logs are held out.
     """
     opening, known = rows.opening, session.recordings
@@ -698,7 +697,7 @@ def _conclude(
     values = np.concatenate([one.values for one in settled], axis=1)
     tasks = [Task(values[None])]
     if folds is not None and not opening.validation:
-        turns = take_turns(settled[0].model.whole, folds.test)
+        turns = folds
         tasks.append(Task(np.concatenate([one.turned for one in settled], axis=2), turns))
     predicting = share(say, "predicting torque", 0.65, 0.9)
     fitted, *others = predict_all(opening.regression, tasks, engine=engine, progress=predicting)
