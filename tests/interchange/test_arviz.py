@@ -28,7 +28,7 @@ def test_every_draw_is_there_with_names_and_units(which, result):
     phi = posterior["phi"]
     assert phi.dims == ("chain", "draw", "parameter")
     assert phi["parameter"].values.tolist() == list(result.chosen.submodel.columns)
-    units = posterior["unit"].values.tolist()
+    units = tree["constant_data"]["unit"].values.tolist()
     assert units == [v.unit for v in result.chosen.verdicts]
     np.testing.assert_allclose(phi.mean(("chain", "draw")), summary.mean, rtol=1e-9)
     np.testing.assert_allclose(phi.std(("chain", "draw"), ddof=1), summary.sd, rtol=1e-9)

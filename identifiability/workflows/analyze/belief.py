@@ -283,11 +283,11 @@ def build_datatree(
 ) -> DataTree:
     """Return a posterior of a model as ArviZ reads it.
 
-    Group ``posterior`` holds ``phi`` of the model's parameters, by walker (a chain each) and draw,
-    with their ``unit``; with ``which="physical"`` also ``standard`` of the standard parameters
-    that the model does not hold. The coordinate ``ensemble`` says which chains started together,
-    for `arviz_stats.rhat_nested`. The attribute ``trustworthy`` is 0, with the reasons beside it,
-    where the chains have not converged.
+    Group ``posterior`` holds ``phi`` of the model's parameters, by walker (a chain each) and draw;
+    with ``which="physical"`` also ``standard`` of the standard parameters that the model does not
+    hold. The coordinate ``ensemble`` says which chains started together, for
+    `arviz_stats.rhat_nested`. Group ``constant_data`` holds the units. The attribute
+    ``trustworthy`` is 0, with the reasons beside it, where the chains have not converged.
 
     Parameters
     ----------
@@ -321,14 +321,14 @@ def build_datatree(
         "draw": np.arange(length),
         "ensemble": ("chain", np.repeat(np.arange(ensembles), walkers)),
         PARAMETER: list(submodel.columns),
-        "unit": (PARAMETER, list(submodel.units)),
     }
     draws = {"phi": _walkers(summary.chains, PARAMETER)}
     if which == "physical" and standard is not None:
         moving = np.ptp(standard.chains, axis=(0, 1, 2)) > 0
         draws["standard"] = _walkers(standard.chains[..., moving], STANDARD)
         along[STANDARD] = np.array(standard.names)[moving].tolist()
-    tree = DataTree.from_dict({"posterior": Dataset(draws, along)})
+    units = Dataset({"unit": (PARAMETER, list(submodel.units))}, {PARAMETER: along[PARAMETER]})
+    tree = DataTree.from_dict({"posterior": Dataset(draws, along), "constant_data": units})
     tree.attrs = {  # strings and numbers, which NetCDF can hold
         **(attributes or {}),
         "model": submodel.name,
