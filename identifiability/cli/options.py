@@ -35,7 +35,7 @@ import typer
 from typer import Argument, Option
 from typer.models import OptionInfo, ParameterInfo
 
-from identifiability.cli.common import check_outputs, progress, sentences, write_all
+from identifiability.cli.common import VERBOSE, check_outputs, progress, sentences, write_all
 from identifiability.foundation.errors import OutputError, near_match
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.options import (
@@ -309,7 +309,7 @@ class Command(typer.core.TyperCommand):
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""
         listed = [f"**{f.values}** {f.text(str(self.name))}" for f in self.settings.values()]
-        listed = ["Settings of --set:", *listed] if listed else []
+        listed = ["**-v** tables, hints and reasons, too", *listed]
         for parameter in self.params:
             name = str(parameter.name)
             if name in TAKES_EFFECTS and str(self.name) not in TAKES_EFFECTS[name]:
@@ -320,8 +320,10 @@ class Command(typer.core.TyperCommand):
         super().format_help(ctx, formatter)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Refuse an option that went, with what to type instead."""
+        """Take -v, and refuse an option that went, with what to type instead."""
         typed = args[: args.index("--")] if "--" in args else args
+        loud = {"-v", "--verbose"}.intersection(typed)
+        VERBOSE.set(bool(loud))
         for at, given in enumerate(typed):
             option, equals, value = given.partition("=")
             gone = helps()["gone"]
@@ -333,7 +335,7 @@ class Command(typer.core.TyperCommand):
                 instead = f"type --set {key}={value}"
             if instead is not None:
                 ctx.fail(f"{option} is gone; {instead}.")
-        return super().parse_args(ctx, args)
+        return super().parse_args(ctx, [given for given in args if given not in loud])
 
 
 # What is looked at before anything large is imported: are files there, can they be written?

@@ -30,7 +30,7 @@ from identifiability.estimation.evidence import (
     may_stand,
 )
 from identifiability.estimation.gaussian import nested_density
-from identifiability.foundation.linalg import unit_coordinates
+from identifiability.foundation.linalg import ROUNDOFF, unit_coordinates
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -44,10 +44,6 @@ from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
 # coordinates are those in which the full information is the unit matrix: nothing is lost by
 # squaring. Models of a path are nested, so one triangular factor a fold scores them all
 # (`gaussian.nested_density`).
-
-
-#: Instruments see nothing of a direction below this share of what they see best.
-UNSEEN: Tolerance = 1e-10
 
 
 @frozen
@@ -201,7 +197,7 @@ def _see(information: Information, full: Estimate, R: Array, tests: Information)
     out = []
     for own in tests.joint.products(weights, left, both):
         values, vectors = np.linalg.eigh(own[:, :k])
-        good = values > UNSEEN * values.max(initial=0.0)
+        good = values > ROUNDOFF * values.max(initial=0.0)
         half = (vectors[:, good] / np.sqrt(values[good])).T @ own[:, k:]
         out.append(half.T @ half)
     return np.stack(out)

@@ -33,6 +33,7 @@ from identifiability.estimation.torque_errors import take_turns
 from identifiability.foundation.engines import Engine, Steps, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.findings import of_key
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
     Names,
@@ -43,7 +44,6 @@ from identifiability.foundation.options import (
     settle_count,
 )
 from identifiability.foundation.rounding import percent
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import find_signal
@@ -297,10 +297,6 @@ def _choose(question: Question, search: Search, cad_prior: float | None) -> tupl
 # The models of the path, measured.
 
 
-#: Coefficients of a label below this are rounding.
-ROUNDING: Tolerance = 1e-9
-
-
 @frozen
 class Question:
     """What is pruned: a model, and what the logs say of all its base parameters.
@@ -463,7 +459,7 @@ def _mix(models: Sequence[PrunedModel], weights: Array, chosen: int) -> Mixture:
     values, sigmas = [], []
     for model in (models[k] for k in heavy.tolist()):
         L, fit = inverse @ model.submodel.M, model.estimate
-        L[np.abs(L) < ROUNDING] = 0.0
+        L[np.abs(L) < ROUNDOFF] = 0.0
         values.append(inverse @ (model.submodel.expand(fit.value) - own.fixed))
         sigmas.append(_spread_labels(L, fit, model.fit.robust))
     return mix_labels(weights[heavy], np.array(values), np.array(sigmas))
