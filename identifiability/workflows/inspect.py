@@ -44,7 +44,6 @@ from identifiability.logs.prepare.preparation import joint_log
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum, noise_level
 from identifiability.physical.feasibility import find_impossible_bodies
-from identifiability.quality.rules import RULES as ODDITY_RULES
 from identifiability.regression.reduction import ModelLike, choose_model, find_ladder, ladder_model
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot, RobotLike
@@ -397,7 +396,7 @@ class Inspection(OfStructure, Result):
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
-        return (ODDITY_RULES, LOG_RULES)
+        return (LOG_RULES,)
 
     def ledger(self) -> tuple[Table, ...]:
         """Return the table of all that checks found, and did with the logs."""
