@@ -17,6 +17,7 @@ from copy import copy
 from dataclasses import asdict, astuple, dataclass, is_dataclass
 from functools import cache
 from inspect import Parameter, Signature, signature
+from mimetypes import guess_type
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import (
@@ -108,21 +109,6 @@ class Records:
     results: bool = False
 
 
-#: Endings of documents, which no folder has.
-DOCUMENTS = (
-    ".html",
-    ".pdf",
-    ".json",
-    ".csv",
-    ".parquet",
-    ".xlsx",
-    ".txt",
-    ".toml",
-    ".xml",
-    ".urdf",
-)
-
-
 @dataclass(frozen=True)
 class Writes:
     """Marks an option as a file that is written, with its endings; without any, as a folder."""
@@ -143,7 +129,7 @@ class Writes:
 
         if self.endings:
             check_ending(value, *self.endings)
-        elif Path(value).is_file() or Path(value).suffix.lower() in DOCUMENTS:
+        elif Path(value).is_file() or guess_type(str(value))[0] or str(value).endswith(".toml"):
             raise OutputError(f"'{value}' is the name of a file; give that of a folder.")
 
 

@@ -144,7 +144,7 @@ def decide(cell: Cell) -> Word:
         cell.not_judged > 0.5
         or cell.coverage + reach < RULES.coverage
         or cell.wrong.low > RULES.wrong_most
-        or min(s.high for s in cell.each) < RULES.coverage
+        or min(s.high for s in cell.each) < RULES.coverage_single
     ):
         return "no"
     sure = cell.coverage - reach >= RULES.coverage
