@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.effects import title_of
-from identifiability.estimation.torque_errors import loaded_joints
+from identifiability.estimation.prediction import loaded_joints
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Cell, Column, Note, Table, badge_cell, measured_cells
 from identifiability.foundation.names import Array
