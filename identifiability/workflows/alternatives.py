@@ -11,9 +11,9 @@ cannot tell it from other masses.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations, pairwise, product
 
 import numpy as np
@@ -113,7 +113,7 @@ class Alternative:
     @property
     def scaled(self) -> np.ndarray:
         """Columns of another unit, (n,) bool."""
-        return np.abs(self.factor) != 1.0
+        return np.asarray(np.abs(self.factor) != 1.0)
 
     @property
     def apart(self) -> Alternative:
@@ -286,6 +286,9 @@ class _Rows:
             unit = direction / np.linalg.norm(direction)
             return replace(self.plain, gravity=size * unit, free=2)
 
+        def left(aim: Callable[[Array], float], axes: Array, best: Array, x: Array) -> float:
+            return aim(self.fit(along(best + axes @ x)))
+
         size = float(np.linalg.norm(self.robot.gravity))
         up = self.robot.gravity / size
         world = np.column_stack([*horizontal_axes(up), up])
@@ -295,14 +298,14 @@ class _Rows:
             axes = np.column_stack(horizontal_axes(best / np.linalg.norm(best)))
             simplex = width * np.vstack([np.zeros(2), np.eye(2)])
             found = minimize(
-                lambda x, aim=aim, axes=axes, best=best: aim(self.fit(along(best + axes @ x))),
+                partial(left, aim, axes, best),
                 simplex[0],
                 method="Nelder-Mead",
                 options={"maxfev": 40, "initial_simplex": simplex},
             )
             best = along(best + axes @ found.x).gravity / size
             # Where weight acts along a slide alone, negative masses would fall upwards as well.
-            down = best - 2.0 * min(best @ up, 0.0) * up
+            down = best - 2.0 * min(float(best @ up), 0.0) * up
             if squares(self.fit(along(down))) <= squares(self.fit(along(best))) + EVEN:
                 best = down
         tilt = self.robot.turned(along(best).gravity).tilt
