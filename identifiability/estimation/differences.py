@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects import FAMILIES, find_families, title_of
-from identifiability.estimation.gaussian import Normal, square_root
+from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import LOAD, Excerpt, Missing, describe_term, place_of
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
@@ -218,7 +218,10 @@ class Known:
     @staticmethod
     def of(base: Array, M: Array, covariance: Array, unknown: Array) -> Known:
         """Return values base = M x of which x has a covariance, and directions that are open."""
-        known = M @ square_root(covariance)
+        sd = np.sqrt(np.diag(covariance))
+        unit = np.outer(sd, sd)
+        size, turn = np.linalg.eigh(np.divide(covariance, unit, where=unit > 0, out=0 * unit))
+        known = M @ (sd[:, None] * turn * np.sqrt(np.maximum(size, 0.0)))
         return Known(
             base=base,
             directions=np.column_stack([known, M @ unknown]),
