@@ -409,9 +409,21 @@ LINE_POINTS = 18_000
 NEAR = 0.25
 
 
-def points_each(joints: int) -> int:
-    """Return how many points each of three lines of so many joints has."""
-    return max(300, LINE_POINTS // (3 * joints))
+def traces(
+    t: Array,
+    joints: Sequence[str],
+    units: Sequence[str],
+    lines: Mapping[str, Array],
+    quantity: str = "torque",
+    caption: str = "",
+) -> Traces:
+    """Return what joints do over time, to zoom: lines (N, n) by their names, NaN where none is."""
+    groups, most = [], max(300, LINE_POINTS // (3 * len(joints)))
+    for k, (joint, unit) in enumerate(zip(joints, units, strict=True)):
+        own = {name: y[:, k] for name, y in lines.items()}
+        there = {name: y for name, y in own.items() if not np.isnan(y).all()}
+        groups.append(Trace.of(joint, unit, t, there or own, most, quantity))
+    return Traces(tuple(groups), caption)
 
 
 def motion_traces(
@@ -433,19 +445,14 @@ def motion_traces(
     limits : (n, 2), optional
         Least and largest; NaN or infinite without.
     """
-    groups = []
-    for k, (joint, unit) in enumerate(zip(joints, units, strict=True)):
-        y = values[:, k]
-        lines = {quantity: y}
-        for name, bound, end in zip(
-            ("least", "largest"), () if limits is None else limits[k], (y.min(), y.max()),
-            strict=False,
-        ):  # fmt: skip
-            if abs(bound - end) < NEAR * (np.ptp(y) or 1.0):
-                lines[f"{name} allowed"] = np.full(len(y), bound)
-        most = points_each(len(joints))
-        groups.append(Trace.of(joint, unit, t, lines, most, quantity))
-    return Traces(tuple(groups), quantity[0].upper() + quantity[1:])
+    lines, span = {quantity: values}, np.ptp(values, axis=0)
+    if limits is not None:
+        near = NEAR * np.where(span > 0, span, 1.0)
+        ends = values.min(0), values.max(0)
+        for name, bound, end in zip(("least", "largest"), limits.T, ends, strict=True):
+            shown = np.where(np.abs(bound - end) < near, bound, np.nan)
+            lines[f"{name} allowed"] = np.tile(shown, (len(t), 1))
+    return traces(t, joints, units, lines, quantity, quantity.capitalize())
 
 
 def torque_traces(
@@ -456,20 +463,6 @@ def torque_traces(
     units: Sequence[str],
     log: str,
 ) -> Traces:
-    """Return measured and predicted torque along a log, and what is left, to zoom.
-
-    Parameters
-    ----------
-    t : (N,) [s]
-    measured, predicted : (N, n)
-    joints, units : sequence of n str
-    log : str
-        What it is called.
-    """
-    most = points_each(len(joints))
-    groups = []
-    for k, (joint, unit) in enumerate(zip(joints, units, strict=True)):
-        lines = {"measured": measured[:, k], "predicted": predicted[:, k]}
-        lines["residual"] = lines["measured"] - lines["predicted"]
-        groups.append(Trace.of(joint, unit, t, lines, most))
-    return Traces(tuple(groups), sentence("analysis.traces", log=log))
+    """Return measured and predicted torque (N, n) along a log, and what is left, to zoom."""
+    lines = {"measured": measured, "predicted": predicted, "residual": measured - predicted}
+    return traces(t, joints, units, lines, caption=sentence("analysis.traces", log=log))

@@ -36,14 +36,13 @@ from identifiability.report.blocks import (
     Section,
     Term,
     Terms,
-    Trace,
     Traces,
     gallery,
     motion_traces,
     picture,
-    points_each,
     section,
     torque_traces,
+    traces,
 )
 from identifiability.report.figures import (
     draw_curve,
@@ -223,13 +222,15 @@ def _section_gap(d: Diagnosis) -> Section:
     part = np.flatnonzero(rows.log == rows.log.min())[t <= t[0] + STRETCH]
     named = {c.joint for c in d.curves}
     order = sorted(range(len(d.robot.joints)), key=lambda k: k not in named)
-    groups = []
-    for k in order:
-        before, after = d.gap.residual[part, k][:, [0, -1]].T
-        own, most = {"before": before, "after": after}, points_each(len(order))
-        unit = d.robot.torque_units[k]
-        groups.append(Trace.of(d.robot.joints[k], unit, rows.t[part], own, most, "residual"))
-    shown = Traces(tuple(groups), sentence("diagnosis.traces", seconds=f"{STRETCH:g}"))
+    before, after = d.gap.residual[part][:, order][..., [0, -1]].transpose(2, 0, 1)
+    shown = traces(
+        rows.t[part],
+        [d.robot.joints[k] for k in order],
+        [d.robot.torque_units[k] for k in order],
+        {"before": before, "after": after},
+        "residual",
+        sentence("diagnosis.traces", seconds=f"{STRETCH:g}"),
+    )
     return section("diagnosis.gap", shown, d.tables()[-1])
 
 
@@ -536,7 +537,7 @@ def payload_sections(result: Load) -> list[Section | None]:
 def prediction_heading(result: TorquePrediction) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
     count = format_count(len(result.t), "sample")
-    return "Predicted torque", f"{result.robot.path.name} · {result.model} · {count}"
+    return "Predicted torque", f"{result.robot.path.name} · {result.fit.submodel.name} · {count}"
 
 
 def prediction_below(result: TorquePrediction) -> Picture | None:
@@ -583,7 +584,7 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
     masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
     real = ladder.chosen.physical
     said = filter(None, ("" if real is None else real.sentence, ladder.mass_statement))
-    settings = {"method": ladder.method, "seed": ladder.seed}
+    settings = {key: ladder.settings[key] for key in ("method", "seed")}
     text = words("pruning.how", effects=", ".join(ladder.effects), **settings)
     some = not ladder.nothing
     every = f"All {format_count(len(ladder.models), 'model')} of the path"
@@ -663,13 +664,9 @@ def _moving(result: PositionPrediction) -> Section | None:
 def _positions(result: PositionPrediction) -> Section:
     """Return the positions of every joint along the first log, to zoom and read off."""
     log, robot = result.logs[0], result.robot
-    most = points_each(len(log.joints))
-    groups = []
-    for k, joint in enumerate(log.joints):
-        unit = "m" if robot.is_prismatic(int(robot.actuated[k])) else "rad"
-        lines = {"measured": log.q[:, k]}
-        lines |= {run.name: run.q[0][:, k] for run in result.runs}
-        if log.q_ref is not None:
-            lines["command"] = log.q_ref[:, k]
-        groups.append(Trace.of(joint, unit, log.t - log.t[0], lines, most, "position"))
-    return section("rollout.positions", Traces(tuple(groups)), log=log.name)
+    units = ["m" if robot.is_prismatic(int(k)) else "rad" for k in robot.actuated]
+    lines = {"measured": log.q, **{run.name: run.q[0] for run in result.runs}}
+    if log.q_ref is not None:
+        lines["command"] = log.q_ref
+    shown = traces(log.t - log.t[0], log.joints, units, lines, "position")
+    return section("rollout.positions", shown, log=log.name)

@@ -141,7 +141,6 @@ def test_a_bound_on_the_closure_is_kept_or_refused(find, monkeypatch):
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ({"time_limit": 3}, "'time_limit' of excite is called 'evaluations' now"),
         ({"separate": ["paylod", "payload"]}, "There is no effect 'paylod', did you mean"),
         ({"parameters": ["link1.my2"]}, "'link1.my2' is no base parameter, did you mean"),
         ({"start_from": []}, "No log was given"),
