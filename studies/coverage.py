@@ -27,7 +27,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH, holm
 from identifiability.foundation.output import write_json
 from identifiability.logs.prepare import prepare_log
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import Submodel
 from identifiability.report import Picture, Prose, Section, check_cell, frame_table, write_page
 from identifiability.report.drawing import (

@@ -27,8 +27,7 @@ from identifiability.logs.prepare.preparation import SettledPreparation, settle_
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Band
 from identifiability.physical.fitted_model import FittedModel
-from identifiability.regression.gather import gather_information
-from identifiability.regression.information import Information
+from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import (
     LadderLike,
     Submodel,
