@@ -135,18 +135,6 @@ class ActuatorBlocks:
         blocks = (weights if self.squared else root)[:, None, None] * self.blocks
         return replace(self, blocks=blocks, sums=root[:, None] * self.sums)
 
-    def merge(self, at: np.ndarray) -> ActuatorBlocks:
-        """Return blocks that each hold those from one of `at` up to the next."""
-        r, sums = self.blocks.shape[2], np.add.reduceat(self.sums, at, axis=0)
-        if self.squared:
-            blocks = np.add.reduceat(self.blocks, at, axis=0)
-        else:
-            blocks = hold_blocks(self.blocks.reshape(-1, r), at * self.blocks.shape[1])
-        merged = replace(self, blocks=blocks, sums=sums)
-        if "root" in vars(self):
-            vars(merged)["root"] = self.root
-        return merged
-
     def summed(self, members: Array) -> ActuatorBlocks:
         """Return a block for each row of members (F, B): blocks counted so often, added up."""
         if self.squared:
@@ -567,13 +555,15 @@ class Information:
 
     def merge(self, at: np.ndarray) -> Information:
         """Return blocks that each hold those from one of `at` up to the next."""
-        parts = tuple(part.merge(at) for part in self.parts)
-        counts = np.add.reduceat(self.counts, at)
-        data = np.add.reduceat(self.data, at, axis=0)
-        merged = replace(self, parts=parts, counts=counts, data=data, log=self.log[at])
-        for one, like in ((merged, self), *([(merged.joint, self.joint)] * self.instrumented)):
-            # Sums over all are the same.
-            vars(one).update(_made=like._made, _factors=like._factors)
+        count = len(self.counts)
+        if len(at) == count:
+            return self
+        owner = np.searchsorted(at, np.arange(count), "right") - 1
+        what = {"counts": np.add.reduceat(self.counts, at), "log": self.log[at]}
+        what["data"] = np.add.reduceat(self.data, at, axis=0)
+        merged = replace(self.summed(owner == np.arange(len(at))[:, None]), **what)
+        for own, part in zip(merged.parts, self.parts, strict=True):  # sums over all are the same
+            vars(own)["root"] = part.root
         return merged
 
     def __add__(self, other: Information) -> Information:
