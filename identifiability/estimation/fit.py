@@ -351,10 +351,6 @@ def _differ(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:
 # grows until it does, and the verdict says so.
 
 
-#: Least share of σ that makes a sentence name a member of what a number stands for.
-LEAST: Tolerance = 0.1
-
-
 _M = GROUPED_KINDS.index("m")
 _DIAGONAL = tuple(GROUPED_KINDS.index(k) for k in ("Ixx", "Iyy", "Izz"))
 
@@ -513,7 +509,7 @@ def _combination(name: str, members: Sequence[str], coefficients: Array, size: A
     share = np.abs(coefficients) * size
     order = np.argsort(-share, kind="stable")
     # Members of what a number stands for that a sentence names.
-    shown = [j for j in order[:3] if share[j] > LEAST * np.linalg.norm(share)]
+    shown = [j for j in order[:3] if share[j] > Thresholds.negligible_share * np.linalg.norm(share)]
     if not shown:
         return ""
     text = name
