@@ -506,10 +506,8 @@ def _along(fit: Fit, logs: Logs, engine: Engine | None) -> TorquePrediction:
 class PreparationEntry(Entry):
     """How logs were prepared."""
 
-    derivatives: Literal["auto", "given", "butterworth", "fourier"] = "auto"
+    derivatives: Literal["auto", "given", "butterworth"] = "auto"
     cutoff: float | None = None
-    period: float | None = None
-    harmonics: int = 5
     decimate: int | None = None
     outputs: float | None = None
     keep_rest: bool = False

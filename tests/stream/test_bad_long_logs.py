@@ -125,11 +125,6 @@ def test_what_leaves_nothing_of_a_long_log_is_refused(frame_of, saved):
             Robot.load("two-link"), Log.scan(saved(arm)), Preparation(decimate=300),
             engine=Serial(),
         )  # fmt: skip
-    with pytest.raises(LogError, match="too long to be held in memory"):
-        prepare_log(
-            Robot.load("two-link"), Log.scan(saved(arm)), Preparation("fourier"),
-            engine=Serial(),
-        )  # fmt: skip
 
 
 def test_a_wrong_sample_of_a_long_file_is_named_and_weighs_nothing(frame, tmp_path):
