@@ -101,10 +101,11 @@ def find_period(t: Array, q: Array, harmonics: int, most: int = 40) -> float:
     duration = t[-1] - t[0] + step
     best, chosen = np.inf, duration
     spread = max(float(np.sum((q - q.mean(0)) ** 2)), 1e-300)
-    even = np.abs(t - t[0] - step * np.arange(N)).max() < RULES.even * step
+    even = np.abs(t - t[0] - step * np.arange(N)).max() < RULES.small * step
     power = 2.0 / N * (np.abs(np.fft.rfft(q - q.mean(0), axis=0)) ** 2).sum(1) if even else None
     for k in range(1, most + 1):
-        if RULES.series_samples * harmonics * k > N:
+        # Its shortest period has four samples.
+        if 4 * harmonics * k > N:
             break
         if power is None:
             fitted = fit_fourier(t, q, duration / k, harmonics).motion(t)[0]

@@ -53,7 +53,7 @@ def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
     known = {name: np.isfinite(x) for name, x in values.items() if name != "t"}
     if len(values["t"]) < RULES.fewest or (np.diff(values["t"]) < 0).any():
         return dict(values), ""
-    empty = any((~rows).mean() > RULES.rows_lacking for rows in known.values())
+    empty = any((~rows).mean() > RULES.unexplained for rows in known.values())
     if not empty:
         held = {name: _fresh(rows) for name, rows in _by_channel(values).items()}
         known = {name: held[name.rpartition(".")[2]] for name in known}
@@ -362,13 +362,13 @@ class Reading:
         for name, (low, high) in self._held.items():
             joint, at = name.removesuffix(".q"), 0.5 * (low + high)
             held = self.known.locked[joint]
-            if high - low > RULES.locked_play:
+            if high - low > RULES.small:
                 raise LogError(
                     f"{self.source}: the joint '{joint}' is locked, but '{name}' moves by "
                     f"{high - low:.3g} ({low:.4g} … {high:.4g}); take the lock out, or give a "
                     "stretch of the log in which it stands still."
                 )
-            if abs(at - held) > RULES.locked_play:
+            if abs(at - held) > RULES.small:
                 notes.append(
                     f"'{joint}' stands at {at:.4g} and is locked at {held:.4g}: lock it there, "
                     f"--lock {joint}={at:.4g}"
@@ -422,7 +422,7 @@ class Reading:
         """Whether cells are empty, or values come again, as between messages of other rates."""
         if not all(x.clean for x in self.numbers.values()):
             return False
-        if any(x.bad > RULES.rows_lacking * x.rows for x in self.numbers.values()):
+        if any(x.bad > RULES.unexplained * x.rows for x in self.numbers.values()):
             return True
         return bool(unify_rates({c: kept[0] for c, kept in self._kept.items() if kept})[1])
 

@@ -284,7 +284,7 @@ def _from_file(robot: Robot, source: str) -> PrescribedMotion:
     q = CubicSpline(log.t, log.q)(t)
     cutoff = choose_band([Spectrum.of([q], dt)]).outputs
     longest = int(np.argmax(gaps))
-    if gaps[longest] > LOG_RULES.gap_bridged / cutoff:
+    if gaps[longest] > 0.5 / cutoff:
         raise LogError(
             f"{log.name} has a gap of {gaps[longest]:.2g} s after t = {log.t[longest]:.4g} s; "
             "velocity and acceleration cannot be computed across it: split the log there."

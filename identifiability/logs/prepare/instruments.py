@@ -95,7 +95,7 @@ def _find_record(
 
 
 def _negligible(noise: Array, x: Array) -> bool:
-    return bool(np.all(noise <= RULES.noise_negligible * x.std(0)))
+    return bool(np.all(noise <= RULES.negligible * x.std(0)))
 
 
 def complete_along(robot: Robot, measured: Motion, other: Sequence[Array] | Array) -> Motion | None:
@@ -115,7 +115,7 @@ def complete_along(robot: Robot, measured: Motion, other: Sequence[Array] | Arra
         found = complete_motion(robot, measured.t, q, dq, ddq, measured.touch)
     except ClosureError:
         return None
-    if len(found) < (1.0 - RULES.loops_open) * len(measured):
+    if len(found) < (1.0 - RULES.small) * len(measured):
         return None
     same = ("t", "kept", "smooth_v")
     mixed: dict[str, Any] = {k: x.copy() for k, x in measured.each.items() if k not in same}
@@ -171,7 +171,7 @@ def _again(own: Motion, other: Motion) -> tuple[float, Array] | None:
         good = (at >= other.t[0]) & (at <= other.t[-1])
         record = np.where(good[:, None], curve(at).transpose(1, 0, 2), known)
         later += align(own.actuated_q[good], own.actuated_v[good], record[0, good])
-    same = agrees(own.actuated_q[good], record[0, good], RULES.again_near)
+    same = agrees(own.actuated_q[good], record[0, good], 0.05)
     return (later, record) if same and good.mean() >= RULES.nearly_all else None
 
 
@@ -212,10 +212,12 @@ def _fit_series(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> 
     step = -(-len(t) // ENOUGH)
     # Harmonics that are tried.
     for harmonics in (5, 10, 20, 40):
-        if 2 * RULES.series_samples * harmonics > len(t):
+        # The shortest period of a harmonic has four samples.
+        if 8 * harmonics > len(t):
             break
         period = fourier.find_period(t[::step], channels[0][::step], harmonics)
-        if RULES.series_samples * harmonics * signals.sampling_step(t) > period:
+        # The same of the period that was found.
+        if 4 * harmonics * signals.sampling_step(t) > period:
             continue
         fit = fourier.fit_fourier(t, channels[0], period, harmonics, *channels[1:], noise=noise)
         motion = fit.motion(t)
@@ -232,7 +234,7 @@ def _fit_series(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> 
 
 def _explained(rest: Array, x: Array, noise: Array) -> bool:
     """Return whether what is left of signals is no more than their noise."""
-    allowed = RULES.noise_explained * noise + NEARLY * x.std(0)
+    allowed = np.sqrt(LOUDER) * noise + NEARLY * x.std(0)
     return bool(np.all(np.sqrt(np.mean(rest**2, axis=0)) <= allowed))
 
 

@@ -75,7 +75,7 @@ class Smoothing:
         """
         level = np.sqrt(np.mean([noise_level(x) ** 2 for x in windows], axis=0))
         size = np.sqrt(np.mean([x.var(0) for x in windows], axis=0))
-        noisy = level > RULES.noise_negligible * size
+        noisy = level > RULES.negligible * size
         if not noisy.any():
             return None
         band = float(Spectrum.of(windows, dt, 1).bandwidths().max(initial=0.0))
@@ -524,16 +524,16 @@ class Windows:
 def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
     """Return a plan that bridges short gaps and splits the log at others, and says so."""
     least = 1
-    bridged = RULES.gap_bridged / RULES.cutoff_lowest
-    longest = max(bridged, RULES.gap_kept * plan.step)  # measured derivatives need no filter
+    bridged = 0.5 / RULES.cutoff_lowest
+    longest = max(bridged, RULES.lost * plan.step)  # measured derivatives need no filter
     if plan.band is not None:
-        longest = RULES.gap_bridged / plan.band
+        longest = 0.5 / plan.band
         gaps.check(samples)
         # Fewest samples between two gaps that are used.
         least = max(4, int(np.ceil(1.0 / (plan.band * plan.step))))
     grid = gaps.divide(longest, least)
     uneven = []
-    if plan.cutoff is not None and abs(gaps.drift) > RULES.clock_rounded:
+    if plan.cutoff is not None and abs(gaps.drift) > RULES.small:
         uneven = [
             f"{gaps.name} is sampled unevenly: the mean step is {percent(gaps.drift, 2)} off the "
             f"usual {gaps.step:.3g} s, and what is differentiated errs by as much: give samples at "
@@ -663,7 +663,7 @@ def _choose_band(robot: Robot, logs: Sequence[Windows], cutoff: float | None) ->
     """Return the band of what is differentiated."""
     spectra: list[Spectrum] = []
     for raw in logs:
-        windows = [joint_log(robot, w) for w in raw.even(RULES.gap_bridged / RULES.cutoff_lowest)]
+        windows = [joint_log(robot, w) for w in raw.even(0.5 / RULES.cutoff_lowest)]
         source, order = ([w.q for w in windows], 2)
         if windows[0].dq is not None:
             source, order = [w.dq for w in windows if w.dq is not None], 1
@@ -747,7 +747,7 @@ def _plan_derivatives(log: Log, gaps: Gaps, how: Preparation) -> Plan:
 
 def _plan_filter(log: Log, gaps: Gaps, plan: Plan, how: Preparation) -> Plan:
     dt, jitter, cutoff = gaps.step, "", how.cutoff
-    if gaps.jitter > RULES.clock_rounded:
+    if gaps.jitter > RULES.small:
         jitter = f" (time stamps jitter by {100 * gaps.jitter:.0f} % of a step; taken as even)"
     assert cutoff is not None
     if how.outputs is not None:  # chosen for logs of which some are sampled faster
