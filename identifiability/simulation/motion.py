@@ -22,7 +22,6 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum, choose_band
 from identifiability.logs.tables import read_table
 from identifiability.robot import Robot

@@ -21,7 +21,7 @@ from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
-from identifiability.logs import Log, fourier, signals
+from identifiability.logs import Log, signals
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.prepare.preparation import joint_log
 from identifiability.logs.rules import RULES
@@ -215,11 +215,11 @@ def _fit_series(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> 
         # The shortest period of a harmonic has four samples.
         if 8 * harmonics > len(t):
             break
-        period = fourier.find_period(t[::step], channels[0][::step], harmonics)
+        period = signals.find_period(t[::step], channels[0][::step], harmonics)
         # The same of the period that was found.
         if 4 * harmonics * signals.sampling_step(t) > period:
             continue
-        fit = fourier.fit_fourier(t, channels[0], period, harmonics, *channels[1:], noise=noise)
+        fit = signals.fit_fourier(t, channels[0], period, harmonics, *channels[1:], noise=noise)
         motion = fit.motion(t)
         pairs = zip(channels, motion, noise, strict=False)
         if not all(_explained(x - y, x, level) for x, y, level in pairs):
