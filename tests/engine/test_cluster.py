@@ -6,12 +6,11 @@ import sys
 from functools import partial
 
 import cloudpickle
-import numpy as np
 import pytest
 
 from identifiability.foundation import engines as clusters
 from identifiability.foundation.engines import Resumed, Serial, choose_engine
-from identifiability.foundation.errors import EngineError, LogError
+from identifiability.foundation.errors import EngineError
 
 try:
     import distributed
@@ -39,21 +38,6 @@ def test_a_cluster_gives_the_bits_that_this_process_gives(cluster, work):
     there = cluster.map(work.solve, range(12), progress=lambda *step: seen.append(step))
     assert [x.tobytes() for x in here] == [x.tobytes() for x in there]
     assert seen == [(k + 1, 12) for k in range(12)]
-
-
-@needs_dask
-def test_large_arguments_are_sent_without_complaint(cluster, work):
-    table = np.arange(3_000_000.0)  # 24 MB; above 10 MB Dask warns
-    found = list(cluster.map(partial(work.look_up, table), range(0, 3_000_000, 100_000)))
-    assert [x for x, _ in found] == list(range(0, 3_000_000, 100_000))
-
-
-@needs_dask
-def test_the_first_error_arrives_as_itself(cluster, work):
-    results = cluster.map(work.refuse, range(40))
-    assert [next(results), next(results), next(results)] == [0, 1, 2]
-    with pytest.raises(LogError, match=r"^Item 3 is bad\.$"):
-        next(results)
 
 
 @needs_dask

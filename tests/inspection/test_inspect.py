@@ -67,7 +67,7 @@ def test_base_parameters_are_those_that_analyze_fits(name):
     found = inspect(name, model=["rigid_body", "viscous_friction"])
     assert len(found.parameters_frame()) == found.base.rank
     first = found.base.names[0]
-    assert found[first]["grouping"] == found.base.labels[0]
+    assert found.parameters_frame().set_index("name").loc[first, "grouping"] == found.base.labels[0]
     passive = {j.name for j in found.joints if j.role == "passive"}
     assert passive == set(found.robot.passive)
     assert str(found.base.rank) in found.statement
@@ -160,15 +160,3 @@ def test_the_command_needs_no_logs(tmp_path, run):
     assert said.exit_code == 0, said.output
     assert "nothing is odd" in " ".join(said.output.split())
     assert page.is_file()
-
-
-def test_the_speed_limit_of_a_urdf_is_stated(tmp_path):
-    path = tmp_path / "one.urdf"
-    path.write_text(
-        '<robot name="one"><link name="base"/><link name="arm"><inertial><mass value="1"/>'
-        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-        '<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>'
-        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="9" velocity="3.5"/></joint></robot>'
-    )
-    found = inspect(path)
-    assert found.joints[0].speed == 3.5

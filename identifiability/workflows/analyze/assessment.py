@@ -24,7 +24,6 @@ from identifiability.estimation.groups import Alternatives
 from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Prediction, Task, widening
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.torque_errors import take_turns
 from identifiability.estimation.verdict import Class, Flag, Verdict, judge, narrow, withdraw
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.linalg import NEARLY
@@ -116,7 +115,7 @@ class FittedLadder:
         """Return how stretches (or logs) are predicted by models fitted to the others."""
         assert self.folds is not None
         values = np.concatenate([one.turned for one in self.settled], axis=2)
-        return Task(values, take_turns(self.settled[0].model.whole, self.folds.test))
+        return Task(values, self.folds)
 
 
 def fit_ladder(
@@ -200,7 +199,7 @@ def settle_robot(
     """
     submodel, fit = model.submodel, model.estimate
     free = held_out.refit(fit, submodel.M, submodel.fixed)
-    score = held_out.score_roots(free, held_out.roots(submodel.M[:, list(fit.kept)]))
+    score = held_out.score(free)
     weight = WEAK if cad_weight is None and not choose else cad_weight
     tried = [w for w in WEIGHTS if w <= heaviest] if weight is None else [weight or WEIGHTS[-1]]
     chosen = choose_prior(model, held_out, score, tried)

@@ -22,13 +22,13 @@ from identifiability.estimation.evidence import Folds
 from identifiability.estimation.groups import NO_ALTERNATIVES, Alternatives
 from identifiability.estimation.prediction import (
     Prediction,
+    loaded_joints,
     measure_errors,
     measure_spread,
     widening,
 )
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.torque_errors import loaded_joints
 from identifiability.estimation.verdict import Class, Verdict, percent_of
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import IdentifiabilityError, listing

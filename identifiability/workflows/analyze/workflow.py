@@ -11,9 +11,9 @@ import numpy as np
 from identifiability.effects.base import move_mounting
 from identifiability.estimation.estimate import Kind, Method, find_estimator, settle_noise
 from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.evidence import Folds
 from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.torque_errors import Turns
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import Finding, phrase
@@ -177,7 +177,7 @@ def say_of_fit(session: Session, samples: Sequence[Dataset], result: ModelResult
 
 
 def predict_everywhere(
-    session: Session, rows: Weighed, own: Settled, which: int, turns: Turns | None
+    session: Session, rows: Weighed, own: Settled, which: int, turns: Folds | None
 ) -> Prediction | None:
     """Return torque along unseen motion where joints stand, too; None where none does.
 
@@ -188,7 +188,7 @@ def predict_everywhere(
     own : Settled
     which : int
         Of its accounts.
-    turns : Turns or None
+    turns : Folds or None
         Which fold's predicts a sample, where no logs are held out.
     """
     opening, known = rows.opening, session.recordings
@@ -409,7 +409,7 @@ def _conclude(
         folds=ladder.folds,
         models=results,
         selected=at,
-        everywhere=predict_everywhere(session, rows, *used, tasks[-1].turns),
+        everywhere=predict_everywhere(session, rows, *used, tasks[-1].folds),
         **how,
         thresholds=thresholds,
         nothing=nothing,

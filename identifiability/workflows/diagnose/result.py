@@ -418,7 +418,7 @@ class Diagnosis(Result, Setting, Predicts):
     def error_frame(self) -> pd.DataFrame:
         """Return the errors of each joint on unseen motion before and after.
 
-        Over the joint's own scale (`torque_errors.joint_errors`), and in N or N·m (`rms`), of the
+        Over the joint's own scale (`Prediction.joint_error`), and in N or N·m (`rms`), of the
         torque that was fitted, low-passed with the columns where these were.
         """
         found = self.gap.prediction

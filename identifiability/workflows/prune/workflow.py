@@ -16,24 +16,15 @@ from identifiability.estimation.estimate import (
     settle_noise,
 )
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.estimation.evidence import (
-    Evidence,
-    HeldOut,
-    Mixture,
-    mix_labels,
-    near_best,
-    weigh_models,
-)
+from identifiability.estimation.evidence import Evidence, HeldOut, near_best, weigh_models
 from identifiability.estimation.fit import Fit
 from identifiability.estimation.groups import Alternatives
 from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.torque_errors import take_turns
 from identifiability.foundation.engines import Engine, Steps, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.findings import of_key
-from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
     Names,
     NotNegative,
@@ -43,7 +34,6 @@ from identifiability.foundation.options import (
     settle_count,
 )
 from identifiability.foundation.rounding import percent
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import find_signal
@@ -244,7 +234,6 @@ def _hint(
         *other,  # under which all is said
         measured.contradicted,
         state_foreign(measured.models[0]) if opening.validation else "",
-        "" if measured.nothing else state_disagreement(chosen),
         rows.burst,
         *(hint for hint in opening.hints if hint not in other),
         *(() if session.recordings.commanded else say_band(session.how)),
@@ -295,10 +284,6 @@ def _choose(question: Question, search: Search, cad_prior: float | None) -> tupl
 
 
 # The models of the path, measured.
-
-
-#: Coefficients of a label below this are rounding.
-ROUNDING: Tolerance = 1e-9
 
 
 @frozen
@@ -394,7 +379,7 @@ def measure_models(
     fits = [(model.submodel, model.estimate) for model in map(question.fit, steps)]
     values = np.stack([submodel.expand(fit.value) for submodel, fit in fits], 1)
     # Stretches (or logs) are predicted by models fitted to the others.
-    start, turns = question.start, take_turns(rows.information, search.whitened.folds.test)
+    start, turns = question.start, search.whitened.folds
     rests = start.fixed[:, None] + start.M @ np.stack([s.values[1:] for s in steps], 2)
     along = [Task(np.column_stack([values, settled.values])[None], kept=False)]
     both = np.concatenate([rests, settled.turned], axis=2)
@@ -433,12 +418,8 @@ def measure_models(
             )
         )
     model, result = question.recall(*fits[chosen]), models[chosen]
-    mixed = replace(result.fit, models=_mix(models, weights, chosen))
-    verdicts = decide_model(model, mixed, torque, thresholds)
-    result = replace(result, fit=mixed, verdicts=verdicts)
     better = len(result) and result.error_ra_unseen < crossed.constant_error()
     nothing, hint = opening.misread or (result.contradicted if better else WORSE), ""
-    models[chosen] = result
     if nothing:
         models = [pruned.withdraw(nothing) for pruned in models]
     else:
@@ -454,32 +435,6 @@ def measure_models(
     )
 
 
-def _mix(models: Sequence[PrunedModel], weights: Array, chosen: int) -> Mixture:
-    """Return what all models of the path say of the labels of one, as they are told."""
-    own = models[chosen].submodel
-    inverse = np.linalg.pinv(own.M)
-    # Models of less weight than this share of the heaviest's are no part of a mixture.
-    heavy = np.flatnonzero(weights > 1e-3 * weights.max())
-    values, sigmas = [], []
-    for model in (models[k] for k in heavy.tolist()):
-        L, fit = inverse @ model.submodel.M, model.estimate
-        L[np.abs(L) < ROUNDING] = 0.0
-        values.append(inverse @ (model.submodel.expand(fit.value) - own.fixed))
-        sigmas.append(_spread_labels(L, fit, model.fit.robust))
-    return mix_labels(weights[heavy], np.array(values), np.array(sigmas))
-
-
-def _spread_labels(L: Array, fit: Estimate, robust: Array) -> Array:
-    """Return standard deviations of combinations L x of a fit's values, (r,)."""
-    open_ = ~(np.isfinite(robust) & np.isfinite(fit.sigma) & (fit.sigma > 0))
-    wider = np.where(open_, 0.0, robust) / np.where(open_, 1.0, fit.sigma)
-    covariance = np.where(np.isfinite(fit.covariance), fit.covariance, 0.0)
-    covariance = wider[:, None] * covariance * wider
-    sigma = np.sqrt(np.maximum(np.einsum("ra,ab,rb->r", L, covariance, L), 0.0))
-    lost: Array = np.where((L[:, open_] != 0).any(1), np.inf, sigma)
-    return lost
-
-
 def state_foreign(full: PrunedModel) -> str:
     """Return that logs held out look like those of another robot, in one sentence."""
     error, own = full.error_ra_validation, full.error_ra_unseen
@@ -490,15 +445,4 @@ def state_foreign(full: PrunedModel) -> str:
         f"The unpruned model predicts the logs held out worse ({percent(error)}) than a constant "
         f"torque would ({percent(constant)}), and unseen stretches of the fitted ones to "
         f"{percent(own)}: are they of the same robot, with the same units and signs?"
-    )
-
-
-def state_disagreement(chosen: PrunedModel) -> str:
-    """Return what models that predict alike disagree on, in one sentence."""
-    moved = [v.name for v in chosen.verdicts if v.disputed]
-    if not moved:
-        return ""
-    return (
-        f"Models that predict alike disagree on {listing(moved, 6)}: values and intervals are "
-        "those of all of them together, each by its weight."
     )
