@@ -185,7 +185,7 @@ def section_ladder(analysis: Analysis) -> Section:
     elif chosen.feasible:
         reason = "possible"
     else:
-        reason = "signs" if chosen.signs_possible else "smallest"
+        reason = "smallest" if chosen.infeasible else "signs"
     why = sentence("analysis.why", reason, title=model_title(chosen))
     blocks = (picture("errors", plot.models(analysis)), analysis.tables()[0])
     return section("analysis.models", *blocks, why=why, kind=analysis.validation_kind)

@@ -537,7 +537,7 @@ def payload_sections(result: Load) -> list[Section | None]:
 def prediction_heading(result: TorquePrediction) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
     count = format_count(len(result.t), "sample")
-    return "Predicted torque", f"{result.robot.path.name} · {result.model} · {count}"
+    return "Predicted torque", f"{result.robot.path.name} · {result.fit.submodel.name} · {count}"
 
 
 def prediction_below(result: TorquePrediction) -> Picture | None:
@@ -584,7 +584,7 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
     masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
     real = ladder.chosen.physical
     said = filter(None, ("" if real is None else real.sentence, ladder.mass_statement))
-    settings = {"method": ladder.method, "seed": ladder.seed}
+    settings = {key: ladder.settings[key] for key in ("method", "seed")}
     text = words("pruning.how", effects=", ".join(ladder.effects), **settings)
     some = not ladder.nothing
     every = f"All {format_count(len(ladder.models), 'model')} of the path"

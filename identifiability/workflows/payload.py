@@ -574,7 +574,7 @@ def payload(
         quantities=state_quantities(estimate, nearest, length),
         gains=gains,
         known=mass,
-        hints=tuple(dict.fromkeys(filter(None, (state_missing(fit.missing), *hints)))),
+        hints=tuple(dict.fromkeys(filter(None, (*state_missing(fit.missing), *hints)))),
         origin=fit.origin,
     )
 

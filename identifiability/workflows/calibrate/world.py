@@ -36,7 +36,7 @@ from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.assessment import ModelResult
+from identifiability.workflows.analyze.result import ModelResult
 from identifiability.workflows.opening import in_memory
 
 # Simulated experiments with known truth, fitted and judged; and what many of them come to.
@@ -520,7 +520,7 @@ class World:
             Of the bootstrap in each.
         rng : numpy.random.Generator
         """
-        samples, logs = in_memory(analysis.samples), in_memory(analysis.recordings)
+        samples, logs = in_memory(analysis.samples), in_memory(analysis.recordings.fitted)
         how: Any = analysis.settings["preparation"]
         motion = tuple(
             MotionErrors.of(analysis.robot, s, raw, how)
@@ -530,7 +530,6 @@ class World:
             analysis.structure.regression([m.samples for m in motion]),
             result.submodel,
             method=result.estimate.estimator,
-            thresholds=analysis.thresholds,
             replicates=refits,
             structure=analysis.structure,
         )

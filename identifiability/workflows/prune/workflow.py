@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -17,11 +16,9 @@ from identifiability.estimation.estimate import (
 )
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Evidence, HeldOut, near_best, weigh_models
-from identifiability.estimation.fit import Fit
 from identifiability.estimation.groups import Alternatives
 from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Prediction, Task, predict_all
-from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.engines import Engine, Steps, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.findings import of_key
@@ -51,20 +48,17 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.analyze.assessment import (
-    Settled,
-    complete_fit,
-    decide_model,
-    impossible_signs,
-    settle_robot,
-    tell_with_file,
-)
 from identifiability.workflows.analyze.result import WORSE
 from identifiability.workflows.analyze.workflow import (
+    Settled,
     SharedErrors,
+    complete_fit,
+    decide_model,
     predict_everywhere,
     say_band,
     say_of_fit,
+    settle_robot,
+    tell_with_file,
 )
 from identifiability.workflows.opening import Logs, Progress, quiet, running, share
 from identifiability.workflows.prune.elimination import (
@@ -189,22 +183,22 @@ def prune(
                 progress=share(say, "measuring errors", 0.5, 1.0),
             )
         hints = _hint(session, rows, measured, measured.models[selected])
-        found = Ladder(
+        return Ladder(
             structure=session.structure,
             samples=opening.samples,
             validation=opening.validation,
             hints=tuple(filter(None, (*hints, thinned, *unused_ladder(robot, ladder)))),
+            recordings=session.recordings,
             information=rows.information,
             start=start,
             selected=selected,
             least=best_step(search.steps),
             refused=search.refused,
-            rolled=session.recordings.rolled,
             late=question.shared.together(full_model(session.structure.base)),
-            method=base.name,
-            seed=seed,
             source=source,
             settings={
+                "method": base.name,
+                "seed": seed,
                 "estimator": estimator,
                 "forbid": list(forbid),
                 "force": list(force),
@@ -218,10 +212,6 @@ def prune(
             nothing=measured.nothing,
             missing=measured.missing,
         )
-        moved = session.recordings.measure_rollouts(
-            session.structure.robot, found.real_robot["parameters"]
-        )
-        return replace(found, moved=moved)
 
 
 def _hint(
@@ -272,11 +262,8 @@ def _choose(question: Question, search: Search, cad_prior: float | None) -> tupl
         if certificate is not None and certificate.feasible:
             break
     found = []
-    for k, model, certificate, said in tried[:1] + tried[1:][-1:]:
-        one = settle_robot(model, held_out, cad_prior)
-        told = said + one.robot.sentence
-        robot = replace(one.robot, certificate=certificate, sentence=told)
-        found.append((k, replace(one, robot=robot)))
+    for k, model, *certified in tried[:1] + tried[1:][-1:]:
+        found.append((k, settle_robot(model, held_out, cad_prior, certified=certified)))
     (_, first), (_, last) = found[0], found[-1]
     pair = [x.real for x in (last, first) if x.real is not None]
     alike = len(pair) > 1 and near_best(pair)[0]
@@ -388,15 +375,16 @@ def measure_models(
     unseen = crossed
     if opening.unseen is not None:
         (unseen,) = predict_all(opening.unseen, along, engine=engine)
-    missing, thresholds = find_missing(opening), Thresholds()
+    missing = find_missing(opening)
     weights, first = np.zeros(len(steps)), first_allowed(steps)
     weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
     best, models = steps[best_step(steps)].score, list[PrunedModel]()
     torque = float(np.sqrt(np.mean(fitted.rms**2)))
     for k, (step, known) in enumerate(zip(steps, fits, strict=True)):
         model, real = question.recall(*known), settled.robot if k == chosen else None
-        fit = Fit.of(model.information, model.estimate, rng, replicates)
-        fit = complete_fit(model, fit, question.full, missing, question.shared.move, real)
+        own = rng, replicates, question.full, missing, question.shared.move
+        fit = complete_fit(model, *own, real=real)
+        verdicts, infeasible = decide_model(model, fit, torque)
         judged = Evidence.of(step.score, best)
         at = range(len(steps), len(steps) + 4) if k == chosen else [k]
         models.append(
@@ -405,8 +393,8 @@ def measure_models(
                 submodel=known[0],
                 estimate=known[1],
                 fit=fit,
-                verdicts=decide_model(model, fit, torque, thresholds),
-                infeasible=impossible_signs(model),
+                verdicts=verdicts,
+                infeasible=infeasible,
                 physical=real,
                 fitted=fitted.select(at),
                 unseen=unseen.select(at),
@@ -423,7 +411,7 @@ def measure_models(
     if nothing:
         models = [pruned.withdraw(nothing) for pruned in models]
     else:
-        models[chosen], hint = tell_with_file(model, result, within, thresholds)
+        models[chosen], hint = tell_with_file(model, result, within)
     used, where = int(result.physical_used), None if opening.validation else turns
     everywhere = predict_everywhere(session, rows, settled, used, where)
     return Measured(
