@@ -587,13 +587,10 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ..
     imu = extra.imu or ImuEntry()
     contacts = []
     for entry in extra.contacts:
-        point, _ = _find_frame(path, "contacts", entry.frame, entry.point, stated)
+        own = entry.model_dump(include={"kind", "flag", "threshold", "margin", "schedule"})
+        own["point"], _ = _find_frame(path, "contacts", entry.frame, entry.point, stated)
         radius = stated.radii.get(entry.frame, 0.0) if entry.radius is None else entry.radius
-        schedule = None if entry.schedule is None else tuple(entry.schedule)
-        contacts.append(
-            Contact(entry.frame, point, entry.kind, radius, entry.flag, entry.threshold, schedule,
-                    entry.margin)
-        )  # fmt: skip
+        contacts.append(Contact(entry.frame, radius=radius, **own))
     names = [c.name for c in contacts]
     if len(set(names)) < len(names):
         raise RobotError(f"The sidecar of {path}: [[contacts]] are {listing(names)}; each once.")
@@ -605,12 +602,8 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ..
     R = pin.rpy.rpyToMatrix(np.array(imu.rotation, float)).T
     place, acc, gyro = (np.array(x, float) for x in (imu.place, imu.acc_bias, imu.gyro_bias))
     mount = Imu(R, place, acc, gyro, tuple(dict.fromkeys(imu.fit)))
-    touched: dict[str, Any] = {
-        "contacts": tuple(contacts),
-        "wrenches": tuple(wrenches),
-        "imu": mount,
-    }
-    return replace(stated.base, body=bodies[0], **touched)
+    base = replace(stated.base, body=bodies[0], imu=mount)
+    return replace(base, contacts=tuple(contacts), wrenches=tuple(wrenches))
 
 
 def _find_frame(
