@@ -350,11 +350,7 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     if not len(dependent) and not robot.equations:
         return robot
     robot = stretch_home(replace(robot, home=_follow_couplings(robot)))
-    posed = stated.posed or bool(set(extra.home) & set(robot.passive))
-    robot = _close_home(robot, stated=posed)
     count = closure.count_independent(robot) if robot.equations else 0
-    if count < len(dependent):
-        _refuse_loose(robot, count)
     if count > len(dependent):
         raise RobotError(
             f"{robot.path}: the loops give {count} independent equations for {len(dependent)} "
@@ -363,6 +359,10 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
             f'sidecar: actuated = ["{names[0]}", …] (or give the lengths and angles of redundant '
             "loops all their digits)."
         )
+    posed = stated.posed or bool(set(extra.home) & set(robot.passive))
+    robot = _close_home(robot, stated=posed)
+    if count < len(dependent):
+        _refuse_loose(robot, count)
     A = newton(robot, robot.home[None]).A[:, :, robot.dependent]
     if len(dependent) and not invert(A)[1][0] * ROUNDOFF < 1:
         raise RobotError(
