@@ -6,7 +6,7 @@ import pytest
 from identifiability.estimation.estimate import estimate
 from identifiability.logs import Log, fourier
 from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot

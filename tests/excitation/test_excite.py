@@ -10,7 +10,7 @@ from identifiability.estimation.estimate import estimate
 from identifiability.foundation.errors import ClosureError, IdentifiabilityError, RobotError
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_log
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import find_base_parameters
 from identifiability.robot import Robot, complete_motion

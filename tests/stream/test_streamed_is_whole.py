@@ -8,7 +8,7 @@ from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines import Serial
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import find_base_parameters
 from identifiability.robot import Robot

@@ -59,8 +59,7 @@ from identifiability.physical.feasibility import (
     leave_undecided,
 )
 from identifiability.physical.fitted_model import FittedModel, LeastSquares
-from identifiability.regression.gather import gather_information
-from identifiability.regression.information import Information
+from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import (
     LadderLike,
     Submodel,
