@@ -15,7 +15,7 @@ import numpy as np
 from identifiability.effects import title_of
 from identifiability.estimation.prediction import loaded_joints
 from identifiability.estimation.verdict import Class, Verdict
-from identifiability.foundation.answers import Cell, Column, Note, Table, badge_cell, measured_cells
+from identifiability.foundation.answers import Cell, Column, Note, Table
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.rounding import (
@@ -46,16 +46,14 @@ from identifiability.report.blocks import (
     gallery,
     picture,
     section,
-    share_cell,
     torque_traces,
 )
 from identifiability.report.figures import MOST, draw_confusion, draw_forest, order_correlated
 from identifiability.report.skeleton import move_with_torque
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.belief import Source, Summary
+from identifiability.workflows.analyze.belief import Summary
 from identifiability.workflows.analyze.result import (
-    compare_logs,
     error_tables,
     model_title,
     parameter_table,
@@ -106,10 +104,9 @@ def analysis_sections(analysis: Analysis) -> list[Section | None]:
         found.insert(0, section_prediction(analysis))
         if not analysis.nothing:
             found.append(section_correlated(analysis.fit))
-        motions = section("analysis.motions", compare_logs(analysis.samples, analysis.chosen)[0])
-        found += [motions, section_residuals(analysis), section_physics(analysis)]
+        found += [section_residuals(analysis), section_physics(analysis)]
         if analysis.belief is not None:
-            found += [section_posterior(analysis), section_standard(analysis)]
+            found.append(section_posterior(analysis))
     found.append(section_structure(analysis))
     if explained:
         found.append(section_full_model(analysis))
@@ -523,50 +520,3 @@ def convergence_table(analysis: Analysis) -> Table:
     limit = words("analysis.limits", **asdict(limits))
     rows.append(("limit", *(Cell(text, np.nan) for text in limit.values())))
     return Table.of("Convergence of the chains", CONVERGENCE, rows)
-
-
-# Where knowledge of each standard parameter comes from.
-
-
-def section_standard(analysis: Analysis) -> Section:
-    """Return what determines each standard parameter, and how much was learned of it."""
-    belief = analysis.belief
-    assert belief is not None
-    known = belief.standard
-    if known is None or shown(analysis)[BODIES] is None:
-        notes = [n for n in posterior_notes(analysis) if "bodies" in n.title]
-        why = " ".join(f"{n.title} {n.text}" for n in notes)
-        return section(
-            "analysis.standard", Notes((note("no-standard", why=why),)), detail=True, said=""
-        )
-    counts = [
-        sentence("analysis.sources", kind.value, n=known.source.count(kind)) for kind in Source
-    ]
-    pairs = [measured_cells(*x) for x in zip(known.mean.tolist(), known.sd.tolist(), strict=True)]
-    rows = zip(
-        known.names,
-        analysis.structure.nominal,
-        known.prior_sd,
-        *zip(*pairs, strict=True),
-        [p.unit for p in analysis.base.parameters],
-        [share_cell(x) for x in known.contraction],
-        [badge_cell(s.value) for s in known.source],
-        strict=True,
-    )
-    size = len(known.names)
-    table = Table.of("", STANDARD, rows, filter_by=-1)
-    fold = Fold(f"All {size} standard parameters", (table,))
-    said = sentence("analysis.known", size=size, counts=join(counts))
-    return section("analysis.standard", fold, detail=True, said=said)
-
-
-STANDARD = (
-    Column("parameter"),
-    Column("robot file", stated_text),
-    Column("prior sd", digits(3)),
-    Column("posterior", "number"),
-    Column("± sd", "error"),
-    Column("unit"),
-    Column("contraction", "bar"),
-    Column("determined by", "badge"),
-)

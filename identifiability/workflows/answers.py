@@ -17,7 +17,7 @@ import numpy as np
 from identifiability.estimation.evidence import LEVELS
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table, measured_cells
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import error_text, format_count, format_number, percent
+from identifiability.foundation.rounding import error_text, format_count, percent
 from identifiability.foundation.rules import RuleTable
 from identifiability.robot import Robot
 from identifiability.workflows.rules import RULES
@@ -56,9 +56,6 @@ def count_joints(robot: Robot) -> str:
     return " · ".join([*said, *(["floating base"] if robot.base is not None else [])])
 
 
-#: Joints whose errors a sentence states one by one.
-MOST = 6
-
 #: Error on unseen motion, of how much torque varies, up to which it is called so; a rule of thumb.
 WORDS_OF = ("very-good", "good", "fair", "poor", "useless")
 
@@ -67,13 +64,6 @@ def grade_of(error: float) -> str:
     """Return the name of the grade of an error on unseen motion."""
     limits = (*RULES.grades, math.inf)
     return next(w for limit, w in zip(limits, WORDS_OF, strict=True) if error <= limit)
-
-
-def list_errors(joints: Sequence[str], each: Array, unit: str) -> str:
-    """Return the errors of joints, (n,) in a unit, worst first; of many the ends."""
-    order = np.argsort(-each, kind="stable")
-    said = [f"{joints[k]} {format_number(each[k], 2)} {unit}" for k in order]
-    return ", ".join(said if len(said) <= MOST else [*said[: MOST - 1], "…", said[-1]])
 
 
 #: What every table of judged parameters shows of a `Verdict`.
@@ -125,10 +115,7 @@ def answer_quality(
     more: str,
     question: str = "How good is it?",
 ) -> Answer:
-    """Return how good the predictions are, in words, and by joint.
-
-    Where loads differ, the torque of all joints varies more than each changes: a model is graded by
-    its joints where these err more than all together.
+    """Return how good the predictions are, in words, and the joint that errs most.
 
     Parameters
     ----------
@@ -138,18 +125,18 @@ def answer_quality(
     each : (n,)
         The same of each joint over its own scale.
     more : str
-        What it was measured on, and what the error leaves out.
+        What it was measured on.
     question : str
     """
     if not np.isfinite(error):
-        return Answer(question, "There is no error to tell.", more, "grey")
-    known = len(joints) > 1 and bool(np.isfinite(each).all())
-    judged = max(error, float(np.sqrt(np.mean(each**2)))) if known else error
-    short = sentence("decision.grades", grade_of(judged), error=error_text(error))
-    said = [sentence("decision.uses", grade_of(judged))]
-    if known:
-        said.append(f"Each joint over its own variation: {list_errors(joints, 100 * each, '%')}.")
-    return Answer(question, short, " ".join([*said, more]).rstrip(), tone_of(judged))
+        return Answer(question, "There is no error to tell.", "", "grey")
+    grade, said = grade_of(error), []
+    if len(joints) > 1 and np.isfinite(each).all():
+        worst = int(np.argmax(each))
+        said = [f"Worst joint, over its own variation: {joints[worst]} {error_text(each[worst])}."]
+    short = sentence("decision.grades", grade, error=error_text(error))
+    text = " ".join([sentence("decision.uses", grade), *said, more]).rstrip()
+    return Answer(question, short, text, tone_of(error))
 
 
 def answer_trust(

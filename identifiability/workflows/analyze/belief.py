@@ -1,21 +1,17 @@
 """What is believed of the parameters after the data: posteriors with signs and with bodies.
 
-Two posteriors of one model are sampled; where each parameter comes from is said; ArviZ gets every
-draw.
+Two posteriors of one model are sampled; ArviZ gets every draw.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
-from enum import StrEnum
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pandas as pd
 
-from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Flag, Verdict, narrow
 from identifiability.foundation.errors import (
     IdentifiabilityError,
     ModelError,
@@ -41,7 +37,6 @@ from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.target import Prior, Target
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
-from identifiability.workflows.answers import sentence
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -50,8 +45,7 @@ if TYPE_CHECKING:
 # What is believed of the parameters after the data: posteriors with signs and with whole bodies.
 #
 # Two posteriors of one model. *Signs*: flat prior, friction and inertia not negative. *Physical*:
-# a normal prior per standard parameter, restricted to bodies that can exist; it also says of every
-# standard parameter whether the data, the prior, the constraints or nothing at all determine it.
+# a normal prior per standard parameter, restricted to bodies that can exist.
 # Residuals are correlated, so the likelihood counts as many samples as are independent.
 
 
@@ -59,33 +53,11 @@ if TYPE_CHECKING:
 START_MARGIN: Tolerance = 1e-3
 
 
-#: Share of the draws in an interval, and how many ways to leave the rest at its two ends.
-BELIEVED: Tolerance = 0.95
-TAILS = 11
-
-
-class Source(StrEnum):
-    """What determines a standard parameter."""
-
-    DATA = "data"
-    CONSTRAINT = "constraint"
-    PRIOR = "prior"
-    STRUCTURE = "structure"
-    MODEL = "model"
-
-
-@frozen
-class Effort:
-    """How much is sampled at most: walkers of each of four ensembles, draws of each walker.
-
-    Sampling ends as soon as the draws suffice, or when paths have had so many straight `pieces`: a
-    step has ten to seventy, and 64 walkers take half a millisecond for each.
-    """
-
-    walkers: int = 16
-    draws: int = 100
-    warmup: int = 10
-    pieces: int = 5000
+#: How much is sampled at most: walkers of each of four ensembles, draws of each walker.
+#:
+#: Sampling ends as soon as the draws suffice, or when paths have had so many straight `pieces`: a
+#: step has ten to seventy, and 64 walkers take half a millisecond for each.
+EFFORT = {"walkers": 16, "draws": 100, "warmup": 10, "pieces": 5000}
 
 
 @frozen
@@ -96,7 +68,7 @@ class Summary:
     ----------
     mean, sd : (m,)
     interval : (m, 2)
-        95 %, as in `believed_interval` and with room for `sway`.
+        95 %, as in `believed_interval`.
     chains : (E, K, N, m)
         All draws by ensemble and walker, in order.
     prior_sensitivity : (m,)
@@ -125,39 +97,6 @@ class Summary:
 
 
 @frozen
-class StandardBelief:
-    """What is known of the standard parameters, (p,) each.
-
-    Attributes
-    ----------
-    names : tuple of str
-    prior_mean, prior_sd : (p,)
-    data_sd : (p,)
-        With data and prior, without the constraints.
-    mean, sd : (p,)
-        With all three.
-    source : tuple of Source
-    chains : (E, K, N, p)
-        All draws by ensemble and walker, in order.
-    """
-
-    names: tuple[str, ...]
-    prior_mean: Array
-    prior_sd: Array
-    data_sd: Array
-    mean: Array
-    sd: Array
-    source: tuple[Source, ...]
-    chains: Array
-
-    @property
-    def contraction(self) -> Array:
-        """``1 - sd/prior sd``: 0 where nothing was learned, 1 where everything is known."""
-        learned: Array = 1.0 - self.sd / self.prior_sd
-        return learned
-
-
-@frozen
 class Belief:
     """Posteriors of one model.
 
@@ -167,103 +106,50 @@ class Belief:
         Of the model's parameters, flat prior, signs only; None where the motion leaves some open.
     physical : Summary or None
         Of the model's parameters under bodies that can exist; None with the reason in `note`.
-    standard : StandardBelief or None
-        Of the standard parameters.
+    standard : mapping of str to (E, K, N)
+        Draws of each standard parameter by ensemble and walker, in order; empty without them.
     note : str
-    model_prior_sd, model_data_sd : (m,)
-        Sd of the model's parameters under the prior, and under data and prior without bodies.
     """
 
     signs: Summary | None
     physical: Summary | None
-    standard: StandardBelief | None
+    standard: Mapping[str, Array]
     note: str = ""
-    model_prior_sd: Array = field(default_factory=lambda: np.empty(0))
-    model_data_sd: Array = field(default_factory=lambda: np.empty(0))
-
-    @property
-    def hint(self) -> str:
-        """Why a posterior that was sampled may not be shown; empty where all may."""
-        named = (("signs", self.signs), ("bodies", self.physical))
-        return " ".join(
-            f"The posterior with {name} is not shown: {' '.join(x.convergence.reasons)}"
-            for name, x in named
-            if x is not None and not x.trustworthy
-        )
 
 
-def believed_interval(draws: Array, nonnegative: np.ndarray) -> Array:
+def believed_interval(draws: Array, nonnegative: np.ndarray, moved: Array | float = 0.0) -> Array:
     """Return the shortest intervals (m, 2) that hold 95 % of draws (D, m).
 
     Where a true value lies at the edge of what is possible the density is highest there, and a
-    central interval never holds it. What cannot be negative may begin at zero.
+    central interval never holds it. What cannot be negative may begin at zero. They hold whatever
+    the density at the edges: by what means move.
     """
-    below = np.linspace(0, 1 - BELIEVED, TAILS)
-    low, high = (np.quantile(draws, share, axis=0) for share in (below, below + BELIEVED))
+    # So many ways to leave the rest of the draws at the two ends.
+    below = np.linspace(0, 0.05, 11)
+    low, high = (np.quantile(draws, share, axis=0) for share in (below, below + 0.95))
     low[0, nonnegative] = 0.0
     best = (high - low).argmin(axis=0), np.arange(draws.shape[1])
-    return np.column_stack([low[best], high[best]])
-
-
-def widen_interval(interval: Array, nonnegative: np.ndarray, moved: Array) -> Array:
-    """Return intervals (m, 2) that hold whatever the density at the edges: by what means move."""
-    low, high = interval[:, 0] - moved, interval[:, 1] + moved
-    return np.column_stack([np.where(nonnegative, np.maximum(low, 0.0), low), high])
-
-
-def refine_verdicts(verdicts: Sequence[Verdict], belief: Belief) -> tuple[Verdict, ...]:
-    """Return the verdicts of a model with what the physical posterior adds.
-
-    Verdicts on what the data determine stay. What they leave open may still be narrowed by
-    bodies that can exist, or be no more than the prior.
-    """
-    rules, physical, out = Thresholds(), belief.physical, list(verdicts)
-    if physical is None or not physical.trustworthy or belief.standard is None:
-        return tuple(out)
-    prior_sd, data_sd = belief.model_prior_sd, belief.model_data_sd
-    for k, v in enumerate(out):
-        # Like with like: the data alone, and data and prior, with and without bodies.
-        variance = physical.sd[k] ** 2
-        if not (v.open and variance < rules.constraint_variance * v.sigma_robust**2):
-            continue
-        low, high = physical.interval[k].tolist()
-        by_bodies = variance < rules.constraint_variance * data_sd[k] ** 2
-        learned = physical.sd[k] <= (1 - rules.contraction) * prior_sd[k]
-        flag, part = (Flag.BY_CONE, "bodies") if by_bodies and learned else (Flag.BY_PRIOR, "prior")
-        if not physical.stated[k]:
-            flag, part = Flag.BY_PRIOR, "edge"
-        text = sentence("decision.narrowed", part, span=f"{low:.3g} … {high:.3g} (95 %)")
-        out[k] = narrow(v, flag, text, v.believed if part == "edge" else (low, high))
-    return tuple(out)
+    first, last = low[best] - moved, high[best] + moved
+    return np.column_stack([np.where(nonnegative, np.maximum(first, 0.0), first), last])
 
 
 def belief_dict(names: Sequence[str], belief: Belief | None) -> dict[str, Any] | None:
     """Return a belief for JSON; numbers of a chain that did not converge are withheld."""
     if belief is None:
         return None
-    out: dict[str, Any] = {"note": belief.note, "signs": None, "physical": None}
+    out: dict[str, Any] = {"note": belief.note, "signs": None, "physical": None, "standard": None}
     for name, summary in (("signs", belief.signs), ("physical", belief.physical)):
         if summary is None:
             continue
         c = summary.convergence
-        out[name] = {
-            "trustworthy": summary.trustworthy,
-            "reasons": list(c.reasons),
-            "rhat": float(np.max(c.rhat)),
-            "ess": float(np.min(c.ess_bulk)),
-            "acceptance": 1.0,  # every proposal is; it answers for one release
-        }
+        told = {"trustworthy": summary.trustworthy, "reasons": list(c.reasons), "acceptance": None}
+        out[name] = told | {"rhat": float(np.max(c.rhat)), "ess": float(np.min(c.ess_bulk))}
         if summary.trustworthy:
             pairs = zip(summary.interval.tolist(), summary.stated, strict=True)
-            ends = [pair if stated else None for pair, stated in pairs]
-            columns = {"name": names, "mean": summary.mean, "sd": summary.sd, "interval95": ends}
+            columns = {"name": names, "mean": summary.mean, "sd": summary.sd}
             frame = pd.DataFrame({**columns, "sway": summary.prior_sensitivity})
+            frame["interval95"] = [pair if stated else None for pair, stated in pairs]
             out[name]["parameters"] = frame.to_dict("records")
-    if belief.standard is not None and belief.physical and belief.physical.trustworthy:
-        keys = ("names", "mean", "sd", "prior_mean", "prior_sd", "source")
-        frame = pd.DataFrame({key: getattr(belief.standard, key) for key in keys})
-        told = {"names": "name", "source": "determined_by"}
-        out["standard"] = frame.rename(columns=told).to_dict("records")
     return out
 
 
@@ -310,11 +196,11 @@ def build_datatree(
             "A posterior for ArviZ needs the extra 'arviz': "
             "pip install 'robot-identifiability[arviz]'."
         ) from None
-    if belief is None:
-        raise ModelError("The result has no posterior; ask for it with analyze(…, posterior=True).")
-    summary, standard = getattr(belief, which), belief.standard
-    if summary is None:
-        raise ModelError(f"The result has no posterior '{which}': {belief.note}.")
+    summary = getattr(belief, which, None)
+    if belief is None or summary is None:
+        raise ModelError(
+            f"The result has no posterior '{which}'; ask for it with analyze(…, posterior=True)."
+        )
     ensembles, walkers, length, _ = summary.chains.shape
     along: dict[str, Any] = {
         "chain": np.arange(ensembles * walkers),
@@ -323,10 +209,10 @@ def build_datatree(
         PARAMETER: list(submodel.columns),
     }
     draws = {"phi": _walkers(summary.chains, PARAMETER)}
-    if which == "physical" and standard is not None:
-        moving = np.ptp(standard.chains, axis=(0, 1, 2)) > 0
-        draws["standard"] = _walkers(standard.chains[..., moving], STANDARD)
-        along[STANDARD] = np.array(standard.names)[moving].tolist()
+    if which == "physical":
+        moving = {name: x for name, x in belief.standard.items() if np.ptp(x) > 0}
+        draws["standard"] = _walkers(np.stack(list(moving.values()), axis=-1), STANDARD)
+        along[STANDARD] = list(moving)
     units = Dataset({"unit": (PARAMETER, list(submodel.units))}, {PARAMETER: along[PARAMETER]})
     tree = DataTree.from_dict({"posterior": Dataset(draws, along), "constant_data": units})
     tree.attrs = {  # strings and numbers, which NetCDF can hold
@@ -350,7 +236,7 @@ def _walkers(chains: Array, of: str) -> tuple[tuple[str, ...], Array]:
 def form_belief(
     model: FittedModel,
     rng: np.random.Generator,
-    effort: Effort | None = None,
+    effort: Mapping[str, int] = EFFORT,
     progress: Progress | None = None,
     share: float = 0.0,
 ) -> Belief:
@@ -360,26 +246,25 @@ def form_belief(
     ----------
     model : FittedModel
     rng : numpy.random.Generator
-    effort : Effort, optional
+    effort : mapping, optional
+        As of `sample_posterior`.
     progress : callable, optional
         Called with the number of steps done and to do.
+    share : float
+        Within which bodies are the file's, 0 for the sidecar's.
     """
-    effort = effort or Effort()
     first, second = rng.spawn(2)
-    signs, notes = None, []
+    signs, note = None, ""
     if model.determined:
         signs = _sample_signs(model, first, effort)
     else:
-        notes.append("the motion leaves parameters of the model undetermined")
+        note = "the motion leaves parameters of the model undetermined"
     try:
         prior = state_prior(model, share)
-        physical, standard, root = _sample_physical(model, prior, second, effort, progress)
+        physical, standard = _sample_physical(model, prior, second, effort, progress)
     except (ValueError, IdentifiabilityError) as error:
-        return Belief(signs, None, None, "; ".join([*notes, str(error)]))
-    to_x = model.to_x
-    prior_sd = np.sqrt(to_x**2 @ np.where(np.isfinite(prior.sd), prior.sd, 0.0) ** 2)
-    data_sd = np.linalg.norm(to_x @ root, axis=1)
-    return Belief(signs, physical, standard, "; ".join(notes), prior_sd, data_sd)
+        return Belief(signs, None, {}, "; ".join(filter(None, (note, str(error)))))
+    return Belief(signs, physical, standard, note)
 
 
 def state_prior(model: FittedModel, share: float = 0.0) -> Prior:
@@ -440,7 +325,9 @@ def add_stated(structure: Structure, prior: Prior) -> Prior:
     return Prior(mean, sd)
 
 
-def _sample_signs(model: FittedModel, rng: np.random.Generator, effort: Effort) -> Summary:
+def _sample_signs(
+    model: FittedModel, rng: np.random.Generator, effort: Mapping[str, int]
+) -> Summary:
     """Sample the model's own parameters under their signs, flat prior."""
     submodel, estimate = model.submodel, model.estimate
     data = LeastSquares.likelihood(model.information, estimate)
@@ -457,14 +344,13 @@ def _sample_physical(
     model: FittedModel,
     prior: Prior,
     rng: np.random.Generator,
-    effort: Effort,
+    effort: Mapping[str, int],
     progress: Progress | None,
-) -> tuple[Summary, StandardBelief, Array]:
+) -> tuple[Summary, dict[str, Array]]:
     """Sample the standard parameters on the cone and look at them through the model.
 
     What the model leaves out, holds or ties is so in every draw; what bodies cannot do without
-    counts as error in full, as in the nearest real robot. Returned last is a root of the covariance
-    with data and prior, without the constraints.
+    counts as error in full, as in the nearest real robot.
     """
     structure, region, fixed = model.structure, model.region, model.fixed
     own = LeastSquares.likelihood(model.information, model.estimate).through(model.to_x)
@@ -477,7 +363,8 @@ def _sample_physical(
     # Distance of that point from the edge of a sign, in prior standard deviations.
     start[signed] = np.maximum(start[signed], 1e-4 * prior.sd[signed])
     told = _sample(target, start, model.to_x, model.submodel, rng, effort, progress)
-    return told[0], _look_at_standard(structure, target, told[1]), target.root
+    chains = np.moveaxis(told[1].draws, -1, 0)
+    return told[0], dict(zip(structure.columns, chains, strict=True))
 
 
 def _sample(
@@ -486,7 +373,7 @@ def _sample(
     to_x: Array,
     submodel: Submodel,
     rng: np.random.Generator,
-    effort: Effort,
+    effort: Mapping[str, int],
     progress: Progress | None = None,
 ) -> tuple[Summary, Posterior]:
     """Draw until the draws may be shown; what is held by itself never moves and is not asked."""
@@ -499,37 +386,11 @@ def _sample(
     def enough(so_far: Posterior) -> bool:
         return may_suffice(so_far.draws) and judge(so_far).trustworthy
 
-    posterior = sample_posterior(
-        target, start, rng, enough=enough, progress=progress, **vars(effort)
-    )
+    posterior = sample_posterior(target, start, rng, enough=enough, progress=progress, **effort)
     chains = posterior.draws @ to_x.T
     moved = measure_prior_sensitivity(chains, log_distances(target.region, posterior.draws))
     draws, signed = chains.reshape(-1, len(submodel)), submodel.nonnegative
     sd = draws.std(0, ddof=1)
-    interval = widen_interval(believed_interval(draws, signed), signed, moved * sd)
+    interval = believed_interval(draws, signed, moved * sd)
     summary = Summary(draws.mean(0), sd, interval, chains, moved, judge(posterior))
     return summary, posterior
-
-
-def _look_at_standard(structure: Structure, target: Target, posterior: Posterior) -> StandardBelief:
-    proper, alone = target.proper_prior, (target.fixed or Fixed.none(target.size)).parameters
-    data_sd = np.linalg.norm(target.root, axis=1)
-    flat = posterior.flat()
-    sd = flat.std(0, ddof=1)
-    idle = ~np.any(structure.G, axis=0)
-    enough = (1 - Thresholds.contraction) * proper.sd
-    sources = np.select(
-        [idle, alone, data_sd < enough, sd < enough],
-        [Source.STRUCTURE, Source.MODEL, Source.DATA, Source.CONSTRAINT],
-        Source.PRIOR,
-    )
-    return StandardBelief(
-        names=structure.columns,
-        prior_mean=np.array(proper.mean),
-        prior_sd=np.array(proper.sd),
-        data_sd=data_sd,
-        mean=flat.mean(0),
-        sd=sd,
-        source=tuple(map(Source, sources.tolist())),
-        chains=posterior.draws,
-    )

@@ -6,18 +6,16 @@ page, terminal and JSON render it.
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any, ClassVar, Self, get_args
 
 import numpy as np
 import pandas as pd
 
-from identifiability.effects import FAMILIES
-from identifiability.effects.vocabulary import every_parameter, file_kinds, values_in_file
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import Folds
 from identifiability.estimation.fit import Fit
@@ -45,13 +43,12 @@ from identifiability.foundation.rounding import (
     digits,
     error_text,
     exact,
-    format_number,
     join,
     percent,
     percent_text,
     stated_text,
 )
-from identifiability.foundation.rules import RuleTable, Tolerance
+from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, state_mass, state_masses
@@ -61,7 +58,7 @@ from identifiability.posterior.rules import Thresholds as Believable
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource, Submodel
 from identifiability.regression.structure import OfStructure, Structure
-from identifiability.workflows import predict
+from identifiability.workflows import commands, predict
 from identifiability.workflows.analyze.belief import Belief, Which, belief_dict, build_datatree
 from identifiability.workflows.answers import (
     SIGMA,
@@ -77,17 +74,7 @@ from identifiability.workflows.answers import (
     sentence,
     with_hints,
 )
-from identifiability.workflows.commands import (
-    given_paths,
-    held_back,
-    ladder_option,
-    name_export,
-    name_logs,
-    on_file,
-    source_name,
-)
 from identifiability.workflows.opening import Recordings, state_provenance
-from identifiability.workflows.predict import Predicts, settled
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -271,22 +258,20 @@ class ModelResult:
         A reduced model's parameters take over some of what it leaves out, and of what is missing
         beside all base parameters: its values are such combinations, and labels are not.
         """
-        beside = self.fit.alternatives
-        told = []
-        for k, (v, value) in enumerate(zip(self.verdicts, self.recommended, strict=True)):
-            text = v.stands_for
-            if beside is not None and beside.named[k]:
-                text = f"{text or v.name} and a share of {beside.names[k]}"
-            far = abs(value - v.value) > REACH * v.sigma_robust
-            told.append(text if far and self.estimate.determined[k] else "")
-        return tuple(told)
+        each = zip(self.verdicts, self.recommended, strict=True)
+        return tuple(
+            v.stands_for or f"{v.name} and a share of what is missing"
+            if abs(x - v.value) > REACH * v.sigma_robust
+            else ""
+            for v, x in each
+        )
 
 
 # What analyze and prune answer alike about the model to use of a ladder.
 
 
 @frozen(kw_only=True)
-class Laddered(OfStructure, Result, Predicts):
+class Laddered(OfStructure, Result, predict.Predicts):
     """A ladder of models, of which one is to be used.
 
     Attributes
@@ -304,8 +289,6 @@ class Laddered(OfStructure, Result, Predicts):
         About the base parameters, on the fitted logs.
     selected : int
         The model to use.
-    everywhere : Prediction or None
-        By the values to use along unseen motion, where joints stand, too; None where none does.
     source : LadderSource or None
         Where the models came from.
     settings : mapping
@@ -326,7 +309,6 @@ class Laddered(OfStructure, Result, Predicts):
     models: tuple[ModelResult, ...]
     information: Information
     selected: int
-    everywhere: Prediction | None
     source: LadderSource | None = None
     settings: Mapping[str, Any]
     nothing: str
@@ -354,6 +336,11 @@ class Laddered(OfStructure, Result, Predicts):
         return self.chosen.used[1]
 
     @property
+    def physics(self) -> str:
+        """Which values of the model are used."""
+        return sentence("decision.physics", "used" if self.chosen.physical_used else "free")
+
+    @property
     @abstractmethod
     def validation_kind(self) -> str:
         """What the error on unseen motion was measured on."""
@@ -365,33 +352,32 @@ class Laddered(OfStructure, Result, Predicts):
     @property
     def commands_next(self) -> list[tuple[str, str]]:
         """At most three lines for the terminal, the most useful first."""
-        robot, verb = source_name(self.robot), "prune" if "pruning" in self.schema else "analyze"
-        names, how = given_paths(self.samples), self.settings["preparation"]
-        logs = name_logs(self.robot, names, how=how)
+        verb = "prune" if "pruning" in self.schema else "analyze"
+        robot = commands.source_name(self.robot)
+        names, how = commands.given_paths(self.samples), self.settings["preparation"]
+        logs = commands.name_logs(self.robot, names, how=how)
         if self.nothing:
             return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
-        chosen, given = self.chosen, ladder_option(self.robot, self.source)
-        of = f"{robot} {logs}{held_back(self.validation)}"
+        chosen, given = self.chosen, commands.ladder_option(self.robot, self.source)
+        of = f"{robot} {logs}{commands.held_back(self.validation)}"
         again = f"identifiability {verb} {of}{given}"
-        find = f"identifiability diagnose {of}"
+        find, out = f"identifiability diagnose {of}", []
         if verb == "prune":
-            find = on_file(
-                self, "model", "pruned.toml", f"{again} --out", f"{find} --model {{file}}"
-            )
-        missing = [("Find out what the model misses:", f"{find} --report missing.html")]
-        out = []
-        if verb == "analyze" and chosen.count(Class.IDENTIFIABLE) < len(chosen.submodel):
+            line = f"{find} --model {{file}}"
+            find = commands.on_file(self, "model", "pruned.toml", f"{again} --out", line)
+        elif chosen.count(Class.IDENTIFIABLE) < len(chosen.submodel):
             text = "Drop what noise decides, and keep a model that a real robot can have:"
             line = f"identifiability prune {of}{given} --report pruned.html --json prune.json"
-            begun = name_logs(self.robot, names, "--start-from", how)
+            begun = commands.name_logs(self.robot, names, "--start-from", how)
             more = f"identifiability excite {robot} {begun} --out next.json"
             out = [(text, line), ("Or measure what these logs leave open:", more)]
-        text, name = name_export(self.robot, *self.exported)
+        text, name = commands.name_export(self.robot, *self.exported)
         line = f"identifiability export {robot} {{file}} --out {name}"
-        out.append((text, on_file(self, "json", f"{verb}.json", f"{again} --json", line)))
-        suspect = bool(self.missing.functions or chosen.contradicted)
-        first = suspect or grade_of(chosen.error_ra_validation) != "very-good"
-        return ([*missing, *out] if first else [*out, *missing])[:3]
+        out.append((text, commands.on_file(self, "json", f"{verb}.json", f"{again} --json", line)))
+        missing = ("Find out what the model misses:", f"{find} --report missing.html")
+        very_good = grade_of(chosen.error_ra_validation) == "very-good"
+        first = self.missing.functions or chosen.contradicted or not very_good
+        return ([missing, *out] if first else [*out, missing])[:3]
 
     @cached_property
     def provenance(self) -> dict[str, str]:
@@ -429,7 +415,7 @@ class Laddered(OfStructure, Result, Predicts):
             submodel=used.real or used.submodel,
             values=used.recommended,
             spread=measure_spread(part, used.estimate, used.fit, own, unseen),
-            preparation=settled(self.settings.get("preparation"), self.samples),
+            preparation=predict.settled(self.settings.get("preparation"), self.samples),
             base_covariance=M @ covariance @ M.T + self.late.T @ self.late,
             base_unknown=M @ unknown,
             errors=self.exported[1],
@@ -454,16 +440,14 @@ class Laddered(OfStructure, Result, Predicts):
             for which, raw in (("", False), ("_raw", True)):
                 joints[f"error{which}{name}"] = p.joint_error(raw=raw)[:, 0]
                 joints[f"rms{which}{name}"] = p.joint_rms(raw=raw)[:, 0]
-        logs = []
-        for k, s in enumerate((*self.samples, *self.validation)):
-            later, unseen = k - len(self.samples), k
-            fitted = self.fitted.relative_error(k)[0] if later < 0 else np.nan
-            if self.validation:
-                unseen = later
-            crossed = np.nan if unseen < 0 else self.held_out.relative_error(unseen)[0]
-            row = {"of": "log", "name": s.path or s.name, "unit": ""}
-            logs.append({**row, "error": fitted, "error_validation": crossed})
-        return pd.concat([pd.DataFrame(joints), pd.DataFrame(logs)], ignore_index=True)
+        held, known = [np.nan] * len(self.validation), len(self.samples)
+        fitted = [self.fitted.relative_error(k)[0] for k in range(known)]
+        unseen = [self.held_out.relative_error(k)[0] for k in range(len(held) or known)]
+        each = (*self.samples, *self.validation)
+        logs = pd.DataFrame({"of": "log", "name": [s.path or s.name for s in each], "unit": ""})
+        logs["error"] = fitted + held
+        logs["error_validation"] = [np.nan] * (len(each) - len(unseen)) + unseen
+        return pd.concat([pd.DataFrame(joints), logs], ignore_index=True)
 
     @property
     def exported(self) -> tuple[tuple[str, ...], tuple[float, float]]:
@@ -476,18 +460,10 @@ class Laddered(OfStructure, Result, Predicts):
         """The nearest real robot as plain values, as `export` reads them."""
         used, real = self.chosen, self.chosen.physical
         assert real is not None
-        told = real_robot_dict(
-            self.structure,
-            real.parameters(),
-            tuple(used.fitted.relative_error()[1:].tolist()),
-            used.fitted.joint_error()[:, 1:],
-            self.samples,
-            real.cad_weight,
-        )
-        each = dict(zip(file_kinds(self.robot), map(used.unseen_by, (2, 3)), strict=True))
-        if "gravity" in told:  # what its files err by is measured along the fitted logs alone
-            each = dict.fromkeys(each, float("nan"))
-        return told | {"error_ra_validation_files": each}
+        errors, each = used.fitted.relative_error()[1:].tolist(), used.fitted.joint_error()[:, 1:]
+        what = self.structure, real.parameters(), errors, each, self.samples, real.cad_weight
+        gone = {"error_ra_validation_files": {"mjcf": None, "urdf": None}}
+        return real_robot_dict(*what) | gone
 
     @property
     def mass_statement(self) -> str:
@@ -527,81 +503,12 @@ class Laddered(OfStructure, Result, Predicts):
             parts = [f"{a.short} {a.text}" for a in told]
         parts += [] if tilt is None else [f"In this model gravity {tilt.text}."]
         parts += [] if self.moved is None else [self.moved.statement]
-        return " ".join(filter(None, (self.mass_warning, self.weight, *parts, *self.hints)))
-
-    @property
-    def weight(self) -> str:
-        """What a robot that floats weighs by its logs, beside its file; nothing of others.
-
-        The mass of all its bodies is one of its base parameters: gravity acts on the whole of it.
-        """
-        structure = self.structure
-        if self.robot.base is None or self.nothing:
-            return ""
-        masses = np.array([p.kind == "m" for p in structure.parameters], float)
-        pairs = zip(structure.base.names, structure.G, strict=True)
-        total = [name for name, row in pairs if np.allclose(row, masses, atol=1e-6)]
-        for v in self.full.verdicts:
-            if v.name in total and np.isfinite(half := REACH * v.sigma_label):
-                told = {"title": self.robot.title, "file": float(structure.nominal @ masses)}
-                return sentence("decision.weight", value=v.value, half=half, **told)
-        return ""
+        return " ".join(filter(None, (self.mass_warning, *parts, *self.hints)))
 
     def _answer_quality(self) -> Answer:
-        """Return how well the values to use predict, and beside it what that leaves out."""
-        each, more = self.held_out.joint_error()[:, 0], [f"Measured on {self.validation_kind}."]
-        if not self.nothing:
-            more += [self._beside(), self._in_file()]
-        error = self.chosen.error_ra_validation
-        return answer_quality(error, self.robot.joints, each, " ".join(filter(None, more)))
-
-    @property
-    def left_out(self) -> dict[str, float]:
-        """Share of unseen rows without weight, and ε_RA over all rows and of raw torque."""
-        p, every = self.held_out, self.everywhere or self.held_out
-        share = 1.0 - p.sums.rows.sum() / max(every.sums.rows.sum(), 1)
-        errors = every.relative_error()[0], p.relative_error(raw=True)[0]
-        return dict(zip(("rows", "all_rows", "raw"), map(float, (share, *errors)), strict=True))
-
-    def _beside(self) -> str:
-        """Return what the error leaves out: rows without weight, and what a low-pass took."""
-        left, error, told = self.left_out, self.chosen.error_ra_validation, []
-        if left["rows"] > 0:
-            share, every = percent(left["rows"], 2), percent(left["all_rows"])
-            told.append(sentence("decision.left", "rows", share=share, error=every))
-        if np.isfinite(left["raw"]) and not np.isclose(left["raw"], error, rtol=1e-6):
-            told.append(sentence("decision.left", "raw", error=percent(left["raw"])))
-        return " ".join(told)
-
-    def _in_file(self) -> str:
-        """Return what a plain robot file errs by in a simulator, and what it lacks."""
-        real, error = self.real_robot, self.chosen.error_ra_validation
-        alone, given = real["error_ra_validation_files"], real["parameters"]
-        kind = file_kinds(self.robot)[0]
-        if not np.isfinite(alone[kind]):
-            return ""
-        held, titles = values_in_file(self.robot, given, kind), dict[str, list[str]]()
-        every = every_parameter(self.robot, real["shapes"])
-        for name in (n for n, x in given.items() if x != held[n]):
-            title = FAMILIES[every[name].group].title if name in every else name
-            titles.setdefault(title, []).append(name)
-        told = sentence("decision.left", "file", kind=kind.upper(), error=percent(alone[kind]))
-        if titles and alone[kind] > (1 + DIFFERS) * error:
-            names = [f"{title} ({listing(own, NAMED)})" for title, own in titles.items()]
-            told += sentence("decision.left", "lacks", names=listing(names, NAMED))
-        return f"{told}."
-
-    def _reduced(self) -> str:
-        """Return which values to use are no parameter's own, and what they stand for."""
-        chosen = self.chosen
-        told = [
-            f"{v.name} ({format_number(x, 4)} {v.unit}: {text})"
-            for v, x, text in zip(chosen.verdicts, chosen.recommended, chosen.meanings, strict=True)
-            if text
-        ]
-        if not told or self.nothing:
-            return ""
-        return sentence("decision.left", "names", names=listing(told, NAMED))
+        """Return how well the values to use predict."""
+        each, kind = self.held_out.joint_error()[:, 0], f"Measured on {self.validation_kind}."
+        return answer_quality(self.chosen.error_ra_validation, self.robot.joints, each, kind)
 
     def cautions(self) -> tuple[Note, ...]:
         """Return what is to be kept in mind, gravest first."""
@@ -614,8 +521,6 @@ class Laddered(OfStructure, Result, Predicts):
         kinds = {"commands": "commands", "reading": "read"}
         for hint in self.hints:
             yield note(kinds.get(getattr(hint, "key", ""), "hint"), hint=hint)
-        if self.nothing:
-            yield note("nothing", why=f"{self.nothing[0].upper()}{self.nothing[1:]}")
         for found in of_key(self.findings, "unclosed", "singular"):
             yield note(found.key, log=found.subject, text=found)
         if not np.isfinite(chosen.error_ra_validation):
@@ -627,8 +532,6 @@ class Laddered(OfStructure, Result, Predicts):
             yield note("poor", rank=base.rank, excited=len(kept))
         if base.ambiguous:
             yield note("ambiguous")
-        if chosen.unjudged:
-            yield note("unjudged", why=chosen.unjudged)
         if not self.validation:
             yield note("inside", kind=self.validation_kind)
 
@@ -673,7 +576,7 @@ class Laddered(OfStructure, Result, Predicts):
             "errors": {
                 "joints": joints.drop(columns="of").to_dict("records"),
                 "logs": logs[own].rename(columns={"joint": "log"}).to_dict("records"),
-                "left_out": self.left_out,
+                "left_out": dict.fromkeys(("rows", "all_rows", "raw")),
             },
             "parameters": used.rows(),
             "full_parameters": self.full.rows(),
@@ -699,29 +602,11 @@ class Laddered(OfStructure, Result, Predicts):
         }
 
 
-#: From which share on a robot file's error is another than that of the values to use.
-DIFFERS: Tolerance = 0.05
-
-
-def state_physics(chosen: ModelResult) -> str:
-    """Return what physics says of a model's values, and which of them are to be used."""
-    real, error = chosen.physical, chosen.unseen_by(1)
-    if real is None or real.nearest is None:
-        return "" if real is None else real.sentence
-    if chosen.physical_used:
-        return sentence("decision.physics", "used", free=error_text(chosen.unseen_by(0)))
-    if math.isnan(error):  # folds of few samples
-        return sentence("decision.physics", "short")
-    part = "signs" if chosen.infeasible else "yes" if chosen.feasible else "no"
-    held = sentence("decision.physics", part, names=listing(chosen.infeasible, 4))
-    return f"{held} {sentence('decision.physics', 'near', error=percent(error))}"
-
-
 # What logs say of each other.
 
 
-def compare_logs(samples: Sequence[Dataset], result: ModelResult) -> tuple[str, bool]:
-    """Return what logs say of each other under a model, and whether they disagree.
+def compare_logs(samples: Sequence[Dataset], result: ModelResult) -> str:
+    """Return in what logs disagree under a model; nothing where they agree, or are one or short.
 
     Parameters
     ----------
@@ -730,15 +615,13 @@ def compare_logs(samples: Sequence[Dataset], result: ModelResult) -> tuple[str, 
     result : ModelResult
     """
     columns, motions = result.submodel.columns, result.fit.motions
-    if motions is None:
-        return sentence("decision.logs", "one" if len(samples) == 1 else "short"), False
+    if motions is None or not motions.moved.any():
+        return ""
     names = listing([samples[k].name for k in motions.which], NAMED)
-    if not motions.moved.any():
-        return sentence("decision.logs", "agree", names=names), False
     order = [k for k in np.argsort(motions.p) if motions.moved[k]]
     ends = [(columns[k], motions.values[:, k].min(), motions.values[:, k].max()) for k in order]
     far = listing([f"{name} ({low:.3g} to {high:.3g})" for name, low, high in ends], NAMED)
-    return sentence("decision.logs", "disagree", names=names, far=far), True
+    return sentence("decision.disagree", names=names, far=far)
 
 
 # `Analysis`: the answer to which parameters the logs determine; a table, JSON or a report.
@@ -777,7 +660,7 @@ class Analysis(Laddered):
                 "groupings": dict(zip(base.names, base.labels, strict=True)),
                 "without_effect": list(base.without_effect),
             },
-            "several_logs": {"statement": compare_logs(self.samples, chosen)[0]},
+            "several_logs": {"statement": compare_logs(self.samples, chosen)},
         }
 
     def to_arviz(self, posterior: Which = "physical") -> DataTree:
@@ -799,8 +682,6 @@ class Analysis(Laddered):
     @property
     def validation_kind(self) -> str:
         """What the error on unseen motion was measured on."""
-        if not np.isfinite(self.chosen.error_ra_validation):
-            return "nothing, for there is no error"
         if self.validation:
             return "held-out logs: " + ", ".join(s.name for s in self.validation)
         logs = len(self.samples)
@@ -828,20 +709,8 @@ class Analysis(Laddered):
         short = f"{title[0].upper()}{title[1:]}: {found_cell(chosen).text} of {count} identifiable."
         if chosen.unjudged:
             short = f"Nothing is judged in {title} of {count}."
-        told = size, self._reduced(), say_unjudged(chosen), state_physics(chosen)
         tone = "blue" if chosen.feasible else "amber"
-        return Answer(question, short, " ".join(filter(None, told)), tone)
-
-
-def say_unjudged(chosen: ModelResult) -> str:
-    """Return what is known of values of which none is judged, and why none is; else nothing."""
-    if not chosen.unjudged:
-        return ""
-    limit = Thresholds().sigma_percent
-    known = [v.name for v in chosen.verdicts if v.sigma_label_percent <= limit]
-    told = {"count": len(known), "limit": f"{limit:g}", "names": listing(known, NAMED)}
-    part = "known" if known else "unknown"
-    return f"{chosen.unjudged} {sentence('decision.unjudged', part, **told)}"
+        return Answer(question, short, f"{size} {self.physics}", tone)
 
 
 def doubt(
@@ -896,32 +765,21 @@ LADDER = with_hints(
     Column("10× rule", "number", "paper_identified", detail=True),
     Column("error, fitted", error_text, "error_ra"),
     Column("error, unseen", error_text, "error_ra_validation"),
-    Column("as estimated, unseen", error_text, lambda m: m.unseen_by(0), detail=True),
-    Column("± SE", error_text, "error_se", detail=True),
-    Column("condition", digits(3), "estimate.condition", detail=True),
     Column("real robot", "badge", _possible_cell),
 )
 
 
 def error_tables(result: Laddered) -> tuple[Table, ...]:
     """Return the errors of the model to use by joint and, where there are several, by log."""
-    errors = result.error_frame()
-    joints = errors[errors["of"] == "joint"].assign(
-        measured=result.held_out.rms, time=result.chosen.estimate.times
-    )
-    shown = joints.iloc[loaded_joints(result.held_out.rms)]
-    each = Table.of(
-        "Each joint by itself, over how much its own torque varies",
-        JOINTS,
-        shown.itertuples(),
-        worst=4,
-    )
-    samples = (*result.samples, *result.validation)
+    errors, samples = result.error_frame(), (*result.samples, *result.validation)
+    joints = errors[errors["of"] == "joint"].iloc[loaded_joints(result.held_out.rms)]
+    caption = "Each joint by itself, over how much its own torque varies"
+    each = Table.of(caption, JOINTS, joints.itertuples(), worst=3)
     if len(samples) == 1:
         return (each,)
-    logs = errors[errors["of"] == "log"]
-    names, outputs = zip(*((s.name, s.outputs) for s in samples), strict=True)
-    logs = logs.assign(name=names, samples=outputs)
+    logs = errors[errors["of"] == "log"].assign(
+        name=[s.name for s in samples], samples=[s.outputs for s in samples]
+    )
     return each, Table.of("Each log by itself", LOGS, logs.itertuples(), worst=3)
 
 
@@ -933,12 +791,10 @@ ERRORS = (
 JOINTS = with_hints(
     "joints",
     Column("joint", get="name"),
-    Column("measured, rms", digits(3), "measured", detail=True),
     Column("unit", get="unit"),
     *ERRORS,
     Column("rms error, unseen", digits(3), "rms_validation"),
     Column("of raw torque, unseen", error_text, "error_raw_validation"),
-    Column("autocorrelation time [samples]", digits(3), "time", detail=True),
 )
 
 LOGS = (Column("log", get="name"), Column("samples", "number", "samples"), *ERRORS)
@@ -947,33 +803,29 @@ LOGS = (Column("log", get="name"), Column("samples", "number", "samples"), *ERRO
 def parameter_table(analysis: Laddered, result: ModelResult) -> Table:
     """Return one row for each parameter of a model, filtered by verdict."""
     most = max((v.share for v in result.verdicts if np.isfinite(v.share)), default=0.0)
-    reduced = any(v.terms["omitted"] for v in result.verdicts)
     stated = dict(zip(result.submodel.columns, stated_values(analysis, result), strict=True))
     values = zip(result.recommended.tolist(), result.meanings, strict=True)
     used = dict(zip(result.submodel.columns, values, strict=True))
-
-    def share(v: Verdict) -> Cell:
-        return Cell(percent_text(100 * v.share), v.share, share=v.share / (most or 1.0))
 
     def in_model(v: Verdict) -> Cell:
         value, meaning = used[v.name]
         return Cell(stated_text(value, v.sigma_robust), value, meaning)
 
-    every = with_hints(
-        "parameters",
+    def share(v: Verdict) -> Cell:
+        return Cell(percent_text(100 * v.share), v.share, share=v.share / (most or 1.0))
+
+    def drawn(v: Verdict) -> float:
+        return percent_of(v.sigma_bootstrap, v.value)
+
+    columns = (
         Column("parameter", get=lambda v: Cell(v.name, note=label_note(v))),
         VALUE,
         SIGMA,
         UNIT,
         Column("σ white", percent_text, "sigma_percent", detail=True),
-        Column("σ robust", percent_text, "sigma_robust_percent", detail=reduced),
+        Column("σ robust", percent_text, "sigma_robust_percent", detail=True),
         Column("σ label", percent_text, "sigma_label_percent"),
-        Column(
-            "σ bootstrap",
-            percent_text,
-            lambda v: percent_of(v.sigma_bootstrap, v.value),
-            detail=True,
-        ),
+        Column("σ bootstrap", percent_text, drawn, detail=True),
         Column("σ is of", get=_terms_cell, detail=True),
         Column("used", "number", in_model, detail=not any(result.meanings)),
         Column("robot file", "number", lambda v: stated_text(stated[v.name], v.sigma_robust)),
@@ -981,8 +833,8 @@ def parameter_table(analysis: Laddered, result: ModelResult) -> Table:
         Column("10× rule", get=lambda v: "✓" if v.paper_rule else "–", detail=True),
         VERDICT,
     )
-    own = tuple(c for c in every if reduced or c.title != "σ label")
-    return Table.of("", own, result.verdicts, filter_by=-1, long=True)
+    every = with_hints("parameters", *columns)
+    return Table.of("", every, result.verdicts, filter_by=-1, long=True)
 
 
 def _terms_cell(v: Verdict) -> Cell:
@@ -996,17 +848,8 @@ def _terms_cell(v: Verdict) -> Cell:
 
 
 def label_note(v: Verdict) -> str:
-    """Return the combination that a name stands for; nothing where it is the parameter alone.
-
-    Of a long one the first terms; the groupings show all.
-    """
-    label, most = v.label, 64
-    if " " not in label and label[:1] not in "−-0123456789":
-        return ""
-    if len(label) <= most:
-        return label
-    cut = max(label.rfind(sign, 0, most) for sign in (" + ", " − ", " = "))
-    return f"{label[:cut] if cut > 0 else label[:most]} …"
+    """Return the combination that a name stands for; nothing where it is the parameter alone."""
+    return shorten(v.label, 64, placeholder=" …") if " " in v.label else ""
 
 
 def stated_values(analysis: Laddered, result: ModelResult) -> list[float | None]:
@@ -1016,8 +859,5 @@ def stated_values(analysis: Laddered, result: ModelResult) -> list[float | None]
     """
     known, base = analysis.robot.nominal, analysis.base
     stated = np.array([any(p.name in known for _, p in base.terms(r)) for r in range(len(base))])
-    member = np.abs(result.submodel.M) > 0
-    return [
-        v.projected if v.projected is not None and stated[member[:, k]].any() else None
-        for k, v in enumerate(result.verdicts)
-    ]
+    states = stated @ (result.submodel.M != 0)
+    return [v.projected if own else None for v, own in zip(result.verdicts, states, strict=True)]

@@ -1,13 +1,13 @@
 """The main job: robot and logs in, one verdict per parameter and a model to use out.
 
-Models are fitted, each with the nearest real robot (`settle_robot`); what noise, other motion and
-what is left out leave open is completed (`complete_fit`), every parameter is judged
-(`decide_model`), and one model is selected.
+Models are fitted, each with the nearest real robot (`settle_robot`); every
+parameter is judged by what noise, other motion and what is left out leave open (`decide_model`),
+and one model is selected.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -47,7 +47,6 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.instruments import noise_again
-from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Band
 from identifiability.physical.cad_prior import WEAK, WEIGHTS, combine_with_file
@@ -69,7 +68,7 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.analyze.belief import Belief, form_belief, refine_verdicts
+from identifiability.workflows.analyze.belief import Belief, form_belief
 from identifiability.workflows.analyze.result import Analysis, ModelResult, compare_logs, doubt
 from identifiability.workflows.opening import Logs, Progress, quiet, running, share
 from identifiability.workflows.session import Session, Weighed, find_missing, settle_prior
@@ -114,19 +113,19 @@ class Settled:
 
 
 def fit_ladder(
-    structure: Structure,
-    submodels: Sequence[Submodel],
-    information: Information,
-    estimator: Estimator,
-    cad_weight: float | None,
+    rows: Weighed, submodels: Sequence[Submodel], cad_weight: float | None
 ) -> tuple[list[Settled], Folds, str]:
     """Fit models with their real robots; return also the folds, and why they choose nothing.
 
     Parameters
     ----------
+    rows : Weighed
+    submodels : sequence of Submodel
     cad_weight : float or None
         Of the prior around the robot file; by default predictions choose it (`choose_prior`).
     """
+    structure, information = rows.opening.structure, rows.information
+    estimator = settle_noise(rows.estimator, information)
     held_out, short = hold_folds(information, estimator)
     found: list[Settled] = []
     for submodel in submodels:  # a smaller one asks for no heavier prior than the unpruned
@@ -136,19 +135,14 @@ def fit_ladder(
     return found, held_out.folds, short
 
 
-def leave_ladder(
-    structure: Structure,
-    submodels: Sequence[Submodel],
-    information: Information,
-    estimator: Estimator,
-    silence: str,
-) -> list[Settled]:
+def leave_ladder(rows: Weighed, submodels: Sequence[Submodel]) -> list[Settled]:
     """Return models of which nothing is fitted, because there is nothing to explain."""
-    none, found = np.empty((0, information.size, 2)), []
+    opening, whole, found = rows.opening, rows.information, []
     for submodel in submodels:
-        part = submodel.reduce(information)
-        what = structure, submodel, information, part, leave_open(part, estimator)
-        robot = leave_undecided(structure, submodel, silence)
+        part = submodel.reduce(whole)
+        what = opening.structure, submodel, whole, part, leave_open(part, rows.estimator)
+        robot = leave_undecided(opening.structure, submodel, opening.silence)
+        none = np.empty((0, whole.size, 2))
         found.append(Settled(FittedModel(*what), robot, None, None, none))
     return found
 
@@ -250,7 +244,7 @@ class SharedErrors:
             delay.append(gather(samples))
         if delay:
             others["delay"] = tuple(delay)
-        band = how.band if isinstance(how, SettledPreparation) and not opening.silence else None
+        band = None if opening.silence else getattr(how, "band", None)
         loud = band is not None and band.noise > LOG_RULES.small
         if loud and not (rows.estimator.instruments or session.recordings.commanded):
             pairs = zip(session.recordings.fitted, opening.samples, strict=True)
@@ -283,20 +277,23 @@ def _noisier(robot: Robot, log: Log, own: Dataset, how: Preparation) -> Dataset:
 # What is judged of each.
 
 
-def complete_fit(
+def decide_model(
     model: FittedModel,
+    torque: float,
     rng: np.random.Generator,
     replicates: int,
     full: Estimate | None,
     missing: Alternatives,
-    late: Callable[[Submodel], Mapping[str, Array]] | None = None,
+    late: SharedErrors | None = None,
     real: PhysicalResult | None = None,
-) -> Fit:
-    """Return a fit with all that its model leaves open, and what it leaves out.
+) -> tuple[Fit, tuple[Verdict, ...], tuple[str, ...]]:
+    """Return a fit with all that its model leaves open, its verdicts, and impossible signs.
 
     Parameters
     ----------
     model : FittedModel
+    torque : float [N·m or N]
+        Root mean square of the measured torque.
     rng : numpy.random.Generator
     replicates : int
         Of the bootstrap.
@@ -304,44 +301,25 @@ def complete_fit(
         Of all base parameters.
     missing : Alternatives
         What may be missing beside these.
-    late : callable(Submodel), optional
-        What errors that all samples share do to the values of a model, by name.
+    late : SharedErrors, optional
+        What errors that all samples share do to the values of a model.
     real : PhysicalResult, optional
         The nearest real robot: it may be right, too, where it predicts as well.
     """
-    estimate = model.estimate
+    structure, submodel, estimate = model.structure, model.submodel, model.estimate
     fit = Fit.of(model.information, estimate, rng, replicates)
-    shared = {**fit.shared, **(late(model.submodel) if late else {})}
+    shared = {**fit.shared, **(late.move(submodel) if late else {})}
     if real is not None and real.as_good and real.nearest is not None:
         apart = model.to_x @ real.nearest.phi - estimate.value
         shared["prior"] = np.where(estimate.determined, apart, 0.0)[None]
-    return replace(
-        fit,
-        shared=shared,
-        left_out=find_left_out(model.structure, model.submodel, model.whole, estimate, full),
-        alternatives=missing.of_labels(model.submodel, estimate),
-    )
-
-
-def decide_model(
-    model: FittedModel, fit: Fit, torque: float
-) -> tuple[tuple[Verdict, ...], tuple[str, ...]]:
-    """Return the verdicts on a model, and its parameters with a sign that physics forbids.
-
-    Parameters
-    ----------
-    model : FittedModel
-    fit : Fit
-    torque : float [N·m or N]
-        Root mean square of the measured torque.
-    """
-    submodel, part = model.submodel, model.information
-    apart = model.structure.nominal_base - submodel.fixed
-    stated = np.linalg.lstsq(submodel.M, apart, rcond=None)[0]
-    aliases = _aliases(part, model.estimate, submodel)
-    forbidden = forbidden_signs(part, model.estimate, submodel.nonnegative)
+    left_out = find_left_out(structure, submodel, model.whole, estimate, full)
+    alternatives = missing.of_labels(submodel, estimate)
+    fit = replace(fit, shared=shared, left_out=left_out, alternatives=alternatives)
+    stated = np.linalg.lstsq(submodel.M, structure.nominal_base - submodel.fixed, rcond=None)[0]
+    aliases = _aliases(model.information, estimate, submodel)
+    forbidden = forbidden_signs(model.information, estimate, submodel.nonnegative)
     verdicts = judge(fit, submodel.labels, submodel.units, torque, aliases, forbidden, stated)
-    return verdicts, tuple(np.array(submodel.columns, object)[forbidden])
+    return fit, verdicts, tuple(np.array(submodel.columns, object)[forbidden])
 
 
 def assess_ladder(
@@ -352,7 +330,7 @@ def assess_ladder(
     rng: np.random.Generator,
     replicates: int,
     missing: Alternatives,
-    late: Callable[[Submodel], Mapping[str, Array]] | None = None,
+    late: SharedErrors | None = None,
 ) -> tuple[ModelResult, ...]:
     """Return the results of all m models.
 
@@ -364,15 +342,14 @@ def assess_ladder(
     judged : sequence of Evidence
         Of each model against the best, on folds; empty where nothing was fitted.
     rng, replicates, missing, late
-        As of `complete_fit`.
+        As of `decide_model`.
     """
     torque, first = float(np.sqrt(np.mean(fitted.rms**2))), settled[0].model
     full = fit_whole(first.estimate.estimator, first.whole) if first.estimate.kept else None
     what, results = (rng, replicates, full, missing, late), []
     for k, one in enumerate(settled):
         model, at = one.model, range(4 * k, 4 * k + 4)
-        fit = complete_fit(model, *what, one.robot)
-        verdicts, infeasible = decide_model(model, fit, torque)
+        fit, verdicts, infeasible = decide_model(model, torque, *what, one.robot)
         result = ModelResult(
             submodel=model.submodel,
             estimate=model.estimate,
@@ -478,33 +455,22 @@ def select_model(results: Sequence[ModelResult], near: np.ndarray) -> int:
 # What is said beside the models: a cut-off that is wrong, and what the fit says of its logs.
 
 
-def say_band(how: Preparation | None) -> tuple[str, ...]:
-    """Return what to say of the cut-off for all logs: does it cut the motion, let noise in?"""
-    band = how.band if isinstance(how, SettledPreparation) else None
-    return () if band is None else (*_say_cut(band), *_say_noise(band))
-
-
-def _say_cut(band: Band) -> tuple[str, ...]:
-    """Return what to say of a cut-off in the band of the motion, if it is there."""
-    # A cut-off below so many times the band of the motion cuts into it.
-    if band.cutoff >= 2.0 * band.bandwidth:
-        return ()
-    least = 0.5 * LOG_RULES.cutoff_wide * band.bandwidth
-    remedy = "higher" if least <= LOG_RULES.cutoff_highest * band.rate else "faster"
-    numbers = {"least": least, "rate": least / LOG_RULES.cutoff_highest}
-    reach = {"cutoff": band.cutoff, "bandwidth": band.bandwidth}
-    remedy = phrase("cutoff_low", remedy, **numbers)
-    return (Finding("cutoff_low", whose=["the logs"], remedy=remedy, **reach),)
-
-
-def _say_noise(band: Band) -> tuple[str, ...]:
-    """Return what to say of noise below the cut-off, if there is much."""
+def say_band(band: Band | None) -> tuple[str, ...]:
+    """Return what to say of a cut-off: it cuts into the motion, or much noise is below it."""
+    said = []
+    if band is not None and band.cutoff < 2.0 * band.bandwidth:
+        least = 0.5 * LOG_RULES.cutoff_wide * band.bandwidth
+        part = "higher" if least <= LOG_RULES.cutoff_highest * band.rate else "faster"
+        remedy = phrase("cutoff_low", part, least=least, rate=least / LOG_RULES.cutoff_highest)
+        reach = {"cutoff": band.cutoff, "bandwidth": band.bandwidth}
+        said.append(Finding("cutoff_low", whose=["the logs"], remedy=remedy, **reach))
     # On one period of a motion intervals hold up to three tenths.
-    if band.noise <= 0.2:
-        return ()
-    lower = phrase("cutoff_noisy", "lower", limit=band.limit) if band.limit < band.cutoff else ""
-    numbers = {"cutoff": band.cutoff, "share": min(band.noise, 1.0)}
-    return (Finding("cutoff_noisy", lower=lower, **numbers),)
+    if band is not None and band.noise > 0.2:
+        low = band.limit < band.cutoff
+        lower = phrase("cutoff_noisy", "lower", limit=band.limit) if low else ""
+        share = min(band.noise, 1.0)
+        said.append(Finding("cutoff_noisy", lower=lower, cutoff=band.cutoff, share=share))
+    return tuple(said)
 
 
 def say_of_fit(session: Session, samples: Sequence[Dataset], result: ModelResult) -> list[str]:
@@ -515,36 +481,8 @@ def say_of_fit(session: Session, samples: Sequence[Dataset], result: ModelResult
     """
     sure = {v.name: v.value for v in result.verdicts if v.sure}
     entry = move_mounting(session.structure.robot, sure)
-    said, disagree = compare_logs(samples, result)
-    return [*([Finding("imu_moved", entry=entry)] if entry else []), *([said] if disagree else [])]
-
-
-def predict_everywhere(
-    session: Session, rows: Weighed, own: Settled, which: int, turns: Folds | None
-) -> Prediction | None:
-    """Return torque along unseen motion where joints stand, too; None where none does.
-
-    Parameters
-    ----------
-    session : Session
-    rows : Weighed
-    own : Settled
-    which : int
-        Of its accounts.
-    turns : Folds or None
-        Which fold's predicts a sample, where no logs are held out.
-    """
-    opening, known = rows.opening, session.recordings
-    samples = opening.validation or opening.samples
-    logs = known.held_out if opening.validation else known.fitted
-    stand = any((s.survey.rows < s.survey.outputs).any() for s in samples)
-    hidden = opening.robot.base is not None or any(x.unmeasured is not None for x in logs)
-    if opening.silence or hidden or not stand:
-        return None
-    regression = replace(opening.unseen or opening.regression, dwelling=True, memory=None)
-    values = own.values[None] if turns is None else own.turned
-    task = Task(values[:, :, [which]], turns, kept=False)
-    return predict_all(regression, [task], engine=session.engine)[0]
+    moved = Finding("imu_moved", entry=entry) if entry else ""
+    return [*filter(None, (moved, compare_logs(samples, result)))]
 
 
 # The whole way from logs to the answer.
@@ -660,16 +598,12 @@ def believe(found: Analysis, rng: np.random.Generator, say: Progress, within: fl
     is the prior along a handful of exact equations, which no chain walks.
     """
     if found.nothing:
-        return replace(found, belief=Belief(None, None, None, found.nothing))
+        return replace(found, belief=Belief(None, None, {}, found.nothing))
     chosen, whole = found.chosen, found.information
     part = chosen.submodel.reduce(whole)
     model = FittedModel(found.structure, chosen.submodel, whole, part, chosen.estimate)
     sampling = share(say, "sampling the posterior", 0.9, 0.99)
-    belief = form_belief(model, rng, share=within, progress=sampling)
-    models = list(found.models)
-    models[found.selected] = replace(chosen, verdicts=refine_verdicts(chosen.verdicts, belief))
-    hints = tuple(filter(None, (*found.hints, belief.hint)))
-    return replace(found, models=tuple(models), belief=belief, hints=hints)
+    return replace(found, belief=form_belief(model, rng, share=within, progress=sampling))
 
 
 def _conclude(
@@ -683,27 +617,24 @@ def _conclude(
     say, engine, opening = session.say, session.engine, rows.opening
     say("fitting models", 0.6)
     late, whole = SharedErrors.of(session, rows), rows.information
-    what = opening.structure, submodels, whole
-    near, judged, folds, turns, short = np.ones(len(submodels), bool), [], None, None, ""
+    near, judged, folds, short = np.ones(len(submodels), bool), [], None, ""
     if opening.silence:
-        settled = leave_ladder(*what, rows.estimator, opening.silence)
+        settled = leave_ladder(rows, submodels)
     else:
-        estimator = settle_noise(rows.estimator, whole)
-        settled, folds, short = fit_ladder(*what, estimator, settings["cad_prior"])
+        settled, folds, short = fit_ladder(rows, submodels, settings["cad_prior"])
         scores = [one.free for one in settled if one.free is not None]
         best = max(scores, key=lambda score: float(score.density.sum()))
         near, judged = near_best(scores), [Evidence.of(score, best) for score in scores]
     values = np.concatenate([one.values for one in settled], axis=1)
     tasks = [Task(values[None])]
     if folds is not None and not opening.validation:
-        turns = folds
-        tasks.append(Task(np.concatenate([one.turned for one in settled], axis=2), turns))
+        tasks.append(Task(np.concatenate([one.turned for one in settled], axis=2), folds))
     predicting = share(say, "predicting torque", 0.65, 0.9)
     fitted, *others = predict_all(opening.regression, tasks, engine=engine, progress=predicting)
     if opening.unseen is not None:
         others = [predict(opening.unseen, values, engine=engine)]
     unseen, missing = (others or [fitted])[0], find_missing(opening)
-    given = rng, settings["replicates"], missing, late.move
+    given = rng, settings["replicates"], missing, late
     results = assess_ladder(settled, fitted, unseen, judged, *given)
     at = select_model(results, near)
     both = [
@@ -713,10 +644,10 @@ def _conclude(
     results, contradicted = tuple(one for one, _ in both), both[at][1]
     results, nothing = doubt(opening.silence or opening.misread, results, at)
     hints = [*opening.hints, rows.burst, contradicted, short]
-    hints += () if session.recordings.commanded else say_band(session.how)
+    hints += () if session.recordings.commanded else say_band(getattr(session.how, "band", None))
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest
         hints += say_of_fit(session, opening.samples, results[at])
-    used, full = int(results[at].physical_used), settled[0].model.submodel
+    full = settled[0].model.submodel
     return Analysis(
         structure=opening.structure,
         samples=opening.samples,
@@ -726,7 +657,6 @@ def _conclude(
         folds=folds,
         models=results,
         selected=at,
-        everywhere=predict_everywhere(session, rows, settled[at], used, turns),
         settings=settings,
         nothing=nothing,
         recordings=session.recordings,

@@ -186,7 +186,8 @@ def diagnose(
         used = [*found.samples, *found.validation]
         kept = (EXACT,) if fixed is True else ()
         believed = (found.known.hint,) if near else ()
-        band = () if commanded else say_band(found.preparation)  # it is calibrated in this one
+        # With commands it is calibrated in this one.
+        band = () if commanded else say_band(getattr(found.preparation, "band", None))
         hints = (*kept, *believed, *found.hints, *opening.hints, *band)
         found = replace(
             found,

@@ -27,14 +27,7 @@ from identifiability.regression.reduction import (
     ladder_text,
     model_entry,
 )
-from identifiability.workflows.analyze.result import (
-    Laddered,
-    ModelResult,
-    error_tables,
-    found_cell,
-    say_unjudged,
-    state_physics,
-)
+from identifiability.workflows.analyze.result import Laddered, ModelResult, error_tables, found_cell
 from identifiability.workflows.answers import note, with_hints
 from identifiability.workflows.prune.elimination import Refusal, Step
 
@@ -222,11 +215,11 @@ class Ladder(Laddered):
         )
         if len(chosen) == size:
             text = "Nothing was pruned: each is needed to predict motion that the fit has not seen."
-        told = [text, self._reduced(), say_unjudged(chosen)]
+        told = [text]
         if self.missing.functions:
             missing = self.missing.statement
             told.append(f"That holds only if nothing is missing: {missing}: diagnose.")
-        text = " ".join(filter(None, (*told, state_physics(chosen))))
+        text = " ".join((*told, self.physics))
         return Answer(question, short, text, "green" if self.feasible else "amber")
 
     def _notes(self) -> Iterator[Note]:

@@ -18,7 +18,7 @@ from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Evidence, HeldOut, near_best, weigh_models
 from identifiability.estimation.groups import Alternatives
 from identifiability.estimation.noise import Noise
-from identifiability.estimation.prediction import Prediction, Task, predict_all
+from identifiability.estimation.prediction import Task, predict_all
 from identifiability.foundation.engines import Engine, Steps, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.findings import of_key
@@ -52,9 +52,7 @@ from identifiability.workflows.analyze.result import WORSE
 from identifiability.workflows.analyze.workflow import (
     Settled,
     SharedErrors,
-    complete_fit,
     decide_model,
-    predict_everywhere,
     say_band,
     say_of_fit,
     settle_robot,
@@ -208,7 +206,6 @@ def prune(
                 "preparation": preparation or Preparation(),
             },
             models=measured.models,
-            everywhere=measured.everywhere,
             nothing=measured.nothing,
             missing=measured.missing,
         )
@@ -226,7 +223,7 @@ def _hint(
         state_foreign(measured.models[0]) if opening.validation else "",
         rows.burst,
         *(hint for hint in opening.hints if hint not in other),
-        *(() if session.recordings.commanded else say_band(session.how)),
+        *(() if session.recordings.commanded else say_band(getattr(session.how, "band", None))),
         *say_of_fit(session, opening.samples, chosen),
     )
 
@@ -318,14 +315,13 @@ class Measured:
     Attributes
     ----------
     models : tuple of PrunedModel
-    everywhere, nothing, missing
+    nothing, missing
         As of a ladder.
     contradicted : str
         What the logs say of the file's bodies.
     """
 
     models: tuple[PrunedModel, ...]
-    everywhere: Prediction | None
     nothing: str
     missing: Alternatives
     contradicted: str
@@ -382,9 +378,8 @@ def measure_models(
     torque = float(np.sqrt(np.mean(fitted.rms**2)))
     for k, (step, known) in enumerate(zip(steps, fits, strict=True)):
         model, real = question.recall(*known), settled.robot if k == chosen else None
-        own = rng, replicates, question.full, missing, question.shared.move
-        fit = complete_fit(model, *own, real=real)
-        verdicts, infeasible = decide_model(model, fit, torque)
+        own = rng, replicates, question.full, missing, question.shared
+        fit, verdicts, infeasible = decide_model(model, torque, *own, real=real)
         judged = Evidence.of(step.score, best)
         at = range(len(steps), len(steps) + 4) if k == chosen else [k]
         models.append(
@@ -412,11 +407,8 @@ def measure_models(
         models = [pruned.withdraw(nothing) for pruned in models]
     else:
         models[chosen], hint = tell_with_file(model, result, within)
-    used, where = int(result.physical_used), None if opening.validation else turns
-    everywhere = predict_everywhere(session, rows, settled, used, where)
     return Measured(
         models=tuple(models),
-        everywhere=everywhere,
         nothing=nothing,
         missing=missing,
         contradicted=hint,
