@@ -29,7 +29,7 @@ from identifiability.report import Prose, Section, check_cell, frame_table, writ
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.analyze import analyze
-from identifiability.workflows.analyze.belief import Effort, form_belief
+from identifiability.workflows.analyze.belief import form_belief
 from identifiability.workflows.calibrate.world import Experiment
 
 #: The checkout.
@@ -50,7 +50,7 @@ LEAST = 0.88
 OFTEN = 0.1
 
 #: Draws for an interval, 1280 of 64 walkers; chains need not pass as converged.
-EFFORT = Effort(walkers=16, draws=20, warmup=10)
+EFFORT = {"walkers": 16, "draws": 20, "warmup": 10}
 
 #: Ways to an interval.
 ROADS = ("robust interval", "posterior with signs", "posterior with bodies", "one mean time")

@@ -12,7 +12,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from contextlib import contextmanager
-from functools import cache, partial, wraps
+from functools import cache, wraps
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
@@ -38,7 +38,7 @@ from identifiability.simulation import (
     shipped_trajectory,
     simulate,
 )
-from identifiability.workflows.analyze.belief import Effort
+from identifiability.workflows.analyze.belief import EFFORT
 
 ROBOTS = ("3-rps", "six-ups", "five-bar", "two-link", "six-dof-arm")
 #: Further mechanisms, which `make check-all` puts to the same laws.
@@ -230,12 +230,12 @@ def exact_log() -> Log:
 @pytest.fixture(scope="session")
 def few_draws():
     """A context in which `analyze` samples short posteriors, for what claims nothing of them."""
-    module = import_module("identifiability.workflows.analyze.belief")
 
     @contextmanager
     def patched():
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(module, "Effort", partial(Effort, draws=16, warmup=4))
+            patch.setitem(EFFORT, "draws", 16)
+            patch.setitem(EFFORT, "warmup", 4)
             yield
 
     return patched

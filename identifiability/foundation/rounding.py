@@ -48,7 +48,6 @@ MARKS = {
     "model in doubt": Mark("amber", "!", "^", "none"),
     "not identifiable": Mark("vermilion", "✕", "x"),
     "not judged": Mark("grey", "?", "s", "none"),
-    "by the cone": Mark("purple", "◆", "D"),
     "by the prior": Mark("sky", "◇", "D", "none"),
     "structural": Mark("vermilion", "✕", "x"),
     "data": Mark("blue", "●"),
@@ -241,9 +240,11 @@ def percent(share: float, count: int = 3, *, pad: bool = False) -> str:
 
     Examples
     --------
-    >>> percent(0.12345), percent(0.12345, 2), percent(0.12, pad=True)
-    ('12.3 %', '12 %', '12.0 %')
+    >>> percent(0.12345), percent(0.12345, 2), percent(0.12, pad=True), percent(1e4)
+    ('12.3 %', '12 %', '12.0 %', 'more than 9999 %')
     """
+    if 99.99 < share < math.inf:
+        return "more than 9999 %"
     return f"{format_number(100 * share, count, pad=pad)} %" if math.isfinite(share) else NONE
 
 

@@ -50,8 +50,7 @@ def test_arviz_judges_the_chains_as_we_do(result):
 
 
 def test_standard_parameters_stand_beside_those_of_the_model(result):
-    standard = result.belief.standard
-    free = [n for n in standard.names if not n.endswith(".off")]  # held at 0
+    free = [n for n in result.belief.standard if not n.endswith(".off")]  # held at 0
     found = result.to_arviz()["posterior"].dataset
     assert found["standard_parameter"].values.tolist() == free
     assert "standard" not in result.to_arviz("signs")["posterior"].dataset

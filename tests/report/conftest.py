@@ -17,7 +17,7 @@ from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.belief import Effort, Summary, form_belief
+from identifiability.workflows.analyze.belief import Summary, form_belief
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
@@ -100,7 +100,7 @@ def paper_analysis(simulated_session) -> Analysis:
     return analyze("3-rps", logs[0], logs[1], replicates=200)
 
 
-def believe(analysis: Analysis, effort: Effort) -> Analysis:
+def believe(analysis: Analysis, effort: dict[str, int]) -> Analysis:
     """Add posteriors, shown whatever so few draws are worth."""
     chosen = analysis.chosen
     model = FittedModel.of(
@@ -119,7 +119,7 @@ def trust(summary: Summary | None) -> Summary | None:
 
 @pytest.fixture(scope="session")
 def believed_analysis(paper_analysis) -> Analysis:
-    return believe(paper_analysis, Effort(walkers=4, draws=12, warmup=8))
+    return believe(paper_analysis, {"walkers": 4, "draws": 12, "warmup": 8})
 
 
 @pytest.fixture(scope="session")

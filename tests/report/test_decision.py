@@ -6,12 +6,12 @@ from identifiability.foundation.answers import Note
 from identifiability.workflows.answers import answer_quality, answer_trust
 
 
-def test_quality_names_the_best_and_the_worst_joint():
+def test_quality_names_the_worst_joint():
     answer = answer_quality(
         0.05, ("a", "b", "c"), np.array([0.04, 0.09, 0.02]), "Measured on another log."
     )
     assert answer.short == "Good: relative validation error 5.00 %."
-    assert "Each joint over its own variation: b 9 %, a 4 %, c 2 %." in answer.text
+    assert "Worst joint, over its own variation: b 9.00 %." in answer.text
     assert answer.text.endswith("Measured on another log.")
     assert answer.tone == "green"
 

@@ -423,11 +423,12 @@ class Dataset:
             return reduce(add, every)
         n = self.tau.shape[1]
         # Samples a piece when torque is summed.
-        parts = [(p.torque, p.moves) for p in self.pieces(1024)]
-        tau = np.concatenate([np.empty((0, n)), *(x for x, _ in parts)])
-        where = np.concatenate([np.empty((0, n), bool), *(m for _, m in parts)])
+        parts = [(p.torque, p.raw, p.moves) for p in self.pieces(1024)]
+        tau, raw = (np.concatenate([np.empty((0, n)), *(p[k] for p in parts)]) for k in (0, 1))
+        where = np.concatenate([np.empty((0, n), bool), *(p[2] for p in parts)])
+        # As measured: what is low-passed changes beside rows that are no data.
         low, high = (
-            f(0, initial=s * np.inf, where=where) for f, s in ((tau.min, 1), (tau.max, -1))
+            f(0, initial=s * np.inf, where=where) for f, s in ((raw.min, 1), (raw.max, -1))
         )
         survey = Survey.of(self.motion, self.own, self.outputs, tau.sum(0), np.stack([low, high]))
         return replace(survey, lost=self.lost, rows=where.sum(0))
