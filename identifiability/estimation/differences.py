@@ -19,6 +19,7 @@ from itertools import pairwise
 
 import numpy as np
 import pandas as pd
+from scipy.special import logsumexp
 
 from identifiability.effects import FAMILIES, find_families, title_of
 from identifiability.estimation.gaussian import Normal
@@ -47,8 +48,9 @@ from identifiability.robot import Robot
 from identifiability.robot.kinematics import WORLD
 from identifiability.robot.robot import last_bodies
 
-#: Standard deviation of the drift of friction in a log, relative to it: 3 % between two logs.
-DRIFT: Tolerance = 0.021
+#: Standard deviations of the drift of friction in a log that are tried, relative to it; the most is
+#: 3 % between two logs.
+DRIFTS = 0.021 * np.geomspace(1.0, 0.03, 4)
 #: Sizes that a change may have, relative to the friction, or to the torque of its joint.
 CHANGES = np.geomspace(0.01, 1.0, 20)
 #: Parameters of a load, those that its weight tells first.
@@ -493,16 +495,22 @@ class Differences:
         held, may = np.split(np.concatenate(unit), [drift])
         fixed = np.arange(p + drift)
         diagonal = np.diag(both.between(fixed, fixed))
-        prior = np.concatenate([known.precision, (held / DRIFT) ** 2])
-        return LogModel(
-            products=both,
-            fixed=len(fixed),
-            groups=tuple(group for group, _ in self.said.values()),
-            scale=np.concatenate([np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), may, more]),
-            # What does not act is no value.
-            prior=np.diag(prior + np.where(diagonal > 0, 0.0, np.finfo(float).eps)),
-            sizes=CHANGES,
-        )
+        none = np.where(diagonal > 0, 0.0, np.finfo(float).eps)  # what does not act is no value
+        likeliest, found = -np.inf, None
+        for size in DRIFTS:
+            model = LogModel(
+                products=both,
+                fixed=len(fixed),
+                groups=tuple(group for group, _ in self.said.values()),
+                scale=np.concatenate([np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), may, more]),
+                prior=np.diag(none + np.concatenate([known.precision, (held / size) ** 2])),
+                sizes=CHANGES,
+            )
+            odds = logsumexp([0.0, *(t.odds for t in model.gains())])  # of no change, or of one
+            likely = model.solve().log_likelihood - drift * np.log(size) + odds
+            if likely > likeliest:
+                likeliest, found = likely, model
+        return found
 
     def _products(self, joint: int, own: Array, acts: np.ndarray, first: Sequence[int]) -> Array:
         """Return products of whitened rows of a joint by block, of columns that act in it.
