@@ -40,7 +40,6 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.numbers import REACH, measured
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.structure import Structure
@@ -343,6 +342,12 @@ class LogModel(MixedModel):
         scale = self.scale[s.columns]
         return s.columns, s.value / scale, s.covariance / np.outer(scale, scale)
 
+    @property
+    def likelihood(self) -> float:
+        """Of the rows, whether nothing changed or one of the groups."""
+        odds = [t.odds for t in self.gains()]
+        return self.solve().log_likelihood + float(logsumexp([0.0, *odds]))
+
     def widened(self, terms: Terms, at: np.ndarray) -> tuple[Array, Array]:
         """Return some of the fixed values (k,) and their covariance, with the doubt of one more.
 
@@ -496,9 +501,8 @@ class Differences:
         fixed = np.arange(p + drift)
         diagonal = np.diag(both.between(fixed, fixed))
         none = np.where(diagonal > 0, 0.0, np.finfo(float).eps)  # what does not act is no value
-        likeliest, found = -np.inf, None
-        for size in DRIFTS:
-            model = LogModel(
+        tried = [
+            LogModel(
                 products=both,
                 fixed=len(fixed),
                 groups=tuple(group for group, _ in self.said.values()),
@@ -506,11 +510,10 @@ class Differences:
                 prior=np.diag(none + np.concatenate([known.precision, (held / size) ** 2])),
                 sizes=CHANGES,
             )
-            odds = logsumexp([0.0, *(t.odds for t in model.gains())])  # of no change, or of one
-            likely = model.solve().log_likelihood - drift * np.log(size) + odds
-            if likely > likeliest:
-                likeliest, found = likely, model
-        return found
+            for size in DRIFTS
+        ]
+        likely = [m.likelihood - drift * np.log(x) for m, x in zip(tried, DRIFTS, strict=True)]
+        return tried[int(np.argmax(likely))]
 
     def _products(self, joint: int, own: Array, acts: np.ndarray, first: Sequence[int]) -> Array:
         """Return products of whitened rows of a joint by block, of columns that act in it.
