@@ -23,10 +23,10 @@ import pandas as pd
 from scipy.special import logsumexp, softmax
 
 from identifiability.effects import FAMILIES, find_families, title_of
+from identifiability.estimation.gaussian import RIDGE
 from identifiability.estimation.groups import LOAD, Excerpt, Missing, describe_term, place_of
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
-    RIDGE,
     Group,
     MixedModel,
     Term,
@@ -414,7 +414,7 @@ class LogModel(MixedModel):
         for size in self.drifts:
             prior = self.prior.copy()
             prior[self.nuisance, self.nuisance] += 1.0 / (size * self.usual) ** 2
-            own = (self.products, self.fixed, self.groups, self.scale, prior, self.name, self.keep)
+            own = (self.products, self.fixed, self.groups, self.scale, prior)
             models.append(MixedModel(*own, self.sizes))  # type: ignore[arg-type]
             likelihood = models[-1].solve(terms).log_likelihood
             likely.append(likelihood - len(self.nuisance) * float(np.log(size)))

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 from scipy.special import chdtrc, logsumexp, softmax
 
-from identifiability.effects import FAMILIES, Family, find_families
+from identifiability.effects import Family, find_families
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.differences import (
     Change,
@@ -29,7 +28,8 @@ from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import Missing, fit_loads, with_reversals
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
 from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, autocorrelation_time
-from identifiability.estimation.rules import RULES
+from identifiability.estimation.rules import RULES, Thresholds
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -38,14 +38,8 @@ from identifiability.regression.columns import Candidate, Entries, Refusal, list
 from identifiability.regression.information import Information
 from identifiability.workflows.diagnose.problem import Gap, Rows, Setting
 
-#: Looks for the shape between two of a grid.
-LOOKS = 8
-#: Share of the squares of torque that is rounding.
-ROUNDING: Tolerance = 1e-14
 #: By how much an unseen error must rise with a name that is taken out for it.
 WORSE: Tolerance = 1.01
-#: Level at which a place has a share of what is everywhere.
-LEVEL: Tolerance = 0.05
 #: Share of all places from which on an effect is said to be everywhere.
 MOST: Tolerance = 0.75
 
@@ -179,7 +173,7 @@ class Naming:
             for p in parts
         )
         root = self.setting.known.root
-        prior, least = root.T @ root, ROUNDING * float((rows.seen.y**2).sum(0).max(initial=0.0))
+        prior, least = root.T @ root, ROUNDOFF * float((rows.seen.y**2).sum(0).max(initial=0.0))
         squares, memory, value = np.sum(rows.seen.y**2, axis=0), 1.0, np.empty(0)
         # Rounds in which joints are weighed by what is left of them, and that by its memory.
         for k in range(6):
@@ -223,28 +217,21 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
         setting = replace(setting, structure=s)
         fitted = replace(fitted, seen=replace(fitted.seen, robot=s.robot))
     unseen = Rows.of(s, setting.validation, setting.known) if setting.validation else fitted
-    families = find_families(effects, commanded=setting.commanded)
+    asked = {f.name: f for f in find_families(effects, commanded=setting.commanded)}
+    every = {f.name: f for f in find_families(None, commanded=setting.commanded)} | asked
     motions = [x.motion for x in setting.samples]
-    listed, refused = list_candidates(s.robot, families, s.present, motions, fixed=fixed)
-    noise = None
-    if effects is not None:  # it is the same whatever may be named
-        functions = [f for f in FAMILIES.values() if f.flexible]
-        smooth, _ = list_candidates(s.robot, functions, s.present, motions, fixed=fixed)
-        every = with_reversals(s.robot, smooth, s.present)
-        noise = Missing(every, fitted.seen, root).noise
-    every = with_reversals(s.robot, listed, s.present)
-    missing = Missing(every, fitted.seen, root, noise)
+    listed, refused = list_candidates(
+        s.robot, tuple(every.values()), s.present, motions, fixed=fixed
+    )
+    candidates = with_reversals(s.robot, listed, s.present)
+    missing = Missing(candidates, fitted.seen, root, families=frozenset(asked))
     model = missing.model()
     before = tuple(model.gains())
-    again = missing.beside(before)
-    if again is not missing:
-        missing, model = again, again.model()
-        before = tuple(model.gains())
     found = Naming(
         setting=setting,
         fitted=fitted,
         unseen=unseen,
-        refusals=tuple(refused),
+        refusals=tuple(r for r in refused if r.family in asked),
         asked=missing,
         whole=model,
         before=before,
@@ -303,7 +290,7 @@ def name_missing(looked: Naming) -> Naming:
             list(p.candidate.family.places(robot)).index(p.candidate.place),
         )
     )
-    naming = _refined(_with_parts(named, parts))
+    naming = _with_parts(named, parts)
     return _without_worse(naming) if others is not None else naming
 
 
@@ -332,15 +319,12 @@ def _family(missing: Missing, term: Term) -> Family:
 
 def _candidates(missing: Missing, model: MixedModel, terms: Terms, k: int) -> list[Candidate]:
     """Return what a term is written as: one candidate a place, where it has a share."""
-    term, sets = terms[k], missing.sets[terms[k].key]
-    if term.member < len(sets):
-        chosen = sets[term.member]
-    elif sets[0][0].family.separate:
+    term, sets, rest = terms[k], missing.sets[terms[k].key], terms[:k] + terms[k + 1 :]
+    chosen = sets[min(term.member, len(sets) - 1)]
+    if sets[0][0].family.continuous:
+        chosen = _refined(model, rest, term.group, sets)
+    elif term.member == len(sets):
         chosen = [c for some in sets for c in some]
-    else:  # of a curve of all shapes the one that is nearest to it
-        single = replace(term.group, members=term.group.members[: len(sets)])
-        (term,) = model.gains(terms[:k] + terms[k + 1 :], [single])
-        chosen = sets[term.member]
     places: dict[str, list[Candidate]] = {}
     for c in chosen:
         places.setdefault(c.place, []).append(c)
@@ -355,7 +339,7 @@ def _candidates(missing: Missing, model: MixedModel, terms: Terms, k: int) -> li
         replace(term, group=Group(*c.group, (np.array(c.columns) + missing.fixed,), 0.0), member=0)
         for c in found
     ]
-    every = terms[:k] + terms[k + 1 :] + tuple(each)
+    every = (*rest, *each)
     sure = [_has_share(model, every, len(terms) - 1 + n) for n in range(len(each))]
     if 0 < sum(sure) < MOST * len(sure):
         found = [c for c, one in zip(found, sure, strict=True) if one]
@@ -367,7 +351,7 @@ def _has_share(model: MixedModel, terms: Terms, k: int) -> bool:
     s = model.solve(terms)
     at = model.fixed + sum(t.size for t in terms[:k]) + np.arange(terms[k].size)
     square = s.value[at] @ np.linalg.solve(s.root[:, at].T @ s.root[:, at], s.value[at])
-    return bool(chdtrc(len(at), square) < LEVEL)
+    return bool(chdtrc(len(at), square) < Thresholds.sign_level)
 
 
 def _terms_of(model: MixedModel, candidates: Sequence[Candidate]) -> Terms:
@@ -387,35 +371,26 @@ def _with_parts(naming: Naming, parts: Sequence[Part]) -> Naming:
     return replace(naming, missing=missing, parts=tuple(replace(p, candidate=c) for p, c in own))
 
 
-def _refined(naming: Naming) -> Naming:
-    """Return a naming whose continuous shapes are the likeliest between those that were tried."""
-    for k, part in enumerate(naming.parts):
-        c = part.candidate
-        grid = sorted({o.shape for o in naming.asked.candidates if o.group == c.group})
-        if c.family.continuous and len(grid) > 1:
-            at = grid.index(c.shape)
-            ends = np.log([grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)]])
-            found = minimize_scalar(
-                partial(_unlikely, naming, k),
-                bounds=ends,
-                method="bounded",
-                options={"maxiter": LOOKS},
-            )
-            naming = _with_shape(naming, k, float(found.x))
-    return naming
+def _refined(
+    model: MixedModel, rest: Terms, group: Group, sets: Sequence[Sequence[Candidate]]
+) -> list[Candidate]:
+    """Return a continuous family at its places, with the likeliest shape between those of its grid.
 
-
-def _with_shape(naming: Naming, k: int, log_shape: float) -> Naming:
-    c, shape = naming.parts[k].candidate, float(np.exp(log_shape))
-    other = replace(c, shape=shape, effect=c.family.at(shape, c.place))
-    changed = replace(naming.parts[k], candidate=other)
-    return _with_parts(naming, [*naming.parts[:k], changed, *naming.parts[k + 1 :]])
-
-
-def _unlikely(naming: Naming, k: int, log_shape: float) -> float:
-    """Return minus the log-likelihood of a shape, by the sizes that were found."""
-    model = _with_shape(naming, k, log_shape).model
-    return -model.solve(naming.terms).log_likelihood
+    It is where the parabola through the likeliest of the grid and those beside it is highest.
+    """
+    each = [replace(group, members=(at,)) for at in group.members[: len(sets)]]
+    found = {id(t.group): t.odds for t in model.gains(rest, each)}
+    odds = np.array([found[id(g)] for g in each])
+    at = where = int(odds.argmax())
+    if 0 < at < len(odds) - 1:
+        before, here, after = odds[at - 1 : at + 2]
+        where = at + 0.5 * (after - before) / max(2 * here - before - after, ROUNDOFF)
+    out = []
+    for c in sets[at]:
+        grid = np.log([x.shape for some in sets for x in some if x.place == c.place])
+        shape = float(np.exp(np.interp(where, np.arange(len(grid)), grid)))
+        out.append(replace(c, shape=shape, effect=c.family.at(shape, c.place)))
+    return out
 
 
 # What changed while a log was recorded: a mass that was gripped, a brake that dragged for seconds.
@@ -430,15 +405,6 @@ def _unlikely(naming: Naming, k: int, log_shape: float) -> float:
 CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
 #: Instants at most at which something may change.
 INSTANTS = 40
-#: Rounds in which noise is that without what is likeliest.
-ROUNDS = 2
-#: Shortest part of time [s], and time constants of drifts in shares of all the time.
-SHORTEST: Tolerance = 0.5
-DECAYS: tuple[Tolerance, ...] = (1 / 3, 1 / 10)
-#: Share of what is explained that makes a part a burst.
-BURST: Tolerance = 0.8
-#: Logs of which one may be another robot's as a whole.
-FEWEST = 3
 
 
 def _parts_of_time(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
@@ -450,7 +416,7 @@ def _parts_of_time(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
     for n in np.unique(rows.log):
         own = np.flatnonzero(rows.log == n)
         t = rows.t[own]
-        some = max(min(INSTANTS, len(own) // 2, int((t[-1] - t[0]) / SHORTEST)), 1)
+        some = max(min(INSTANTS, len(own) // 2), 1)
         cuts = np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], some + 1)[:-1]))
         begins += [*(own[0] + cuts[1:]).tolist(), int(own[-1]) + 1]
         log += [int(n)] * len(cuts)
@@ -484,7 +450,7 @@ def _drifts(rows: Rows, begins: np.ndarray, log: np.ndarray) -> Array:
     out = []
     for clock in (*(np.where(log == n, t, np.nan) for n in np.unique(log)), t + begun[log]):
         x = (clock - np.nanmin(clock)) / max(float(np.ptp(clock[np.isfinite(clock)])), 1e-9)
-        for course in (1.0 - x, np.exp(-x / DECAYS[0]), np.exp(-x / DECAYS[1])):
+        for course in (x, np.exp(-3.0 * x)):
             out += [np.nan_to_num(course), np.nan_to_num(1.0 - course)]
     return np.array(out)
 
@@ -510,10 +476,10 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
     if len(patterns) < 2 or not found.said:
         return None
     places = [g for g, (own, _) in found.said.values() if len(own) == 1]
+    # What it adds is no noise: once it is roughly known, that is without.
+    first = _surest(found, found.model.gains((), places))
+    found = replace(found, noise=_noise_without(naming, found, first))
     every = found.model.gains((), places)
-    for _ in range(ROUNDS):  # what it adds is no noise: once it is roughly known, that is without
-        found = replace(found, noise=_noise_without(naming, found, _surest(found, every)))
-        every = found.model.gains((), places)
     drift, likely = -np.inf, dict[tuple[str, str], float]()
     for t in every:
         (cause,), pattern = found.said[t.key][1]
@@ -532,8 +498,8 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
     whole = not begun and ended > stop - start
     excess, burst = _scatter(found, best)
     needed = max(RULES.name + RULES.keep, drift / excess, *(t.odds for t in naming.before[:1]))
-    odd = burst or (whole and len(np.unique(log_of)) < FEWEST)
-    if likely[at] / excess < needed + RULES.rival or odd:
+    odd = whole and len(np.unique(log_of)) < 3  # of two nobody knows which
+    if likely[at] / excess < needed + RULES.rival or burst or odd:
         return None
     rivals = [k for k, odds in likely.items() if likely[at] - RULES.rival < odds and k != at]
     titles = {(c.family, c.place): c.title for c in found.rows.causes}
@@ -599,7 +565,7 @@ def _noise_without(naming: Naming, found: Differences, best: Term) -> ARNoise:
 def _scatter(found: Differences, best: Term) -> tuple[float, bool]:
     """Return how much more scores scatter elsewhere than noise lets them, and if it is a burst.
 
-    A burst is mostly in one part of the time.
+    A burst is next to nothing without the part of the time that says most.
     """
     model = found.model
     products, (_, value, _) = model.products, model.values((best,))
@@ -611,7 +577,7 @@ def _scatter(found: Differences, best: Term) -> tuple[float, bool]:
     gain = scores[on] @ more - 0.5 * (squares[on] @ more) @ more
     inner, z = np.linalg.pinv(squares[~on], rcond=1e-9, hermitian=True), scores[~on]
     excess = np.einsum("sk,skl,sl->s", z, inner, z).mean() / len(own) if len(z) else 1.0
-    return max(float(excess), 1.0), bool(gain.max() > BURST * gain.sum())
+    return max(float(excess), 1.0), bool(gain.sum() - gain.max() < RULES.keep)
 
 
 def _ends(at: np.ndarray, odds: Array, time: Array) -> tuple[float, float]:
