@@ -137,11 +137,9 @@ class Naming:
         """Return the columns of some parts in a joint, (N, m)."""
         rows = self.unseen if unseen else self.fitted
         entries = self.unseen_entries if unseen else self.missing.entries
-        none = np.zeros(len(rows))
         at = [k for p in parts for k in self.parts[p].candidate.columns]
-        out: Array = np.zeros((len(rows), len(at)))
-        for place, k in enumerate(at):
-            out[:, place] = entries.get((joint, k), none)
+        none = np.zeros(len(rows))
+        out: Array = np.reshape([entries.get((joint, k), none) for k in at], (-1, len(rows))).T
         return out
 
     def acts(self, part: int) -> list[int]:
@@ -246,52 +244,39 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
 def name_missing(looked: Naming) -> Naming:
     """Return what is missing: found on fitted rows, confirmed on unseen ones."""
     model, missing, unseen = looked.whole, looked.asked, looked.unseen
-    found, refuted = model.search(), list[tuple[Term, float]]()
-    kept, gains = found, dict[tuple[str, str], float]()
-    others = None
-    if looked.setting.validation and found:
-        others = missing.products(unseen.seen)
-        kept = model.confirm(found, others)
-        gains = {t.key: float(g.sum()) for t, g in zip(kept, model.news(kept, others), strict=True)}
-        news = model.news(found, others)
-        refuted = [
-            (t, float(g.sum())) for t, g in zip(found, news, strict=True) if t.key not in gains
-        ]
+    kept, gains, products = model.search(), dict[tuple[str, str], float](), None
+    refuted = list[tuple[Term, float]]()
+    if looked.setting.validation and kept:
+        found, products = kept, missing.products(unseen.seen)
+        kept = model.confirm(found, products)
+        for terms in (found, kept):
+            news = zip(terms, model.news(terms, products), strict=True)
+            gains |= {t.key: float(gain.sum()) for t, gain in news}
+        stays = {t.key for t in kept}
+        refuted = [(t, gains[t.key]) for t in found if t.key not in stays]
     parts = []
     for k, term in enumerate(kept):
-        unnamed = _family(missing, term).unnamed
-        rivals = [
-            r
-            for r in model.rivals(kept, k)
-            if r.group.family != term.group.family and (unnamed or not _family(missing, r).unnamed)
-        ]
-        others_here = [
-            t for t in model.gains(kept[:k] + kept[k + 1 :]) if t.group.family != term.group.family
-        ]
-        weight = float(softmax([term.odds, *(t.odds for t in others_here)])[0])
-        near = [
-            t
-            for t in others_here
-            if t.group.place == term.group.place and not _family(missing, t).unnamed
-        ]
-        nearest = tuple(near[:3]) if unnamed else ()
-        gain = gains.get(term.key, np.nan)
+        unnamed, rest = _family(missing, term).unnamed, kept[:k] + kept[k + 1 :]
+        others = [t for t in model.gains(rest) if t.group.family != term.group.family]
+        named = [t for t in others if not _family(missing, t).unnamed]
+        own = {t.key for t in (others if unnamed else named)}
+        near = [t for t in named if unnamed and t.group.place == term.group.place]
         parts += [
-            Part(c, term, gain, tuple(rivals), weight, nearest)
+            Part(
+                candidate=c,
+                term=term,
+                unseen=gains.get(term.key, np.nan),
+                rivals=tuple(r for r in model.rivals(kept, k) if r.key in own),
+                weight=float(softmax([term.odds, *(t.odds for t in others)])[0]),
+                nearest=tuple(near[:3]),
+            )
             for c in _candidates(missing, model, kept, k)
         ]
-    named = replace(looked, after=tuple(model.gains(kept)), refuted=tuple(refuted))
-    # Families as they came, each in the order of the robot's places.
     came = [p.candidate.family.name for p in parts]
-    robot = looked.setting.structure.robot
-    parts.sort(
-        key=lambda p: (
-            came.index(p.candidate.family.name),
-            list(p.candidate.family.places(robot)).index(p.candidate.place),
-        )
-    )
-    naming = _with_parts(named, parts)
-    return _without_worse(naming) if others is not None else naming
+    parts.sort(key=lambda p: (came.index(p.candidate.family.name), p.candidate.columns))
+    naming = replace(looked, after=tuple(model.gains(kept)), refuted=tuple(refuted))
+    naming = _with_parts(naming, parts)
+    return naming if products is None else _without_worse(naming)
 
 
 def _without_worse(naming: Naming) -> Naming:
@@ -378,9 +363,7 @@ def _refined(
 
     It is where the parabola through the likeliest of the grid and those beside it is highest.
     """
-    each = [replace(group, members=(at,)) for at in group.members[: len(sets)]]
-    found = {id(t.group): t.odds for t in model.gains(rest, each)}
-    odds = np.array([found[id(g)] for g in each])
+    odds = _odds_of_each(model, rest, group, group.members[: len(sets)])
     at = where = int(odds.argmax())
     if 0 < at < len(odds) - 1:
         before, here, after = odds[at - 1 : at + 2]
@@ -391,6 +374,15 @@ def _refined(
         shape = float(np.exp(np.interp(where, np.arange(len(grid)), grid)))
         out.append(replace(c, shape=shape, effect=c.family.at(shape, c.place)))
     return out
+
+
+def _odds_of_each(
+    model: MixedModel, rest: Terms, group: Group, members: Sequence[np.ndarray]
+) -> Array:
+    """Return the log odds of members of a group by themselves, (m,)."""
+    each = [replace(group, members=(at,)) for at in members]
+    found = {id(t.group): t.odds for t in model.gains(rest, each)}
+    return np.array([found[id(g)] for g in each])
 
 
 # What changed while a log was recorded: a mass that was gripped, a brake that dragged for seconds.
@@ -478,50 +470,47 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
     places = [g for g, (own, _) in found.said.values() if len(own) == 1]
     # What it adds is no noise: once it is roughly known, that is without.
     first = _surest(found, found.model.gains((), places))
+    if first.odds < 0:
+        return None
     found = replace(found, noise=_noise_without(naming, found, first))
     every = found.model.gains((), places)
-    drift, likely = -np.inf, dict[tuple[str, str], float]()
-    for t in every:
-        (cause,), pattern = found.said[t.key][1]
-        at = found.rows.causes[cause].family, t.group.place
-        if pattern:
-            likely[at] = float(np.logaddexp(likely.get(at, -np.inf), t.odds))
-        else:
-            drift = max(drift, t.odds)
-    best = _surest(found, every)
-    (cause,), pattern = found.said[best.key][1]
-    own, at = found.patterns[pattern] > 0, (found.rows.causes[cause].family, best.group.place)
-    first, last = own.argmax(1), own.shape[1] - own[:, ::-1].argmax(1)
-    log = log_of[first[best.member]]
-    start, stop = np.flatnonzero(log_of == log)[[0, -1]].tolist()
-    begun, ended = int(first[best.member]) - start, int(last[best.member]) - start
-    whole = not begun and ended > stop - start
+    stays = [t for t in every if found.said[t.key][1][1]]
+    causes = [found.rows.causes[found.said[t.key][1][0][0]] for t in stays]
+    what = [(c.family, t.group.place) for c, t in zip(causes, stays, strict=True)]
+    best, pattern = stays[0], found.said[stays[0].key][1][1]
+    on = found.patterns[pattern] > 0
+    first, last = on.argmax(1), on.shape[1] - on[:, ::-1].argmax(1)
+    at = np.flatnonzero(log_of == log_of[first[best.member]])
+    begun, ended = int(first[best.member]), int(last[best.member])
+    begins_with, ends_with = begun == at[0], ended == at[-1] + 1
     excess, burst = _scatter(found, best)
-    needed = max(RULES.name + RULES.keep, drift / excess, *(t.odds for t in naming.before[:1]))
-    odd = whole and len(np.unique(log_of)) < 3  # of two nobody knows which
-    if likely[at] / excess < needed + RULES.rival or burst or odd:
+    others = [t.odds for t in every if not found.said[t.key][1][1]]
+    others = [x / excess for x in others] + [t.odds for t in naming.before[:1]]
+    needed = max(RULES.name + RULES.keep, *others) + RULES.rival
+    # Of two logs nobody knows which is odd as a whole.
+    odd = begins_with and ends_with and len(np.unique(log_of)) < 3
+    if best.odds / excess < needed or burst or odd:
         return None
-    rivals = [k for k, odds in likely.items() if likely[at] - RULES.rival < odds and k != at]
-    titles = {(c.family, c.place): c.title for c in found.rows.causes}
-    time = naming.fitted.t[[*begins[start : stop + 1].tolist(), int(begins[stop + 1]) - 1]]
-    ways = [replace(best.group, members=(m,)) for m in best.group.members]
-    singles = {id(t.group): t.odds for t in found.model.gains((), ways)}
-    odds = np.array([singles[id(g)] for g in ways])
+    near = [k for k, t in enumerate(stays) if t.odds > best.odds - RULES.rival]
+    rivals = {what[k]: f"{causes[k].title} of {what[k][1]}" for k in near if what[k] != what[0]}
+    time = naming.fitted.t[[*begins[at].tolist(), int(begins[at[-1] + 1]) - 1]]
     names = [naming.setting.samples[n].name for n in log_of]
     (change,) = find_changes(found, (best,), names, {})
-    if begun:
-        began = _ends(first - start, odds, time)
-        change = replace(change, start=float(time[begun]), began=began)
-    if ended <= stop - start:
-        until = _ends(last - start, odds, time)
-        change = replace(change, stop=float(time[ended]), ended=until)
+    odds = _odds_of_each(found.model, (), best.group, best.group.members)
+    if not begins_with:
+        began = _ends(first - at[0], odds, time)
+        change = replace(change, start=float(time[begun - at[0]]), began=began)
+    if not ends_with:
+        until = _ends(last - at[0], odds, time)
+        change = replace(change, stop=float(time[ended - at[0]]), ended=until)
+    share = softmax([t.odds for t in stays])
     return replace(
         change,
-        log=names[start],
-        odds=likely[at],
-        others=tuple(f"{titles[r]} of {r[1]}" for r in rivals),
+        log=names[at[0]],
+        odds=best.odds,
+        others=tuple(rivals.values()),
         rivals=tuple(rivals),
-        weight=float(np.exp(likely[at] - logsumexp(list(likely.values())))),
+        weight=float(sum(x for x, own in zip(share, what, strict=True) if own == what[0])),
     )
 
 
