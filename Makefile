@@ -16,7 +16,7 @@ export OPENBLAS_NUM_THREADS := 1
 # the package anew, and pytest would rewrite every test in every worker.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo paper pins test lowest lint golden format bench docs mutants processors check-all clean
+.PHONY: demo paper pins test lowest lint golden format docs mutants processors check-all clean
 
 demo: $(VENV)/run
 	$(BIN)/identifiability demo
@@ -44,9 +44,6 @@ lowest: .venv-lowest/run
 	.venv-lowest/bin/python -m pip --disable-pip-version-check install --quiet \
 	  --constraint .ci/lowest.txt --editable '.[test,arviz,ros,excel,docs,browser,distributed]'
 	@touch $@
-
-bench: $(VENV)/dev
-	$(BIN)/python -m pytest tests/benchmarks --benchmark-only --benchmark-columns=min,median,rounds $(PYTEST)
 
 # Whether today's results are those kept in tests/golden, to the last bit; GOLDEN=write makes them anew.
 golden: $(VENV)/dev

@@ -29,7 +29,7 @@ from identifiability.foundation.output import write_json
 from identifiability.logs.prepare import prepare_log
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import Submodel
-from identifiability.report import Check, Picture, Prose, Section, frame_table, write_page
+from identifiability.report import Picture, Prose, Section, check_cell, frame_table, write_page
 from identifiability.report.drawing import (
     INK,
     MUTED,
@@ -314,8 +314,8 @@ def coverage_frame(cells: Sequence[Cell]) -> pd.DataFrame:
         white = share(c.coverage_white, c.coverage_white_se)
         robust = share(c.coverage_robust, c.coverage_se)
         if asked:
-            white = Check(white, c.coverage_white <= MOST_WHITE, "at most 50 %")
-            robust = Check(robust, c.coverage_robust >= LEAST_ROBUST, "at least 90 %")
+            white = check_cell(white, c.coverage_white <= MOST_WHITE, "at most 50 %")
+            robust = check_cell(robust, c.coverage_robust >= LEAST_ROBUST, "at least 90 %")
         rows.append(
             {"simulated noise": label(c), "white σ": white, "robust σ": robust} | verdict_row(c)
         )
@@ -326,12 +326,14 @@ def verdict_row(cell: Cell) -> dict[str, Any]:
     """Return how many parameters both rules believe, and how many of these are wrong."""
     found = f"{cell.called:.1f}"
     if cell.noise == min(LEVELS):
-        found = Check(found, cell.called >= cell.paper_called, "at least as many as the 10× rule")
+        found = check_cell(
+            found, cell.called >= cell.paper_called, "at least as many as the 10× rule"
+        )
     calls = round(cell.called * cell.trials)
     wrong = f"{round(cell.wrong * calls)} of {calls}"
     return {
         "identifiable": found,
-        "of these wrong": Check(f"{100 * cell.wrong:.2g} %", cell.wrong < MOST_WRONG, wrong),
+        "of these wrong": check_cell(f"{100 * cell.wrong:.2g} %", cell.wrong < MOST_WRONG, wrong),
         "10× rule": f"{cell.paper_called:.1f}",
         "wrong by it": f"{100 * cell.paper_wrong:.2g} %",
     }

@@ -25,7 +25,7 @@ from identifiability.foundation.numbers import REACH
 from identifiability.foundation.output import write_json
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.information import Information
-from identifiability.report import Check, Prose, Section, frame_table, write_page
+from identifiability.report import Prose, Section, check_cell, frame_table, write_page
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.analyze import analyze
@@ -201,7 +201,7 @@ def table(cells: Sequence[Cell]) -> pd.DataFrame:
     for c in cells:
         worst: Any = f"{100 * c.worst:.0f} ± {100 * c.worst_error:.0f} % ({c.worst_name})"
         if c.first > c.others and c.road != "one mean time":
-            worst = Check(worst, c.worst >= LEAST, "at least 88 %")
+            worst = check_cell(worst, c.worst >= LEAST, "at least 88 %")
         rows.append(
             {
                 "robot": c.robot, "ρ first": f"{c.first:g}", "ρ others": f"{c.others:g}",

@@ -38,7 +38,7 @@ from shared import study_parser
 from identifiability import analyze, diagnose
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.output import plain, write_json
-from identifiability.report import Check, Prose, Section, frame_table, write_page
+from identifiability.report import Prose, Section, check_cell, frame_table, write_page
 from identifiability.report.results import answer_first
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -344,7 +344,8 @@ def show(frame: pd.DataFrame, out: Path, told: str) -> None:
     write_json(out, plain(data))
     table = pd.DataFrame([
         {"what": r["what"], "of": f"{r['hits']} of {r['of']}",
-         "share": Check(f"{100 * r['share']:.0f} % ({100 * r['low']:.0f} … {100 * r['high']:.0f})",
+         "share": check_cell(
+             f"{100 * r['share']:.0f} % ({100 * r['low']:.0f} … {100 * r['high']:.0f})",
                         r["holds"], r["need"]) if r["of"] else "–"}
         for r in rows
     ])  # fmt: skip

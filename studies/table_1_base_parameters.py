@@ -29,7 +29,7 @@ from identifiability.foundation.rounding import format_number
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import BaseParameters, find_base_parameters
-from identifiability.report import Check
+from identifiability.report import check_cell
 from identifiability.robot import complete_motion
 from identifiability.simulation import MujocoRobot, shipped_trajectory
 
@@ -66,7 +66,7 @@ def compare_rows(base: BaseParameters, rows: list[dict[str, Any]]) -> pd.DataFra
                 "paper": row["printed"],
                 "in models": ", ".join(map(str, row["models"])),
                 "ours": ours,
-                "result": Check(
+                "result": check_cell(
                     "pass" if equal else "differs",
                     passed=equal,
                     reason="" if equal else "not the printed digits",

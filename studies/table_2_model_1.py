@@ -25,7 +25,7 @@ from paper_study.result import (
 from paper_study.subject import TRAJECTORIES, Subject, load_subject
 
 from identifiability.foundation.rounding import format_number
-from identifiability.report import Cell, Check
+from identifiability.report import Cell
 
 #: The paper's σ% point to about a hundred samples (see Table 3).
 SAMPLES = 100
@@ -139,7 +139,7 @@ def run(options: Options) -> StudyResult:
     checks += offset_checks(subject, rows, trials)
     checks.append(check_range("σ% of Fv, the smallest", least, 1.5, 4, unit="%", paper="2.57 %"))
     bad = np.mean([not t.feasible[0] for t in trials])
-    good = sum(isinstance(c, Check) and c.passed is True for c in frame["identified, ours"])
+    good = sum(isinstance(c, Cell) and c.badge == "pass" for c in frame["identified, ours"])
     return StudyResult(
         "table_2_model_1",
         "Table 2: Model 1",

@@ -25,7 +25,7 @@ from paper_study.result import (
 )
 from paper_study.subject import TRAJECTORIES
 
-from identifiability.report import Check, Picture
+from identifiability.report import Picture, check_cell
 
 REASON = "ε_RA without actuator inertia follows the accelerations of the unpublished trajectories"
 
@@ -45,7 +45,7 @@ def make_table(trials: Trials, noisy: Trials) -> pd.DataFrame:
         )
         wanted = printed[model]["identified"]
         near = bool(counts.min() - 2 <= wanted <= counts.max() + 2)
-        row["ours"] = Check(f"{sizes[m]} / {span(counts)}", near, "paper ± 2 of ours")
+        row["ours"] = check_cell(f"{sizes[m]} / {span(counts)}", near, "paper ± 2 of ours")
         row["with noise, 601 [%]"] = spread(percent(next(iter(noisy.values())), "error_ra")[:, m])
         rows.append(row)
     return pd.DataFrame(rows)

@@ -36,7 +36,7 @@ from paper_study.result import (
 from paper_study.subject import load_subject
 
 from identifiability.foundation.rounding import format_number
-from identifiability.report import Check
+from identifiability.report import check_cell
 
 UNPUBLISHED = "the actual robot's measurements are not published and the stand-in is not that robot"
 
@@ -57,7 +57,7 @@ def make_table(fitted: dict[str, Fitted]) -> pd.DataFrame:
             reason = f"paper ± {TOLERANCE:g}" + (
                 "" if near else f"; differs, because {UNPUBLISHED}"
             )
-            row[f"stand-in {name} [%]"] = Check(format_number(error, 3), near, reason)
+            row[f"stand-in {name} [%]"] = check_cell(format_number(error, 3), near, reason)
         rows.append(row)
     return pd.DataFrame(rows)
 

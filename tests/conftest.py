@@ -86,14 +86,7 @@ def pytest_collection_modifyitems(config, items):
     items.sort(key=lambda item: item.path.name not in LONGEST)
     if config.getoption("--everything"):
         return
-    timed = config.getoption("benchmark_only", default=False)
-    left = {
-        item
-        for item in items
-        if item.get_closest_marker("everything")
-        # What is only timed claims nothing of the time.
-        or ("benchmark" in item.fixturenames and not timed)
-    }
+    left = {item for item in items if item.get_closest_marker("everything")}
     config.hook.pytest_deselected(items=[item for item in items if item in left])
     items[:] = [item for item in items if item not in left]
 

@@ -134,7 +134,7 @@ def test_planted_values_rank_uniformly_in_their_posterior(analysis, model, repli
     result = analysis.models[model] if model else analysis.full
     target, start = build_target(result, result.submodel.reduce(analysis.information))
     rng = np.random.default_rng(0)
-    found = calibrate_posterior(target, start, rng, replicates=replicates).p_values(8)
+    found = calibrate_posterior(target, start, rng, replicates=replicates)
     assert found.min() > 1e-3 / len(found)
     assert stats.kstest(found, "uniform").pvalue > 1e-3
 

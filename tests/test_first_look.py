@@ -139,9 +139,15 @@ def test_an_option_with_another_name_now_is_refused_with_it():
             assert f"{option} is gone; type {new}." in done.stderr
 
 
-def test_an_option_that_went_says_what_to_type_instead():
-    done = CliRunner().invoke(app, ["diagnose", "arm.urdf", "new.csv", "--from", "old.json"])
+@pytest.mark.parametrize(
+    ("typed", "instead"),
+    [
+        ("diagnose a.urdf b.csv --from c.json", "--from is gone; give all logs: identifiability"),
+        ("batch fleet.toml", "analyze --each FOLDER --each FOLDER --out RESULTS"),
+        ("convert dh.toml --out robot.xml", "identifiability new FOLDER --robot table.toml"),
+    ],
+)
+def test_an_option_or_a_verb_that_went_says_what_to_type_instead(typed, instead):
+    done = CliRunner().invoke(app, typed.split(), env={"COLUMNS": "1000"})
     assert done.exit_code == 2
-    assert "--from is gone; give all logs: identifiability diagnose" in " ".join(
-        done.stderr.replace("│", "").split()
-    )
+    assert instead in " ".join(done.stderr.replace("│", "").split())

@@ -19,7 +19,6 @@ sys.path.insert(0, str(STUDIES))
 
 import hidden_physics as physics  # noqa: E402
 import hidden_physics_cases as cases  # noqa: E402
-import hidden_physics_laws as laws  # noqa: E402
 
 
 def _machine(name, dry, viscous=0.0):
@@ -88,23 +87,3 @@ def test_torque_is_what_the_regressor_says_along_true_motion(name):
     tau = runs.tau[0][motion.kept]
     left = tau[moves] - W[moves] @ np.linalg.lstsq(W[moves], tau[moves], rcond=1e-10)[0]
     assert np.sqrt(np.mean(left**2)) < 2e-3 * np.sqrt(np.mean(tau**2))
-
-
-def test_the_oracles_z_is_the_size_over_the_noise(monkeypatch, tmp_path):
-    """Twice the effect is twice the z, and whitened noise has unit variance."""
-    monkeypatch.setattr(cases, "SECONDS", 1.0)
-    monkeypatch.setattr(cases, "ROBOTS", {"two-link": "two-link"})
-    rng = np.random.default_rng(1)
-    robot = cases.write_robot(tmp_path, "two-link", rng)
-    case = cases.Case(robot, "inside", rng)
-    _, runs, parts = case.simulate(
-        [(laws.INSIDE["joint_stiffness"](rng, case.joint("elbow")), "elbow")]
-    )
-    assert np.allclose(
-        parts[0][:, :, 1], parts[0][:, :, 1][0, 0] / runs.q[0, 0, 1] * runs.q[:, :, 1]
-    )
-    one, two = (case.oracle(runs, [k * parts[0]], 0.9)[0] for k in (1, 2))
-    assert two == pytest.approx(2 * one)
-    noise = cases.coloured(rng, 20_000, 1, 0.9)
-    rows = cases.whitened(noise[:, :, None], np.ones(1), 0.9, case.rate)
-    assert np.mean(rows**2) == pytest.approx(1.0, abs=0.1)

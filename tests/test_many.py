@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from identifiability import analyze_many
 from identifiability.cli import app
-from identifiability.foundation.engines.mapping import Processes, Resumed, Serial
+from identifiability.foundation.engines import Processes, Resumed, Serial
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.workflows import many as module
 
@@ -126,29 +126,3 @@ def test_what_cannot_be_asked_is_one_sentence(robots, options, sentence, tmp_pat
     with pytest.raises(IdentifiabilityError, match=re.escape(sentence)):
         analyze_many(robots, tmp_path / "out", **options)
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("words", "sentence"),
-    [
-        (["analyze"], "Give a robot and its logs, or folders of several robots with --each"),
-        (["analyze", "two-link", "--each", "a", "--out", "r"], "--each takes robots, logs and"),
-        (["batch", "fleet.toml"], "analyze --each FOLDER --each FOLDER --out RESULTS"),
-        (["convert", "dh.toml", "--out", "r.xml"], "identifiability new FOLDER --robot table.toml"),
-    ],
-)
-def test_the_command_says_what_to_type(words, sentence):
-    run = CliRunner().invoke(app, words, env={"COLUMNS": "1000"})
-    assert run.exit_code == 2
-    assert sentence in " ".join(run.stderr.split())
-
-
-@pytest.mark.everything
-@pytest.mark.parametrize("verb", ["prune", "diagnose"])
-def test_other_verbs_have_rows_as_well(verb, start, tmp_path):
-    result = analyze_many([start / "a"], tmp_path / "out", verb, quick=True, engine=Serial())
-    (row,) = result.rows
-    assert not row.failed
-    assert row.error_unseen < 0.2
-    assert bool(row.verdicts) == (verb == "prune")
-    assert (tmp_path / "out" / "index.html").stat().st_size > 10_000

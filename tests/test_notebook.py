@@ -59,7 +59,7 @@ def test_a_result_is_what_its_page_answers_first_and_a_table(kind, results):
     assert tags.open == []
     first = answer_first(results[kind])
     assert all(escape(answer.question) in html for answer in first.answers)
-    assert ("svg" in tags.found) == bool(first.sketch or first.below)
+    assert ("svg" in tags.found) == bool(first.below)
 
 
 @pytest.mark.parametrize("kind", ["robot", "log", "fit", "base", "prediction"])

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 from identifiability import Log, Robot, analyze
 from identifiability.cli import app
 from identifiability.effects import forget, load_plugin
-from identifiability.foundation.engines.mapping import Processes, Serial
+from identifiability.foundation.engines import Processes, Serial
 from identifiability.workflows.calibrate.calibration import measure_false_names
 
 PLUGIN = '''

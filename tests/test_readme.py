@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 
 import identifiability
 from identifiability.cli import app
-from identifiability.foundation.engines.mapping import Serial
+from identifiability.foundation.engines import Serial
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted(ROOT.glob("docs/**/*.md"))]

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 import identifiability
 from identifiability.cli import app, options, verbs
-from identifiability.foundation.engines.cluster import choose_engine
+from identifiability.foundation.engines import choose_engine
 
 #: Verbs that take logs, and options and settings that mean the same in each.
 VERBS = ("analyze", "prune", "diagnose", "calibrate", "excite", "inspect")

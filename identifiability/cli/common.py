@@ -187,7 +187,7 @@ def _write(write: Callable[[Path], Path], path: Path) -> Path:
     try:
         return write(path)
     except OutputError as error:
-        from identifiability.foundation.output import FOLDER, FOLDERS_STAY  # noqa: PLC0415
+        from identifiability.foundation.output import FOLDER  # noqa: PLC0415
 
         elsewhere = Path(mkdtemp(prefix=f"{FOLDER}rescued-")) / path.name
         try:
@@ -197,5 +197,4 @@ def _write(write: Callable[[Path], Path], path: Path) -> Path:
             if isinstance(again, OutputError):
                 raise error from None
             raise
-        told = {"place": str(elsewhere), "days": FOLDERS_STAY}
-        raise OutputError(Finding("output.rescued", str(error), **told)) from None
+        raise OutputError(Finding("output.rescued", str(error), place=str(elsewhere))) from None

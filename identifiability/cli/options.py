@@ -52,7 +52,7 @@ from identifiability.foundation.options import (
 )
 
 if TYPE_CHECKING:
-    from identifiability.foundation.engines.mapping import Engine
+    from identifiability.foundation.engines import Engine
     from identifiability.foundation.result import Result
     from identifiability.logs.prepare import Preparation
     from identifiability.robot import Robot
@@ -618,7 +618,7 @@ class Place:
     @contextmanager
     def running(self) -> Iterator[Engine]:
         """Give the engine; its processes end with it."""
-        from identifiability.foundation.engines.cluster import choose_engine  # noqa: PLC0415
+        from identifiability.foundation.engines import choose_engine  # noqa: PLC0415
 
         with choose_engine(*astuple(self)) as engine:
             yield engine

@@ -25,7 +25,7 @@ from identifiability.estimation.torque_errors import (
     joint_errors,
     relative_error,
 )
-from identifiability.foundation.engines.mapping import Engine, Steps
+from identifiability.foundation.engines import Engine, Steps
 from identifiability.foundation.linalg import few_at_once
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import ENDS, REACH

@@ -49,9 +49,7 @@ class Cell:
         """The key as the page's script reads it; None for the text, empty sorts last."""
         if self.key is None or isinstance(self.key, str):
             return self.key
-        if math.isnan(self.key):
-            return ""
-        return f"{self.key:.6g}".replace("inf", "Infinity")
+        return "" if math.isnan(self.key) else f"{self.key:.6g}".replace("inf", "Infinity")
 
 
 #: What a column looks like: its kind, or the function that writes its numbers.
@@ -170,33 +168,17 @@ class Table:
     @property
     def words(self) -> list[tuple[str, int]]:
         """The words to filter by, in order of appearance in `MARKS`, with their counts."""
-        if self.filter_by is None:
-            return []
-        words = [row[self.filter_by].badge for row in self.rows]
-        return [(w, words.count(w)) for w in sorted(set(words), key=_rank)]
+        words = [row[self.filter_by].badge for row in self.rows if self.filter_by is not None]
+        return [(w, words.count(w)) for w in dict.fromkeys([*MARKS, *words]) if w in words]
 
 
-@frozen
-class Check:
-    """A number beside what it should be; a cell of a DataFrame given to `frame_table`.
+def check_cell(text: str, passed: bool | None, reason: str = "") -> Cell:
+    """Return a number beside what it should be, for a cell of a DataFrame given to `frame_table`.
 
-    Attributes
-    ----------
-    text : str
-    passed : bool or None
-        None where nothing was checked.
-    reason : str
-        The tolerance, or why it differs.
+    `passed` is None where nothing was checked; the reason is the tolerance, or why it differs.
     """
-
-    text: str
-    passed: bool | None
-    reason: str = ""
-
-    @property
-    def word(self) -> str:
-        """``pass``, ``differs`` or ``not checked``."""
-        return {True: "pass", False: "differs", None: "not checked"}[self.passed]
+    word = {True: "pass", False: "differs", None: "not checked"}[passed]
+    return Cell(text or word, word, reason, word)
 
 
 def frame_table(
@@ -207,12 +189,12 @@ def frame_table(
     Parameters
     ----------
     frame : DataFrame
-        Cells may be numbers, text, bool, `Cell` or `Check`.
+        Cells may be numbers, text, bool or `Cell`.
     caption : str
     digits : int
         Significant digits of numbers.
     filter_by : str, optional
-        Column of `Check` to filter by.
+        Column of `check_cell` to filter by.
     """
     if frame.index.name is not None:
         frame = frame.reset_index()
@@ -242,8 +224,6 @@ def as_cell(x: Any, digits: int = 4) -> Cell:
     """Return a value as a cell."""
     if isinstance(x, Cell):
         return x
-    if isinstance(x, Check):
-        return replace(badge_cell(x.word, x.reason), text=x.text or x.word)
     if isinstance(x, (bool, np.bool_)):
         return Cell("yes" if x else "no")
     if isinstance(x, Integral):
@@ -258,18 +238,10 @@ def _number(cell: Cell) -> float:
 
 
 def _kind(values: Sequence[Any], *, first: bool) -> Kind:
-    if (
-        not first
-        and values
-        and all(isinstance(x, Real) and not isinstance(x, bool) for x in values)
-    ):
+    numbers = [isinstance(x, Real) and not isinstance(x, bool) for x in values]
+    if not first and values and all(numbers):
         return "number"
-    return "badge" if any(isinstance(x, Check) for x in values) else "text"
-
-
-def _rank(word: str) -> tuple[int, str]:
-    order = list(MARKS)
-    return (order.index(word) if word in order else len(order)), word
+    return "badge" if any(isinstance(x, Cell) and x.badge for x in values) else "text"
 
 
 @frozen

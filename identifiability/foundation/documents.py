@@ -25,9 +25,8 @@ _PARSERS = {"TOML": tomllib.loads, "JSON": json.loads}
 #: Bytes of a document that is read; of TOML, what people write, and of JSON, what results are.
 MOST_BYTES = {"TOML": 1_000_000, "JSON": 50_000_000}
 
-#: Lists, objects and keys of a JSON; tables in a list, keys in a table and numbers in a list of a
-#: TOML.
-MOST_PARTS, MOST_TABLES, MOST_KEYS, MOST_VALUES = 2_000_000, 500, 10_000, 100_000
+#: Lists, objects and keys of a JSON.
+MOST_PARTS = 2_000_000
 
 #: Tables in tables that a dotted key may name; its parser takes the square of them in memory.
 DEEPEST = 64
@@ -110,8 +109,6 @@ def read_document(
         raise refused("many", most=MOST_PARTS)
     try:
         content = _PARSERS[form](text)
-        if form == "TOML":
-            _check_lengths(content)
     except RecursionError:
         raise refused("invalid", why="it is nested too deeply") from None
     except ValueError as problem:
@@ -120,24 +117,6 @@ def read_document(
         return schema.model_validate(content)
     except ValidationError as problem:
         raise error(f"{path}: {first_problem(problem, schema)}") from None
-
-
-def _check_lengths(content: dict[str, Any]) -> None:
-    """Refuse a TOML that has more of something than anybody writes.
-
-    Raises
-    ------
-    ValueError
-    """
-    left: list[tuple[str, Any]] = [("the file", content)]
-    while left:
-        name, value = left.pop()
-        inner = isinstance(value, list) and bool(value) and isinstance(value[0], dict)
-        most = MOST_KEYS if isinstance(value, dict) else MOST_TABLES if inner else MOST_VALUES
-        if len(value) > most:
-            raise ValueError(f"{name[:100]} has {len(value)} entries, more than {most}")
-        pairs = value.items() if isinstance(value, dict) else ((name, x) for x in value)
-        left += [(f"'{key}'", x) for key, x in pairs if isinstance(x, (dict, list))]
 
 
 def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:

@@ -39,7 +39,7 @@ class _Filler(Formatter):
         if isinstance(value, (list, tuple)):
             return listing(value, int(format_spec or 4))
         if format_spec.endswith("%"):
-            from identifiability.foundation.numbers import percent  # noqa: PLC0415 - SciPy
+            from identifiability.foundation.rounding import percent  # noqa: PLC0415 - SciPy
 
             return percent(value, int(format_spec[:-1] or 2))
         return format(value, format_spec)

@@ -20,9 +20,6 @@ SPAN_TOLERANCE = 1e-7
 #: Matrices beyond this size together are worked on in turn [bytes].
 MOST_BYTES = 2**26
 
-#: Share of the largest torque below which that of a joint is rounding: it has no load.
-ROUNDING = 1e-11
-
 #: Share below which what is left of one sum of products is rounding.
 TINY = 1e-12
 
@@ -104,5 +101,5 @@ def without_rounding(torque: Array, of: Array) -> Array:
         Torque that it is computed from.
     """
     most = np.abs(torque).max(axis=0, initial=0.0)
-    kept: Array = torque * (most > ROUNDING * np.abs(of).max(initial=0.0))
+    kept: Array = torque * (most > ROUNDOFF * np.abs(of).max(initial=0.0))
     return kept

@@ -124,22 +124,6 @@ def measured(value: float, half: float, unit: str = "") -> str:
     return f"{value:.{places}f}{f' {unit}' if unit else ''} ± {half:.{places}f}"
 
 
-def percent(share: float, digits: int = 3) -> str:
-    """Return a share in percent with so many digits, never in powers of ten.
-
-    Examples
-    --------
-    >>> percent(0.12345), percent(0.12345, 2), percent(12.345), percent(1e-6), percent(math.nan)
-    ('12.3 %', '12 %', '1234 %', 'less than 0.001 %', 'unknown size')
-    """
-    if not math.isfinite(share):
-        return "unknown size"
-    if 0 < 100 * share < 1e-3:
-        return "less than 0.001 %"
-    text = f"{100 * share:.{digits}g}"
-    return f"{100 * share:.0f} %" if "e" in text else f"{text} %"
-
-
 # p-values of many tests at once [Holm 1979].
 
 

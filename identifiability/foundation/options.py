@@ -102,9 +102,6 @@ Rng = Annotated[
     "np.random.Generator", Expected("a random generator, such as numpy.random.default_rng(0)")
 ]
 
-#: Letters of a value that a sentence quotes.
-_LONGEST = 60
-
 _WORDS = {
     int: "a whole number",
     float: "a number",
@@ -144,27 +141,6 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     return bordered
 
 
-def renamed(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Return what makes a function refuse arguments by their old names, with the new ones.
-
-    Stands above `checked`: ``@renamed(draws="replicates")``; empty where there is no new one.
-    """
-
-    def rename(function: Callable[P, R]) -> Callable[P, R]:
-        @wraps(function)
-        def called(*args: P.args, **kwargs: P.kwargs) -> R:
-            for old in names.keys() & kwargs.keys():
-                what = getattr(function, "__name__", "the function")
-                new = names[old]
-                now = f"called '{new}' now" if new else "no longer needed: leave it out"
-                raise OptionError(f"'{old}' of {what} is {now}.")
-            return function(*args, **kwargs)
-
-        return called
-
-    return rename
-
-
 def check_fields(options: Any, what: str = "") -> None:
     """Check the fields of a dataclass against their annotations; for its ``__post_init__``.
 
@@ -175,10 +151,8 @@ def check_fields(options: Any, what: str = "") -> None:
     OptionError
     """
     kinds = resolve(type(options), include_extras=True)
-    for field in fields(options):
-        check_option(
-            f"{what} {field.name}".lstrip(), getattr(options, field.name), kinds[field.name]
-        )
+    for name in (field.name for field in fields(options)):
+        check_option(f"{what} {name}".lstrip(), getattr(options, name), kinds[name])
 
 
 def check_option(name: str, value: Any, kind: Any) -> None:
@@ -220,9 +194,7 @@ def allows(kind: Any, value: Any) -> bool:
         number = isinstance(value, Integral if kind is int else Real)
         return number and not isinstance(value, bool) and math.isfinite(value)
     if kind is bool:
-        import numpy as np  # noqa: PLC0415
-
-        return isinstance(value, (bool, np.bool_))
+        return type(value).__name__ in ("bool", "bool_")  # NumPy's, too
     if origin is None or origin is Callable:
         return callable(value) if Callable in (kind, origin) else isinstance(value, kind)
     if issubclass(origin, Mapping):
@@ -266,7 +238,8 @@ def _shown(value: Any) -> str:
     """Return a value as the sentence quotes it: short ones as they are, others by their type."""
     plain = isinstance(value, (str, Real, NoneType, bool, list, tuple))
     text = repr(value.item() if hasattr(value, "item") else value) if plain else ""
-    return text if 0 < len(text) <= _LONGEST else _with_article(type(value).__name__)
+    # A sentence quotes what fits into it.
+    return text if 0 < len(text) <= 60 else _with_article(type(value).__name__)
 
 
 def _with_article(noun: str) -> str:
@@ -275,6 +248,4 @@ def _with_article(noun: str) -> str:
 
 def settle_count(given: int | None, usual: int, less: int, *, quick: bool) -> int:
     """Return how often something random is repeated: as said, else as usual, or less if quick."""
-    if given is not None:
-        return given
-    return less if quick else usual
+    return given if given is not None else less if quick else usual

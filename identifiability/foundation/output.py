@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import math
 import os
 import secrets
 import shutil
-import stat
 import tempfile
 import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,45 +22,13 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-# Files and folders for the time of some work; what killed programs left of theirs is swept.
-
-#: What the system says where there is no room.
-_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-
 #: What folders for a while are called, and files that are not in their place yet.
 FOLDER, HALF = "identifiability-", ".identifiability-"
 
-#: Days after which what nobody has touched is taken for left behind: folders, and half files.
-FOLDERS_STAY, HALVES_STAY = 30, 1
-
-
-def sweep(paths: Iterable[Path], days: float) -> None:
-    """Remove the user's own of some files and folders that nobody has touched for so long."""
-    for path in paths:
-        with suppress(OSError):
-            status = path.lstat()
-            own = not hasattr(os, "getuid") or status.st_uid == os.getuid()
-            if own and time.time() - status.st_mtime > timedelta(days=days).total_seconds():
-                shutil.rmtree(path) if stat.S_ISDIR(status.st_mode) else path.unlink()
-
-
-class _Folder(tempfile.TemporaryDirectory[str]):
-    """A folder that goes with its ``with`` block; that there is no room in it is a sentence."""
-
-    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
-        super().__exit__(kind, error, trace)
-        if isinstance(error, OSError) and error.errno in _NO_ROOM:
-            told = {"why": _reason(error), "folder": tempfile.gettempdir()}
-            raise OutputError(Finding("output.temporary", **told)) from None
-
 
 def temporary_folder() -> tempfile.TemporaryDirectory[str]:
-    """Return a folder that goes with its ``with`` block, or with the program; sweep orphans."""
-    sweep(Path(tempfile.gettempdir()).glob(f"{FOLDER}*"), FOLDERS_STAY)
-    return _Folder(prefix=FOLDER, ignore_cleanup_errors=True)
-
-
-# Write results so that a reader never finds half a file.
+    """Return a folder that goes with its ``with`` block, or with the program."""
+    return tempfile.TemporaryDirectory(prefix=FOLDER, ignore_cleanup_errors=True)
 
 
 @checked
@@ -76,14 +41,14 @@ def check_writable(path: FilePath) -> Path:
     """
     path = Path(path)
     try:
-        mode, folder = _mode(path), real(path).parent
+        folder, there = real(path).parent, path.exists()
         wrong = {
-            "folder": mode is not None and stat.S_ISDIR(mode),
-            "special": mode is not None and not stat.S_ISREG(mode),
+            "folder": path.is_dir(),
+            "special": there and not path.is_file(),
             "nowhere": not folder.is_dir(),
             "closed": not os.access(folder, os.W_OK),
             # Another run may put its file there at any time, and take none away.
-            "protected": path.exists() and not os.access(path, os.W_OK),
+            "protected": there and not os.access(path, os.W_OK),
         }
     except (OSError, ValueError) as error:
         raise OutputError(f"'{path}' cannot be written: {_reason(error)}.") from None
@@ -92,15 +57,6 @@ def check_writable(path: FilePath) -> Path:
     return path
 
 
-def _mode(path: Path) -> int | None:
-    """Return the mode of what is there; None for nothing."""
-    try:
-        return path.stat().st_mode
-    except (FileNotFoundError, NotADirectoryError):
-        return None
-
-
-@checked
 def check_ending(path: FilePath, *endings: str) -> None:
     """Refuse a file whose name ends as if it were of another format.
 
@@ -115,8 +71,7 @@ def check_ending(path: FilePath, *endings: str) -> None:
     OutputError
     """
     if Path(path).suffix.lower() not in endings:
-        *others, last = endings
-        known = f"{', '.join(others)} or {last}" if others else last
+        known = " or ".join(endings)
         raise OutputError(f"'{path}' does not end in {known}, as what is written there does.")
 
 
@@ -161,21 +116,12 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
     ------
     OutputError
     """
-    path = check_writable(path)
-    target = real(path)  # a link stays a link
-    temporary = _beside(target)
-    try:
-        _fill(temporary, content, target)
-        temporary.replace(target)
-    except OSError as error:
-        raise OutputError(f"'{path}' cannot be written: {_reason(error)}.") from None
-    finally:  # also after Ctrl-C; nothing is left there when the file is in its place
-        _remove([temporary])
-    return path
+    write_together([(Path(path), content)])
+    return Path(path)
 
 
 def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
-    """Write files that are of no use without each other: all of them or none.
+    """Write files that are of no use without each other, or one.
 
     All are filled before the first is put in its place, the one that the others belong to last.
 
@@ -183,48 +129,35 @@ def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
     ------
     OutputError
     """
-    targets = [real(check_writable(path)) for path, _ in files]
-    fresh = [_beside(target) for target in targets]
+    targets = [real(check_writable(path)) for path, _ in files]  # a link stays a link
+    fresh = [target.with_name(f"{HALF}{secrets.token_hex(6)}.tmp") for target in targets]
     try:
-        before = [target.read_bytes() if target.exists() else None for target in targets]
         for temporary, (_, content), target in zip(fresh, files, targets, strict=True):
-            _fill(temporary, content, target)
-        try:
-            for temporary, target in zip(fresh, targets, strict=True):
-                temporary.replace(target)
-        except BaseException:  # also Ctrl-C: undo what was done
-            _remove(t for t, old in zip(targets, before, strict=True) if old is None)
-            for target, old in zip(targets, before, strict=True):
-                if old is not None and target.read_bytes() != old:
-                    target.write_bytes(old)
-            raise
+            _sweep(target.parent)
+            with temporary.open("xb") as stream:
+                stream.write(content)
+                stream.flush()
+                os.fsync(stream.fileno())
+            with suppress(FileNotFoundError):  # nothing there, or put aside by another run just now
+                shutil.copymode(target, temporary)
+        for temporary, target in zip(fresh, targets, strict=True):
+            temporary.replace(target)
     except OSError as error:
         names = " and ".join(f"'{path}'" for path, _ in files)
         raise OutputError(f"{names} cannot be written: {_reason(error)}.") from None
-    finally:
-        _remove(fresh)
+    finally:  # also after Ctrl-C; nothing is left there when the files are in their place
+        for temporary in fresh:
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
 
 
-def _beside(target: Path) -> Path:
-    """Return where a file is filled before it is put in its place; sweep what the killed left."""
-    sweep(target.parent.glob(f"{HALF}*.tmp"), HALVES_STAY)
-    return target.with_name(f"{HALF}{secrets.token_hex(6)}.tmp")
-
-
-def _fill(temporary: Path, content: bytes, target: Path) -> None:
-    """Write a file that is not in its place yet, with the rights of the one that it replaces."""
-    with temporary.open("xb") as stream:
-        stream.write(content)
-        stream.flush()
-        os.fsync(stream.fileno())
-    with suppress(FileNotFoundError):  # nothing there, or put aside by another run just now
-        shutil.copymode(target, temporary)
-
-
-def _remove(paths: Iterable[Path]) -> None:
-    for path in paths:
+def _sweep(folder: Path) -> None:
+    """Remove the half files that killed programs left in a folder a day ago or before."""
+    for left in folder.glob(f"{HALF}*.tmp"):
         with suppress(OSError):
-            path.unlink(missing_ok=True)
+            # A day, in seconds.
+            if time.time() - left.stat().st_mtime > 86_400:
+                left.unlink()
 
 
 def csv_text(frame: DataFrame) -> str:

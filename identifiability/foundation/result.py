@@ -6,12 +6,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from identifiability.foundation import handed
-from identifiability.foundation.errors import near_match
 from identifiability.foundation.findings import Finding, ledger, of_key
-from identifiability.foundation.options import OptionError
 from identifiability.foundation.output import check_ending, write_json
 from identifiability.foundation.rounding import stated
 
@@ -21,10 +20,6 @@ if TYPE_CHECKING:
 
     from identifiability.foundation.answers import Answer, Note, Table
     from identifiability.foundation.rules import RuleTable
-
-
-#: Letters of a `repr`: one screen.
-SCREEN = 1500
 
 
 def shown(statement: str, frame: pd.DataFrame | None = None, more: str = "") -> str:
@@ -119,10 +114,6 @@ class Result(ABC):
         """The figures of `identifiability.plot` that this result has, as its methods."""
         return handed("Plots")(self)
 
-    def parameters_frame(self) -> pd.DataFrame:
-        """Return one row a parameter, by name in the column ``name`` or ``parameter``."""
-        return self.to_frame()
-
     def to_json(self, path: str | Path) -> Path:
         """Write the result and its `answers` as JSON, whole or not at all.
 
@@ -155,30 +146,10 @@ class Result(ABC):
         written: Path = handed("write_result")(self, path)
         return written
 
-    def __getitem__(self, name: str) -> pd.Series[Any]:
-        """Return all that is said of one parameter.
-
-        Raises
-        ------
-        OptionError
-            If there is none of that name.
-        """
-        frame = self.parameters_frame()
-        column = "name" if "name" in frame else "parameter"
-        found = frame[frame[column] == name] if column in frame else frame.iloc[:0]
-        if found.empty:
-            known = [str(n) for n in frame[column]] if column in frame else []
-            near, names = near_match(name, known), known or ["no parameters"]
-            raise OptionError(Finding("result.unknown", name, near=near, names=names))
-        return found.iloc[0]
-
     def __repr__(self) -> str:
-        """Return the answer, cut to one screen."""
-        said = self.statement
-        if type(self).statement is Result.statement:
-            said = " ".join(a.short for a in self.answers() if not a.commands)
-        text = f"<{type(self).__name__}: {' '.join(said.split())}>"
-        return text if len(text) <= SCREEN else f"{text[: SCREEN - 2]}…>"
+        """One line: the answers in short."""
+        said = " ".join(a.short for a in self.answers() if not a.commands) or self.statement
+        return f"<{type(self).__name__}: {shorten(said, 200, placeholder='…')}>"
 
     def _repr_html_(self) -> str:
         html: str = handed("notebook_result")(self)

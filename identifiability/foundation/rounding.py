@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from decimal import ROUND_HALF_EVEN, Decimal
+from decimal import Decimal
 from functools import partial
 from typing import Any, Literal
 
@@ -177,8 +177,7 @@ def format_measured(value: float, sigma: float) -> tuple[str, str]:
         power = 0
     place = _last_place(sigma) - power
     tail = f"·10{superscript(power)}" if power else ""
-    shifted = (Decimal(repr(float(x))).scaleb(-power) for x in (value, sigma))
-    first, second = (_fixed(x, place) + tail for x in shifted)
+    first, second = (_fixed(x / 10.0**power, place) + tail for x in (value, sigma))
     return first, second
 
 
@@ -237,17 +236,6 @@ def percent_digits(percent: float) -> str:
     return f"{percent:.0f}" if percent <= 9999 else "more than 9999"
 
 
-def format_time(seconds: float) -> str:
-    """Return a time in seconds, or in minutes where it is long.
-
-    Examples
-    --------
-    >>> format_time(90), format_time(600)
-    ('90 s', '10 min')
-    """
-    return f"{seconds:g} s" if seconds < 120 else f"{seconds / 60:.3g} min"
-
-
 def percent(share: float, count: int = 3, *, pad: bool = False) -> str:
     """Return a share in percent with some significant digits, or a dash.
 
@@ -261,17 +249,6 @@ def percent(share: float, count: int = 3, *, pad: bool = False) -> str:
 
 #: Shares in percent to two digits, and errors to three, zeros kept.
 rough_percent, error_text = partial(percent, count=2), partial(percent, pad=True)
-
-
-def whole_percent(share: float) -> str:
-    """Return a share in percent without decimals, or a dash.
-
-    Examples
-    --------
-    >>> whole_percent(0.8249), whole_percent(float("nan"))
-    ('82 %', '—')
-    """
-    return f"{100 * share:.0f} %" if math.isfinite(share) else NONE
 
 
 def stated_text(stated: float | None, sigma: float = math.nan) -> str:
@@ -288,11 +265,6 @@ def stated_text(stated: float | None, sigma: float = math.nan) -> str:
         return "0"
     ends = format_measured(math.nan if stated is None else stated, sigma)[0]
     return format_number(stated) if ends == NONE else ends
-
-
-def time_text(time: float) -> str:
-    """Return an autocorrelation time in samples."""
-    return f"{time:.2f}" if time < 10 else f"{time:.0f}"
 
 
 def percent_text(value: float | None) -> str:
@@ -335,9 +307,6 @@ def _last_place(sigma: float) -> int:
     return exponent - 1 if lead < 355 else exponent
 
 
-def _fixed(x: Decimal, place: int) -> str:
-    rounded = x.quantize(Decimal(1).scaleb(place), ROUND_HALF_EVEN)
-    text = f"{rounded:f}"
-    if not rounded:
-        text = text.removeprefix("-")
-    return text.replace("-", "−")
+def _fixed(x: float, place: int) -> str:
+    rounded = Decimal(repr(float(x))).quantize(Decimal(1).scaleb(place))  # a half to the even digit
+    return f"{rounded + 0:f}".replace("-", "−")

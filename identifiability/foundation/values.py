@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, fields
 from functools import partial
+from textwrap import shorten
 from typing import Any, TypeVar, dataclass_transform
 
 # NumPy is imported where there are arrays: what is refused at once waits for no library.
 # `frozen`: what passes between stages, frozen in fact.
-
-
-#: Letters of a field, and of a whole value, in its `repr`: one screen.
-SHORT, SCREEN = 60, 1500
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
@@ -51,20 +49,8 @@ def frozen(cls: Any = None, *, kw_only: bool = False) -> Any:
 
 
 def _short(self: Any) -> str:
-    parts = [f"{f.name}={_brief(getattr(self, f.name))}" for f in fields(self) if f.repr]
-    text = f"{type(self).__name__}({', '.join(parts)})"
-    return text if len(text) <= SCREEN else f"{text[:SCREEN]}…)"
-
-
-def _brief(value: Any) -> str:
-    import numpy as np  # noqa: PLC0415
-
-    if isinstance(value, np.ndarray):
-        return f"<{'×'.join(map(str, value.shape)) or 'scalar'} {value.dtype}>"
-    if isinstance(value, (tuple, list)) and len(value) > 3:
-        return f"<{len(value)} of {type(value[0]).__name__}>"
-    text = repr(value)
-    return text if len(text) <= SHORT else f"{text[:SHORT]}…"
+    parts = (f"{f.name}={reprlib.repr(getattr(self, f.name))}" for f in fields(self) if f.repr)
+    return shorten(f"{type(self).__name__}({', '.join(parts)})", 280, placeholder="…)")
 
 
 # What was made last is kept: many ask for the same few things in turn.

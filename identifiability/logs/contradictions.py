@@ -142,7 +142,7 @@ class Contradiction:
     @property
     def in_unit(self) -> bool:
         """Whether it is the derivative, but in another unit or of another sign."""
-        return self.explained > 1 - RULES.derivative_unexplained and not 0.5 < self.slope < 2
+        return self.explained > 1 - RULES.unexplained and not 0.5 < self.slope < 2
 
 
 def contradictions(log: Log) -> list[Contradiction]:
@@ -151,7 +151,7 @@ def contradictions(log: Log) -> list[Contradiction]:
     It finds columns of other joints, of desired motion, delayed or filtered too much. They are
     compared by integration, which forgives noise where differentiation would not.
     """
-    found, least = [], 1 - RULES.derivative_unexplained
+    found, least = [], 1 - RULES.unexplained
     for kind, of in (("dq", "q"), ("ddq", "dq")):
         rate, x = getattr(log, kind), getattr(log, of)
         if rate is None or x is None:
@@ -161,7 +161,7 @@ def contradictions(log: Log) -> list[Contradiction]:
             if fit is None:
                 continue
             slope, unexplained = fit
-            if unexplained > RULES.derivative_unexplained or not least < slope < 1 / least:
+            if unexplained > RULES.unexplained or not least < slope < 1 / least:
                 found.append(Contradiction(joint, kind, of, 1 - unexplained, slope))
     return found
 

@@ -378,6 +378,11 @@ class Log:
         """Return stretches on which what holds for all of it is decided, and where each begins."""
         return [(a, self.rows(a, b)) for a, b in signals.spread_windows(len(self))]
 
+    @property
+    def shown(self) -> Log:
+        """Its windows as one log with gaps."""
+        return join_logs([window for _, window in self.windows()])
+
     def pieces(
         self, size: int, margin: int = 0, start: int = 0, stop: int | None = None
     ) -> Iterator[tuple[int, int, int, Log]]:

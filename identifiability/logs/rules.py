@@ -39,9 +39,10 @@ class Rules(RuleTable):
     repeats_longest: Annotated[
         int, "longest run of repeated values that is no rest [samples], by hand"
     ] = 5
-    derivative_unexplained: Annotated[
-        float, "variance that a given derivative may leave, by hand"
+    unexplained: Annotated[
+        float, "variance that what is told of columns may leave unexplained, by hand"
     ] = 0.2
+    unit_factor: Annotated[float, "a file's masses are hardly wrong by so much, by hand"] = 5.0
     positions_odd: Annotated[float, "share of positions that may lie anywhere, by hand"] = 0.01
     command_followed: Annotated[
         float, "correlation from which on a command is followed, by hand"

@@ -10,28 +10,19 @@ one side of the equation only.
 
 from __future__ import annotations
 
-import math
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg.lapack import dtbtrs
+import scipy
+from scipy.special import binom
 
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.rules import RULES
 
 #: Decisions about a long log are made on this many windows of so many samples.
 WINDOWS, WINDOW = 8, 16_384
-
-#: The first so many changes of a value tell the period at which it comes, and fewer than so many in
-#: all tell none.
-FIRST, UPDATES = 16, 64
-
-#: What is left of a filter's transient where it is called over; twice differentiated it must
-#: still be small beside 1e-8.
-FORGOTTEN: Tolerance = 1e-14
 
 
 def sampling_step(t: Array) -> float:
@@ -54,55 +45,19 @@ def held_since(t: Array, changes: np.ndarray) -> Array:
         Which rows hold another value than the one before.
     """
     (rows,) = np.nonzero(changes)
-    if len(rows) < UPDATES:
+    if len(rows) < RULES.fewest:
         return t
-    dt, seen = sampling_step(t), t[rows] - t[rows[0]]
-    most = dt + 2 * float(np.quantile(np.abs(np.diff(t) - dt), 0.99)) + ROUNDOFF
-    few = seen[:FIRST]
-    periods = np.diff(few).min() + dt * np.linspace(-1, 1, FIRST * UPDATES)
-    periods = periods[periods > most]  # others come with every row
-    late = np.array([_fold(few, period)[1] for period in periods])
-    (fits,) = np.nonzero(late <= most)
-    runs = np.split(fits, np.flatnonzero(np.diff(fits) > 1) + 1)
-    for run in reversed(runs if len(fits) else []):  # parts of a period fit as well
-        behind = _behind(seen, float(periods[run[np.argmin(late[run])]]), dt, most)
-        if behind is not None:
-            out = t.copy()
-            out[rows] = np.maximum(t[rows] - behind, t[rows - 1])
-            return out
-    return t
-
-
-def _behind(t: Array, period: float, dt: float, most: float) -> Array | None:
-    """Return how far times (m,) are behind a line over their numbers; None if some by too much.
-
-    Parameters
-    ----------
-    t : (m,) [s]
-    period : float [s]
-        Nearly that between numbers.
-    dt, most : float [s]
-        By which times may be late, without and with what rows are uneven by.
-    """
-    first, count, left = _fold(t[:FIRST], period)[0], FIRST, t
-    while count < len(t):
-        count = min(count + count // 2, len(t))
-        number = np.floor((t[:count] - first + 0.5 * (period - most)) / period)
-        period = float(np.polyfit(number, t[:count], 1)[0])
-        left = t[:count] - period * number
-        first = float(left.min())
-        if np.ptp(left) > most:
-            return None
-    behind = left - first
-    return np.where(behind > most - dt, behind, 0.0)
-
-
-def _fold(t: Array, period: float) -> tuple[float, float]:
-    """Return where times begin on a circle of some period, and over how much of it they spread."""
-    on = np.sort(t % period)
-    gaps = np.diff(on, append=on[0] + period)
-    k = int(np.argmax(gaps))
-    return float(on[(k + 1) % len(on)]), float(period - gaps[k])
+    dt, apart = sampling_step(t), np.diff(t[rows])
+    uneven = 2 * float(np.quantile(np.abs(np.diff(t) - dt), 0.99)) + ROUNDOFF
+    usual = apart[apart <= 2 * np.median(apart)].mean()  # others are of several values
+    number = np.concatenate([[0.0], np.cumsum(np.rint(apart / usual))])
+    period, first = np.polyfit(number, t[rows], 1)
+    behind = t[rows] - period * number - first
+    behind -= behind.min()
+    out = t.copy()
+    if period > dt + uneven >= behind.max():
+        out[rows] = np.maximum(t[rows] - np.where(behind > uneven, behind, 0.0), t[rows - 1])
+    return out
 
 
 def has_gap(t: Array) -> np.ndarray:
@@ -165,41 +120,23 @@ def lowpass(x: Array, dt: float, cutoff: float) -> Array:
     it is as if it had always been as there.
     """
     pad = min(len(x) - 1, int(3 / (cutoff * dt)))
-    y = np.concatenate([2 * x[0] - x[pad:0:-1], x, 2 * x[-1] - x[-2 : -pad - 2 : -1]])
-    y = np.asfortranarray(y.reshape(len(y), -1))
-    for _ in "there", "back":
-        start = y[0].copy()
-        y = y - start
-        for pole in _poles(dt, cutoff):
-            y *= abs(1 - pole) ** 2 / 4
-            y[1:] += y[:-1]
-            y[1:] += y[:-1]
-            # What recurs is a triangular system of three bands.
-            bands = np.repeat([[abs(pole) ** 2, -2 * pole.real, 1.0]], len(y), axis=0).T
-            y, _ = dtbtrs(bands, y, uplo="U", trans="T", diag="U", overwrite_b=True)
-        y = (y + start)[::-1]
-    return np.ascontiguousarray(y[pad : pad + len(x)]).reshape(x.shape)
-
-
-def _poles(dt: float, cutoff: float) -> Array:
-    """Return the poles above the real axis of a Butterworth low-pass of fourth order, (2,)."""
-    if not 0 < cutoff * dt < 0.5:
-        raise ValueError(f"a low-pass is below half of the sampling rate, not at {cutoff * dt:g}")
-    analogue = np.tan(np.pi * cutoff * dt) * np.exp(1j * np.pi * np.array([5, 7]) / 8)
-    found: Array = (1 + analogue) / (1 - analogue)
-    return found
+    sections = scipy.signal.butter(4, 2 * cutoff * dt, output="sos")
+    filtered: Array = scipy.signal.sosfiltfilt(sections, x, axis=0, padlen=pad)
+    return filtered
 
 
 def settling_rows(dt: float, cutoff: float) -> int:
     """Return after how many samples `lowpass` has forgotten where its input began.
 
-    The slowest pole has decayed to `FORGOTTEN` of what it was.
+    Its slowest pole has decayed to 1e-14 then, which twice differentiated is small beside 1e-8.
     """
-    return int(np.ceil(np.log(FORGOTTEN) / np.log(np.abs(_poles(dt, cutoff)).max())))
+    _, poles, _ = scipy.signal.butter(4, 2 * cutoff * dt, output="zpk")
+    return int(np.ceil(np.log(1e-14) / np.log(np.abs(poles).max())))
 
 
-#: Samples on each side that a difference draws on, and as many times that at the ends of a signal.
-REACH, ENDS = 8, 4
+#: Samples on each side that a difference draws on, and what those ahead count for.
+REACH = 8
+AHEAD = [-((-1) ** k) / k * binom(16, 8 - k) / binom(16, 8) for k in range(1, REACH + 1)]
 
 
 def differentiate(x: Array, dt: float) -> Array:
@@ -209,61 +146,26 @@ def differentiate(x: Array, dt: float) -> Array:
     7e-5 at a fifth; that of second order is 1.6, 13 and 24 %, and twice as much after two of them.
     The first and last `REACH` samples are those of a spline of fifth degree.
     """
-    if len(x) < 2 * ENDS * REACH:
-        return _end_slope(x, dt)
-    m = len(x) - 2 * REACH
-    slope, end = np.zeros_like(x, float), ENDS * REACH
-    for k, share in enumerate(_difference(), 1):
-        ahead, behind = x[REACH + k : REACH + k + m], x[REACH - k : REACH - k + m]
-        slope[REACH:-REACH] += (share / dt) * (ahead - behind)
-    slope[:REACH] = _end_slope(x[:end], dt)[:REACH]
-    slope[-REACH:] = _end_slope(x[-end:], dt)[-REACH:]
-    return slope
+    x, end = np.asarray(x, float), 4 * REACH
+    if len(x) < 2 * end:
+        return _spline_slope(x) / dt
+    slope: Array = scipy.ndimage.correlate1d(x, [*np.negative(AHEAD[::-1]), 0.0, *AHEAD], axis=0)
+    slope[:REACH] = _spline_slope(x[:end])[:REACH]
+    slope[-REACH:] = _spline_slope(x[-end:])[-REACH:]
+    return slope / dt
 
 
-def _difference() -> list[float]:
-    """Return what the differences over 2, 4, … 2 REACH steps count for."""
-    whole = math.comb(2 * REACH, REACH)
-    return [
-        (-1) ** (k + 1) / k * math.comb(2 * REACH, REACH - k) / whole for k in range(1, REACH + 1)
-    ]
-
-
-def _end_slope(x: Array, dt: float) -> Array:
-    """Return the derivative of the spline through few samples."""
-    return np.tensordot(_spline_slope(len(x)), x, 1) / dt
-
-
-@lru_cache(maxsize=4)
-def _spline_slope(n: int) -> Array:
-    """Return the slopes (n, n) at samples 0, 1, … of the spline through any values of these.
-
-    It is of fifth degree, or less where there are few, and has its knots at samples, but for those
-    next to the ends ("not a knot"). Its B-splines follow from those of degree zero [de Boor 1978].
-    It is a matrix here, as the ends of all logs are alike; SciPy's splines import its optimisers.
-    """
-    degree, at = min(5, n - 1), np.arange(n, dtype=float)
-    inner = at[degree // 2 + 1 : n - degree // 2 - 1]
-    knots = np.concatenate([np.zeros(degree + 1), inner, np.full(degree + 1, n - 1.0)])
-    value = ((knots[:-1] <= at[:, None]) & (at[:, None] < knots[1:])).astype(float)
-    value[-1, n - 1] = 1.0  # the last sample belongs to what ends there
-    slope = np.zeros((n, n))
-    for d in range(1, degree + 1):
-        width = knots[d:] - knots[:-d]
-        share = value / np.where(width > 0, width, np.inf)
-        slope = d * (share[:, :-1] - share[:, 1:])
-        value = (at[:, None] - knots[: -d - 1]) * share[:, :-1]
-        value += (knots[d + 1 :] - at[:, None]) * share[:, 1:]
-    found: Array = np.linalg.solve(value.T, slope.T).T
-    return found
+def _spline_slope(x: Array) -> Array:
+    """Return the slope of the spline of fifth degree through samples, or of less through few."""
+    if len(x) < 2:
+        return np.zeros_like(x)
+    at = np.arange(len(x), dtype=float)
+    spline = scipy.interpolate.make_interp_spline(at, x, min(5, len(x) - 1))
+    return np.asarray(spline(at, 1))
 
 
 #: Outputs of a decimation that are made by one product: of more, most of its terms are zeros.
 TOGETHER = 16
-
-
-#: Samples for each output that columns are computed of, at least, where there are so many.
-DENSE = 32
 
 
 @frozen
@@ -274,27 +176,9 @@ class Decimation:
     ----------
     factor : int
         Every `factor`-th sample is kept.
-    spare : int
-        Of every so many samples the motion is known well enough: it was low-passed.
     """
 
     factor: int
-    spare: int = 1
-
-    @cached_property
-    def every(self) -> int:
-        """Columns are computed of every so many samples."""
-        most = max(1, min(self.factor // DENSE, self.spare))
-        return next(e for e in range(most, 0, -1) if self.factor % e == 0)
-
-    @property
-    def coarse(self) -> Decimation:
-        """The same filter, of every so many samples."""
-        return self if self.every == 1 else self._coarse
-
-    @cached_property
-    def _coarse(self) -> Decimation:
-        return Decimation(self.factor // self.every)
 
     @cached_property
     def taps(self) -> Array:

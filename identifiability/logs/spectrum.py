@@ -10,7 +10,7 @@ What to use when: `Spectrum.of` for a log; `choose_band` for all logs that are j
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +19,7 @@ from scipy.special import binom
 
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import percent
+from identifiability.foundation.rounding import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
@@ -268,8 +268,6 @@ def choose_band(
             highest,
             f"{RULES.cutoff_highest:g} × the sampling rate, the motion reaches {band:.3g} Hz",
         )
-    # Columns are computed of so many samples for each output, which the low-pass must suit.
-    highest /= max(1, int(0.5 * rate / chosen) // signals.DENSE)
     wide = max(chosen, min(limit, highest))
     return Band(wide, chosen, band, limit, noise(wide), reason, joints, rate)
 
@@ -321,27 +319,6 @@ def resolution(x: Array) -> Array:
         if len(own) and np.all(np.abs(own / least - np.rint(own / least)) < RULES.even):
             found[k] = least
     return found
-
-
-def lowest_cutoff(
-    is_noise: Callable[[float], bool], low: float, high: float, within: float
-) -> float:
-    """Return the lowest cut-off between two [Hz], within a factor, that leaves out noise alone.
-
-    Parameters
-    ----------
-    is_noise : callable(float)
-        Whether what a cut-off leaves out is no more than noise; the highest need not be asked.
-    low, high : float [Hz]
-    within : float
-    """
-    while high > within * low:
-        middle = float(np.sqrt(low * high))
-        if is_noise(middle):
-            high = middle
-        else:
-            low = middle
-    return high
 
 
 def noise_parts(x: Array) -> tuple[Array, Array]:

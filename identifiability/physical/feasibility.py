@@ -12,7 +12,7 @@ import scipy.sparse
 from identifiability.effects.vocabulary import file_kinds, values_in_file
 from identifiability.estimation.estimator import settle_signs
 from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Level, Score
-from identifiability.foundation.engines.mapping import one_thread
+from identifiability.foundation.engines import one_thread
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.rules import Tolerance

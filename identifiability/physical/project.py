@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg.lapack import dposv
 
-from identifiability.foundation.engines.mapping import one_thread
+from identifiability.foundation.engines import one_thread
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.foundation.engines.mapping import one_thread
+from identifiability.foundation.engines import one_thread
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.posterior.exact import ExactSampler, Progress, build_sampler, interior

@@ -1,26 +1,21 @@
 """What can be mended in logs: it is mended when they are read, in the registry's order, and said.
 
 Torque and rows that stand still in motion, angles within one turn, single wrong samples, commands
-without torque, derivatives of another motion, rows that were given before.
+without torque, derivatives of another motion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
 
-from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
-from identifiability.logs.commands import of_commands
 from identifiability.logs.contradictions import contradictions
-from identifiability.logs.log import join_logs
 from identifiability.logs.rules import RULES
 from identifiability.logs.spikes import Spike, Wraps, mend_column
 from identifiability.quality.registry import Does, Reading, check
@@ -28,11 +23,6 @@ from identifiability.robot.floating import BASE_JOINTS
 
 #: Wrong values that a hint lists.
 LISTED = 3
-
-
-def _windows(log: Log) -> list[Log]:
-    """Return a log, or of a long one the windows that decisions about it are made on."""
-    return [window for _, window in log.windows()] if log.long else [log]
 
 
 @check("silent", Does.MENDS)
@@ -78,7 +68,7 @@ def drop_stuck(log: Log) -> tuple[Log, list[Finding]]:
 
 def _silence_constant(log: Log) -> tuple[Log, list[Finding]]:
     """Leave out torque that never changes, of joints that anything drives."""
-    rows = join_logs(_windows(log))
+    rows = log.shown
     never = np.ptp(rows.tau, axis=0) == 0
     if never.all() or not np.ptp(rows.q, axis=0).any():
         return log, []
@@ -217,11 +207,7 @@ def _state_wrong(log: Log, wrong: dict[str, tuple[Spike, ...]]) -> Finding:
 @check("commands", Does.MENDS)
 def compute_torque(logs: Reading) -> Reading:
     """Compute torque of commands; how late they act is found, and said, when they are followed."""
-    if logs.torque is None:
-        return logs
-    before, after = logs.every, logs.torque(logs.every)
-    speeds = tuple(b.dq if of_commands(a) else None for b, a in zip(before, after, strict=True))
-    return replace(logs.having(after), speeds=speeds)
+    return logs if logs.torque is None else logs.having(logs.torque(logs.every))
 
 
 @check("contradictions", Does.MENDS)
@@ -235,7 +221,7 @@ def drop_contradicting(logs: Reading) -> Reading:
 
 
 def _drop_contradictions(log: Log, *, asked: bool) -> tuple[Log, list[Finding]]:
-    wrong = [c for c in contradictions(join_logs(_windows(log))) if not c.in_unit]
+    wrong = [c for c in contradictions(log.shown) if not c.in_unit]
     if not wrong:
         return log, []
     where, columns = [c.text for c in wrong], [f"{c.joint}.{c.kind}" for c in wrong]
@@ -247,113 +233,3 @@ def _drop_contradictions(log: Log, *, asked: bool) -> tuple[Log, list[Finding]]:
     words = " and ".join(names[c] for c in gone if c in log.channels)
     told = {"channels": words, "columns": columns, "rows": len(log)}
     return log.without(gone), [Finding("contradictions", log.name, where=where, **told)]
-
-
-# Rows that are given more than once: copies are no new evidence, however often they come.
-#
-# A measurement that is repeated has noise of its own. Rows whose positions, torques and, where all
-# logs have them, measured speeds agree to a ten-thousandth of how much they vary, many rows on end,
-# are therefore copies: a log joined to itself, a cut of another log, a log that was written again.
-
-
-#: Consecutive rows that must agree with consecutive earlier ones; standstills count as one.
-RUN = 16
-
-
-@check("copies", Does.MENDS)
-def count_once(logs: Reading) -> Reading:
-    """Leave out rows that came before; measured speeds tell repetitions from copies."""
-    if not logs.learns:
-        return logs
-    every = logs.every
-    for k, speed in enumerate(logs.speeds):
-        if speed is not None:
-            every[k] = replace(every[k], dq=speed)
-    *kept, hints = drop_repeats(every[: len(logs.fitted)], every[len(logs.fitted) :])
-    fitted, held_out = (
-        tuple(x.without(("dq",)) if of_commands(x) else x for x in some) for some in kept
-    )
-    return replace(logs, fitted=fitted, held_out=held_out, hints=(*logs.hints, *hints))
-
-
-def drop_repeats(
-    logs: Sequence[Log], held_out: Sequence[Log] = ()
-) -> tuple[list[Log], list[Log], tuple[Finding, ...]]:
-    """Return fitted and held-out logs without rows that came before, and what was found.
-
-    Motion alone is a plan and no measurement: it may go round as often as it likes.
-
-    Raises
-    ------
-    LogError
-        If nothing is left of a held-out log.
-    """
-    every = [*logs, *held_out]
-    pairs = zip(every, _find_copies(every), strict=True)
-    left = [_keep(log, copied & (not log.motion_alone)) for log, copied in pairs]
-    counts = zip(every, (sum(len(part) for part in kept) for kept in left), strict=True)
-    found = tuple(
-        Finding("copies", log.name, rows=len(log) - count, all=len(log))
-        for log, count in counts
-        if count < len(log)
-    )
-    n = len(logs)
-    for log, kept in zip(held_out, left[n:], strict=True):
-        if not kept:
-            raise LogError(Finding("twice.rows", "", log=log.name))
-    return list(chain(*left[:n])), list(chain(*left[n:])), found
-
-
-def _keep(log: Log, copied: np.ndarray) -> list[Log]:
-    """Return the stretches of a log that are no copies and long enough to be used."""
-    if not copied.any():
-        return [log]
-    if log.long:
-        return [] if copied.mean() >= RULES.nearly_all else [log]
-    edges = np.flatnonzero(np.diff(np.concatenate([[1], copied.astype(int), [1]])))
-    stretches = [(a, b) for a, b in edges.reshape(-1, 2).tolist() if b - a >= RULES.fewest]
-    if len(stretches) == 1:
-        return [log.rows(*stretches[0])]
-    return [log.cut(a, b, f"{log.name}, rows {a + 1}–{b}") for a, b in stretches]
-
-
-def _find_copies(logs: Sequence[Log]) -> list[np.ndarray]:
-    """Return which of the rows that are looked at came before, for each log."""
-    parts = [(k, part) for k, log in enumerate(logs) for part in _windows(log)]
-    owner = np.repeat([k for k, _ in parts], [len(p) for _, p in parts])
-    joints = [j for j in logs[0].joints if all(j in log.joints for log in logs)] if logs else []
-    if not joints or not len(owner):
-        return [np.zeros(int((owner == k).sum()), bool) for k in range(len(logs))]
-    speeds = all("dq" in log.channels for log in logs)
-    kinds = ("q", "tau", "dq") if speeds else ("q", "tau")  # positions come first
-    at = [[p.joints.index(j) for j in joints] for _, p in parts]
-    each = [[getattr(p, c)[:, own] for c in kinds] for (_, p), own in zip(parts, at, strict=True)]
-    starts = np.cumsum([0, *(len(p) for _, p in parts)])[:-1]
-    copied = _match(np.concatenate([np.hstack(x) for x in each]), starts, len(joints))
-    return [copied[owner == k] for k in range(len(logs))]
-
-
-def _match(rows: Array, starts: np.ndarray, joints: int) -> np.ndarray:
-    """Return which rows continue a run of copies of earlier ones, (N,) bool.
-
-    Rows are (N, k · joints), positions first; runs do not reach over `starts`.
-    """
-    spread = rows.std(0).reshape(-1, joints)
-    # What never moves varies by rounding, far below what the liveliest joint does.
-    floor = 1e-3 * spread.max(1, initial=0.0, keepdims=True)
-    near = 1e-4 * np.maximum(np.maximum(spread, floor), np.finfo(float).tiny / 1e-4).ravel()
-    cells = np.rint((rows - rows.mean(0)) / near).astype(np.int64)
-    mix = np.random.default_rng(0).integers(1, 2**63, rows.shape[1], np.uint64) | np.uint64(1)
-    keys = (cells.astype(np.uint64) * mix).sum(1, dtype=np.uint64)
-    _, at, which = np.unique(keys, return_index=True, return_inverse=True)
-    index = np.arange(len(rows))
-    still = np.concatenate([[False], keys[1:] == keys[:-1]])
-    since = np.maximum.accumulate(np.where(still, 0, index))  # first row of a standstill
-    behind = (index - at[which])[since]
-    begins = np.diff(behind, prepend=-1) != 0
-    begins[starts] = True
-    told = np.concatenate([[True], (np.diff(cells[:, joints:], axis=0) != 0).any(1)])
-    copied = np.zeros(len(rows), bool)
-    for a, b in pairwise([*np.flatnonzero(begins).tolist(), len(rows)]):
-        copied[a:b] = behind[a] > 0 and np.count_nonzero(told[a:b] & ~still[a:b]) >= RUN
-    return copied

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from enum import StrEnum
 from functools import cached_property
@@ -25,9 +25,8 @@ from identifiability.robot import Motion, Robot
 #: The order of all checks: of mends that in which they act, of explanations that in which they are
 #: asked, of all others that in which they are said. A user's own stand behind.
 ORDER = (
-    *("silent", "stuck", "wraps", "spikes", "commands", "contradictions", "copies"),
-    *("unheld", "exchanged", "clock", "unit"),
-    *("limits", "stopped", "flat"),
+    *("silent", "stuck", "wraps", "spikes", "commands", "contradictions"),
+    *("unheld", "exchanged", "unit"),
     *("bodies", "assembly", "outside", "still", "outliers"),
 )
 
@@ -115,10 +114,6 @@ class Reading:
         What makes torque of commands where a log has none of its own.
     hints : tuple of Finding
         What was mended.
-    speeds : tuple of (N, n) or None
-        Of logs of commands those that were measured, in order; their torque is made without.
-    learns : bool
-        Whether something is learnt of the rows, so that each counts once.
     """
 
     fitted: tuple[Log, ...]
@@ -126,8 +121,6 @@ class Reading:
     how: Preparation | None = None
     torque: Callable[[list[Log]], list[Log]] | None = None
     hints: tuple[str, ...] = ()
-    speeds: tuple[Array | None, ...] = ()
-    learns: bool = True
 
     @property
     def every(self) -> list[Log]:
@@ -187,20 +180,11 @@ class MeasuredLogs:
         """Its actuated joints."""
         return self.robot.joints
 
-    def windows(self) -> Iterator[tuple[int, Log]]:
-        """Yield the columns of every log as they were measured, and the row they begin at.
-
-        Long logs are looked at in the windows that decisions about them are made on.
-        """
-        for log in self.recordings:
-            yield from log.windows()
-
     @cached_property
-    def _thinned(self) -> tuple[Motion, Array, np.ndarray]:
+    def _thinned(self) -> tuple[Motion, Array]:
         each = max(1, ENOUGH // len(self.samples))
         few = [s.thin(max(1, s.survey.kept // each)) for s in self.samples]
-        tau, weight = (np.concatenate([getattr(s, k) for s in few]) for k in ("tau", "weight"))
-        return join_motions([s.motion for s in few]), tau, weight > 0
+        return join_motions([s.motion for s in few]), np.concatenate([s.tau for s in few])
 
     @property
     def motion(self) -> Motion:
@@ -211,11 +195,6 @@ class MeasuredLogs:
     def torque(self) -> Array:
         """Measured torque at them, (N, n) [N·m or N]."""
         return self._thinned[1]
-
-    @property
-    def data(self) -> np.ndarray:
-        """Where it is data, (N, n) bool."""
-        return self._thinned[2]
 
     @cached_property
     def weighs(self) -> bool:

@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from scipy.linalg.blas import dtrmm
 
-from identifiability.foundation.engines.mapping import Engine, Steps
+from identifiability.foundation.engines import Engine, Steps
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import at_least, checked

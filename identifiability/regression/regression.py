@@ -15,7 +15,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from identifiability.effects import Effect, Part, Placed, find_effect, find_family
-from identifiability.foundation.engines.mapping import Engine, Result, Serial, Steps
+from identifiability.foundation.engines import Engine, Result, Serial, Steps
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.options import Expected, checked
@@ -432,7 +432,7 @@ class LogPart:
         most, reach = most_rows((len(self.robot.actuated), sum(widths))), 1
         if samples.decimation is not None:
             # Beside few samples a strong filter would draw on many more, for each piece anew.
-            reach = samples.decimation.coarse.reach
+            reach = samples.decimation.reach
             size = min(max(size, REACHES * reach), max(size, most))
         for piece in samples.pieces(min(size, max(most, reach))):  # of many joints they are large
             yield piece, partial(self._regressor, piece, widths)

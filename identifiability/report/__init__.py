@@ -1,20 +1,20 @@
 """Reports: results in, one self-contained HTML file out.
 
 What to use when: `write_analysis_report` for an `Analysis`; `write_page` for everything else: a
-statement, and sections made of `Table` (or `frame_table` of a DataFrame, with `Check` cells),
+statement, and sections made of `Table` (or `frame_table` of a DataFrame, with `check_cell`),
 `Picture` of a Matplotlib figure, `Prose`, `Notes`, `Terms`, `Gallery` and `Fold`. Figures that
 follow the page's light and dark colours are in `identifiability.report.figures`.
 
 Example
 -------
 >>> import pandas as pd
->>> frame = pd.DataFrame({"model": ["Model 4"], "ε_RA": [Check("4.5 %", True, "4.5 ± 0.2")]})
+>>> frame = pd.DataFrame({"model": ["Model 4"], "ε_RA": [check_cell("4.5 %", True, "4.5 ± 0.2")]})
 >>> section = Section("table-3", "Table 3", "Noise", (frame_table(frame),))
 >>> "4.5 ± 0.2" in render_page(Page("Noise", "All rows pass.", (section,)))
 True
 """
 
-from identifiability.foundation.answers import Cell, Check, Column, Note, Table, frame_table
+from identifiability.foundation.answers import Cell, Column, Note, Table, check_cell, frame_table
 from identifiability.report import plot
 from identifiability.report.blocks import (
     Block,
@@ -37,7 +37,6 @@ __all__ = [
     "COLOURS",
     "Block",
     "Cell",
-    "Check",
     "Column",
     "Fold",
     "Gallery",
@@ -53,6 +52,7 @@ __all__ = [
     "Tile",
     "build_analysis_page",
     "canvas",
+    "check_cell",
     "drawn",
     "frame_table",
     "plain",

@@ -35,9 +35,9 @@ from identifiability.report.blocks import (
     Fold,
     Gallery,
     Notes,
+    Picture,
     Prose,
     Section,
-    Sketch,
     Term,
     Terms,
     Trace,
@@ -49,8 +49,13 @@ from identifiability.report.blocks import (
     share_cell,
     torque_traces,
 )
-from identifiability.report.figures import MOST, draw_confusion, draw_forest, order_correlated
-from identifiability.report.skeleton import sketch_verdicts
+from identifiability.report.figures import (
+    MOST,
+    draw_confusion,
+    draw_forest,
+    draw_torque,
+    order_correlated,
+)
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.belief import Source, Summary
@@ -80,9 +85,16 @@ def analysis_heading(analysis: Analysis) -> tuple[str, str]:
     return "Identifiability report", about
 
 
-def analysis_sketch(analysis: Analysis) -> Sketch | None:
-    """Return the robot, coloured by what is identifiable, if it can be drawn."""
-    return sketch_verdicts(analysis.robot, analysis.chosen.verdicts)
+def analysis_below(analysis: Analysis) -> Picture | None:
+    """Return measured and predicted torque of the joint that is predicted worst."""
+    out, robot = analysis.held_out, analysis.robot
+    errors, t = out.joint_error()[:, 0], out.t[0]
+    if not np.isfinite(errors).any():
+        return None
+    k = int(np.nanargmax(np.where(np.isfinite(errors), errors, np.nan)))
+    measured, predicted = (x[: len(t), k] for x in out.to_draw(0))
+    joint, unit = robot.joints[k], robot.torque_units[k]
+    return picture("torque", draw_torque(t, measured, predicted, joint, unit), joint=joint)
 
 
 def analysis_sections(analysis: Analysis) -> list[Section | None]:

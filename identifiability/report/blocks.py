@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import whole_percent
+from identifiability.foundation.rounding import rough_percent
 from identifiability.foundation.values import frozen
 from identifiability.report.drawing import break_gaps, peak_rows, svg
 from identifiability.report.figures import POINTS, medians_along, spread_rows
@@ -114,24 +114,6 @@ class Gallery:
     def width(self) -> int:
         """Width of the widest picture [px]."""
         return max((p.width for p in self.pictures), default=0)
-
-
-@frozen
-class Sketch:
-    """A drawing that is SVG already, with its caption.
-
-    Attributes
-    ----------
-    markup : Markup
-    width : int
-        Width at which its text has the intended size [px].
-    caption : str
-    """
-
-    markup: Markup
-    width: int
-    caption: str = ""
-    kind: ClassVar[str] = "picture"
 
 
 @frozen
@@ -264,7 +246,6 @@ class Answers:
     """The questions of a page, the drawing of what they are about beside them."""
 
     answers: tuple[Answer, ...]
-    sketch: Sketch | None = None
     below: tuple[Picture, ...] = ()
     kind: ClassVar[str] = "answers"
 
@@ -284,7 +265,7 @@ class Fold:
 
 def share_cell(share: float) -> Cell:
     """Return a share with its bar; none where it is not known."""
-    return Cell(whole_percent(share), share, share=float(np.clip(np.nan_to_num(share), 0.0, 1.0)))
+    return Cell(rough_percent(share), share, share=float(np.clip(np.nan_to_num(share), 0.0, 1.0)))
 
 
 def fold_rows(
@@ -316,7 +297,7 @@ def fold_rows(
 
 
 Block: TypeAlias = (
-    Prose | Notes | Terms | Table | Picture | Gallery | Fold | Sketch | Traces | Moving | Answers
+    Prose | Notes | Terms | Table | Picture | Gallery | Fold | Traces | Moving | Answers
 )
 
 

@@ -17,7 +17,6 @@ from identifiability.effects import find_effect, title_of
 from identifiability.foundation.answers import Cell, Column, Note, Table
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
-from identifiability.foundation.numbers import measured
 from identifiability.foundation.rounding import (
     NONE,
     digits,
@@ -34,7 +33,6 @@ from identifiability.report.blocks import (
     Picture,
     Prose,
     Section,
-    Sketch,
     Term,
     Terms,
     Trace,
@@ -53,7 +51,7 @@ from identifiability.report.figures import (
     draw_intervals,
     draw_residual,
 )
-from identifiability.report.skeleton import Part, move_skeletons, sketch_parts, sketch_verdicts
+from identifiability.report.skeleton import move_skeletons
 from identifiability.workflows.answers import count_joints, level_table, note, sentence, words
 
 if TYPE_CHECKING:
@@ -110,17 +108,6 @@ def comparison_heading(result: Comparison) -> tuple[str, str]:
     return "Comparison report", f"{result.robot.path.name} · {result.submodel.name} · {kind}"
 
 
-def comparison_sketch(result: Comparison) -> Sketch | None:
-    """Return the robot with what was found drawn on it, if it can be drawn."""
-    from identifiability.estimation.differences import ALL_JOINTS  # noqa: PLC0415
-
-    parts = {name: Part("grey", "nothing changed for sure") for name in result.robot.joints}
-    for change in result.changes:
-        owners = result.robot.joints if change.place == ALL_JOINTS else (change.place,)
-        parts |= {owner: Part("vermilion", change.called) for owner in owners}
-    return sketch_parts(result.robot, parts, "decision.changed")
-
-
 def comparison_sections(result: Comparison) -> list[Section | None]:
     """Return the sections of the page."""
     changes, friction = result.tables()[0], list(result.found_from.items())
@@ -139,19 +126,6 @@ def diagnosis_heading(d: Diagnosis) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
     about = f"{d.robot.path.name} · model: {', '.join(d.base)}"
     return "What the model misses", f"{about}{' · values fixed' if d.fixed else ''}"
-
-
-def diagnosis_sketch(d: Diagnosis) -> Sketch | None:
-    """Return the robot with what was found drawn on it, if it can be drawn."""
-    missing: dict[str, list[str]] = {}
-    for e in d.effects:
-        for p in e.placements:
-            missing.setdefault(p.place, []).append(e.title)
-    for c in d.changes:
-        missing.setdefault(c.place, []).append(f"{c.what} {c.when}")
-    parts = {joint: Part("grey", "nothing was found to be missing") for joint in d.robot.joints}
-    parts |= {place: Part("vermilion", f"misses {join(t)}") for place, t in missing.items()}
-    return sketch_parts(d.completed.robot, parts, "decision.missing")
 
 
 def diagnosis_below(d: Diagnosis) -> Picture | None:
@@ -389,33 +363,12 @@ def _motion(result: Excitation) -> list[Traces]:
 # Inspection: what is in logs and odd about them, and what the robot is.
 
 
-#: Colour of a joint by what part it has.
-ROLES = {
-    "actuated": "blue",
-    "passive": "grey",
-    "coupled": "purple",
-    "locked": "amber",
-    "left out": "grey",
-    "floats": "grey",
-}
-
-
 def inspection_heading(result: Inspection) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
     about = [result.robot.path.name, count_joints(result.robot)]
     about += [format_count(len(result.records), "log")] if result.records else []
     kind = "What is in the logs" if result.records else "What the robot file says"
     return kind, " · ".join(about)
-
-
-def inspection_sketch(result: Inspection) -> Sketch | None:
-    """Return the robot with what was found drawn on it, if it can be drawn."""
-    parts = {
-        j.name: Part(ROLES[j.role], f"{j.role} {j.remark}".strip())
-        for j in result.joints
-        if ROLES[j.role] != "grey"
-    }
-    return sketch_parts(result.robot, parts, "decision.roles")
 
 
 def inspection_notes(result: Inspection) -> list[Note]:
@@ -531,13 +484,6 @@ def payload_heading(result: Load) -> tuple[str, str]:
     return "Payload report", f"{result.robot.path.name} · {result.model} · {logs}"
 
 
-def payload_sketch(result: Load) -> Sketch | None:
-    """Return the robot with what was found drawn on it, if it can be drawn."""
-    mass = result.mass
-    text = measured(mass.value, mass.half, "kg") if mass.told else "the load would hang here"
-    return sketch_parts(result.robot, {result.body: Part("vermilion", text)}, "decision.loaded")
-
-
 def payload_sections(result: Load) -> list[Section | None]:
     """Return the sections of the page: gains, or quantities and how."""
     if result.gains:
@@ -597,9 +543,9 @@ def pruning_heading(ladder: Ladder) -> tuple[str, str]:
     return "Pruning report", f"{ladder.robot.path.name} · {logs} with {samples}"
 
 
-def pruning_sketch(ladder: Ladder) -> Sketch | None:
-    """Return the robot, coloured by what is identifiable, if it can be drawn."""
-    return sketch_verdicts(ladder.robot, ladder.verdicts)
+def pruning_below(ladder: Ladder) -> Picture:
+    """Return the error of every model of the path over its size."""
+    return picture("ladder", plot.reduction_path(ladder))
 
 
 def pruning_sections(ladder: Ladder) -> list[Section | None]:
@@ -612,22 +558,16 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
     settings = {"method": ladder.method, "seed": ladder.seed}
     text = words("pruning.how", effects=", ".join(ladder.effects), **settings)
     some = not ladder.nothing
+    every = f"All {format_count(len(ladder.models), 'model')} of the path"
+    path = Fold(every, (ladder.tables()[0],))
     return [
         section_survivors(ladder),
-        section_ladder(ladder),
+        section("pruning.ladder", path, why=sentence("pruning.why")),
         section_correlated(ladder.fit) if some else None,
         section("pruning.bodies", masses, said=" ".join(said)),
         _refused(ladder),
         section("pruning.method", Prose(tuple(text.values())), level_table(), detail=True),
     ]
-
-
-def section_ladder(ladder: Ladder) -> Section:
-    """Return the models: chart and table of moves."""
-    path = ladder.tables()[0]
-    every = Fold(f"All {format_count(len(ladder.models), 'model')} of the path", (path,))
-    figure = picture("ladder", plot.reduction_path(ladder))
-    return section("pruning.ladder", figure, every, why=sentence("pruning.why"))
 
 
 def section_survivors(ladder: Ladder) -> Section:

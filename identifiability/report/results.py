@@ -172,7 +172,7 @@ def _of_page(result: Result, name: str, usual: Any = None) -> Any:
 def answer_first(result: Result) -> Answers:
     """Return what the page of a result answers first."""
     below = _of_page(result, "below")
-    return Answers(result.answers(), _of_page(result, "sketch"), () if below is None else (below,))
+    return Answers(result.answers(), () if below is None else (below,))
 
 
 def build_page(result: Result) -> Page:

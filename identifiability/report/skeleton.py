@@ -1,4 +1,4 @@
-"""The robot as a skeleton, coloured by what a page is about, beside the answers."""
+"""The robot as a skeleton, joints as dots and bodies as lines between them, moving."""
 
 from __future__ import annotations
 
@@ -6,98 +6,20 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
-from markupsafe import Markup, escape
 
-from identifiability.estimation.verdict import Class, Flag, Verdict
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import join, mark_of
-from identifiability.foundation.values import frozen
-from identifiability.report.blocks import Moving, Sketch
+from identifiability.report.blocks import Moving
 from identifiability.robot import Robot
-from identifiability.robot.kinematics import WORLD, Point, shortest_turn
-from identifiability.workflows.answers import sentence
-
-# The robot as a skeleton: joints as dots, bodies as lines between them, coloured by verdict.
-
+from identifiability.robot.kinematics import Point, shortest_turn
 
 #: Size of the drawing and the margin around it [px].
 WIDTH, HEIGHT, MARGIN = 400, 380, 46
-SIZE = np.array([WIDTH, HEIGHT], float)
 
+#: Direction that one looks along: azimuth and height [rad].
+TURN, LIFT = -0.95, 0.42
 
 #: A robot whose points lie in a plane up to this share of its size is drawn in that plane.
 FLAT = 0.03
-
-
-#: Where up is without gravity.
-UP = np.array([0.0, 0.0, 1.0])
-
-#: Direction that one looks along where the robot is not flat: azimuth and height [rad].
-TURN, LIFT = -0.95, 0.42
-
-#: Points of a line that a name may hide, and names that are shown; others are said on pointing.
-DENSE, NAMES = 24, 12
-
-
-@frozen
-class Part:
-    """How a body or a joint is shown.
-
-    Attributes
-    ----------
-    tone : str
-        Colour by the name of the style sheet's variable.
-    text : str
-        What is said where the pointer is.
-    """
-
-    tone: str
-    text: str
-
-
-def draw_skeleton(
-    robot: Robot, pose: Array, parts: Mapping[str, Part], rest: str = ""
-) -> Markup | None:
-    """Return the robot in a pose as SVG, its moving parts with the attribute ``data-owner``.
-
-    None where all its points coincide.
-
-    Parameters
-    ----------
-    robot : Robot
-    pose : (nq,)
-        Configuration of the tree in Pinocchio's convention.
-    parts : mapping
-        Body, joint or axis to how it is shown; others are grey.
-    rest : str
-        What is said of bodies that are none of these.
-    """
-    traced, places = _trace(robot, pose[None])
-    limbs, at = {body: lines[:, 0] for body, lines in traced.items()}, places[:, 0]
-    every = np.concatenate([*limbs.values(), at])
-    if not np.isfinite(every).all() or not np.ptp(every, axis=0).max() > 0:
-        return None
-    place = _look(every, robot)
-    ground = Part("grey", rest)
-    joints = list(zip(robot.tree.joints, at, strict=True))
-    drawn = [_foot(*place(o[None])[0]) for j, o in joints if j.parent == WORLD]
-    for body, lines in limbs.items():
-        drawn.append(_limb(body, parts.get(body, ground), place(lines).reshape(-1, 2, 2)))
-    for joint, origin in joints:
-        drawn.append(_joint(joint.dofs, joint.kind, parts, place(origin[None])[0]))
-    named = {b: lines.mean(0) for b, lines in limbs.items() if b in parts}
-    if not named:  # it is about joints
-        dots = {d: o for j, o in joints for d in j.dofs}
-        named = {d: o for d, o in dots.items() if d in parts and parts[d].tone != "grey"}
-    drawn += _names(
-        {owner: place(o[None])[0] for owner, o in named.items()},
-        place(np.concatenate([_between(x) for x in limbs.values()])),
-    )
-    return Markup(
-        f'<svg class="robot" viewBox="0 0 {WIDTH} {HEIGHT}" role="group" '
-        f'aria-label="{escape(robot.title or robot.name)}, drawn from its kinematics">'
-        f"{''.join(drawn)}</svg>"
-    )
 
 
 def _trace(robot: Robot, poses: Array) -> tuple[dict[str, Array], Array]:
@@ -194,162 +116,23 @@ def _look(points: Array, robot: Robot) -> Callable[[Array], Array]:
 
     Of a flat robot it shows the plane, from above if it is level, else upright.
     """
-    gravity = robot.gravity
-    vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else UP
-    east, north, _ = pin.exp3(shortest_turn(UP, vertical)).T
+    up, gravity = np.array([0.0, 0.0, 1.0]), robot.gravity
+    vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else up
+    east, north, _ = pin.exp3(shortest_turn(up, vertical)).T
     right = np.cos(TURN) * east + np.sin(TURN) * north
     level = np.cos(TURN) * north - np.sin(TURN) * east
     away = np.cos(LIFT) * level - np.sin(LIFT) * vertical
-    _, size, axes = np.linalg.svd(points - points.mean(0), full_matrices=False)
-    size = np.pad(size, (0, 3 - len(size)))
-    if size[0] > 0 and size[2] < FLAT * size[0] < size[1]:
+    _, extent, axes = np.linalg.svd(points - points.mean(0), full_matrices=False)
+    if extent[0] > 0 and extent[2] < FLAT * extent[0] < extent[1]:
         away = -axes[2] if axes[2][np.argmax(np.abs(axes[2]))] > 0 else axes[2]
-        if abs(away @ vertical) > 0.9:
+        right = np.cross(away, vertical)
+        if abs(away @ vertical) > 0.9:  # level
             right, away = east, -vertical
-        else:
-            right = np.cross(away, vertical)
-            right /= np.linalg.norm(right)
+        right /= np.linalg.norm(right)
     paper = np.stack([right, -np.cross(right, away)], 1)
     low, high = (points @ paper).min(0), (points @ paper).max(0)
     least = 1e-9 + 0.02 * float(np.max(high - low))
-    scale = np.min((SIZE - 2 * MARGIN) / np.maximum(high - low, least))
-    shift = SIZE / 2 - scale * (low + high) / 2
+    size = np.array([WIDTH, HEIGHT], float)
+    scale = np.min((size - 2 * MARGIN) / np.maximum(high - low, least))
+    shift = size / 2 - scale * (low + high) / 2
     return lambda x: scale * (x @ paper) + shift
-
-
-def _open(owner: str, part: Part) -> str:
-    text = escape(f"{owner}: {part.text}" if part.text else owner)
-    return (
-        f'<g class="tone-{part.tone}" data-owner="{escape(owner)}" tabindex="0" role="button" '
-        f'aria-pressed="false" aria-label="{text}"><title>{text}</title>'
-    )
-
-
-def _limb(body: str, part: Part, lines: Array) -> str:
-    corners = np.unique(lines.reshape(-1, 2).round(1), axis=0)
-    if len(corners) > 2:  # a plate
-        middle = corners - corners.mean(0)
-        corners = corners[np.argsort(np.arctan2(middle[:, 1], middle[:, 0]))]
-        path, kind = f"M{'L'.join(f'{x:.1f} {y:.1f}' for x, y in corners)}Z", "limb plate"
-    else:
-        path = "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in lines)
-        kind = "limb"
-    return f'{_open(body, part)}<path class="{kind}" d="{path}"/></g>'
-
-
-def _joint(dofs: Sequence[str], kind: str, parts: Mapping[str, Part], at: Array) -> str:
-    x, y = at
-    shape = f'<circle cx="{x:.1f}" cy="{y:.1f}" r="7" class="%s"/>'
-    if kind == "prismatic":
-        shape = f'<rect x="{x - 6:.1f}" y="{y - 6:.1f}" width="12" height="12" class="%s"/>'
-    known = next((d for d in dofs if d in parts), None)
-    if known is None:
-        small = f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.4" class="passive"/>'
-        return f"<g><title>{escape(', '.join(dofs))}</title>{small}</g>"
-    return f"{_open(known, parts[known])}{shape % 'joint'}</g>"
-
-
-def _foot(x: float, y: float) -> str:
-    """Return what a base stands on."""
-    left, right, low = x - 15, x + 15, y + 11
-    strokes = "".join(f"M{k:.1f} {low:.1f}l-5 6" for k in np.linspace(left + 5, right, 5))
-    return f'<path class="ground" d="M{left:.1f} {low:.1f}H{right:.1f}{strokes}"/>'
-
-
-def _between(lines: Array) -> Array:
-    """Return points along lines (2 s, 3), (s DENSE, 3)."""
-    along = np.linspace(0.0, 1.0, DENSE)[:, None, None]
-    points: Array = (lines[0::2] + along * (lines[1::2] - lines[0::2])).reshape(-1, 3)
-    return points
-
-
-def _names(places: Mapping[str, Array], points: Array) -> list[str]:
-    """Return names beside places (2,), where they hide no other name and the fewest points."""
-    texts: list[str] = []
-    taken: list[tuple[Array, Array]] = []
-    for owner in list(places)[:NAMES]:
-        name = owner if len(owner) <= 22 else f"{owner[:12]}…{owner[-9:]}"
-        half = np.array([3.1 * len(name), 6.5])
-        x, y = half + 10.0
-        spots = [(x, 0), (-x, 0), (0, -y), (0, y), (x, -y), (-x, -y), (x, y), (-x, y)]
-        at = np.clip(places[owner] + np.array(spots), half + 2, SIZE - half - 2)
-        hidden = (np.abs(points - at[:, None]) < half + 3.0).all(2).sum(1)
-        for other, room in taken:
-            hidden += len(points) * (np.abs(at - other) < half + room).all(1)
-        best = at[np.argmin(hidden)]
-        taken.append((best, half))
-        texts.append(
-            f'<text x="{best[0]:.1f}" y="{best[1] + 4:.1f}" text-anchor="middle">'
-            f"{escape(name)}</text>"
-        )
-    return texts
-
-
-# The robot beside the answers, coloured by what a page is about.
-
-
-#: Verdicts by what the drawing prefers to show of a body that has several.
-BEST = (Class.IDENTIFIABLE, Class.SIGN_ONLY, Flag.NEGLIGIBLE, Flag.NOT_JUDGED)
-
-#: Poses that the drawn one is chosen from.
-POSES = 24
-
-#: How far a joint without limits is turned or moved for the drawing [rad, m].
-REACH = (1.0, 0.2)
-
-
-def sketch_verdicts(robot: Robot, verdicts: Sequence[Verdict]) -> Sketch | None:
-    """Return the robot, coloured by what is identifiable."""
-    owners: dict[str, list[Verdict]] = {}
-    for v in verdicts:
-        owners.setdefault(v.name.rpartition(".")[0], []).append(v)
-    parts = {owner: _part(each) for owner, each in owners.items()}
-    return sketch_parts(robot, parts, "decision.drawing", "does not appear in the model")
-
-
-def sketch_parts(
-    robot: Robot, parts: Mapping[str, Part], caption: str, rest: str = ""
-) -> Sketch | None:
-    """Return the robot drawn with some parts coloured.
-
-    None where it has no extent to draw, as of joints that all lie in one point.
-
-    Parameters
-    ----------
-    robot : Robot
-    parts : mapping
-        Body or joint to how it is shown.
-    caption : str
-        Which of the words say what the colours are.
-    rest : str
-        What is said of bodies that are none of the parts.
-    """
-    drawing = draw_skeleton(robot, typical_pose(robot), parts, rest)
-    return None if drawing is None else Sketch(drawing, WIDTH, sentence(caption))
-
-
-def typical_pose(robot: Robot) -> Array:
-    """Return the pose within the limits, (nq,), of some in which the robot is least like a line.
-
-    Of a closed chain home.
-    """
-    if robot.closed:
-        return robot.home
-    slides = [int(robot.is_prismatic(int(k))) for k in robot.actuated]
-    home = robot.actuated_positions(robot.home[None])[0]
-    far = np.array(REACH)[slides]
-    low, high = np.clip(robot.limits, (home - far)[:, None], (home + far)[:, None]).T
-    q = np.random.default_rng(0).uniform(low, np.maximum(low, high), (POSES, len(home)))
-    poses = robot.configuration(q)
-    limbs, at = _trace(robot, poses)
-    every = np.concatenate([*limbs.values(), at]).transpose(1, 0, 2)
-    width = np.linalg.svd(every - every.mean(1, keepdims=True), compute_uv=False)
-    pose: Array = poses[np.argmax(width[:, :2].prod(1))]
-    return pose
-
-
-def _part(verdicts: Sequence[Verdict]) -> Part:
-    kinds = [v.look for v in verdicts]
-    best = next((c for c in BEST if c in kinds), kinds[0])
-    counts = [f"{kinds.count(k)} {k}" for k in dict.fromkeys(kinds)]
-    return Part(mark_of(best).tone, join(counts))

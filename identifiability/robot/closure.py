@@ -456,8 +456,6 @@ class Motion:
     smooth_v : (N, 2, n) or None
         Velocity of the actuated joints, smoothed, and its standard deviation: what signs of speed
         are taken of. None where `v` has no noise to speak of.
-    span : float [s]
-        For how long each sample stands, where it does for more than itself.
     free : (N, n, n) or None
         Combinations of rows that no unmeasured force at a contact enters: torque and columns of the
         regressor are ``freeᵀ τ``. None where nothing touches the robot.
@@ -481,7 +479,6 @@ class Motion:
     near_singular: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     start: float | None = None
     smooth_v: Array | None = None
-    span: float = 0.0
     free: Array | None = None
     silent: np.ndarray | None = None
     touch: Array | None = None
@@ -501,7 +498,6 @@ class Motion:
         Where velocity is noisy, its sign is wrong near reversals: that is no error of mean zero,
         and biases friction however much data there are. Of the smoothed velocity v̂ ± σ the sign
         is ``2 Φ(v̂/σ) − 1`` in the mean, and what is left of it is independent of v̂ [Berkson 1950].
-        Of a sample that stands for a while it is the mean of the sign meanwhile.
 
         Parameters
         ----------
@@ -510,9 +506,6 @@ class Motion:
         row : (n,) or (N, n)
             The speed as a row of those of the actuated joints.
         """
-        if self.smooth_v is None and self.span > 0:
-            change = 0.5 * self.span * np.abs((row * self.actuated_a).sum(1))
-            return np.asarray(speed / np.maximum(np.abs(speed), np.maximum(change, 1e-300)))
         if self.smooth_v is None:
             return np.sign(speed)
         smooth = (row * self.smooth_v[:, 0]).sum(1)

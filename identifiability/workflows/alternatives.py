@@ -29,7 +29,7 @@ from identifiability.estimation.mixed_model import Group, MixedModel, Term, whit
 from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, rich_noise
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import percent
+from identifiability.foundation.rounding import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log

@@ -18,8 +18,13 @@ from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.verdict import Verdict
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table, measured_cells
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import percent
-from identifiability.foundation.rounding import NONE, error_text, format_count, format_number
+from identifiability.foundation.rounding import (
+    NONE,
+    error_text,
+    format_count,
+    format_number,
+    percent,
+)
 from identifiability.foundation.rules import RuleTable
 from identifiability.robot import Robot
 from identifiability.workflows.rules import RULES

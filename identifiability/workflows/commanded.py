@@ -32,7 +32,7 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.names import GROUPED_KINDS, Array
-from identifiability.foundation.numbers import percent
+from identifiability.foundation.rounding import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals

@@ -40,7 +40,7 @@ from identifiability.estimation.mixed_model import Term, Terms
 from identifiability.estimation.noise import JointNoise, JointRuns
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Answer, Table
-from identifiability.foundation.engines.mapping import Engine, one_thread
+from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
 from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.options import OptionError, checked

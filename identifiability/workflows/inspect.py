@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.effects.nominal import has_masses
 from identifiability.foundation.answers import Answer, Cell, Column, Table
-from identifiability.foundation.engines.mapping import Engine, Serial
+from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing
 from identifiability.foundation.findings import Finding, Level, ledger, phrase
 from identifiability.foundation.names import Array
@@ -32,7 +32,7 @@ from identifiability.foundation.rounding import (
     format_number,
     join,
     percent,
-    whole_percent,
+    rough_percent,
 )
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
@@ -44,7 +44,6 @@ from identifiability.logs.prepare.preparation import joint_log
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum, noise_level
 from identifiability.physical.feasibility import find_impossible_bodies
-from identifiability.quality.rules import RULES as ODDITY_RULES
 from identifiability.regression.reduction import ModelLike, choose_model, find_ladder, ladder_model
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot, RobotLike
@@ -397,7 +396,7 @@ class Inspection(OfStructure, Result):
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
-        return (ODDITY_RULES, LOG_RULES)
+        return (LOG_RULES,)
 
     def ledger(self) -> tuple[Table, ...]:
         """Return the table of all that checks found, and did with the logs."""
@@ -673,7 +672,7 @@ MOTION = with_hints(
     "inspection.motion",
     Column("least", digits(3), "low"),
     Column("largest", digits(3), "high"),
-    Column("of its range", whole_percent, "room"),
+    Column("of its range", rough_percent, "room"),
     Column("speed", digits(3), "speed"),
     Column("acceleration", digits(3), "acceleration"),
     Column("bandwidth", digits(3), "bandwidth"),
@@ -694,7 +693,7 @@ CLOCK = with_hints(
     Column("gaps", "number", "gaps"),
     Column("lost", "number", "lost"),
     Column("cut-off [Hz]", digits(3), "cutoff"),
-    Column("used", whole_percent, lambda r: r.kept / r.samples),
+    Column("used", rough_percent, lambda r: r.kept / r.samples),
     Column("left", "number", "outputs"),
 )
 

@@ -20,14 +20,13 @@ from urllib.parse import quote
 import pandas as pd
 
 from identifiability.foundation.answers import Cell, Column, Note, Table
-from identifiability.foundation.engines.mapping import Engine, Serial
+from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing, near_match
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import FilePath, OptionError, check_option, checked
 from identifiability.foundation.output import temporary_folder, write_bytes
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import NONE, error_text, format_count
+from identifiability.foundation.rounding import NONE, error_text, format_count, percent
 from identifiability.foundation.values import frozen
 from identifiability.logs.formats.bags import BAGS, is_bag
 from identifiability.logs.prepare import Preparation

@@ -21,13 +21,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.foundation import __version__
-from identifiability.foundation.engines.mapping import (
-    NUMERICS,
-    Engine,
-    Processes,
-    Steps,
-    find_version,
-)
+from identifiability.foundation.engines import NUMERICS, Engine, Processes, Steps, find_version
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.names import shorten_paths
@@ -187,8 +181,7 @@ def read_recordings(
     commands : bool
         Whether logs may hold commands and no torque.
     learns : bool
-        Whether something is learnt of their torque: then commands make it where there is none, and
-        each row counts once.
+        Whether something is learnt of their torque: then commands make it where there is none.
 
     Raises
     ------
@@ -205,7 +198,7 @@ def read_recordings(
     check_held_out(train, held_out)
     whole, n = share_clock([*train, *held_out]), len(train)
     torque = _torque_of(known.servo) if learns and known.servo is not None else None
-    mended = mend(Reading(tuple(whole[:n]), tuple(whole[n:]), how, torque, learns=learns))
+    mended = mend(Reading(tuple(whole[:n]), tuple(whole[n:]), how, torque))
     every = (*mended.fitted, *mended.held_out)
     alone = [x.name for x in every if of_commands(x)]
     if alone and not commands:

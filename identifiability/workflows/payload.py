@@ -31,7 +31,7 @@ from identifiability.estimation.groups import Excerpt, describe_term
 from identifiability.estimation.prediction import TorqueUncertainty
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Table, frame_table
-from identifiability.foundation.engines.mapping import Engine, one_thread
+from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
 from identifiability.foundation.numbers import REACH, measured

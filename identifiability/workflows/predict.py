@@ -19,14 +19,20 @@ from identifiability.effects.vocabulary import complete_values
 from identifiability.estimation.prediction import Prediction, TorqueUncertainty
 from identifiability.foundation.answers import Answer, Column, Table, frame_table
 from identifiability.foundation.documents import read_document
-from identifiability.foundation.engines.mapping import Engine, one_thread
+from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, RobotError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import BASE, Array, shorten_paths
-from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import Result, shown
-from identifiability.foundation.rounding import digits, error_text, exact, format_count, join
+from identifiability.foundation.rounding import (
+    digits,
+    error_text,
+    exact,
+    format_count,
+    join,
+    percent,
+)
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals

@@ -27,7 +27,7 @@ from identifiability.estimation.estimate import (
 )
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.groups import NO_ALTERNATIVES, Alternatives, find_alternatives
-from identifiability.foundation.engines.mapping import Engine, Serial
+from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.numbers import REACH

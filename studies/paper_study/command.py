@@ -16,7 +16,7 @@ from shared import ROOT
 import paper_study
 from identifiability.cli.common import progress, sentences
 from identifiability.cli.options import Place
-from identifiability.foundation.engines.mapping import Engine, Serial
+from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError
 from paper_study.index import write_index
 from paper_study.page import write_study

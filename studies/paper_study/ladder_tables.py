@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.foundation.rounding import format_measured, format_number
-from identifiability.report import Check
+from identifiability.report import Cell, check_cell
 from paper_study.monte_carlo import Case, Trial, stack
 from paper_study.result import StudyTable, compare
 
@@ -92,14 +92,14 @@ def beside_paper(
 
 def _counts(
     trials: Sequence[Trial], m: int, wanted: Mapping[str, Any], reasons: Mapping[str, str]
-) -> Check:
+) -> Cell:
     counts = stack(trials, "identified")[:, m].astype(int)
     size = int(trials[0].sizes[m])
     text = f"{size} / {span(counts)}"
     inside = counts.min() <= wanted["identified"] <= counts.max()
     if inside and size == wanted["parameters"]:
-        return Check(text, passed=True, reason="the printed count is in our range")
-    return Check(text, passed=False, reason=f"differs, because {reasons['identified']}")
+        return check_cell(text, passed=True, reason="the printed count is in our range")
+    return check_cell(text, passed=False, reason=f"differs, because {reasons['identified']}")
 
 
 def span(values: np.ndarray) -> str:

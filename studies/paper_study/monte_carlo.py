@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.prediction import Prediction, predict
-from identifiability.foundation.engines.mapping import Engine, Serial
+from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.names import Array
 from identifiability.logs.prepare import Dataset
 from identifiability.regression.gather import gather_information

@@ -12,7 +12,6 @@ from identifiability.foundation.output import write_json
 from identifiability.report import (
     Block,
     Cell,
-    Check,
     Gallery,
     Note,
     Notes,
@@ -78,14 +77,18 @@ def checks_frame(checks: Sequence[StudyCheck]) -> pd.DataFrame:
     )
 
 
+#: Words of checks, as JSON has them.
+PASSED = {"pass": True, "differs": False, "not checked": None}
+
+
 def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:
     rows = frame.reset_index() if frame.index.name else frame
     return [{str(k): _plain(v) for k, v in row.items()} for row in rows.to_dict("records")]
 
 
 def _plain(x: Any) -> Any:
-    if isinstance(x, Check):
-        return {"text": x.text, "passed": x.passed, "reason": x.reason}
+    if isinstance(x, Cell) and x.badge in PASSED:
+        return {"text": x.text, "passed": PASSED[x.badge], "reason": x.note}
     return x.text if isinstance(x, Cell) else x
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.foundation.rounding import format_measured, format_number
-from identifiability.report import Check, Gallery, Picture
+from identifiability.report import Cell, Gallery, Picture, check_cell
 
 Progress = Callable[[str, float], None]
 
@@ -42,17 +42,17 @@ class StudyCheck:
     required: bool = True
 
     @property
-    def verdict(self) -> Check:
+    def verdict(self) -> Cell:
         """The cell of a table."""
         if self.passed:
-            return Check("pass", passed=True)
+            return check_cell("pass", passed=True)
         reason = f"because {self.reason}" if self.reason else "and nothing explains it"
-        return Check("differs", passed=False, reason=reason)
+        return check_cell("differs", passed=False, reason=reason)
 
 
 @dataclass(frozen=True)
 class StudyTable:
-    """A table of a study; cells may be numbers, text or `Check`."""
+    """A table of a study; cells may be numbers, text or `check_cell`."""
 
     caption: str
     frame: pd.DataFrame
@@ -101,7 +101,7 @@ class StudyResult:
     def differing(self) -> int:
         """Printed numbers, in checks and tables, that ours differ from, each with its reason."""
         cells = [x for t in self.tables for x in t.frame.to_numpy(object).ravel()]
-        tables = sum(isinstance(x, Check) and x.passed is False for x in cells)
+        tables = sum(isinstance(x, Cell) and x.badge == "differs" for x in cells)
         return tables + sum(not c.passed and not c.required for c in self.checks)
 
     @property
@@ -156,7 +156,7 @@ def check_holds(name: str, ours: str, passed: bool, tolerance: str, **more: Any)
     return StudyCheck(name, ours, more.pop("paper", ""), tolerance, bool(passed), **more)
 
 
-def compare(trials: np.ndarray, paper: float, floor: float, reason: str) -> Check:
+def compare(trials: np.ndarray, paper: float, floor: float, reason: str) -> Cell:
     """Return a cell: our mean ± sd, and whether the printed number, one draw, can come from it.
 
     Parameters
@@ -177,5 +177,5 @@ def compare(trials: np.ndarray, paper: float, floor: float, reason: str) -> Chec
     wanted = f"paper {format_number(paper)}"
     span = f"trials {format_number(low, 3)} … {format_number(high, 3)}"
     if low - floor <= paper <= high + floor:
-        return Check(text, passed=True, reason=f"{wanted}, {span}")
-    return Check(text, passed=False, reason=f"{wanted}, {span}; differs, because {reason}")
+        return check_cell(text, passed=True, reason=f"{wanted}, {span}")
+    return check_cell(text, passed=False, reason=f"{wanted}, {span}; differs, because {reason}")

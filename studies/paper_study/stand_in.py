@@ -15,7 +15,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from identifiability.foundation.engines.mapping import Engine, Serial
+from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.names import Array
 from identifiability.robot import Robot
 from identifiability.simulation import Trajectory, shipped_trajectory

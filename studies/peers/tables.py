@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability import __version__
-from identifiability.report import Check
+from identifiability.report import Cell, check_cell
 from peers.figures import times_faster
 from peers.running import Measured
 
@@ -52,7 +52,7 @@ def agreement(runs: Sequence[Measured]) -> pd.DataFrame:
         row["regressor"] = checked(difference(theirs["regressor"], mine["regressor"]), SAME)
         if "torque" in theirs:
             same = theirs["rank"] == mine["rank"]
-            row["rank"] = Check(str(theirs["rank"]), same, f"ours {mine['rank']}")
+            row["rank"] = check_cell(str(theirs["rank"]), same, f"ours {mine['rank']}")
             for key, title in COMPARED.items():
                 row[title] = checked(difference(theirs[key], mine[key]), SAME)
         rows.append(row)
@@ -77,16 +77,16 @@ def agreement_physical(runs: Sequence[Measured]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def checked(gap: float, most: float) -> Check:
+def checked(gap: float, most: float) -> Cell:
     """Return a relative difference beside its bound."""
-    return Check(f"{gap:.1e}", gap <= most, f"at most {most:.0e}")
+    return check_cell(f"{gap:.1e}", gap <= most, f"at most {most:.0e}")
 
 
 def all_agree(runs: Sequence[Measured]) -> bool:
     """Return whether no answer differs."""
     frames = agreement(runs), agreement_physical(runs)
-    cells = [c for f in frames for c in f.to_numpy().ravel() if isinstance(c, Check)]
-    return all(c.passed for c in cells)
+    cells = [c for f in frames for c in f.to_numpy().ravel() if isinstance(c, Cell)]
+    return all(c.badge != "differs" for c in cells)
 
 
 def targets(runs: Sequence[Measured], at: int) -> pd.DataFrame:
@@ -94,7 +94,7 @@ def targets(runs: Sequence[Measured], at: int) -> pd.DataFrame:
     rows = []
 
     def add(what: str, text: str, passed: bool | None, asked: str) -> None:
-        rows.append({"what": what, "measured": Check(text, passed, asked)})
+        rows.append({"what": what, "measured": check_cell(text, passed, asked)})
 
     def faster(what: str, ratio: float, least: float) -> None:
         add(what, f"{times_faster(ratio)} ×", ratio >= least, f"at least {least:g} ×")

@@ -78,18 +78,11 @@ def test_a_command_that_is_ended_leaves_nothing_and_prints_no_traceback(name, tm
     assert [p.name for p in tmp_path.iterdir()] == ["work"]
 
 
-def test_what_nobody_has_touched_for_long_is_swept_and_what_others_work_on_is_not(
-    tmp_path, monkeypatch
-):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+def test_half_files_that_nobody_has_touched_for_long_are_swept(tmp_path):
     long_ago = time.time() - 40 * 86400
-    theirs = {tmp_path / "identifiability-new", tmp_path / "mine"}
-    old = [tmp_path / "identifiability-old", tmp_path / ".identifiability-0.tmp"]
-    for path in (*theirs, old[0]):
-        path.mkdir()
-    old[1].write_text("half")
-    for path in (*old, tmp_path / "mine"):
-        os.utime(path, (long_ago, long_ago))
-    with output.temporary_folder() as mine:
-        output.write_text(tmp_path / "result.txt", "whole")
-        assert set(tmp_path.iterdir()) == {*theirs, Path(mine), tmp_path / "result.txt"}
+    new, old = tmp_path / ".identifiability-1.tmp", tmp_path / ".identifiability-0.tmp"
+    for path in (new, old):
+        path.write_text("half")
+    os.utime(old, (long_ago, long_ago))
+    output.write_text(tmp_path / "result.txt", "whole")
+    assert set(tmp_path.iterdir()) == {new, tmp_path / "result.txt"}

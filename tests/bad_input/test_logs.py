@@ -30,20 +30,6 @@ def test_what_is_no_table_is_refused(content, sentence, write):
 
 
 @pytest.mark.parametrize(
-    "spoil",
-    [
-        lambda b: b"hello",
-        lambda b: b[:4] + bytes(50) + b[-4:],
-    ],
-)
-def test_a_parquet_that_is_none_is_refused(spoil, write, arm, refuses):
-    content = spoil(arm.to_parquet())
-    assert "log.parquet cannot be read as Parquet: " in refuses(
-        "two-link", write("log.parquet", content)
-    )
-
-
-@pytest.mark.parametrize(
     ("change", "sentence"),
     [
         ({"elbow.tau": "elbow.tua"}, "no torque column 'elbow.tau', did you mean 'elbow.tua'?"),
@@ -55,20 +41,6 @@ def test_a_parquet_that_is_none_is_refused(spoil, write, arm, refuses):
 def test_wrong_columns_are_named_with_the_near_match(change, sentence, refuses, arm):
     ((old, new),) = change.items()
     assert sentence in refuses("two-link", arm.rename(columns=lambda c: c.replace(old, new)))
-
-
-@pytest.mark.parametrize(
-    "value",
-    [
-        "nan",
-        "abc",
-        "1e400",
-    ],
-)
-def test_what_is_no_finite_number_is_named_with_its_row(value, write, arm):
-    sentence = r"column 'elbow.q' is not a finite number in 1 of 200 rows, first in data row 42"
-    with pytest.raises(LogError, match=sentence):
-        Log.read(write("log.csv", cell(arm, 42, "elbow.q", value)))
 
 
 def test_values_that_no_unit_explains_are_refused(write, arm):
@@ -87,27 +59,6 @@ def test_time_that_does_not_increase_is_named_with_its_row(refuses, arm):
         "two-link", cell(arm, 42, "t", 1.5)
     )
     assert "after data row 1 (t = 1 s, then 1 s)" in refuses("two-link", arm.assign(t=1.0))
-
-
-def test_too_few_samples_are_refused(refuses, arm):
-    assert "has 19 samples, too few to say anything; at least 20" in refuses("two-link", arm[:19])
-
-
-def test_order_whitespace_line_endings_and_other_columns_are_no_matter(write, arm):
-    """Joints in another order, odd spaces, Windows lines, a mark, quotes, and a comment column."""
-    plain = Log.from_frame(arm).select(("shoulder", "elbow"))
-    turned = arm[arm.columns[::-1]].assign(note="hot", **{"elbow.temperature": 40.0})
-    text = turned.to_csv(index=False, lineterminator="\r\n").replace("elbow.q", ' "elbow.q" ', 1)
-    for content in (
-        text,
-        "\ufeff" + text.replace(' "elbow.q" ', '"elbow.q"'),
-        text.replace("\r", ""),
-    ):
-        log = Log.read(write("log.csv", content)).select(("shoulder", "elbow"))
-        for channel in ("t", "q", "dq", "ddq", "tau"):
-            # Older pandas rounds the last digit of what it reads.
-            ours, theirs = getattr(log, channel), getattr(plain, channel)
-            np.testing.assert_allclose(ours, theirs, rtol=1e-14, atol=1e-14)
 
 
 def test_a_data_frame_hashes_its_values_and_nothing_else(arm):

@@ -6,12 +6,10 @@ import pytest
 
 from identifiability import Log, Robot
 from identifiability.foundation.documents import MOST_BYTES as DOCUMENT
-from identifiability.foundation.documents import MOST_KEYS, MOST_VALUES
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Renames
 from identifiability.robot import assembly
 from identifiability.robot import locate as xml
-from identifiability.robot.files import read_geometry
 
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
@@ -156,11 +154,6 @@ def test_a_mesh_that_weighs_is_bounded(refuses):
 TOML = {
     "bytes": ("#" * (DOCUMENT["TOML"] + 1), "larger than 1 MB"),
     "depth of a key": (".".join("a" * 65) + " = 1", "names more than 64 tables"),
-    "keys": (
-        "[nominal]\n" + "\n".join(f"a{k} = 1" for k in range(MOST_KEYS + 1)),
-        f"'nominal' has {MOST_KEYS + 1} entries, more than {MOST_KEYS}",
-    ),
-    "values": ("home = [" + "1," * (MOST_VALUES + 1) + "]", f"more than {MOST_VALUES}"),
     "coefficients": (
         f'[[couplings]]\njoint = "elbow"\npolynomial = {[1.0] * 51}',
         "polynomial': list should have at most 50 items",
@@ -202,23 +195,3 @@ def test_a_pipe_is_not_waited_for(refuses, name):
     reads = {".xml": Robot.load, ".toml": lambda path: Robot.load("two-link", path)}
     read = reads.get(f".{name.partition('.')[2]}", Log.read)
     refuses(read, name, os.mkfifo, r"no file|no log file|no robot file")
-
-
-def test_a_ring_of_links_is_one_sentence(tmp_path):
-    ring = tmp_path / "robot.xml"
-    ring.symlink_to(tmp_path / "other")
-    (tmp_path / "other").symlink_to(ring)
-    with pytest.raises(IdentifiabilityError, match="There is no robot file"):
-        Robot.load(ring)
-
-
-@pytest.mark.parametrize("ending", ["xml", "urdf"])
-def test_a_pipe_where_a_shape_should_be_is_not_waited_for(refuses, ending):
-    def write(path):
-        os.mkfifo(path.with_name("m.stl"))
-        mesh = '<asset><mesh name="m" file="m.stl"/></asset>'
-        shape = '<collision><geometry><mesh filename="m.stl"/></geometry></collision></link>'
-        mjcf = arm('<geom type="mesh" mesh="m"/>', head=mesh)
-        path.write_text(mjcf if ending == "xml" else chain(2).replace("</link>", shape, 1))
-
-    refuses(lambda p: read_geometry(Robot.load(p)), f"robot.{ending}", write, "it is no file")

@@ -1,4 +1,4 @@
-"""Times of the hot paths: ``make bench``; in the test suite only ratios are asserted."""
+"""Times of the hot paths, as ratios of a bare loop: other machines are slower at both."""
 
 from __future__ import annotations
 
@@ -9,12 +9,7 @@ import pinocchio as pin
 import pytest
 from threadpoolctl import threadpool_limits
 
-from identifiability.estimation.estimate import estimate
-from identifiability.logs import Log
-from identifiability.logs.prepare import prepare_log
-from identifiability.regression.gather import gather_information
-from identifiability.regression.regression import Model, Regression
-from identifiability.regression.structure import find_base_parameters
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 
@@ -59,12 +54,6 @@ def chunked(robot, model, motion):
     widths = model.widths(robot)
     for start in range(0, len(motion), 1024):
         model.regressor(robot, motion[start : start + 1024], widths)
-
-
-def test_open_chain_regressor(benchmark, arm):
-    robot, motion = arm
-    model = Model.of("rigid_body")
-    benchmark.pedantic(lambda: chunked(robot, model, motion), rounds=3)
 
 
 def test_open_chain_regressor_costs_at_most_a_fifth_more_than_a_bare_pinocchio_loop(arm):
@@ -112,33 +101,3 @@ def test_a_delta_costs_no_more_than_ten_regressors(arm):
             rounds=3,
         )
     assert ours <= 10 * bare, f"{ours / bare:.2f} × the bare loop"
-
-
-@pytest.mark.benchmark(timer=time.process_time)
-@pytest.mark.parametrize("name", ["3-rps", "delta"])
-def test_closed_chain_from_actuated_motion_to_projected_regressor(benchmark, name):
-    robot, move = motion_of(name, 10_000)
-    model = Model.of("rigid_body")
-
-    def work():
-        motion = complete_motion(robot, move.t, move.q, move.dq, move.ddq)
-        chunked(robot, model, motion)
-
-    with threadpool_limits(1, "blas"):
-        benchmark.pedantic(work, rounds=3)
-
-
-def test_rank_base_parameters_and_fit_of_the_arm(benchmark):
-    robot, move = motion_of("six-dof-arm", 20_000)
-    model = Model.of("rigid_body", "viscous_friction", "coulomb_friction")
-    tau = np.random.default_rng(0).normal(size=move.q.shape)
-    log = Log("arm", robot.joints, move.t, move.q, tau, move.dq, move.ddq, "")
-    samples = (prepare_log(robot, log),)
-
-    def work():
-        base = find_base_parameters(robot, model)
-        return estimate(gather_information(Regression(robot, model, samples, base.kept)))
-
-    with threadpool_limits(1, "blas"):
-        fit = benchmark.pedantic(work, rounds=2)
-    assert fit.determined.all()

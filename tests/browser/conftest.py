@@ -15,24 +15,16 @@ import numpy as np
 import pytest
 
 from identifiability.cli.verbs import run_demo
-from identifiability.foundation.engines.mapping import Serial
 from identifiability.robot import Robot
 from identifiability.robot.locate import locate_robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, random_trajectory, simulate
 from identifiability.workflows.analyze import analyze
-from identifiability.workflows.calibrate.calibration import calibrate
 from identifiability.workflows.compare import compare
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.excite import excite
-from identifiability.workflows.inspect import inspect
-from identifiability.workflows.many import analyze_many
-from identifiability.workflows.payload import payload
 from identifiability.workflows.prune import prune
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
-#: Kinds of reports that are opened whenever everything is tested.
-LATER = ("payload", "comparison", "excitation", "prediction", "robot", "fleet", "floating")
-KINDS = ("demo", "inspection", "analysis", "pruning", "calibration", "table", "index", "diagnosis")
+KINDS = ("demo", "comparison", "analysis", "pruning", "diagnosis", "table", "index")
 LONG = "a_joint_whose_name_is_" + "very_" * 12 + "long<script>alert(1)</script>"
 
 
@@ -110,15 +102,13 @@ def reports(tmp_path_factory, few_draws, study) -> Pages:
         with few_draws():
             return analyze(robot, log, replicates=100, posterior=True)
 
-    few = {"replicates": 8, "refits": 20, "names": 0}
     return Pages(
         folder,
         {
             "demo": demo,
-            "inspection": partial(inspect, robot, log),
+            "comparison": partial(compare, robot, log, _record(robot, np.random.default_rng(1))),
             "analysis": analysis,
             "pruning": partial(prune, robot, log, replicates=10),
-            "calibration": lambda: calibrate(demo(), **few),
             "diagnosis": partial(diagnose, robot, log, quick=True),
             "table": lambda: study("table_1_base_parameters")[1],
             "index": index,
@@ -134,19 +124,6 @@ def _hostile(folder: Path) -> tuple[Robot, object]:
     robot = Robot.load(path)
     rng = np.random.default_rng(0)
     return robot, _record(robot, rng)
-
-
-def _shipped(robot: str, log: str) -> Path:
-    return locate_robot(robot).parent / "logs" / log
-
-
-def _fleet(folder: Path) -> object:
-    """Two robots, of which one cannot be asked."""
-    (folder / "two-link").mkdir()
-    arm = shutil.copytree(locate_robot("cart-arm").parent, folder / "cart-arm")
-    shutil.copy(_shipped("cart-arm", "pushed.csv"), arm)
-    robots = [arm, folder / "two-link"]
-    return analyze_many(robots, folder / "fleet", quick=True, engine=Serial())
 
 
 def _record(robot: Robot, rng: np.random.Generator) -> object:
@@ -171,32 +148,9 @@ def study(tmp_path_factory) -> Callable[[str], tuple[object, Path]]:
     return made
 
 
-@pytest.fixture(scope="session")
-def later_reports(tmp_path_factory) -> dict[str, Path]:
-    """The pages of results that go on from others, of the arm with the hostile name."""
-    folder = tmp_path_factory.mktemp("later")
-    robot, log = _hostile(folder)
-    more = [_record(robot, np.random.default_rng(seed)) for seed in (1, 2)]
-    result = analyze(robot, [log, more[0]], replicates=100)
-    results = {
-        "payload": payload(robot, result, more[1]),
-        "comparison": compare(robot, more[0], more[1]),
-        "excitation": excite(robot, start_from=log, evaluations=100),
-        "prediction": result.predict(more[1]),
-        "robot": inspect(robot),
-        "fleet": _fleet(folder),
-        "floating": analyze("cart-arm", _shipped("cart-arm", "pushed.csv"), quick=True),
-    }
-    return {k: r.write_report(folder / f"{k}.html") for k, r in results.items()}
-
-
-@pytest.fixture(
-    scope="module",
-    params=[*KINDS, *(pytest.param(k, marks=pytest.mark.everything) for k in LATER)],
-)
-def report(request) -> Path:
+@pytest.fixture(scope="module", params=KINDS)
+def report(request, reports) -> Path:
     """Every kind of report, one after the other."""
-    reports = request.getfixturevalue("later_reports" if request.param in LATER else "reports")
     return reports[request.param]
 
 

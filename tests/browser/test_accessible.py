@@ -12,7 +12,6 @@ FOUND = """async () => (await axe.run()).violations.filter((v) => v.impact !== "
 
 #: The two kinds with the most in them: one on a telephone, the other on a screen.
 DEFAULT = (("analysis", 400), ("pruning", 1280))
-GOING_ON = ("payload", "comparison", "excitation", "prediction", "robot", "fleet", "floating")
 
 
 @pytest.fixture(scope="session")
@@ -72,21 +71,3 @@ def look_printed(page: Path, visit) -> None:
 
 def test_a_page_survives_its_way_onto_paper_and_is_read_in_one_go(reports, visit):
     look_printed(reports["pruning"], visit)
-
-
-@pytest.mark.everything
-@pytest.mark.parametrize("kind", GOING_ON)
-def test_the_first_screen_answers_with_lines_to_copy(kind, later_reports, visit):
-    with visit(later_reports[kind]) as seen:
-        questions = seen.page.locator(".answers dt").all_inner_texts()
-        assert len(questions) == 4
-        assert questions[-1] == "What next?"
-        assert all(q.endswith("?") for q in questions)
-        bottom = seen.page.locator(".answers dl").bounding_box()
-        assert bottom["y"] + bottom["height"] < 1000
-        lines = seen.page.locator(".answers .copy")
-        assert lines.count() >= 1
-        assert all(
-            lines.nth(k).get_attribute("data-copy").startswith("identifiability ")
-            for k in range(lines.count())
-        )

@@ -1,7 +1,7 @@
 """How often a name is given on the user's own motion where nothing is missing."""
 
 from identifiability import analyze
-from identifiability.foundation.engines.mapping import Serial
+from identifiability.foundation.engines import Serial
 from identifiability.workflows.calibrate.calibration import measure_false_names
 
 

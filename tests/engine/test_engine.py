@@ -7,8 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from identifiability.foundation.engines.cluster import choose_engine
-from identifiability.foundation.engines.mapping import Processes, Resumed, Serial, in_order
+from identifiability.foundation.engines import Processes, Resumed, Serial, choose_engine
 from identifiability.foundation.errors import EngineError, IdentifiabilityError, LogError
 
 
@@ -22,13 +21,6 @@ def test_processes_give_the_bits_that_this_process_gives(two, work):
     here = list(Serial().map(work.solve, range(12)))
     there = list(two.map(work.solve, range(12)))
     assert [x.tobytes() for x in here] == [x.tobytes() for x in there]
-
-
-def test_large_arguments_reach_every_worker(two, work):
-    function = partial(work.look_up, np.arange(200_000.0))
-    found = list(two.map(function, range(0, 200_000, 10_000)))
-    assert [x for x, _ in found] == list(range(0, 200_000, 10_000))
-    assert os.getpid() not in {pid for _, pid in found}
 
 
 def test_progress_counts_the_items(two, work):
@@ -52,24 +44,6 @@ def test_a_lost_worker_is_one_sentence_and_work_goes_on_afterwards(two, work):
     with pytest.raises(EngineError, match="was lost, most likely for lack of memory; give fewer"):
         list(two.map(work.end, range(4)))
     assert list(two.map(work.refuse, [2, 1])) == [2, 1]
-
-
-def test_results_that_nobody_fetches_do_not_pile_up():
-    class Done:
-        def __init__(self, item):
-            started.append(item)
-            self.item = item
-
-        def result(self):
-            return self.item
-
-    started = []
-    results = in_order(Done, range(100), 1)
-    assert next(results) == 0
-    assert started == [0, 1, 2, 3]
-    assert [next(results) for _ in range(3)] == [1, 2, 3]
-    assert len(started) == 7
-    assert list(in_order(Done, range(3), 5)) == [0, 1, 2]
 
 
 def test_a_caller_that_wants_no_more_ends_the_work(two):
@@ -105,10 +79,6 @@ def test_options_choose_the_engine(tmp_path):
     assert isinstance(kept.engine, Serial)
 
 
-def test_one_worker_works_here():
-    assert set(Processes(1).map(lambda _: os.getpid(), range(3))) == {os.getpid()}
-
-
 def test_processes_that_nobody_asked_for_start_once_that_pays(monkeypatch, work):
     monkeypatch.setattr("joblib.cpu_count", lambda: 2)
     with Processes() as engine:  # by itself work of milliseconds stays here
@@ -116,7 +86,7 @@ def test_processes_that_nobody_asked_for_start_once_that_pays(monkeypatch, work)
             os.getpid()
         }
         assert engine._pool is None
-    monkeypatch.setattr("identifiability.foundation.engines.mapping.OPENING", 1e-9)
+    monkeypatch.setattr("identifiability.foundation.engines.OPENING", 1e-9)
     for engine in (Processes(), choose_engine()):
         with engine:  # the first item says that the other eight would take longer than an instant
             found = list(engine.map(partial(work.look_up, np.arange(9)), range(9)))

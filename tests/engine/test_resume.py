@@ -1,15 +1,12 @@
 """What was finished is not done again; what is damaged or different is."""
 
-import signal
-import sys
-import time
 from functools import partial
 
 import numpy as np
 import pytest
 
-from identifiability.foundation.engines import mapping as prints
-from identifiability.foundation.engines.mapping import Resumed, Serial
+from identifiability.foundation import engines as prints
+from identifiability.foundation.engines import Resumed, Serial
 from identifiability.foundation.errors import OutputError
 
 calls = []
@@ -107,39 +104,6 @@ def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match=r"file' cannot keep finished work: .*; give a folder\."):
         Resumed(Serial(), tmp_path / "file")
-
-
-PROGRAM = """
-import sys, time
-from pathlib import Path
-from identifiability.foundation.engines.cluster import choose_engine
-
-def work(item):
-    if sys.argv[1] == "slow" and item >= 12:
-        time.sleep(60)
-    with open(sys.argv[2], "a") as log:
-        log.write(f"{item}\\n")
-    return item / 7
-
-with choose_engine("serial", resume=sys.argv[3]) as engine:
-    print(sum(engine.map(work, range(20))))
-"""
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="there are no such signals")
-def test_a_killed_program_goes_on_where_it_was(spawn, tmp_path):
-    program, log, work = tmp_path / "program.py", tmp_path / "log", tmp_path / "work"
-    program.write_text(PROGRAM)
-    running = spawn(program, "slow", log, work)
-    until = time.monotonic() + 600
-    while len(files(tmp_path)) < 12 and time.monotonic() < until:
-        time.sleep(0.05)
-    running.send_signal(signal.SIGKILL)
-    running.communicate()
-    assert log.read_text().split() == [str(k) for k in range(12)]
-    out, errors = spawn(program, "fast", log, work).communicate(timeout=600)
-    assert float(out) == sum(k / 7 for k in range(20)), errors
-    assert log.read_text().split() == [str(k) for k in range(20)]
 
 
 def test_a_folder_that_everybody_can_write_to_is_refused(tmp_path):

@@ -4,8 +4,7 @@ import joblib
 import pytest
 
 from identifiability import analyze, calibrate, diagnose, excite, prune
-from identifiability.foundation.engines.cluster import choose_engine
-from identifiability.foundation.engines.mapping import Processes, Resumed, Serial
+from identifiability.foundation.engines import Processes, Resumed, Serial, choose_engine
 
 distributed = pytest.importorskip("distributed")
 

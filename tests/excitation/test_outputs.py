@@ -57,16 +57,6 @@ def test_a_bag_holds_the_trajectory_that_the_table_holds(paper, tmp_path):
     np.testing.assert_allclose(times, table["t"], atol=1e-8)
 
 
-def test_frames_state_what_each_joint_does_and_may_do(paper):
-    frame = paper.to_frame()
-    assert list(frame["joint"]) == ["slider1", "slider2", "slider3"]
-    assert np.all(frame["speed"] <= frame["speed_limit"])
-    assert np.all(frame["least"] >= frame["lower_limit"])
-    gains = paper.parameters_frame()
-    assert len(gains) == len(paper.names)
-    assert isinstance(gains, pd.DataFrame)
-
-
 @pytest.mark.parametrize("which", ["paper", "arm"])
 def test_the_report_is_whole_and_states_the_answer(which, request, tmp_path):
     result = request.getfixturevalue(which)
@@ -75,16 +65,6 @@ def test_the_report_is_whole_and_states_the_answer(which, request, tmp_path):
     assert "What it is worth" in text
     assert text.count("<svg") == 2
     assert text.count("data-trace=") == 3 * len(result.limits.joints)
-
-
-def test_the_command_writes_what_it_is_asked_for(tmp_path):
-    out, report = tmp_path / "m.json", tmp_path / "m.html"
-    words = ["two-link", "--out", str(out), "--report", str(report), "--set", "evaluations=400"]
-    result = CliRunner().invoke(app, ["excite", *words])
-    assert result.exit_code == 0, result.output
-    assert "log-det of the information" in result.output
-    assert out.exists()
-    assert report.exists()
 
 
 def test_the_command_separates_and_starts_from_a_log(simulated, tmp_path):

@@ -14,8 +14,8 @@ LIMITS = Limits(
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("harmonics", [1, 2, 5, 12])
-@pytest.mark.parametrize("level", [1e-3, 0.3, 1.0, 1e4])
+@pytest.mark.parametrize("harmonics", [1, 5])
+@pytest.mark.parametrize("level", [1e-3, 1.0, 1e4])
 def test_every_candidate_keeps_its_limits_at_every_time(harmonics, level):
     series = Series(LIMITS, 7.5, harmonics)
     x = level * np.random.default_rng(harmonics).standard_normal((20, series.size))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,9 +16,7 @@ from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
 from identifiability.workflows.export import export
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from roads import in_mujoco, in_pinocchio, project
+from ..roads import in_mujoco, in_pinocchio, project
 
 
 def error_ra(tau, predicted):

@@ -164,15 +164,3 @@ def test_the_command_needs_no_logs(tmp_path, run):
     assert said.exit_code == 0, said.output
     assert "nothing is odd" in " ".join(said.output.split())
     assert page.is_file()
-
-
-def test_the_speed_limit_of_a_urdf_is_stated(tmp_path):
-    path = tmp_path / "one.urdf"
-    path.write_text(
-        '<robot name="one"><link name="base"/><link name="arm"><inertial><mass value="1"/>'
-        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-        '<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>'
-        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="9" velocity="3.5"/></joint></robot>'
-    )
-    found = inspect(path)
-    assert found.joints[0].speed == 3.5

@@ -5,10 +5,7 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
-from identifiability import analyze
-from identifiability.cli import app
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Renames
 from identifiability.logs import Log
@@ -118,18 +115,6 @@ def test_without_the_extra_the_sentence_says_what_to_install(frame, states, writ
     assert refused(bag) == (
         f"{bag} is a bag, which needs the extra 'ros': pip install 'robot-identifiability[ros]'."
     )
-
-
-def test_a_bag_is_analysed_as_its_table_is(frame, states, write_bag, tmp_path):
-    bag = write_bag({"/joint_states": states(frame, JOINTS)})
-    out = CliRunner().invoke(
-        app, ["analyze", "two-link", str(bag), "--quick", "--json", str(tmp_path / "out.json")]
-    )
-    assert out.exit_code == 0, out.output
-    kept = frame[["t", *COLUMNS]]
-    for a, b in zip(analyze("two-link", bag, replicates=0).models,
-                    analyze("two-link", kept, replicates=0).models, strict=True):  # fmt: skip
-        np.testing.assert_allclose(a.estimate.value, b.estimate.value, rtol=1e-5)
 
 
 def test_inertial_sensor_and_wrenches_are_read_at_the_times_of_the_joint_states(

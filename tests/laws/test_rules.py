@@ -27,7 +27,7 @@ ELSEWHERE = {
     "foundation/rounding.py": "how numbers are written",
     "report/": "how a page is drawn",
     "cli/": "seconds between lines of progress",
-    "foundation/engines/": "seconds that processes wait for each other",
+    "foundation/engines.py": "seconds that processes wait for each other",
     "foundation/linalg.py": "tolerances that the whole package shares",
     "foundation/numbers.py": "the level of every interval, and its quantiles",
 }

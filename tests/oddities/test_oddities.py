@@ -57,25 +57,6 @@ def test_a_check_of_ones_own_is_one_function(six_axis):
     assert [c.key for c in CHECKS] == list(ORDER)
 
 
-def test_torque_that_stops_at_a_limit(say, good):
-    structure, log = good
-    top = 0.7 * np.abs(log.tau[:, 0]).max()
-    tau = log.tau.copy()
-    tau[:, 0] = np.clip(tau[:, 0], -top, top)
-    hint = say(structure, replace(log, tau=tau))[0]
-    assert f"'{log.joints[0]}.tau' stays at" in hint
-    assert f"{top:.4g}" in hint
-
-
-def test_positions_that_hang(say, good):
-    structure, log = good
-    q = log.q.copy()
-    first = int(np.argmax(np.abs(q[60:] - q[:-60])[100:400, 0])) + 100
-    q[first : first + 60, 0] = q[first, 0]
-    hint = say(structure, replace(log, q=q))[0]
-    assert f"{log.joints[0]} in data rows {first + 1}–{first + 60} of {log.name}" in hint
-
-
 @pytest.mark.parametrize(
     ("factor", "text"), [(-1.0, "wrong sign"), (180 / np.pi, "joint_2 seem to be degrees")]
 )
@@ -84,18 +65,12 @@ def test_positions_of_one_joint_in_another_way(say, six_axis, factor, text):
     scale = np.where(np.arange(6) == 1, factor, 1.0)
     hints = say(structure, replace(log, q=scale * log.q))
     assert text in hints[0]
-    if factor > 1:
-        assert "'joint_2.q' spans" in hints[1]
-        assert "in degrees it would not" in hints[1]
 
 
 def test_whole_turns_are_no_other_zero(say, six_axis):
     structure, log = six_axis
     turns = 2 * np.pi * np.array([0, 0, 0, 1, -3, 2])
     assert say(structure, replace(log, q=log.q + turns)) == ()
-    (hint,) = say(structure, replace(log, q=log.q + np.array([0, 0, 1.5, 0, 0, 0])))
-    assert "'joint_3.q' spans" in hint
-    assert "Check the zero" in hint
 
 
 def test_no_verdict_stands_where_positions_are_misread():

@@ -5,7 +5,7 @@ import pytest
 from paper_study.monte_carlo import Case, run_trial, run_trials, stack
 from paper_study.result import compare
 
-from identifiability.foundation.engines.mapping import Processes
+from identifiability.foundation.engines import Processes
 
 CASE = Case("601", 100)
 

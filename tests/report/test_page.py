@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 
 from identifiability.report import (
     Cell,
-    Check,
     Column,
     Fold,
     Gallery,
@@ -23,6 +22,7 @@ from identifiability.report import (
     Term,
     Terms,
     Tile,
+    check_cell,
     frame_table,
     render_page,
 )
@@ -84,7 +84,7 @@ def test_a_study_shows_its_table_with_what_passes_and_what_differs():
             "model": ["Model 1", "Model 2"],
             "ours": [4.4731, np.nan],
             "paper": [4, 12],
-            "check": [Check("", True, "±0.2"), Check("4.9", False, "differs, because …")],
+            "check": [check_cell("", True, "±0.2"), check_cell("4.9", False, "differs, because …")],
         }
     )
     table = frame_table(frame, "Table 3", filter_by="check")

@@ -25,9 +25,6 @@ NOT_OURS = {
     r"no real robot has exactly": ("not physically consistent", ()),
 }
 
-#: Names in Python that are gone, but for those that stay for one release.
-GONE = {"sway", "leftover", "decisive", "section_confused", "measure_sway", "write_twin"}
-
 
 #: Any of them.
 ANY = re.compile(rf"\b(?:{'|'.join(NOT_OURS)})\b", re.IGNORECASE)
@@ -59,9 +56,3 @@ def test_sentences_and_pages_say_it_in_the_words_of_the_field():
         if path.name not in allowed
     ]
     assert not found, found
-
-
-def test_names_that_gave_way_do_not_come_back():
-    code = "\n".join(p.read_text(encoding="utf-8") for p in PACKAGE.rglob("*.py"))
-    names = set(re.findall(r"(?<![\w\"'`])[a-z_]\w*", code))
-    assert not names & GONE

@@ -210,9 +210,3 @@ def test_a_new_study_holds_the_robot_of_a_table(tmp_path):
     robot = Robot.load(tmp_path / "mine/robot.urdf")
     assert (robot.joints, robot.guessed) == (("j", "k"), ("a",))
     assert (tmp_path / "mine/template.csv").is_file()
-
-
-def test_the_verb_that_went_names_what_to_type():
-    done = CliRunner().invoke(app, ["convert", "dh.toml", "--out", "robot.xml"])
-    assert done.exit_code == 2
-    assert "identifiability new FOLDER --robot table.toml" in done.output

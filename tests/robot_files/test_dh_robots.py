@@ -3,9 +3,7 @@
 They stand beside `ROBOTS` of the other tests, which run every law on every robot.
 """
 
-import importlib.util
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,7 +25,6 @@ from identifiability.regression.reduction import ladder_path, read_ladder
 from identifiability.robot import complete_motion
 from identifiability.simulation import Campaign, Noise, PrescribedMotion, shipped_trajectory
 
-REFERENCE = Path(__file__).parent.parent / "models_reference" / "base_parameter_counts.toml"
 ARMS = ("dvrk-mtm", "dvrk-psm")
 EVERY = (*ARMS, "scara", "differential-wrist")
 BASICS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
@@ -54,20 +51,6 @@ def test_the_arms_have_the_published_numbers_of_base_parameters(name, bodies, wh
         assert base.gap[0] > 1e6 * base.gap[1]
     same = default_effects(robot, BASICS)  # what other verbs take has the same places
     assert find_base_parameters(robot, Model.of(*same)).rank == whole
-
-
-@pytest.mark.parametrize("name", EVERY[2:])
-def test_the_energy_in_mujoco_has_as_many_base_parameters(name):
-    spec = importlib.util.spec_from_file_location(
-        "energy_rank", REFERENCE.with_name("energy_rank.py")
-    )
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    robot = Robot.load(name)
-    count = tomllib.loads(REFERENCE.read_text())[name]["count"]
-    assert find_base_parameters(robot, Model.of("rigid_body")).rank == count
-    rank, gap = module.energy_rank(robot.path, samples=400)
-    assert (rank, gap > 1e6) == (count, True)
 
 
 def test_the_counter_spring_and_the_cable_are_the_published_ones():

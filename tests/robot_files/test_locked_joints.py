@@ -3,17 +3,12 @@
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from made_robots import CLOSURES, arm, parallelogram
-from typer.testing import CliRunner
 
 from identifiability import analyze, export
-from identifiability.cli import app
-from identifiability.foundation.errors import IdentifiabilityError, LogError, RobotError
+from identifiability.foundation.errors import IdentifiabilityError, RobotError
 from identifiability.foundation.names import INERTIAL_KINDS
-from identifiability.logs import Log
-from identifiability.logs.prepare.dataset import prepare_log
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import PrescribedMotion, random_trajectory, simulate
 from identifiability.simulation.forward import ForwardRobot
@@ -60,20 +55,6 @@ def test_a_locked_gripper_is_part_of_the_arm_on_both_roads(held, agrees):
     first = {"f1=0.03": 0.03, "f1": 0.0}[held]
     assert robot.locked == pytest.approx({"f1": first, "f2": first + 0.01})
     assert not [name for name in robot.nominal if name.startswith(("f1.", "f2.", "left.", "hand."))]
-
-
-def test_the_inertia_of_a_locked_mjcf_is_that_of_pinocchios_reduced_model(load_text):
-    text = gripper(elbow='frictionloss="0.4" armature="0.2"')
-    whole = load_text(text, sidecar='actuated = ["shoulder", "elbow", "f1"]')
-    robot = load_text(text, lock={"f1": 0.03})
-    q = pin.neutral(whole.model)
-    q[2:] = 0.03, 0.04
-    reduced = pin.buildReducedModel(whole.model, [3, 4], q)
-    for mine, theirs in zip(robot.model.inertias, reduced.inertias, strict=True):
-        np.testing.assert_allclose(mine.toDynamicParameters(), theirs.toDynamicParameters(),
-                                   rtol=0, atol=1e-13)  # fmt: skip
-    np.testing.assert_allclose(robot.model.armature, [0.0, 0.2])
-    np.testing.assert_allclose(robot.model.upperDryFrictionLimit, [0.0, 0.4])
 
 
 @pytest.mark.parametrize("held", ["middle", "first", "last"])
@@ -165,17 +146,6 @@ def fingers(kind="prismatic", at="0 0.1 0.4", links=LINKS):
     return FINGERS.format(links=links, kind=kind, at=at, limit=limit)
 
 
-def test_a_locked_urdf_is_the_urdf_with_a_fixed_joint_there(load_text):
-    robot = load_text(fingers(), "urdf", lock=["f1=0.05"])
-    turn = pin.rpy.rpyToMatrix(0.1, 0.2, 0.3)
-    at = np.array([0, 0.1, 0.4]) + 0.05 * turn[:, 1]
-    words = " ".join(f"{x:.17g}" for x in at)
-    fixed = load_text(fingers("fixed", words).replace('offset="0.01"', 'offset="-0.09"'), "urdf")
-    assert robot.joints == fixed.joints == ("j1",)
-    assert robot.locked == {"f1": 0.05, "f2": pytest.approx(-0.09)}
-    same_inertias(robot, fixed)
-
-
 def test_what_mimics_a_fixed_joint_stands_still(load_text):
     robot = load_text(fingers("fixed"), "urdf")
     assert robot.locked == {"f2": 0.01}
@@ -258,24 +228,6 @@ def test_a_robot_with_a_locked_gripper_moves_as_the_welded_one(load_text):
     np.testing.assert_allclose(one, two, rtol=0, atol=1e-7)
 
 
-def test_joints_that_a_log_lacks_are_proposed_for_locking_with_what_to_write(load_text, tmp_path):
-    robot = load_text(fingers(), "urdf")
-    log, motion = tmp_path / "run.csv", tmp_path / "motion.csv"
-    t = np.linspace(0, 6, 600)
-    wave = np.sin(np.outer(t, [1.0, 2.0, 3.3])) @ [0.5, 0.3, 0.2]
-    motion.write_text("t,j1.q\n" + "".join(f"{a},{b}\n" for a, b in zip(t, wave, strict=True)))
-    made = CliRunner().invoke(
-        app, ["simulate", str(robot.path), str(motion), "--lock", "f1=0.02", "--out", str(log)]
-    )
-    assert made.exit_code == 0, made.output
-    with pytest.raises(LogError, match="no columns for the actuated joint f1; .* lock it: "
-                       r'--lock f1, or locked = \["f1"\] in the sidecar'):  # fmt: skip
-        prepare_log(robot, Log.read(log))
-    locked = Robot.load(robot.path, lock=["f1"])
-    assert prepare_log(locked, Log.read(log)).tau.shape[1] == 1
-    assert locked.sha256 != robot.sha256
-
-
 def test_a_result_is_exported_under_the_locks_it_was_made_with(load_text, tmp_path):
     robot = load_text(fingers(), "urdf", lock=["f1=0.02"])
     path = random_trajectory(robot, np.random.default_rng(0))
@@ -286,10 +238,3 @@ def test_a_result_is_exported_under_the_locks_it_was_made_with(load_text, tmp_pa
         export(Robot.load(robot.path), result, out)
     export(robot, result, out)
     assert Robot.load(out).locked == pytest.approx(robot.locked)
-
-
-def test_a_joint_that_follows_none_is_told_with_what_to_write(load_text):
-    with pytest.raises(RobotError, match=r"'f2' mimics 'g1', which is none of .*\[\[couplings"):
-        load_text(fingers().replace('mimic joint="f1"', 'mimic joint="g1"'), "urdf")
-    stated = '[[couplings]]\njoint = "f2"\nof = "f1"'
-    assert load_text(fingers().replace('mimic joint="f1"', 'mimic joint="g1"'), "urdf", stated)

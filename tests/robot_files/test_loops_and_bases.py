@@ -9,10 +9,9 @@ from identifiability.robot.floating import BASE_JOINTS
 
 
 @pytest.mark.parametrize("case", CLOSURES)
-@pytest.mark.parametrize("again", range(3))
-def test_a_closure_by_any_site_is_the_same_mechanism(case, again, agrees):
+def test_a_closure_by_any_site_is_the_same_mechanism(case, agrees):
     sites = '<site name="w" pos="0.6 0 0"/>'
-    robot = agrees(parallelogram(CLOSURES[case], sites=sites), spread=0.3, seed=again)
+    robot = agrees(parallelogram(CLOSURES[case], sites=sites), spread=0.3)
     assert robot.nominal["heel.K"] == 3.0
     assert robot.nominal["heel.Ia"] == 0.1
 

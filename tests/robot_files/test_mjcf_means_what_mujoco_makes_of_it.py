@@ -5,8 +5,6 @@ import pytest
 from made_robots import MOTORS, arm
 
 from identifiability.foundation.errors import RobotError
-from identifiability.robot import Robot
-from identifiability.workflows.export import write_parameters
 
 TENDON = '<tendon><fixed name="cable" {0}><joint joint="elbow" coef="-0.5"/></fixed></tendon>'
 FEATURES = {
@@ -127,21 +125,3 @@ def test_a_hidden_payload_hangs_on_a_body_that_moves(load_text):
     move = PrescribedMotion(np.arange(20.0), q, q, q)
     plain, loaded = (simulate(robot, move, hide=h).tau for h in ((), ("payload=0.1",)))
     assert np.std(loaded - plain) == pytest.approx(0.1 * np.std(plain), rel=0.5)
-
-
-@pytest.mark.parametrize("feature", FEATURES)
-def test_what_is_written_back_is_read_back(feature, load_text, tmp_path):
-    robot = load_text(FEATURES[feature])
-    values = {name: 1.5 * value for name, value in robot.nominal.items()}
-    values |= {f"{joint}.{kind}": 0.3 for joint in robot.joints for kind in ("Fv", "Ia")}
-    if feature == "replicate":
-        with pytest.raises(RobotError, match=r"uses <replicate>, .*; write them out as bodies"):
-            write_parameters(robot, values, tmp_path / "copy.xml")
-        return
-    copy = Robot.load(write_parameters(robot, values, tmp_path / "copy.xml").robot)
-    for name, value in values.items():
-        assert copy.nominal[name] == pytest.approx(value, rel=1e-9, abs=1e-12), name
-    springs = {name for name in robot.rest if values.get(f"{name}.K")}  # others rest nowhere
-    found = {name: copy.rest[name] for name in springs}
-    assert found == pytest.approx({name: robot.rest[name] for name in springs})
-    assert springs or feature == "tendons switched off" or not robot.rest

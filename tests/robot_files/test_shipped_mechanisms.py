@@ -3,10 +3,6 @@
 They stand beside `ROBOTS` of the other tests, which run every law on every robot.
 """
 
-import importlib.util
-import tomllib
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -22,7 +18,6 @@ from identifiability.regression.regression import Model
 from identifiability.robot import complete_motion
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
 
-REFERENCE = Path(__file__).parent.parent / "models_reference" / "base_parameter_counts.toml"
 LONG = pytest.mark.everything
 MECHANISMS = ("delta", "3-rrr", "palletizer", "six-actuators")
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
@@ -42,20 +37,6 @@ def test_a_mechanism_is_what_mujoco_makes_of_it(name, agrees):
     from_home = half - np.abs(middle - robot.actuated_positions(robot.home[None])[0])
     assert (from_home > 0.6 * half).all()
     agrees(robot.path.read_text(), spread=from_home)
-
-
-@pytest.mark.parametrize("name", MECHANISMS)
-def test_the_count_of_base_parameters_is_that_of_the_energy_and_of_thought(name):
-    spec = importlib.util.spec_from_file_location(
-        "energy_rank", REFERENCE.with_name("energy_rank.py")
-    )
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    robot = Robot.load(name)
-    count = tomllib.loads(REFERENCE.read_text())[name]["count"]
-    assert find_base_parameters(robot, Model.of("rigid_body")).rank == count
-    rank, gap = module.energy_rank(robot.path, samples=400)
-    assert (rank, gap > 1e6) == (count, True)
 
 
 @pytest.mark.parametrize("name", MECHANISMS)

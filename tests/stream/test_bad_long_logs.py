@@ -3,14 +3,11 @@
 import pytest
 
 from identifiability import analyze
-from identifiability.foundation.engines.mapping import Processes, Serial
-from identifiability.foundation.errors import ClosureError, LogError
+from identifiability.foundation.engines import Processes, Serial
+from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import prepare_log
 from identifiability.robot import Robot
-
-ROWS = 4000
 
 
 @pytest.fixture(autouse=True)
@@ -67,37 +64,6 @@ def test_time_that_runs_back_is_seen_wherever_pieces_meet(at, frame, saved):
         assert f"time does not increase after data row {at} " in text
 
 
-def test_damaged_ends_and_middles(frame, saved, tmp_path):
-    csv = saved(frame, "csv")
-    content = csv.read_bytes()
-    whole = content.rstrip(b"\n").rpartition(b",")[0]  # the last line lost its last field
-    csv.write_bytes(whole)
-    assert len(Log.read(csv)) == len(Log.scan(csv)) == ROWS - 1
-    csv.write_bytes(content[:-1])  # its last digit may be missing
-    short, long = Log.read(csv), Log.scan(csv)
-    assert len(short) == len(long) == ROWS - 1
-    assert (
-        short.notes
-        == long.notes
-        == ("its last line has no end and was left out, for it may have been cut",)
-    )
-    lines = content.split(b"\n")
-    lines[3210] += b",7"
-    csv.write_bytes(b"\n".join(lines))
-    assert "line 3211, saw" in same_refusal(csv)
-    csv.write_bytes(content.replace(b"\n", b'\n"', 3500).replace(b'\n"', b"\n", 3499))
-    assert "cannot be read as CSV" in same_refusal(csv)
-    parquet = saved(frame)
-    content = parquet.read_bytes()
-    parquet.write_bytes(content[:-200])
-    assert "cannot be read as Parquet" in refusal(lambda: Log.scan(parquet))
-    parquet.write_bytes(content[:9000] + bytes(3000) + content[12000:])
-    assert "cannot be read as Parquet" in refusal(lambda: Log.scan(parquet))
-    assert "There is no log file" in same_refusal(tmp_path / "none.csv")
-    assert "19 samples, too few" in same_refusal(saved(frame.iloc[:19]))
-    assert "0 samples, too few" in same_refusal(saved(frame.iloc[:0]))
-
-
 @pytest.mark.parametrize("form", ["csv", "parquet"])
 def test_a_file_that_changes_meanwhile_is_noticed(form, frame, saved):
     path = saved(frame, form)
@@ -112,24 +78,6 @@ def test_a_file_that_changes_meanwhile_is_noticed(form, frame, saved):
     path.unlink()
     with pytest.raises(LogError, match="changed while"):
         file.rows(0, 10)
-
-
-def test_what_leaves_nothing_of_a_long_log_is_refused(frame_of, saved):
-    frame = frame_of("3-rps", periods=4)
-    frame[next(c for c in frame if c.endswith(".q"))] += 3.0
-    with pytest.raises(ClosureError, match="close at none of the"):
-        prepare_log(Robot.load("3-rps"), Log.scan(saved(frame)), engine=Serial())
-    arm = frame_of("two-link", periods=2)
-    with pytest.raises(LogError, match="too short to be decimated by 300"):
-        prepare_log(
-            Robot.load("two-link"), Log.scan(saved(arm)), Preparation(decimate=300),
-            engine=Serial(),
-        )  # fmt: skip
-    with pytest.raises(LogError, match="too long to be held in memory"):
-        prepare_log(
-            Robot.load("two-link"), Log.scan(saved(arm)), Preparation("fourier"),
-            engine=Serial(),
-        )  # fmt: skip
 
 
 def test_a_wrong_sample_of_a_long_file_is_named_and_weighs_nothing(frame, tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.prediction import predict
-from identifiability.foundation.engines.mapping import Serial
+from identifiability.foundation.engines import Serial
 from identifiability.logs import Log
 from identifiability.logs.prepare.dataset import prepare_log
 from identifiability.regression.gather import gather_information

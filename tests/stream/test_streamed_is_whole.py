@@ -5,7 +5,7 @@ import pytest
 
 from identifiability import analyze
 from identifiability.estimation.prediction import predict
-from identifiability.foundation.engines.mapping import Processes, Resumed, Serial
+from identifiability.foundation.engines import Serial
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.gather import gather_information
@@ -110,43 +110,6 @@ def test_a_given_period(sizes, frame_of, saved):
     for column in [c for c in frame if c.endswith(".q")]:
         frame[column] += 1e-4 * rng.standard_normal(len(frame))
     assert_same(*both("two-link", saved(frame), Preparation("fourier", period=period)))
-
-
-@pytest.mark.parametrize("name", [pytest.param("3-rps", marks=pytest.mark.everything), "two-link"])
-def test_an_analysis_gives_the_same_answer(name, sizes, frame_of, saved):
-    path = saved(frame_of(name, periods=4, samples=800))
-    whole = analyze(name, Log.read(path), replicates=40)
-    parts = analyze(name, Log.scan(path), replicates=40, engine=Serial())
-    assert parts.statement == whole.statement
-    for one, two in zip(whole.models, parts.models, strict=True):
-        assert [v.verdict for v in one.verdicts] == [v.verdict for v in two.verdicts]
-        assert two.error_ra == pytest.approx(one.error_ra, rel=1e-8)
-        assert two.error_ra_validation == pytest.approx(one.error_ra_validation, rel=1e-8)
-        wanted = one.fit.robust
-        np.testing.assert_allclose(two.fit.robust, wanted, rtol=1e-6)
-
-
-def test_engines_agree_to_the_last_bit_and_finished_parts_are_not_done_again(
-    sizes, frame_of, saved, tmp_path
-):
-    path = saved(frame_of("two-link", periods=6))
-    robot, model = Robot.load("two-link"), Model.of(*EFFECTS)
-
-    def gathered(engine):
-        samples = prepare_log(robot, Log.scan(path), engine=engine)
-        gathered = gather_information(Regression(robot, model, (samples,)), engine=engine)
-        return np.concatenate([part.blocks.ravel() for part in gathered.parts])
-
-    expected = gathered(Serial())
-    with Processes(2) as processes:
-        np.testing.assert_array_equal(gathered(processes), expected)
-    first = Resumed(Serial(), tmp_path / "kept")
-    np.testing.assert_array_equal(gathered(first), expected)
-    robot.dofs  # noqa: B018 - what is derived from a robot meanwhile is no other robot
-    again = Resumed(Serial(), tmp_path / "kept")
-    np.testing.assert_array_equal(gathered(again), expected)
-    assert (first.found, first.done) == (0, again.found)
-    assert again.done == 0
 
 
 def test_only_long_files_are_streamed(sizes, frame_of, saved, monkeypatch):

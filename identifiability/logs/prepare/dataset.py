@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.foundation.engines.mapping import Engine, Serial, Steps
+from identifiability.foundation.engines import Engine, Serial, Steps
 from identifiability.foundation.errors import ClosureError, LogError, RobotError
 from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import checked
+from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.base import AFTER, UP
@@ -212,9 +212,8 @@ class Piece:
     Attributes
     ----------
     motion : Motion
-        Of those N that columns are computed of.
-    tau : ((N - 1) e + 1, n) [N·m or N]
-        Of every sample: e are between two of the motion's.
+        Of N samples.
+    tau : (N, n) [N·m or N]
     decimation : Decimation or None
     weight : (N, n)
         How much torque of each joint counts, from 0 for no data to 1.
@@ -225,14 +224,9 @@ class Piece:
     decimation: signals.Decimation | None
     weight: Array
 
-    @property
-    def coarse(self) -> signals.Decimation | None:
-        """What low-passes and decimates columns, if anything does."""
-        return self.decimation and self.decimation.coarse
-
     def down(self, x: Array) -> Array:
         """Return x (N, …) low-passed and decimated, if there is any decimation."""
-        return x if self.coarse is None else self.coarse.apply(x)
+        return x if self.decimation is None else self.decimation.apply(x)
 
     @cached_property
     def _lost(self) -> np.ndarray | None:
@@ -249,19 +243,13 @@ class Piece:
     @property
     def torque(self) -> Array:
         """Torque at its outputs by the root of its weight, (m, n)."""
-        tau, d = np.array(self.tau), self.decimation
-        if d is None:
-            return self.weighed(tau)
-        if self._lost is not None:
-            # A sample of the columns stands for those around it.
-            tau[self._lost[(np.arange(len(tau)) + d.every // 2) // d.every]] = 0.0
-        return self.weighed(d.apply(tau))
+        tau = np.array(self.tau)
+        return self.weighed(self.down(self.silenced(tau)))
 
     @property
     def raw(self) -> Array:
         """The same as it was measured, not low-passed, (m, n)."""
-        every = 1 if self.decimation is None else self.decimation.every
-        return self.weighed(np.array(self.tau[::every][self.at]))
+        return self.weighed(np.array(self.tau[self.at]))
 
     def silenced(self, x: Array, joint: int | None = None) -> Array:
         """Return inputs (N, n, …), or (N, …) of a joint, that are zero where torque is no data.
@@ -286,7 +274,7 @@ class Piece:
     @property
     def at(self) -> slice:
         """The samples of the motion at which the outputs are."""
-        d = self.coarse
+        d = self.decimation
         return slice(None) if d is None else slice(d.reach, len(self.motion) - d.reach, d.factor)
 
 
@@ -463,21 +451,12 @@ class Dataset:
                 rows = slice(start, start + size)
                 yield Piece(self.motion[rows], self.tau[rows], None, self.weight[rows])
             return
-        step = max(1, size // d.coarse.factor)
+        step = max(1, size // d.factor)
         for start, _, count in self._stretches:
             for first in range(0, count, step):
-                last = min(first + step, count)
-                begin = start + first * d.factor
-                end = begin + (last - 1 - first) * d.factor + 2 * d.reach + 1
-                some: slice | np.ndarray = slice(begin, end)
-                if d.every > 1:  # a copy, that does not keep what lies between
-                    some = np.arange(begin, end, d.every)
-                motion, tau = self.motion[some], self.tau[begin:end]
-                if d.every > 1:
-                    span = d.every * (motion.t[-1] - motion.t[0]) / (end - 1 - begin)
-                    # None is missing between them: they are rows of a log that has no others.
-                    motion = replace(motion, span=float(span), kept=motion.kept // d.every)
-                yield Piece(motion, tau, d, self.weight[some])
+                begin, few = start + first * d.factor, min(step, count - first)
+                rows = slice(begin, begin + (few - 1) * d.factor + 2 * d.reach + 1)
+                yield Piece(self.motion[rows], self.tau[rows], d, self.weight[rows])
 
     def take(self, rows: slice | np.ndarray) -> Dataset:
         """Return some of the samples in memory."""
@@ -584,7 +563,7 @@ def prepare_rows(
     tau = log.tau[part][motion.kept] - _known_torque(robot, log.name, motion)
     if robot.base is not None and log.base is not None:
         tau = motion.freed(tau + _pushed(robot, motion, log.base[part][motion.kept]))
-    dwells = None if plan.dwells is None else plan.dwells.find(log, dq)[part][motion.kept]
+    dwells = None if plan.dwells is None else plan.dwells.find(dq)[part][motion.kept]
     if robot.base is not None:
         dwells = _silent(motion, dwells)
     if log.unmeasured is not None:

@@ -11,17 +11,14 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy.ndimage import binary_propagation, maximum_filter1d
+from scipy.ndimage import binary_opening, binary_propagation, maximum_filter1d
 from scipy.special import bdtrc
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Count, Derivatives, Positive, check_fields
-from identifiability.foundation.rounding import format_count
-from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.rounding import format_count, percent
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier, signals
 from identifiability.logs.base import ACC, GYRO
@@ -37,20 +34,12 @@ from identifiability.logs.spectrum import (
     choose_band,
     noise_level,
     noise_parts,
-    resolution,
     spectra_of,
 )
 from identifiability.robot import Robot
 from identifiability.robot.floating import BASE_JOINTS, SIX, base_acceleration
 
 # Velocities that were measured with noise are smoothed: signs of speed are taken of what is left.
-
-
-#: Cut-offs of the smoothed velocity that are tried, and in how many times the best one smoothing
-#: ends: what it takes from the motion is the same in every period, and no data average it out. It
-#: falls with the eighth power of the cut-off, the noise rises with its root.
-TRIED = 48
-WIDER: Tolerance = 1.5
 
 
 @frozen
@@ -74,10 +63,9 @@ class Smoothing:
 
     @staticmethod
     def choose(windows: Sequence[Array], dt: float) -> Smoothing | None:
-        """Return what smooths velocities with the least error; None where noise is negligible.
+        """Return what smooths velocities; None where noise is negligible.
 
-        The cut-off has the least unbiased estimate of the mean square error, of what it takes from
-        the motion and what it leaves of the noise [Mallows 1973].
+        The low-pass leaves the band of the motion alone.
 
         Parameters
         ----------
@@ -90,17 +78,9 @@ class Smoothing:
         noisy = level > RULES.noise_negligible * size
         if not noisy.any():
             return None
-        spectrum = Spectrum.of(windows, dt, 1)
-        f, power = spectrum.f[1:], spectrum.power[1:, noisy]
-        tried = np.geomspace(f[0], 0.45 / dt, TRIED)
-        ratio = np.tan(np.pi * f * dt) / np.tan(np.pi * tried * dt)[:, None]
-        passed = 1.0 / (1.0 + ratio**8)  # fourth order, there and back
-        share = (passed**2).mean(1) * (f[-1] * 2 * dt)
-        density = 2 * dt * level[noisy] ** 2
-        taken = ((1 - passed) ** 2) @ ((power - density) / density) * f[0]
-        best = int(np.argmin(taken.sum(1) + noisy.sum() * 0.5 * share / dt))
-        cutoff = min(WIDER * float(tried[best]), float(tried[-1]))
-        sd = np.sqrt(np.interp(cutoff, tried, share)) * level
+        band = float(Spectrum.of(windows, dt, 1).bandwidths().max(initial=0.0))
+        cutoff = min(max(RULES.cutoff_wide * band, RULES.cutoff_lowest), 0.45 / dt)
+        sd = np.sqrt(2 * cutoff * dt) * level
         at_rest = np.sqrt(np.mean([noise_parts(x)[0] for x in windows], axis=0))
         # Noise at rest of less than this share of that in motion (rms) cannot be told
         # from none.
@@ -134,14 +114,8 @@ class DwellRule:
 
     Attributes
     ----------
-    speeds : bool
-        Whether recorded speeds tell what is within the errors of the record; positions without.
-    width : (n,) [rad or m; rad/s or m/s]
-        Range of recorded positions, or of speeds about zero, that is within their errors.
-    least : (n,) [samples]
-        How long a joint stays within it at least.
     creep : (k, n) [rad/s or m/s]
-        Speeds that say nothing, whatever the record could tell.
+        Speeds that say nothing, the largest first.
     slow : (k, n) [samples]
         How long a joint stays below them at least.
     beside : int
@@ -150,9 +124,6 @@ class DwellRule:
         Samples on each side of a reversal that are no data; 0 where they are.
     """
 
-    speeds: bool
-    width: Array
-    least: np.ndarray
     creep: Array
     slow: np.ndarray
     beside: int
@@ -161,30 +132,23 @@ class DwellRule:
     @property
     def reach(self) -> int:
         """Samples on each side that decide whether a joint dwells."""
-        return int(max(self.least.max(), self.slow.max())) + max(self.beside, self.turning) + 1
+        return int(self.slow.max()) + max(self.beside, self.turning) + 1
 
     def masking(self, stands: bool) -> DwellRule:
         """Return the rule by which reversals are data unless a joint ever stands."""
         return replace(self, turning=max(1, self.beside) if stands else 0)
 
-    def find(self, log: Log, dq: Array) -> np.ndarray:
+    def find(self, dq: Array) -> np.ndarray:
         """Return where each joint dwells, (N, n) bool; dq (N, n) are the speeds that are used."""
         out, speed = np.zeros(dq.shape, bool), np.abs(dq)
-        for j, least in enumerate(self.least.tolist()):
-            if self.speeds and log.dq is not None:
-                span = _largest(np.abs(log.dq[:, j]), least)
-            else:
-                span = _largest(log.q[:, j], least) + _largest(-log.q[:, j], least)
-            out[:, j] = _in_any(span <= self.width[j], least)
-            for limit, slow in zip(self.creep[:, j], self.slow[:, j].tolist(), strict=True):
-                out[:, j] |= _lasting(speed[:, j] <= limit, slow)
-            if out[:, j].any():
-                still = out[:, j] | (speed[:, j] <= self.creep[0, j])
-                out[:, j] = binary_propagation(out[:, j], mask=still)
+        for creep, slow in zip(self.creep, self.slow, strict=True):
+            for j, least in enumerate(slow.tolist()):
+                out[:, j] |= _lasting(speed[:, j] <= creep[j], least)
+        # A dwell lasts as long as the joint creeps.
+        line = np.array([[0, 1, 0]] * 3)
+        out = binary_propagation(out, line, mask=out | (speed <= self.creep[0]))
         out = _reached(out, self.beside)
-        if self.turning:
-            out |= _reached(_reversals(dq), self.turning)
-        return out
+        return out | _reached(_reversals(dq), self.turning) if self.turning else out
 
 
 def _reversals(dq: Array) -> np.ndarray:
@@ -194,31 +158,10 @@ def _reversals(dq: Array) -> np.ndarray:
     return turns
 
 
-def _largest(x: Array, window: int) -> Array:
-    """Return the largest of x (N,) in a window about each sample; infinite where it is cut off."""
-    half = window // 2
-    out = np.full(len(x), np.inf)
-    if len(x) > 2 * half:
-        found = maximum_filter1d(x, 2 * half + 1)
-        out[half : len(x) - half] = found[half : len(x) - half]
-    return out
-
-
 def _lasting(x: np.ndarray, window: int) -> np.ndarray:
     """Return where x (N,) bool is true for at least a window about some sample."""
-    out, wide = np.zeros(len(x), bool), np.zeros(len(x) + 2, bool)
-    wide[1:-1] = x
-    edges = np.flatnonzero(wide[1:] != wide[:-1])
-    for start, stop in edges.reshape(-1, 2)[np.diff(edges)[::2] > 2 * (window // 2)].tolist():
-        out[start:stop] = True
-    return out
-
-
-def _in_any(centres: np.ndarray, window: int) -> np.ndarray:
-    """Return the samples that lie in the window about any of some (N,) bool."""
-    half = min(window // 2, len(centres))  # of a joint that hardly moves it has no bound
-    found: np.ndarray = maximum_filter1d(centres, 2 * half + 1)
-    return found
+    kept: np.ndarray = binary_opening(x, np.ones(2 * (window // 2) + 1, bool))
+    return kept
 
 
 @frozen
@@ -229,14 +172,8 @@ class Stays:
     ----------
     plan : Plan
         With its decimation.
-    windows : tuple of Log
-        Joints in the robot's order.
     speeds : tuple of (N, n) [rad/s or m/s]
         Those that are used.
-    recorded : bool
-        Whether speeds are recorded.
-    width : (n,) [rad or m; rad/s or m/s]
-        Range that is within the errors of the record.
     creep : (k, n) [rad/s or m/s]
         Speeds that say nothing.
     typical : (n,) [rad/s² or m/s²]
@@ -246,10 +183,7 @@ class Stays:
     """
 
     plan: Plan
-    windows: tuple[Log, ...]
     speeds: tuple[Array, ...]
-    recorded: bool
-    width: Array
     creep: Array
     typical: Array
     never: np.ndarray
@@ -257,49 +191,38 @@ class Stays:
     @staticmethod
     def of(plan: Plan, windows: Sequence[Log], origins: Sequence[int]) -> Stays:
         """Return those in windows whose first samples are these rows of the whole log."""
-        recorded = all(w.dq is not None for w in windows)
-        records = [w.dq if w.dq is not None and recorded else w.q for w in windows]
-        levels = [noise_level(x, w.t) ** 2 for x, w in zip(records, windows, strict=True)]
-        noise = np.sqrt(np.mean(levels, axis=0))
-        step = np.min([resolution(x) for x in records], axis=0)
-        # The errors of a record as a multiple of its noise's standard deviation.
-        width = np.maximum((1 if recorded else 2) * 3.0 * noise, step)
         parts = [plan.derive(w, k) for w, k in zip(windows, origins, strict=True)]
         q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
-        # How often a speed that says nothing is halved.
-        creep = RULES.creep * np.abs(dq).max(0) / 2.0 ** np.arange(5 + 1)[:, None]
-        moving = np.where(np.abs(dq) > creep[0], np.abs(ddq), np.nan)
+        creep = RULES.creep * np.abs(dq).max(0)
+        moving = np.where(np.abs(dq) > creep, np.abs(ddq), np.nan)
         never = signals.never_moves(q.min(0), q.max(0)) | np.isnan(moving).all(0)
         typical = np.full(len(never), np.inf)  # of a Gaussian the median is .67 of its spread
         typical[~never] = np.nanmedian(moving[:, ~never], axis=0) / 0.6745
         typical = np.where(typical > 0, typical, np.inf)
-        speeds = tuple(v for _, v, _ in parts)
-        return Stays(plan, tuple(windows), speeds, recorded, width, creep, typical, never)
+        # How often a speed that says nothing is halved; noise of the record hides slower ones.
+        creep = np.maximum(creep / 2.0 ** np.arange(6)[:, None], 4.0 * plan.speed_noise(windows))
+        creep[:, never] = np.inf
+        return Stays(plan, tuple(v for _, v, _ in parts), creep, typical, never)
 
     def rule(self, rare: int = 1) -> DwellRule:
         """Return the rule of what so few in as many reversals again last as long as."""
-        plan, width, creep = self.plan, self.width, self.creep
-        # Rayleigh distributed: a share p of reversals is slower than in proportion to its root.
-        # Slower reversals of Gaussian motion are 2 %: √(−2 ln .98) [Rice 1944].
-        slow = 0.2 / np.sqrt(rare) * self.typical
-        stay = 2 * width / slow if self.recorded else 2 * np.sqrt(2 * width / slow)
-        least = np.maximum(np.ceil(stay / plan.step), SEVERAL).astype(int)
-        crossing = 2 * creep / (RULES.dwell_creep / np.sqrt(rare) * self.typical)
-        blurred = 0.0 if plan.cutoff is None else 1.0 / plan.cutoff
-        told = (crossing >= blurred) & ((creep >= width) if self.recorded else True)
+        step, cutoff = self.plan.step, self.plan.cutoff
+        # Rayleigh distributed: a share p of reversals is slower than in proportion to its root;
+        # slower ones of Gaussian motion are 5 %: √(−2 ln .95) [Rice 1944].
+        slowest = 0.32 / np.sqrt(rare) * np.where(self.never, np.inf, self.typical)
+        crossing = 2 * np.where(self.never, 0.0, self.creep) / slowest
+        blurred = 0.0 if cutoff is None else 1.0 / cutoff
+        told = crossing >= blurred  # below, the filter tells nothing apart
         told[0] = True
-        # Below, the record or the filter tells nothing apart.
-        creep, crossing = (np.where(told, x, x[0]) for x in (creep, crossing))
-        longer = np.maximum(np.ceil(crossing / plan.step), SEVERAL).astype(int)
-        beside = int(np.ceil(RULES.reversal_blur * blurred / plan.step))
-        width = np.where(self.never, np.inf, width)
-        return DwellRule(self.recorded, width, least, creep, longer, beside)
+        creep, crossing = (np.where(told, x, x[0]) for x in (self.creep, crossing))
+        longer = np.maximum(np.ceil(crossing / step), SEVERAL).astype(int)
+        return DwellRule(creep, longer, int(np.ceil(0.5 * blurred / step)))
 
     def count(self, rare: int = 1) -> tuple[int, int]:
         """Return how many stays of all joints there are by a rule, and how many reversals."""
         rule, stays, reversals = replace(self.rule(rare), beside=0), 0, 0
-        for window, v in zip(self.windows, self.speeds, strict=True):
-            dwells = rule.find(window, v)[:, ~self.never]
+        for v in self.speeds:
+            dwells = rule.find(v)[:, ~self.never]
             stays += int((np.diff(dwells, axis=0, prepend=False) & dwells).sum())
             reversals += int((_reversals(v)[:, ~self.never] & ~dwells).sum())
         return stays, stays + reversals
@@ -311,7 +234,7 @@ def ever_stand(logs: Sequence[Stays]) -> bool:
     Of the reversals of smooth motion one in twenty is as slow as a dwell: joints stand where more
     are than chance makes of them, or where one lasts longer than the slowest of so many.
     """
-    slower = -np.expm1(-0.5 * RULES.dwell_creep**2)
+    slower = 0.05
     found, reversals = np.sum([x.count() for x in logs], axis=0)
     if not reversals:  # nor any stay, which would be counted among them
         return False
@@ -350,8 +273,6 @@ class Plan:
         What to say of it where every reader looks.
     band : float or None [Hz]
         Up to where torque and columns are kept beside computed derivatives; None without these.
-    spare : int
-        Of every so many samples all is known that columns are made of.
     """
 
     step: float
@@ -366,12 +287,11 @@ class Plan:
     smoothing: Smoothing | None = None
     hints: tuple[str, ...] = ()
     band: float | None = None
-    spare: int = 1
 
     @property
     def decimation(self) -> signals.Decimation | None:
         """The decimation, if there is any."""
-        return signals.Decimation(self.factor, self.spare) if self.factor > 1 else None
+        return signals.Decimation(self.factor) if self.factor > 1 else None
 
     @property
     def filter_reach(self) -> int:
@@ -387,6 +307,16 @@ class Plan:
     def reach(self) -> int:
         """Samples on each side that an output draws on."""
         return self.filter_reach + (0 if self.decimation is None else self.decimation.reach)
+
+    def speed_noise(self, windows: Sequence[Log]) -> Array:
+        """Return the standard deviation of noise in the speeds that are used, (n,)."""
+        recorded = all(w.dq is not None for w in windows)
+        records = [w.dq if w.dq is not None and recorded else w.q for w in windows]
+        levels = [noise_level(x, w.t) ** 2 for x, w in zip(records, windows, strict=True)]
+        sd: Array = np.sqrt(np.mean(levels, axis=0))
+        if not recorded:  # white noise up to the cut-off, differentiated
+            sd *= 2 * np.pi * np.sqrt(2 / 3 * self.step * (self.cutoff or 0.0) ** 3)
+        return sd
 
     def mend(self, log: Log, origin: int = 0) -> Log:
         """Return a log, as it was recorded, with repeated values interpolated.
@@ -800,9 +730,6 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
             "(compensated): what gravity tells of masses is the file's"
         )
     plan = replace(plan, factor=_choose_factor(plan, how), stale=stale)
-    if plan.cutoff is not None and robot.base is None:  # a base's own sensor is not low-passed
-        spare = RULES.cutoff_highest / (plan.cutoff * plan.step)
-        plan = replace(plan, spare=int(spare * (1 + ROUNDOFF)))
     dwells = None
     if not how.keep_rest:
         stays = Stays.of(plan, windows, raw.origins)
@@ -904,5 +831,4 @@ def _choose_factor(plan: Plan, how: Preparation) -> int:
         return how.decimate
     if plan.band is None:
         return 1
-    factor = max(1, int(0.5 / (plan.band * plan.step)))
-    return factor - factor % max(1, factor // signals.DENSE)  # for `Decimation.every`
+    return max(1, int(0.5 / (plan.band * plan.step)))

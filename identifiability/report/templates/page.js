@@ -116,44 +116,10 @@ for (const button of document.querySelectorAll(".save-table")) {
   });
 }
 
-// A part of the drawn robot shows its rows; a row and its mark in the pictures light up together.
+// A row and its mark in the pictures light up together.
 const rowName = (row) => row.cells[0].firstChild.textContent.trim();
-const belongs = (row, owner) => rowName(row) === owner || rowName(row).startsWith(`${owner}.`);
-function tablesOf(owner) {  // of one section: of what is folded away, too
-  const own = (table) => [...table.querySelectorAll("tbody tr")].some((row) => belongs(row, owner));
-  const every = [...document.querySelectorAll("section:not(.detail) .table")].filter(own);
-  return every.filter((table) => table.closest("section") === every[0].closest("section"));
-}
 function unfold(inner) {
   for (let fold = inner.closest("details"); fold; fold = fold.parentNode.closest("details")) fold.open = true;
-}
-function showOwner(part) {
-  const owner = part.dataset.owner, pressed = part.getAttribute("aria-pressed") === "true";
-  for (const other of document.querySelectorAll("[data-owner]")) {
-    if (other.hasAttribute("aria-pressed")) other.setAttribute("aria-pressed", String(!pressed && other === part));
-  }
-  for (const hidden of document.querySelectorAll("section:not(.detail) tbody tr[hidden]")) hidden.hidden = false;
-  const tables = tablesOf(owner);
-  for (const table of tables) {
-    const rows = [...table.querySelectorAll("tbody tr")];
-    for (const row of rows) row.hidden = !pressed && !belongs(row, owner);
-    const shown = rows.filter((row) => !row.hidden).length;
-    const status = table.querySelector(".shown");
-    if (status) status.textContent = pressed ? "" : `${owner}: ${shown} of ${rows.length} shown`;
-    unfold(table);
-  }
-  if (!pressed) tables[0].scrollIntoView({ block: "start" });
-}
-for (const part of document.querySelectorAll("[data-owner]")) {
-  if (!tablesOf(part.dataset.owner).length) {  // nothing to show: no button
-    for (const name of ["role", "tabindex", "aria-pressed"]) part.removeAttribute(name);
-    part.setAttribute("role", "img");
-    continue;
-  }
-  part.addEventListener("click", () => showOwner(part));
-  part.addEventListener("keydown", (event) => {
-    if (event.key === "Enter" || event.key === " ") { event.preventDefault(); showOwner(part); }
-  });
 }
 function light(section, name, on) {
   for (const one of section.querySelectorAll("[data-row]")) {

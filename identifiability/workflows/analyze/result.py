@@ -34,7 +34,7 @@ from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import REACH, percent
+from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import check_choice
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import (
@@ -44,9 +44,9 @@ from identifiability.foundation.rounding import (
     exact,
     format_number,
     join,
+    percent,
     percent_text,
     stated_text,
-    time_text,
 )
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
@@ -775,7 +775,7 @@ JOINTS = with_hints(
     *ERRORS,
     Column("rms error, unseen", digits(3), "rms_validation"),
     Column("of raw torque, unseen", error_text, "error_raw_validation"),
-    Column("autocorrelation time [samples]", time_text, "time", detail=True),
+    Column("autocorrelation time [samples]", digits(3), "time", detail=True),
 )
 
 LOGS = (Column("log", get="name"), Column("samples", "number", "samples"), *ERRORS)

@@ -14,18 +14,11 @@ from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import Turns
-from identifiability.foundation.engines.mapping import Engine, one_thread
+from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
-from identifiability.foundation.options import (
-    NotNegative,
-    Replicates,
-    Seed,
-    checked,
-    renamed,
-    settle_count,
-)
+from identifiability.foundation.options import NotNegative, Replicates, Seed, checked, settle_count
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
@@ -215,7 +208,6 @@ def predict_everywhere(
 # The whole way from logs to the answer.
 
 
-@renamed(cad_weight="cad_prior")
 @checked
 def analyze(
     robot: RobotLike,

@@ -20,7 +20,7 @@ from identifiability.estimation.noise import JointRuns, find_runs, fit_residual_
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Column, Table
-from identifiability.foundation.engines.mapping import Engine, Serial, Steps
+from identifiability.foundation.engines import Engine, Serial, Steps
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.numbers import REACH, Share, exact_share
 from identifiability.foundation.options import (
@@ -29,11 +29,10 @@ from identifiability.foundation.options import (
     Seed,
     Whole,
     checked,
-    renamed,
     settle_count,
 )
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import join, rough_percent, whole_percent
+from identifiability.foundation.rounding import join, rough_percent
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import prepare_log
@@ -231,7 +230,6 @@ class Calibration(Result):
         }
 
 
-@renamed(trials="replicates", diagnoses="names", logs="", sbc="")
 @checked
 def calibrate(
     analysis: Analysis,
@@ -338,14 +336,14 @@ def _wrong(calibration: Calibration) -> Answer:
         text = f"At most {rough_percent(wrong.high)} by these trials. "
         tone = "green" if wrong.high <= RULES.wrong_most else "amber"
     if cell.not_judged:
-        text += f"In {whole_percent(cell.not_judged)} of the repetitions nothing is judged."
+        text += f"In {rough_percent(cell.not_judged)} of the repetitions nothing is judged."
     return Answer("How often is a verdict wrong?", short, text.strip(), tone)
 
 
 def _weakest(calibration: Calibration) -> Answer:
     cell = calibration.cell
     worst = calibration.to_frame().iloc[0]
-    held = whole_percent(worst["value"])
+    held = rough_percent(worst["value"])
     short = f"In {worst['parameter']}: {held} of its intervals hold the truth."
     narrow = f"Too few beyond chance: {join(list(cell.below))}. " if cell.below else ""
     tone = "amber" if narrow else ""
@@ -393,7 +391,7 @@ def _next_commands(calibration: Calibration) -> list[tuple[str, str]]:
 
 EACH = (
     Column("parameter"),
-    Column("coverage", whole_percent, hint="Share of its 95 % intervals that hold the truth."),
-    Column("at least", whole_percent, hint="Lower end of the Monte-Carlo interval."),
-    Column("at most", whole_percent, hint="Upper end of the Monte-Carlo interval."),
+    Column("coverage", rough_percent, hint="Share of its 95 % intervals that hold the truth."),
+    Column("at least", rough_percent, hint="Lower end of the Monte-Carlo interval."),
+    Column("at most", rough_percent, hint="Upper end of the Monte-Carlo interval."),
 )

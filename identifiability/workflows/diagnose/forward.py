@@ -16,7 +16,7 @@ from identifiability.effects import find_family
 from identifiability.estimation.torque_errors import DRAWN_STRETCHES, change_interval
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
-from identifiability.foundation.numbers import percent
+from identifiability.foundation.rounding import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals

@@ -17,12 +17,12 @@ from scipy.special import ndtr
 
 from identifiability.effects import Part, Placed, find_family, title_of
 from identifiability.estimation.rules import RULES
-from identifiability.foundation.engines.mapping import one_thread
+from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
 from identifiability.foundation.output import write_json
-from identifiability.foundation.rounding import format_time, stated
+from identifiability.foundation.rounding import stated
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -98,7 +98,7 @@ class NextMotion:
                 "same torque, and either predicts it."
             )
         period, k = self.excitation.trajectory.period, self.periods
-        more = f", {k} times ({format_time(k * period)} in all)" if k > 1 else ""
+        more = f", {k} times ({k * period:g} s in all)" if k > 1 else ""
         # From here on a percentage is not said.
         chance, before = (
             "more than 99 %" if share > 0.99 else f"{100 * share:.0f} %"

@@ -20,8 +20,7 @@ from identifiability.estimation.torque_errors import change_interval
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import percent
-from identifiability.foundation.rounding import format_count, join
+from identifiability.foundation.rounding import format_count, join, percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals

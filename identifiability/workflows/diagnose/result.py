@@ -18,7 +18,7 @@ from identifiability.estimation.fit import Fit as Known
 from identifiability.estimation.prediction import measure_spread, predict
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.answers import Answer, Column, Note, Table
-from identifiability.foundation.engines.mapping import one_thread
+from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.numbers import REACH

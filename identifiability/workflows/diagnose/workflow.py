@@ -19,7 +19,7 @@ from identifiability.effects.measurement import CommandDelay
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.groups import place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
-from identifiability.foundation.engines.mapping import Engine, Serial, one_thread
+from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.values import frozen

@@ -16,7 +16,7 @@ from typing import Annotated
 import numpy as np
 import pandas as pd
 
-from identifiability.foundation.engines.mapping import one_thread
+from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import LimitShare, checked, within

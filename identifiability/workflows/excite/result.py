@@ -17,11 +17,10 @@ import pandas as pd
 from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.errors import ClosureError, LogError, listing
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import MOST_SAMPLES
 from identifiability.foundation.output import csv_text, write_text
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import digits, exact, format_count, format_number
+from identifiability.foundation.rounding import digits, exact, format_count, format_number, percent
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from identifiability.foundation.engines.mapping import Engine, one_thread
+from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
@@ -22,7 +22,6 @@ from identifiability.foundation.options import (
     check_option,
     checked,
     counted,
-    renamed,
 )
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs.prepare import Preparation
@@ -50,7 +49,6 @@ PERIOD: Tolerance = 7.5
 EVALUATIONS = 15_000
 
 
-@renamed(criterion="", iterations="evaluations", time_limit="evaluations")
 @checked
 def excite(
     robot: RobotLike,

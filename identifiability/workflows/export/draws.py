@@ -18,9 +18,9 @@ import scipy
 
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Expected, FilePath, NotNegative, Seed, checked
 from identifiability.foundation.output import check_ending
+from identifiability.foundation.rounding import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.tables import PARQUET, write_table

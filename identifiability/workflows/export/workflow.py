@@ -30,10 +30,10 @@ from identifiability.estimation.prediction import predict
 from identifiability.foundation.documents import read_document, toml_text
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
 from identifiability.foundation.names import BASE, GROUPED_KINDS, INERTIAL_KINDS
-from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
 from identifiability.foundation.result import shown
+from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.physical.cad_prior import state_mass

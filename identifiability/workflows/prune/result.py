@@ -10,9 +10,14 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import listing
-from identifiability.foundation.numbers import percent
 from identifiability.foundation.output import write_text
-from identifiability.foundation.rounding import digits, error_text, format_number, percent_text
+from identifiability.foundation.rounding import (
+    digits,
+    error_text,
+    format_number,
+    percent,
+    percent_text,
+)
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import (

@@ -30,20 +30,19 @@ from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import take_turns
-from identifiability.foundation.engines.mapping import Engine, Steps, one_thread
+from identifiability.foundation.engines import Engine, Steps, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import (
     Names,
     NotNegative,
     Replicates,
     Seed,
     checked,
-    renamed,
     settle_count,
 )
+from identifiability.foundation.rounding import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
@@ -95,7 +94,6 @@ from identifiability.workflows.session import Session, Weighed, find_missing, se
 CERTIFIED = 4
 
 
-@renamed(cad_weight="cad_prior")
 @checked
 def prune(
     robot: RobotLike,

@@ -143,7 +143,7 @@ def test_a_repetition_on_another_clock_is_found_and_its_errors_are_its_own(robot
     how = Preparation(keep_rest=True)
     samples, other = (prepare_log(robot, x, how) for x in (log, again))
     found = add_instrument(robot, log, samples, [other])
-    assert "repetitions, on average of 0.9" in found.notes[-1]
+    assert "mean of its repetitions in 1 log" in found.notes[-1]
     for first, second in errors(found, exact, samples.motion.kept):
         a, b = first[200:-200], second[200:-200]
         assert b.std() < 1.2 * a.std()

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from identifiability.effects.measurement import TimeDelay
-from identifiability.foundation.engines.mapping import Serial
+from identifiability.foundation.engines import Serial
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.gaps import Gaps, fill

@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.effects.effect import split_runs
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.contradictions import check_units, contradictions
@@ -72,56 +71,16 @@ def test_outputs_are_at_every_nth_row_whose_neighbours_are_all_there(two, factor
         np.testing.assert_array_equal(at, rows)
 
 
-@pytest.mark.parametrize(
-    ("factor", "spare", "every"), [(63, 9, 1), (64, 9, 2), (99, 3, 3), (99, 2, 1), (101, 9, 1)]
-)
-def test_columns_are_computed_of_at_least_32_samples_for_each_output(two, factor, spare, every):
-    s = replace(samples_of(two, np.arange(3, 24 * factor), 1), decimation=Decimation(factor, spare))
-    for size in (1, 70, 10**6):
-        pieces = list(s.pieces(size))
-        rows = every * np.concatenate([p.motion.kept[p.at] for p in pieces])
-        np.testing.assert_array_equal(rows, factor * np.arange(11, 14))
-        torque, raw = (np.concatenate([getattr(p, k) for p in pieces]) for k in ("torque", "raw"))
-        np.testing.assert_allclose(torque[:, 0], rows, atol=1e-9)
-        np.testing.assert_array_equal(raw[:, 0], rows)
-        down = np.concatenate([p.down(p.motion.t) for p in pieces])
-        np.testing.assert_allclose(down, 0.01 * rows, atol=1e-9)
-        for p in pieces:
-            # Effects that remember where they came from see no gap.
-            assert (np.diff(p.motion.kept) == 1).all()
-            assert len(split_runs(p.motion)) == 1
-            assert every == 1 or not np.shares_memory(p.motion.q, s.motion.q)
-            assert p.motion.span == pytest.approx(0.01 * every if every > 1 else 0.0)
-
-
 def test_what_is_no_data_is_so_of_columns_and_torque_alike(two):
     """Torque that the columns explain is explained beside joints that stand, too."""
     factor, rows = 96, np.arange(3, 3000)
     s = samples_of(two, rows, 1)
     stands = ((rows // 211) % 2 == 0)[:, None] & np.array([True, False])
-    s = replace(s, tau=s.motion.actuated_a, decimation=Decimation(factor, 9), weight=1.0 - stands)
+    s = replace(s, tau=s.motion.actuated_a, decimation=Decimation(factor), weight=1.0 - stands)
     for p in s.pieces(10**6):
         column = p.weighed(p.down(p.silenced(p.motion.actuated_a.copy())))
         assert 0 < p.moves[:, 0].sum() < len(p.moves)
         np.testing.assert_allclose(column, p.torque, atol=2e-3 * np.abs(s.tau).max())
-
-
-def test_friction_turns_between_the_samples_that_columns_are_computed_of(two):
-    """Of a sample that stands for several the sign is what it is of them in the mean."""
-    factor, t = 192, 0.0005 * np.arange(12_000)
-    s = samples_of(two, np.arange(12_000), 1)
-    s = replace(s, motion=replace(complete_motion(two, t, *wave(t)), kept=s.motion.kept))
-    every = Decimation(factor).apply(np.sign(s.motion.actuated_v))
-    row = np.array([1.0, 0.0])
-    (whole,) = replace(s, decimation=Decimation(factor, 9)).pieces(10**6)
-    assert len(whole.motion) < len(s.motion) / 5
-
-    def error(motion):
-        sign = motion.expected_sign(motion.actuated_v[:, 0], row)
-        return np.abs(whole.down(sign) - every[: len(whole.torque), 0]).max()
-
-    # The sign of every sample is itself known to the nearest one.
-    assert error(whole.motion) < 1.1 / factor < 0.02 < error(replace(whole.motion, span=0.0))
 
 
 def test_decimation_keeps_the_band_up_to_the_cut_off(two):
@@ -133,10 +92,7 @@ def test_decimation_keeps_the_band_up_to_the_cut_off(two):
         assert (None if d is None else d.factor) == factor
     longer = log_of(0.002 * np.arange(9000), dq=None, ddq=None)
     slow = prepare_log(two, longer, Preparation(cutoff=2.0, keep_rest=True)).decimation
-    assert (slow.factor, slow.every) == (123, 3)
-    # What the motion's low-pass lets through is in no column of fewer samples.
-    wide = prepare_log(two, log, Preparation(decimate=96, keep_rest=True))
-    assert wide.cutoff * 0.002 * wide.decimation.every <= 0.2001
+    assert slow.factor == 124
     given = prepare_log(two, log_of(t), Preparation(keep_rest=True))
     assert given.decimation is None  # measured derivatives need no filter
     wanted = prepare_log(two, log_of(t), Preparation(decimate=7, keep_rest=True))

@@ -1,0 +1,426 @@
+"""Where long work runs: in this process, in several, or on a cluster, with or without a memory.
+
+What to use when: `Serial` for work of seconds and for debugging, `Processes` on one machine,
+`Dask` for more than one, `Resumed` around any of them for hours of work. All do one thing: one
+function over many items, in their order, one thread each.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+import pickle
+import signal
+import sys
+import threading
+import time
+import warnings
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError
+from contextlib import AbstractContextManager, suppress
+from functools import cache, cached_property, lru_cache, partial
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Literal, Self, TypeVar
+
+import cloudpickle
+from threadpoolctl import ThreadpoolController
+
+from identifiability.foundation.errors import EngineError, OutputError
+from identifiability.foundation.findings import Finding
+from identifiability.foundation.options import Count, EngineName, FilePath, checked
+from identifiability.foundation.output import temporary_folder, write_bytes
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+#: Hears how many items are done, and how many there are.
+Steps = Callable[[int, int], None]
+
+#: Seconds that opening processes takes, to wait for a scheduler, and for its first worker.
+OPENING, PATIENCE, JOINING = 1.7, 5.0, 60.0
+
+#: Packages whose version may change a result in its last bits.
+NUMERICS = ("numpy", "scipy", "pin", "mujoco", "cvxpy", "clarabel", "emcee")
+
+
+def one_thread(of: Literal["blas", "openmp"] | None = None) -> AbstractContextManager[Any]:
+    """Return a context in which libraries have one thread: those of one kind, or all.
+
+    Threads fight over the small matrices of this project, and sums over several threads differ in
+    the last bits from sums over one. Looking for the libraries takes milliseconds, and only an
+    import brings new ones.
+    """
+    limits: AbstractContextManager[Any] = _controller(len(sys.modules)).limit(limits=1, user_api=of)
+    return limits
+
+
+@lru_cache(maxsize=1)
+def _controller(_modules: int) -> ThreadpoolController:
+    return ThreadpoolController()
+
+
+def run_limited(function: Callable[[Item], Result], item: Item) -> Result:
+    """Return what a function makes of an item, with one thread of BLAS."""
+    with one_thread("blas"):
+        return function(item)
+
+
+@lru_cache(maxsize=2)
+def _read(function: bytes | Path) -> Any:
+    return cloudpickle.loads(function if isinstance(function, bytes) else function.read_bytes())
+
+
+def run_pickled(function: bytes | Path, item: Any) -> Any:
+    """Do the same with a function that was pickled, or is in a file; it is read once."""
+    return run_limited(_read(function), item)
+
+
+def in_order(submit: Callable[[Item], Any], items: Sequence[Item], workers: int) -> Iterator[Any]:
+    """Give results in the order of the items, a few for each worker under way ahead of them."""
+    waiting: deque[Any] = deque()
+    for k, item in enumerate(items, 1):
+        waiting.append(submit(item))
+        while waiting and (len(waiting) >= 4 * workers or k == len(items)):
+            yield waiting.popleft().result()
+
+
+class Engine:
+    """Runs one function over many items; the results do not depend on which engine it is.
+
+    Use it in a ``with`` block: workers end with it.
+    """
+
+    def map(
+        self,
+        function: Callable[[Item], Result],
+        items: Sequence[Item],
+        *,
+        progress: Steps | None = None,
+    ) -> Iterator[Result]:
+        """Give the results in the order of the items, each as soon as those before it are there.
+
+        Parameters
+        ----------
+        function : callable
+            Any that cloudpickle can send, with the arguments bound to it.
+        items : sequence
+            All that tells one from another must be in them: a function that draws random numbers
+            gets its seed as part of the item.
+        progress : callable, optional
+            ``(done, total)``.
+
+        Raises
+        ------
+        Exception
+            The first that the function raises, by the order of the items.
+        """
+        for done, result in enumerate(self._run(function, items), 1):
+            if progress is not None:
+                progress(done, len(items))
+            yield result
+
+    def _run(self, function: Any, items: Sequence[Any]) -> Iterator[Any]:
+        return (run_limited(function, item) for item in items)
+
+    def close(self) -> None:
+        """End what works for the engine."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+
+class Serial(Engine):
+    """Runs one item after another in this process."""
+
+
+class Processes(Engine):
+    """Runs items in worker processes of this machine.
+
+    They are joblib's (loky): fresh interpreters that import what they need. The function reaches
+    each of them once, through a file.
+
+    Parameters
+    ----------
+    workers : int, optional
+        By default one for each core, started once the first item has said that this is faster.
+    """
+
+    def __init__(self, workers: int | None = None) -> None:
+        self._asked = workers
+        self._pool: Any = None
+
+    @cached_property
+    def workers(self) -> int:
+        """How many work."""
+        import joblib  # noqa: PLC0415 - heavy, and a single item does without it
+
+        return self._asked or int(joblib.cpu_count())
+
+    def _run(self, function: Any, items: Sequence[Any]) -> Iterator[Any]:
+        begin = time.thread_time()  # a busy machine takes as much longer to open
+        first = [] if self._asked else [run_limited(function, item) for item in items[:1]]
+        gained = (time.thread_time() - begin) * (len(items) - 1) * (1 - 1 / self.workers)
+        yield from first
+        items, opened = items[len(first) :], self._asked or self._pool or gained > OPENING
+        if len(items) < 2 or self.workers == 1 or not opened:
+            yield from (run_limited(function, item) for item in items)
+            return
+        ended = False
+        try:
+            with temporary_folder() as folder:
+                path = Path(folder, "function")
+                path.write_bytes(cloudpickle.dumps(function))
+                yield from in_order(
+                    partial(self._started(), run_pickled, path), items, self.workers
+                )
+            ended = True
+        except BrokenExecutor:
+            raise EngineError(Finding("workers.lost", workers=self.workers)) from None
+        finally:
+            if not ended:  # what is under way is wanted no more
+                self.close()
+
+    def _started(self) -> Callable[..., Any]:
+        """Return what sends work to the processes."""
+        from joblib.externals.loky import ProcessPoolExecutor  # noqa: PLC0415 - heavy
+
+        if self._pool is None:
+            # Workers that grow are replaced, which is no loss.
+            warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
+            one, own = {"OMP_NUM_THREADS": "1"}, (os.getpid(),)
+            self._pool = ProcessPoolExecutor(
+                self.workers, initializer=_start_worker, initargs=own, env=one
+            )
+        submit: Callable[..., Any] = self._pool.submit
+        return submit
+
+    def close(self) -> None:
+        """End the processes, whatever they are doing."""
+        pool, self._pool = self._pool, None
+        if pool is not None:
+            # Its own shutdown(kill_workers=True) fails in its thread while items wait (joblib 1.6);
+            # lost workers it handles well.
+            for worker in list((pool._processes or {}).values()):
+                worker.terminate()
+            pool.shutdown(wait=True)
+
+
+def _start_worker(parent: int) -> None:
+    """Leave Ctrl-C to the parent, and end with it, however it ended."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+class Dask(Engine):
+    """Runs items on the workers of a Dask cluster; what a lost one did is done by another.
+
+    Workers need this package in the same version; modules of a study go with what is sent where
+    the study has registered them (`cloudpickle.register_pickle_by_value`).
+
+    Parameters
+    ----------
+    scheduler : str
+        Address, such as ``tcp://host:8786``.
+
+    Raises
+    ------
+    EngineError
+        If Dask is not installed, no scheduler answers, it has no workers, or they run another
+        version of this package; while it works, if the scheduler or all workers are lost.
+    """
+
+    def __init__(self, scheduler: str) -> None:
+        try:
+            import distributed  # noqa: PLC0415 - an extra
+        except ImportError:
+            raise EngineError(Finding("cluster.install")) from None
+        self.scheduler = scheduler
+        # Dask's client writes on standard error what we say in a sentence.
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
+        try:
+            self.client: Any = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
+        except (OSError, ValueError, RuntimeError, TypeError) as error:  # TypeError: no certificate
+            raise EngineError(Finding("cluster.none", scheduler, why=str(error))) from None
+        wrong, theirs = "other", None
+        try:
+            self.client.wait_for_workers(1, timeout=JOINING)
+            theirs = set(self.client.run(source_digest, "identifiability").values())
+        except TimeoutError:
+            wrong = "empty"
+        except (ImportError, AttributeError):  # they do not have it, or one of long ago
+            pass
+        if theirs != {source_digest("identifiability")}:
+            self.close()
+            raise EngineError(Finding(f"cluster.{wrong}", scheduler))
+
+    def _run(self, function: Any, items: Sequence[Any]) -> Iterator[Any]:
+        import dask  # noqa: PLC0415
+        from distributed import KilledWorker  # noqa: PLC0415
+        from distributed.core import CommClosedError, RPCClosed  # noqa: PLC0415
+
+        try:
+            # As a task, not as data: what a lost worker had of it is made again.
+            with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1PB"}):
+                sent = self.client.submit(bytes, cloudpickle.dumps(function), pure=False)
+            submit = partial(self.client.submit, run_pickled, sent, pure=False)
+            yield from in_order(submit, items, max(1, sum(self.client.ncores().values())))
+        except (CancelledError, CommClosedError, RPCClosed):
+            raise EngineError(Finding("cluster.lost", self.scheduler)) from None
+        except KilledWorker:
+            raise EngineError(Finding("cluster.died", self.scheduler)) from None
+
+    def close(self) -> None:
+        """Leave the cluster, which goes on."""
+        with suppress(CancelledError, OSError):
+            self.client.close()
+
+
+class Resumed(Engine):
+    """An engine that keeps the results of finished items and does not do them again.
+
+    A result is found again only by a hash of what led to it: the function with its arguments, the
+    item, the program text and the versions of numerics. Files are written whole or not at all:
+    after an interruption at most the items that were under way are lost. They are pickles, which
+    can run any program: the folder is the user's own, as scripts are. What an item stands for must
+    be part of it: of a file, not only its name but a digest of its content.
+
+    Parameters
+    ----------
+    engine : Engine
+        Does what is missing.
+    folder : path
+        Made if it does not exist, for the user alone. One folder serves any number of runs.
+
+    Attributes
+    ----------
+    found, done : int
+        Items whose results were there, and that had to be done, in all calls of `map` so far.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be made, or others can write to it.
+    """
+
+    def __init__(self, engine: Engine, folder: str | Path) -> None:
+        self.engine, self.folder = engine, Path(folder)
+        self.found = self.done = 0
+        why: object = ""
+        try:
+            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if self.folder.stat().st_mode & 0o002:
+                why = "it can be written to by everybody, and what it keeps is run as a program"
+        except (OSError, ValueError) as error:
+            why = getattr(error, "strerror", None) or error
+        if why:
+            raise OutputError(f"'{folder}' cannot keep finished work: {why}; give a folder.")
+
+    def _run(self, function: Any, items: Sequence[Any]) -> Iterator[Any]:
+        paths = [self.folder / f"{fingerprint(function, item)}.result" for item in items]
+        kept = [_read_back(path) for path in paths]
+        fresh = self.engine.map(
+            function, [item for item, old in zip(items, kept, strict=True) if not old]
+        )
+        for path, old in zip(paths, kept, strict=True):
+            self.found += bool(old)
+            self.done += not old
+            if not old:
+                write_bytes(path, pickle.dumps(next(fresh), protocol=5))
+            # Bit by bit what is read back, and so is what follows.
+            yield (old or _read_back(path))[0]
+
+    def close(self) -> None:
+        """End what does the work; what was finished stays."""
+        self.engine.close()
+
+
+def _read_back(path: Path) -> tuple[Any, ...]:
+    """Return the result of a file; nothing where it is missing or damaged."""
+    with suppress(OSError, EOFError, ValueError, pickle.UnpicklingError):
+        return (pickle.loads(path.read_bytes()),)
+    return ()
+
+
+def fingerprint(function: Callable[..., Any], item: Any = None) -> str:
+    """Return a hash of a function with its arguments, an item, and the programs that work."""
+    import joblib  # noqa: PLC0415 - heavy
+
+    parts: list[Any] = [item, *map(find_version, NUMERICS)]
+    while isinstance(function, partial):
+        parts.append((function.args, function.keywords))
+        function = function.func
+    home = str(getattr(function, "__module__", None) or "").partition(".")[0]
+    parts += [source_digest("identifiability"), source_digest(home)]
+    # Of lambdas and local functions the content is hashed, by what cloudpickle sends.
+    return str(joblib.hash([*parts, cloudpickle.dumps(function)], "sha1"))
+
+
+@cache
+def source_digest(name: str) -> str:
+    """Return a hash of the text of a module or package; empty where there is none."""
+    path = Path(getattr(sys.modules.get(name), "__file__", None) or "")
+    files = sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]
+    texts = [(f.relative_to(path.parent).as_posix(), f.read_bytes()) for f in files if f.is_file()]
+    return hashlib.sha256(repr(texts).encode()).hexdigest()
+
+
+@cache
+def find_version(name: str) -> str:
+    """Return the version of an installed package; empty if it is not there."""
+    with suppress(metadata.PackageNotFoundError):
+        return metadata.version(name)
+    return ""
+
+
+@checked
+def choose_engine(
+    engine: EngineName | None = None,
+    workers: Count | None = None,
+    scheduler: str | None = None,
+    resume: FilePath | None = None,
+) -> Engine:
+    """Return the engine that some options ask for.
+
+    Parameters
+    ----------
+    engine : {"serial", "processes", "dask"}, optional
+        In this process, in several, or on a Dask cluster; the result is the same. By default in
+        several once that is faster; with a scheduler's address, on its cluster.
+    workers : int, optional
+        Processes on this machine, from the first item on; by default one for each core.
+    scheduler : str, optional
+        Address of a Dask scheduler, such as ``tcp://host:8786``.
+    resume : path, optional
+        Folder that keeps finished work; the same command takes it from there when it runs again.
+
+    Raises
+    ------
+    EngineError
+        If options contradict each other, or the cluster cannot be used.
+    """
+    name = engine or ("processes" if scheduler is None else "dask")
+    if scheduler is None and name == "dask":
+        raise EngineError(Finding("cluster.address"))
+    if scheduler is not None and name != "dask":
+        raise EngineError(f"The engine '{name}' has no scheduler; give the engine 'dask' with it.")
+    if scheduler is not None and workers is not None:
+        raise EngineError(Finding("cluster.workers", scheduler))
+    if scheduler is not None:
+        made: Engine = Dask(scheduler)
+    elif name == "serial":
+        made = Serial()
+    else:
+        made = Processes(Processes().workers if engine and workers is None else workers)
+    return made if resume is None else Resumed(made, resume)
