@@ -27,7 +27,13 @@ from identifiability.estimation.differences import (
 from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import Missing, fit_loads, with_reversals
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
-from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, autocorrelation_time
+from identifiability.estimation.noise import (
+    ARNoise,
+    JointNoise,
+    JointRuns,
+    autocorrelation_time,
+    rich_noise,
+)
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
@@ -395,8 +401,10 @@ def _odds_of_each(
 
 #: What may begin and end while a robot is logged: a load, a brake or dirt, a counterweight.
 CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
-#: Instants at most at which something may change.
+#: Instants of a log at most at which something may change.
 INSTANTS = 40
+#: Shortest part of time [s].
+SHORTEST: Tolerance = 0.5
 
 
 def _parts_of_time(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
@@ -408,7 +416,7 @@ def _parts_of_time(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
     for n in np.unique(rows.log):
         own = np.flatnonzero(rows.log == n)
         t = rows.t[own]
-        some = max(min(INSTANTS, len(own) // 2), 1)
+        some = max(min(INSTANTS, len(own) // 2, int((t[-1] - t[0]) / SHORTEST)), 1)
         cuts = np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], some + 1)[:-1]))
         begins += [*(own[0] + cuts[1:]).tolist(), int(own[-1]) + 1]
         log += [int(n)] * len(cuts)
@@ -468,12 +476,10 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
     if len(patterns) < 2 or not found.said:
         return None
     places = [g for g, (own, _) in found.said.values() if len(own) == 1]
-    # What it adds is no noise: once it is roughly known, that is without.
-    first = _surest(found, found.model.gains((), places))
-    if first.odds < 0:
-        return None
-    found = replace(found, noise=_noise_without(naming, found, first))
     every = found.model.gains((), places)
+    for _ in range(2):  # what it adds is no noise: once it is roughly known, that is without
+        found = replace(found, noise=_noise_without(naming, found, _surest(found, every)))
+        every = found.model.gains((), places)
     stays = [t for t in every if found.said[t.key][1][1]]
     causes = [found.rows.causes[found.said[t.key][1][0][0]] for t in stays]
     what = [(c.family, t.group.place) for c, t in zip(causes, stays, strict=True)]
@@ -541,13 +547,13 @@ def _surest(found: Differences, every: Iterable[Term]) -> Term:
 
 
 def _noise_without(naming: Naming, found: Differences, best: Term) -> ARNoise:
-    """Return the noise that there is where a change is not."""
+    """Return the noise that the model leaves where a change is not."""
     (cause,), pattern = found.said[best.key][1]
     on = found.patterns[pattern][best.member][found.rows.log] > 0
-    asked, joints = naming.asked, list(naming.missing.noise)
+    seen, joints = naming.fitted.seen, list(naming.missing.noise)
     for j in found.rows.causes[cause].torque:
-        runs = JointRuns.of(asked.seen.runs.each[j], ~on[:, None])
-        joints[j] = asked.joint_noise(j, runs.each[0])
+        (runs,) = JointRuns.of(seen.runs.each[j], ~on[:, None]).each
+        joints[j] = rich_noise([seen.X[:, j, seen.X[:, j].any(0)]], seen.y[:, j], runs)
     return tuple(joints)
 
 
