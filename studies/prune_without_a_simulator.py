@@ -30,8 +30,7 @@ import staubli_tx40
 from shared import data_folder, study_parser, write_answer
 
 from identifiability import Log, Robot, estimate
-from identifiability.estimation.prediction import predict
-from identifiability.estimation.torque_errors import change_interval
+from identifiability.estimation.prediction import change_interval, predict
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import build_ladder, ladder_path, read_ladder
 from identifiability.regression.regression import Model, Regression

@@ -404,11 +404,15 @@ def judge(
     phi = np.array([{**robot.nominal, **truth}.get(n, 0.0) for n in structure.columns])
     table = found.to_frame()[["name", "value", "interval95", "verdict", "flags"]]
     table = table.assign(true=structure.G @ phi, kind=table["name"].str.rpartition(".")[2])
-    assert found.rolled is not None
+    rolled = found.recordings.rolled
+    assert rolled is not None
     # What a servo takes up at its next step acts later than it came; rows hold it later, too.
     acts = np.ceil(how.delay * how.servo_rate - 1e-9) / how.servo_rate
-    late, unsure = acts - frames[0]["t"][0] % (1 / how.rate), found.rolled.delay_errors[0]
-    at = found.rolled.delays[0]
+    late, unsure = (
+        acts - frames[0]["t"][0] % (1 / how.rate),
+        rolled.delay_errors[0],
+    )
+    at = rolled.delays[0]
     ends = (at - 1.96 * unsure, at + 1.96 * unsure)
     table.loc[len(table)] = ["delay", at, ends, "", late, "delay"]
     table["seed"] = seed

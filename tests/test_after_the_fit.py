@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
@@ -71,9 +72,8 @@ def test_correlated_parameters_are_those_that_hang_together(result, robot):
         fit = None
 
         def covariance_frame(self):
-            from identifiability.workflows.predict import square_frame
 
-            return square_frame(np.array([[1, 0.99, 0], [0.99, 1, 0], [0, 0, 1.0]]), "abc")
+            return pd.DataFrame([[1, 0.99, 0], [0.99, 1, 0], [0, 0, 1.0]], [*"abc"], [*"abc"])
 
     texts = {label.get_text() for label in plot.correlated(Two()).axes[0].get_yticklabels()}
     assert {"a", "b"} <= texts

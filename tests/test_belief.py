@@ -76,7 +76,7 @@ def test_all_draws_belong_to_a_real_robot(analysis):
     ).flat()
     assert region.contains(draws).all()
     to_x = np.linalg.pinv(chosen.submodel.M) @ structure.G
-    for x in analysis.belief.physical.draws[:5]:
+    for x in analysis.belief.physical.chains[0, 0, :5]:
         assert certify(to_x, x, region).feasible
 
 
@@ -135,13 +135,13 @@ def test_a_prior_that_cannot_be_is_refused_with_a_sentence(arm, tmp_path, prior,
     assert belief.physical is None
     assert belief.standard is None
     assert sentence in belief.note
-    assert refine_verdicts(full, belief) == full.verdicts
+    assert refine_verdicts(full.verdicts, belief) == full.verdicts
 
 
 def test_what_the_data_leave_open_is_determined_by_bodies_or_is_the_prior(analysis, unpruned):
     full = analysis.full
     assert unpruned.physical.trustworthy, unpruned.physical.convergence.reasons
-    refined = refine_verdicts(full, unpruned)
+    refined = refine_verdicts(full.verdicts, unpruned)
     kinds = {v.name: v.look for v in refined}
     # The platform is flat. In its plane data and prior leave much that no body can have; out of
     # it, and across the thin legs, the prior has ruled that out already. Of the first moment the
@@ -172,14 +172,14 @@ def test_what_the_data_leave_open_is_determined_by_bodies_or_is_the_prior(analys
 def test_friction_of_the_unpruned_model_is_never_below_zero(analysis, unpruned):
     held = analysis.full.submodel.nonnegative
     for summary in (unpruned.signs, unpruned.physical):
-        assert (summary.draws[:, held] >= -1e-9).all()
+        assert (summary.chains[..., held] >= -1e-9).all()
 
 
 def test_a_chain_that_has_not_converged_is_withheld_in_json_and_verdicts(analysis, unpruned):
     physical = unpruned.physical
     convergence = replace(physical.convergence, reasons=(NOTHING,))
     belief = replace(unpruned, physical=replace(physical, convergence=convergence))
-    shown, withheld = (belief_dict(analysis.full, b) for b in (unpruned, belief))
+    shown, withheld = (belief_dict(analysis.full.submodel.columns, b) for b in (unpruned, belief))
     assert len(shown["physical"]["parameters"]) == 37
     assert len(shown["standard"]) == 85
     assert withheld["physical"]["reasons"] == [NOTHING]
@@ -189,5 +189,5 @@ def test_a_chain_that_has_not_converged_is_withheld_in_json_and_verdicts(analysi
     ends = [row["interval95"] for row in shown["physical"]["parameters"]]
     assert [pair is not None for pair in ends] == physical.stated.tolist()
     assert 20 < physical.stated.sum() < 37
-    assert refine_verdicts(analysis.full, belief) == analysis.full.verdicts
+    assert refine_verdicts(analysis.full.verdicts, belief) == analysis.full.verdicts
     json.dumps(withheld, allow_nan=False, default=float)

@@ -102,6 +102,7 @@ def test_the_command_writes_a_report(simulated_session, tmp_path):
             "engine=serial",
             "--replicates",
             "16",
+            "-v",
             "--names",
             "0",
             "--report",

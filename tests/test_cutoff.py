@@ -50,10 +50,6 @@ def test_a_cut_off_in_the_band_of_the_motion_is_said(positions):
     assert hint.startswith("The cut-off of 1.2 Hz cuts into the motion of the logs, which reaches")
     assert "0.8 Hz: accelerations are missing" in hint
     assert "set it to 4 Hz or more (--set cutoff)" in hint
-    faster = replace(positions(2e-5, 1), t=slow.t / 8, name="faster")
-    assert about_cutoff(analyze("two-link", slow, faster, replicates=0)) == []  # it is let through
-    (hint,) = about_cutoff(analyze("two-link", positions(5e-3), faster, replicates=0))
-    assert "cuts into the motion of faster, which reaches 6.4 Hz" in hint
 
 
 def test_noise_that_pulls_values_down_is_said(positions):

@@ -50,7 +50,7 @@ def test_the_ledger_is_a_table_of_what_was_done(spoilt):
 def test_page_terminal_and_json_show_it(spoilt, tmp_path):
     spoilt.to_csv(tmp_path / "log.csv", index=False)
     out = [tmp_path / name for name in ("a.json", "a.html")]
-    run = ["analyze", "two-link", str(tmp_path / "log.csv"), "--quick", "--json", str(out[0])]
+    run = ["analyze", "-v", "two-link", str(tmp_path / "log.csv"), "--quick", "--json", str(out[0])]
     done = CliRunner().invoke(app, [*run, "--report", str(out[1])])
     assert done.exit_code == 0, done.output
     assert "What was done with the logs" in done.output

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from shutil import rmtree
 from tempfile import mkdtemp
@@ -17,6 +18,10 @@ from identifiability.foundation.findings import Finding
 if TYPE_CHECKING:
     from identifiability.foundation.answers import Table
     from identifiability.foundation.result import Result
+
+
+#: Whether all that is said is printed.
+VERBOSE = ContextVar("VERBOSE", default=False)
 
 
 @contextmanager
@@ -65,15 +70,19 @@ def harmless(text: str) -> str:
 @contextmanager
 def progress(*, show: bool = True) -> Iterator[Callable[[str, float], None]]:
     """Show a progress bar on a terminal, on standard error; give a callback (what, share)."""
+    from rich import progress as bars  # noqa: PLC0415
     from rich.console import Console  # noqa: PLC0415
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415
 
     console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    columns = (bars.TextColumn("{task.description}"), bars.BarColumn(), bars.TimeRemainingColumn())
     hidden = not (show and console.is_terminal)
-    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
+    with bars.Progress(*columns, console=console, transient=True, disable=hidden) as bar:
         task = bar.add_task("starting", total=1.0)
-        yield lambda text, share: bar.update(task, description=text, completed=share)
+
+        def say(text: str, share: float) -> None:  # never backwards
+            bar.update(task, description=text, completed=max(share, bar.tasks[0].completed))
+
+        yield say
 
 
 def check_outputs(*paths: Path | None, inputs: Iterable[str | Path | None] = ()) -> None:
@@ -82,10 +91,6 @@ def check_outputs(*paths: Path | None, inputs: Iterable[str | Path | None] = ())
 
     outputs = [check_writable(path) for path in paths if path is not None]
     check_apart(outputs, [path for path in inputs if path is not None])
-
-
-#: Rows of a table that are listed.
-LISTED = 12
 
 
 def print_table(shown: Table, rows: int, title: str) -> None:
@@ -109,32 +114,36 @@ def print_table(shown: Table, rows: int, title: str) -> None:
 
 
 def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[str] = ()) -> None:
-    """Print the answer, the tables of a result, hints, what to do next, and what was written.
+    """Print the short answers, what to do next, and what was written; with -v all that is said.
 
     Parameters
     ----------
     result : Result
     written : sequence of Path
     more : iterable of str
-        What else is said, below the statement.
+        What else is said, below the answers.
     """
     from identifiability.foundation.rounding import format_count  # noqa: PLC0415
 
-    hints, mass = getattr(result, "hints", ()), getattr(result, "mass_statement", "")
-    said, robot = result.statement, getattr(result, "robot", None)
-    for hint in hints:  # each by itself
-        said = said.replace(hint, "").rstrip()
-    print_end([*filter(None, [said, mass]), *more])
-    for table in (*result.tables(), *result.ledger()):
+    answers = [a for a in result.answers() if not a.commands]
+    every = VERBOSE.get()
+    said = [f"{a.question} {a.short} {a.text if every else ''}".rstrip() for a in answers]
+    mass, hints = (
+        getattr(result, "mass_statement", "") if every else "",
+        getattr(result, "hints", ()),
+    )
+    print_end([*(said or [result.statement]), *filter(None, [mass]), *more])
+    robot = getattr(result, "robot", None)
+    for table in (*result.tables(), *result.ledger()) if every or not answers else ():
         if table.long:
             continue
-        shown = max(LISTED, (table.marked or 0) + 4)
+        shown = max(12, (table.marked or 0) + 4)
         print_table(table, shown, getattr(robot, "title", ""))
         if (left := len(table.rows) - shown) > 0:
             which = "with smaller errors" if table.worst is not None else "below them"
             where = "the page" if any(p.suffix == ".html" for p in written) else "--report"
             print_end([f"{format_count(left, 'row')} {which}: {where} shows them all."])
-    print_end(hints)
+    print_end(hints if every else [f"{format_count(len(hints), 'hint')}: see -v."] if hints else [])
     print_next(result)
     print_end([], written)
 

@@ -17,6 +17,7 @@ from copy import copy
 from dataclasses import asdict, astuple, dataclass, is_dataclass
 from functools import cache
 from inspect import Parameter, Signature, signature
+from mimetypes import guess_type
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import (
@@ -35,7 +36,7 @@ import typer
 from typer import Argument, Option
 from typer.models import OptionInfo, ParameterInfo
 
-from identifiability.cli.common import check_outputs, progress, sentences, write_all
+from identifiability.cli.common import VERBOSE, check_outputs, progress, sentences, write_all
 from identifiability.foundation.errors import OutputError, near_match
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.options import (
@@ -108,21 +109,6 @@ class Records:
     results: bool = False
 
 
-#: Endings of documents, which no folder has.
-DOCUMENTS = (
-    ".html",
-    ".pdf",
-    ".json",
-    ".csv",
-    ".parquet",
-    ".xlsx",
-    ".txt",
-    ".toml",
-    ".xml",
-    ".urdf",
-)
-
-
 @dataclass(frozen=True)
 class Writes:
     """Marks an option as a file that is written, with its endings; without any, as a folder."""
@@ -143,7 +129,7 @@ class Writes:
 
         if self.endings:
             check_ending(value, *self.endings)
-        elif Path(value).is_file() or Path(value).suffix.lower() in DOCUMENTS:
+        elif Path(value).is_file() or guess_type(str(value))[0] or str(value).endswith(".toml"):
             raise OutputError(f"'{value}' is the name of a file; give that of a folder.")
 
 
@@ -309,7 +295,7 @@ class Command(typer.core.TyperCommand):
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""
         listed = [f"**{f.values}** {f.text(str(self.name))}" for f in self.settings.values()]
-        listed = ["Settings of --set:", *listed] if listed else []
+        listed = ["**-v** tables, hints and reasons, too", *listed]
         for parameter in self.params:
             name = str(parameter.name)
             if name in TAKES_EFFECTS and str(self.name) not in TAKES_EFFECTS[name]:
@@ -320,8 +306,10 @@ class Command(typer.core.TyperCommand):
         super().format_help(ctx, formatter)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Refuse an option that went, with what to type instead."""
+        """Take -v, and refuse an option that went, with what to type instead."""
         typed = args[: args.index("--")] if "--" in args else args
+        loud = {"-v", "--verbose"}.intersection(typed)
+        VERBOSE.set(bool(loud))
         for at, given in enumerate(typed):
             option, equals, value = given.partition("=")
             gone = helps()["gone"]
@@ -333,7 +321,7 @@ class Command(typer.core.TyperCommand):
                 instead = f"type --set {key}={value}"
             if instead is not None:
                 ctx.fail(f"{option} is gone; {instead}.")
-        return super().parse_args(ctx, args)
+        return super().parse_args(ctx, [given for given in args if given not in loud])
 
 
 # What is looked at before anything large is imported: are files there, can they be written?

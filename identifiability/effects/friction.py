@@ -22,6 +22,7 @@ from identifiability.effects.effect import (
     actuated_joints,
 )
 from identifiability.effects.registry import declare
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Axis, Robot
@@ -65,10 +66,6 @@ class CoulombFriction(AlongAxes):
 
 
 # Coulomb friction with a level for each direction.
-
-
-#: Levels of both directions that differ by less, as a share, are one: a solver rounded them.
-ROUNDING: Tolerance = 1e-9
 
 
 @declare(
@@ -121,7 +118,7 @@ def settle_directions(values: dict[str, float], given: Mapping[str, float]) -> N
         for way in ways:
             values[way] = level if alone else values.get(way, level)
         values[both] = 0.5 * sum(values[way] for way in ways)
-        if all(abs(values[way] - values[both]) <= ROUNDING * abs(values[both]) for way in ways):
+        if all(abs(values[way] - values[both]) <= ROUNDOFF * abs(values[both]) for way in ways):
             values |= dict.fromkeys(ways, values[both])
 
 

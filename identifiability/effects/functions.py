@@ -163,8 +163,6 @@ def duration(span: Span) -> tuple[float, ...]:
 SESSION_PIECES = 2
 #: Logs of which one may be left out.
 FEWEST = 3
-#: Duration where none is given [s].
-TYPICAL_SESSION: Tolerance = 600.0
 
 
 def time_of_session(motion: Motion) -> Array:
@@ -192,7 +190,7 @@ def end_of_session(span: Span) -> tuple[float, ...]:
     if not has_session(span.motions):
         return ()
     ends = (float(time_of_session(m).max(initial=0.0)) for m in span.motions)
-    return (max(ends) or TYPICAL_SESSION,)
+    return (max(ends) or TYPICAL,)
 
 
 POSITION = Coordinate(
@@ -201,7 +199,7 @@ POSITION = Coordinate(
 LOAD = Coordinate("τ_load", "the load", "load", carried_by, largest_load, (10.0, 100.0))
 TIME = Coordinate("t", "time", "time", attrgetter("motion.t"), duration, (TYPICAL,) * 2)
 SESSION = Coordinate(
-    "T", "the time of the session", "session", session_of, end_of_session, (TYPICAL_SESSION,) * 2
+    "T", "the time of the session", "session", session_of, end_of_session, (TYPICAL,) * 2
 )
 
 

@@ -7,9 +7,8 @@ import numpy as np
 from identifiability.effects.effect import POSTURES, Along, AlongAxes, Shaped, Span, split_runs
 from identifiability.effects.nominal import needs_masses, rigid_torque
 from identifiability.effects.registry import declare
-from identifiability.foundation.linalg import without_rounding
+from identifiability.foundation.linalg import TINY, without_rounding
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Axis, Motion, Robot
 
 # What a joint remembers of its way since it turned: play and stop [Brokate & Sprekels 1996].
@@ -65,7 +64,7 @@ def stretch_of_springs(motion: Motion, position: Array, speed: Array, width: flo
 
 
 #: Ways of the elements over the shape.
-ELEMENTS: tuple[Tolerance, Tolerance, Tolerance] = (1.0, 2.0, 4.0)
+ELEMENTS = tuple(2.0**k for k in range(3))
 
 
 @declare(
@@ -99,14 +98,10 @@ class Hysteresis(Shaped):
 # Coulomb friction in proportion to the load of the gear.
 
 
-#: A row that is shorter than the root of this has no load of its own.
-SMALLEST: Tolerance = 1e-30
-
-
 def carried_load(load: Array, at: Along) -> Array:
     """Return what an axis alone would carry of the torque of the joints (N, n), (N,)."""
     row = at.load
-    carried: Array = (load * row).sum(1) / np.maximum((row * row).sum(-1), SMALLEST)
+    carried: Array = (load * row).sum(1) / np.maximum((row * row).sum(-1), TINY**2)
     return without_rounding(carried[:, None], load)[:, 0]
 
 
@@ -144,10 +139,6 @@ class LoadDependentFriction(AlongAxes):
 # Load that a motor does not feel while it crosses the play of its gear.
 
 
-#: Teeth touch again within one part in so many of the play: encoders tremble where they do.
-EDGE: Tolerance = 10.0
-
-
 @declare(
     "backlash of a gear",
     shapes=lambda span: tuple(s * span.position_range for s in (0.003, 0.01, 0.03)),
@@ -177,7 +168,8 @@ class Backlash(Shaped):
         """Return the load that is not felt."""
         width = self.shape(at.robot, at.axis)
         z = stretch_of_springs(at.motion, at.travel, at.speed, width)
-        return [-np.minimum(EDGE * (1.0 - np.abs(z)), 1.0) * rigid_load(at)]
+        # Teeth touch again within a tenth of the play: encoders tremble where they do.
+        return [-np.minimum(10.0 * (1.0 - np.abs(z)), 1.0) * rigid_load(at)]
 
 
 # Torque that repeats with the pitch of a screw, the teeth of a gear or the poles of a motor.

@@ -3,9 +3,8 @@
 A load on a body, friction, an offset or the gain of a torque column is a group that acts in some
 rows alone: in logs of one side, in a single log, or between two instants of one. It competes with
 smooth functions that the model may lack in all rows alike. Friction differs a little between any
-two logs: that is no change but a nuisance of every comparison, whose size all joints tell together
-and which is averaged over. Values that are known beforehand, from a result, have its covariance as
-a prior.
+two logs: that is no change but a nuisance of every comparison. Values that are known beforehand,
+from a result, have its covariance as a prior.
 
 Rows are met once, as products by part: what acts in some parts is a sum of these.
 """
@@ -20,10 +19,9 @@ from itertools import pairwise
 
 import numpy as np
 import pandas as pd
-from scipy.special import logsumexp, softmax
 
 from identifiability.effects import FAMILIES, find_families, title_of
-from identifiability.estimation.gaussian import RIDGE
+from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import LOAD, Excerpt, Missing, describe_term, place_of
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
@@ -42,22 +40,16 @@ from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.regression.columns import list_candidates, number
-from identifiability.regression.information import Information
+from identifiability.regression.columns import list_candidates
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.robot.kinematics import WORLD
 from identifiability.robot.robot import last_bodies
 
-#: Standard deviations that the drift of friction in a log may have, relative to it: between two
-#: logs up to 3 %.
-DRIFTS: tuple[Tolerance, ...] = (0.002, 0.007, 0.014, 0.021)
+#: Standard deviation of the drift of friction in a log, relative to it: 3 % between two logs.
+DRIFT: Tolerance = 0.021
 #: Sizes that a change may have, relative to the friction, or to the torque of its joint.
 CHANGES = np.geomspace(0.01, 1.0, 20)
-#: A size of a nuisance that is less likely than this is none.
-LEAST: Tolerance = 1e-9
-#: A value whose prior is this many times as wide as a change may be has none.
-OPEN: Tolerance = 1e3
 #: Parameters of a load, those that its weight tells first.
 WEIGHT = ("m", "mx", "my", "mz")
 KINDS = (*WEIGHT, *(kind for kind in GROUPED_KINDS if kind not in WEIGHT))
@@ -69,8 +61,6 @@ LACKS = ("function_of_velocity", "function_of_load", "function_of_position")
 FRICTION = {"Fc": "coulomb_friction", "Fv": "viscous_friction"}
 #: What families are that are no friction.
 KIND_OF = {"payload": "load", "torque_offset": "offset"}
-#: Numbers of patterns up to which products of all columns are kept.
-FEW = 64
 
 #: Torque (N, k) of columns by the joints in which they act.
 ByJoint = Mapping[int, Array]
@@ -88,10 +78,10 @@ class Cause:
     place : str
         Body, joint or passive joint.
     names, units : tuple of str
-    before : (k,)
-        What all logs together say of the values, or the file of gains; NaN where nothing does.
     torque : mapping
         What a unit of each does along rows.
+    before : float
+        What all logs together say of the value; NaN where nothing does.
     size : (k,)
         What makes the values relative to the torque of the joints, where rows do not tell that.
     """
@@ -101,8 +91,8 @@ class Cause:
     place: str
     names: tuple[str, ...]
     units: tuple[str, ...]
-    before: Array
     torque: ByJoint
+    before: float = np.nan
     size: Array = field(default_factory=lambda: np.empty(0))
 
     @property
@@ -115,12 +105,12 @@ class Cause:
     @property
     def relative(self) -> bool:
         """Whether it is friction of which the logs know how much there is."""
-        return self.kind == "friction" and bool(np.all(np.abs(self.before) > 0))
+        return self.kind == "friction" and abs(self.before) > 0
 
     def scale(self, size: Array) -> Array:
         """Return what makes values relative: to the friction, or to torque of joints of (n,)."""
         if self.relative:
-            return 1.0 / np.abs(self.before)
+            return np.array([1.0 / abs(self.before)])
         if self.size.size:
             return self.size
         square = np.zeros(len(self.names))
@@ -153,27 +143,25 @@ def find_causes(
     robot, parameters = structure.robot, structure.parameters
     at = {name: k for k, name in enumerate(structure.columns)}
     value = dict(zip(structure.base.names, base.tolist(), strict=True))
-    out, nothing = [], np.full(1, np.nan)
+    out = []
     for body in bodies:  # all ten parameters, the weight first
         columns = [at[f"{body}.{kind}"] for kind in KINDS]
         units = tuple(parameters[k].unit for k in columns)
-        none, torque = np.full(len(KINDS), np.nan), _by_joint(X @ structure.G[:, columns])
-        out.append(Cause("load", "payload", body, KINDS, units, none, torque))
+        torque = _by_joint(X @ structure.G[:, columns])
+        out.append(Cause("load", "payload", body, KINDS, units, torque))
     for joint, found in structure.friction.items():
         for members, signs in found:
             names, first = [structure.columns[k] for k in members], parameters[members[0]]
-            before = np.array([np.mean([value.get(name, np.nan) for name in names])])
-            column = structure.G[:, list(members)] @ np.array(signs)
+            before = float(np.mean([value.get(name, np.nan) for name in names]))
+            torque = _by_joint((X @ (structure.G[:, members] @ np.array(signs)))[:, :, None])
             what = "friction", _friction_name(first.kind), joint, (" = ".join(names),)
-            torque = _by_joint((X @ column)[:, :, None])
-            out.append(Cause(*what, (first.unit,), before, torque))
+            out.append(Cause(*what, (first.unit,), torque, before))
     every = X @ base
     for j, (joint, unit) in enumerate(zip(robot.joints, robot.torque_units, strict=True)):
-        ones = {j: data[:, [j]].astype(float)} if data[:, j].any() else {}
-        own = {j: every[:, [j]]} if every[:, j].any() else {}
+        ones, own = ({j: x[:, [j]].astype(float)} if x[:, j].any() else {} for x in (data, every))
         out += [
-            Cause("offset", "torque_offset", joint, (f"{joint}.off",), (unit,), nothing, ones),
-            Cause("gain", "torque gain", joint, (f"{joint}.gain",), ("1",), np.ones(1), own),
+            Cause("offset", "torque_offset", joint, (f"{joint}.off",), (unit,), ones),
+            Cause("gain", "torque gain", joint, (f"{joint}.gain",), ("1",), own, 1.0),
         ]
     return out
 
@@ -208,16 +196,13 @@ def find_further(
     for c in listed:
         units = {p.kind: p.unit for p in c.effect.parameters(robot) if p.owner == c.place}
         kind = KIND_OF.get(c.family.name, "friction")
-        load = kind == "load"
-        for at in [range(len(WEIGHT))] if load else [[k] for k in range(len(c.kinds))]:
+        for at in [range(len(WEIGHT))] if kind == "load" else [[k] for k in range(len(c.kinds))]:
             kinds, columns = zip(*[(c.kinds[k], c.columns[k]) for k in at], strict=True)
             joints = sorted({j for j, k in entries if k in columns})
-            each = {j: [entries.get((j, k), none) for k in columns] for j in joints}
-            torque = {j: np.stack(x, axis=1) for j, x in each.items()}
+            torque = {j: np.stack([entries.get((j, k), none) for k in columns], 1) for j in joints}
             family = _friction_name(kinds[0]) if kind == "friction" else c.family.name
             names = tuple(f"{c.place}.{k}" for k in kinds)
-            what = kind, family, c.place, names, tuple(units[k] for k in kinds)
-            out.append(Cause(*what, np.full(len(kinds), np.nan), torque))
+            out.append(Cause(kind, family, c.place, names, tuple(units[k] for k in kinds), torque))
     return out
 
 
@@ -235,12 +220,10 @@ class Known:
         sd = np.sqrt(np.diag(covariance))
         unit = np.outer(sd, sd)
         size, turn = np.linalg.eigh(np.divide(covariance, unit, where=unit > 0, out=0 * unit))
-        good = size > np.finfo(float).eps * size.max(initial=0.0)
-        known = sd[:, None] * turn[:, good] * np.sqrt(size[good])
-        directions = np.column_stack([M @ known, M @ unknown])
+        known = M @ (sd[:, None] * turn * np.sqrt(np.maximum(size, 0.0)))
         return Known(
             base=base,
-            directions=directions,
+            directions=np.column_stack([known, M @ unknown]),
             precision=np.repeat([1.0, 0.0], [known.shape[1], unknown.shape[1]]),
         )
 
@@ -263,8 +246,7 @@ class LogRows:
     runs : JointRuns
     log, less : (N,) int
         Which log, or part of one, a row is of, and which was taken off it; −1 where none was.
-    causes, off : tuple of Cause
-        Along the logs, and along those taken off.
+    causes : tuple of Cause
     """
 
     X: Array
@@ -274,7 +256,6 @@ class LogRows:
     log: np.ndarray
     less: np.ndarray
     causes: tuple[Cause, ...]
-    off: tuple[Cause, ...] = ()
 
     @staticmethod
     def of(structure: Structure, seen: Excerpt, base: Array, bodies: Sequence[str]) -> LogRows:
@@ -291,36 +272,14 @@ class LogRows:
         """Return rows with columns (N, n, b), of logs or parts of them."""
         counts = np.maximum(seen.data.sum(0), 1)
         size = np.sqrt(np.sum(seen.raw**2 * seen.data, axis=0) / counts)
-        none = np.full(len(log), -1)
-        causes = tuple(causes)
-        return LogRows(X=X, y=seen.y, size=size, runs=seen.runs, log=log, less=none, causes=causes)
+        what = {"size": size, "runs": seen.runs, "less": np.full(len(log), -1)}
+        return LogRows(X=X, y=seen.y, log=log, causes=tuple(c for c in causes if c.torque), **what)
 
     @cached_property
     def starts(self) -> np.ndarray:
         """Rows (B,) at which blocks begin, each of one log less one other."""
         apart = (np.diff(self.log, prepend=-1) != 0) | (np.diff(self.less, prepend=-2) != 0)
         return np.flatnonzero(apart)
-
-    def take(self, at: np.ndarray, runs: JointRuns) -> LogRows:
-        """Return some of the rows, in other stretches."""
-        torques = [{j: x[at] for j, x in c.torque.items()} for c in self.causes]
-        causes = tuple(replace(c, torque=x) for c, x in zip(self.causes, torques, strict=True))
-        own = {name: getattr(self, name)[at] for name in ("X", "y", "log", "less")}
-        return replace(self, **own, runs=runs, causes=causes)
-
-    def of_joint(self, joint: int) -> LogRows:
-        """Return the rows of one joint, with what acts in it."""
-        acts = [(c, c.torque[joint]) for c in self.causes if joint in c.torque]
-        own = {name: getattr(self, name)[:, [joint]] for name in ("X", "y")}
-        runs, size = JointRuns((self.runs.each[joint],)), self.size[[joint]]
-        causes = tuple(replace(c, torque={0: x}) for c, x in acts)
-        return replace(self, **own, runs=runs, size=size, causes=causes)
-
-    def minus(self, other: LogRows) -> LogRows:
-        """Return what these rows differ by from as many others."""
-        return replace(
-            self, X=self.X - other.X, y=self.y - other.y, less=other.log, off=other.causes
-        )
 
 
 @frozen
@@ -347,109 +306,39 @@ class Patterned:
         """Number m of columns without the torque."""
         return len(self.column) - 1
 
-    def take(self, blocks: np.ndarray) -> Patterned:
-        """Return those of some blocks."""
-        return replace(self, values=self.values[blocks], weights=self.weights[:, blocks])
-
-    @cached_property
-    def _whole(self) -> Array:
-        whole = np.zeros((len(self.column),) * 2)
-        for own, weight in zip(self.values, self.weights[self.pattern].T, strict=True):
-            whole += own[np.ix_(self.column, self.column)] * np.outer(weight, weight)
-        return whole
-
     def between(self, some: np.ndarray, others: np.ndarray) -> Array:
         """Return products of some columns (a,) with others (b,), (a, b)."""
-        if len(self.weights) <= FEW:
-            whole: Array = self._whole[np.ix_(some, others)]
-            return whole
         if len(some) > len(others):
             return self.between(others, some).T
+        by, column = self.weights[self.pattern], self.column[others]
+        own = self.values[:, self.column[some]] * by[some].T[:, :, None]
         out = np.zeros((len(some), len(others)))
-        alike = [np.flatnonzero(self.column[others] == k) for k in range(self.values.shape[1])]
-        for p in np.unique(self.pattern[some]):
-            here = np.flatnonzero(self.pattern[some] == p)
-            own = self.values[:, self.column[some[here]]] * self.weights[p][:, None, None]
-            for k, there in enumerate(alike):
-                by = self.weights[self.pattern[others[there]]]
-                out[np.ix_(here, there)] = own[:, :, k].T @ by.T
+        for k in np.unique(column):
+            there = column == k
+            out[:, there] = own[:, :, k].T @ by[others[there]].T
         return out
 
     def within(self, sets: np.ndarray) -> Array:
         """Return products of sets of columns (s, k) of one pattern each, (s, k, k)."""
-        out = np.zeros((*sets.shape, sets.shape[1]))
-        every, which = np.unique(self.column[sets], axis=0, return_inverse=True)
-        for n, columns in enumerate(every):
-            at = np.flatnonzero(which.ravel() == n)
-            square = self.weights[self.pattern[sets[at, 0]]] ** 2
-            out[at] = np.tensordot(square, self.values[:, columns][:, :, columns], 1)
+        column, square = self.column[sets], self.weights[self.pattern[sets[:, 0]]] ** 2
+        out: Array = np.empty((*sets.shape, sets.shape[1]))
+        for own in np.unique(column, axis=0):
+            at = (column == own).all(1)
+            out[at] = np.tensordot(square[at], self.values[:, own][:, :, own], 1)
         return out
 
 
 @frozen
 class LogModel(MixedModel):
-    """A mixed model beside a nuisance whose size is averaged over.
-
-    Attributes
-    ----------
-    nuisance : (d,) int
-        Fixed columns with a prior about zero.
-    usual : (d,)
-        What of each the size of the nuisance is a share of.
-    drifts : tuple of float
-        Standard deviations that it may have.
-    log : (B,) int
-        Which log each block of rows is of.
-    """
+    """A mixed model of columns that act in parts of the rows."""
 
     products: Patterned  # type: ignore[assignment]
-    nuisance: np.ndarray = field(default_factory=lambda: np.empty(0, int))
-    usual: Array = field(default_factory=lambda: np.empty(0))
-    drifts: tuple[float, ...] = (1.0,)
-    log: np.ndarray = field(default_factory=lambda: np.empty(0, int))
-
-    def by_size(self, terms: Terms = ()) -> tuple[Array, list[MixedModel]]:
-        """Return the probability of each size of the nuisance, and the model with it."""
-        models, likely = [], []
-        for size in self.drifts:
-            prior = self.prior.copy()
-            prior[self.nuisance, self.nuisance] += 1.0 / (size * self.usual) ** 2
-            own = (self.products, self.fixed, self.groups, self.scale, prior)
-            models.append(MixedModel(*own, self.sizes))  # type: ignore[arg-type]
-            likelihood = models[-1].solve(terms).log_likelihood
-            likely.append(likelihood - len(self.nuisance) * float(np.log(size)))
-        return softmax(likely), models
-
-    def drift(self, terms: Terms = ()) -> float:
-        """Return the size of the nuisance beside some terms, averaged; NaN without."""
-        weights, _ = self.by_size(terms)
-        return float(weights @ np.array(self.drifts)) if len(self.nuisance) else float("nan")
-
-    def gains(self, terms: Terms = (), among: Sequence[Group] | None = None) -> list[Term]:
-        """Return further groups with their log odds, averaged over sizes of the nuisance."""
-        asked = self.beside(terms) if among is None else list(among)
-        weights, models = self.by_size(terms)
-        found: list[list[tuple[float, Term]]] = [[] for _ in asked]
-        at = {id(g): k for k, g in enumerate(asked)}
-        for weight, model in zip(weights, models, strict=True):
-            if weight > LEAST:
-                for term in model.gains(terms, asked):
-                    found[at[id(term.group)]].append((term.odds + float(np.log(weight)), term))
-        out = []
-        for each in found:
-            odds = np.array([x for x, _ in each])
-            out.append(replace(each[int(np.argmax(odds))][1], odds=float(logsumexp(odds))))
-        return sorted(out, key=lambda t: -t.odds)
 
     def values(self, terms: Terms = ()) -> tuple[np.ndarray, Array, Array]:
-        """Return columns, values and covariance, with what the size of the nuisance leaves open."""
-        weights, models = self.by_size(terms)
-        each = [m.solve(terms) for m in models]
-        value = weights @ [s.value for s in each]
-        apart = [np.outer(s.value - value, s.value - value) + s.covariance for s in each]
-        columns, scale = each[0].columns, self.scale[each[0].columns]
-        spread = np.einsum("s,sij->ij", weights, apart)
-        return columns, value / scale, spread / np.outer(scale, scale)
+        """Return columns, values and covariance."""
+        s = self.solve(terms)
+        scale = self.scale[s.columns]
+        return s.columns, s.value / scale, s.covariance / np.outer(scale, scale)
 
     def widened(self, terms: Terms, at: np.ndarray) -> tuple[Array, Array]:
         """Return some of the fixed values (k,) and their covariance, with the doubt of one more.
@@ -465,29 +354,25 @@ class LogModel(MixedModel):
             doubt += weight * (np.outer(shift, shift) + wider[np.ix_(at, at)] - covariance)
         return value, covariance + doubt
 
-    def of_logs(self, some: np.ndarray) -> LogModel:
-        """Return the model of the rows of some logs alone."""
-        return replace(self, products=self.products.take(np.flatnonzero(np.isin(self.log, some))))
-
 
 @frozen
-class Part:
+class Span:
     """Columns of the model: a cause × the ways in which logs may have it.
 
     Attributes
     ----------
-    role : {"drift", "always", "may"}
-        Friction of one log as a nuisance; in every hypothesis; or what may differ.
     cause, pattern : int
-        Whose, and of which pattern.
-    weights : (w,) int
-        Among those of all patterns, its columns being w times those of the cause.
+        Whose, and of which pattern; −1 for the friction of one log, a nuisance.
+    ways : (w,) int
+        Among the weights of all patterns.
+    at : (w, k) int
+        Columns of the model, those of the cause in each way.
     """
 
-    role: str
     cause: int
     pattern: int
-    weights: np.ndarray
+    ways: np.ndarray
+    at: np.ndarray
 
 
 #: What a group says: causes, and the pattern of logs; no causes where the model lacks something.
@@ -505,8 +390,6 @@ class Differences:
     patterns : tuple of (w, L)
         How logs, or parts of them, may have a change, each in one of w ways, nobody knows which;
         the pattern that is asked about first.
-    always : tuple of int
-        Causes of the first pattern that are in every hypothesis, with values of any size.
     lacks : Missing or None
         What the model may lack in all logs alike.
     noise : tuple of JointNoise
@@ -518,7 +401,6 @@ class Differences:
     rows: LogRows
     known: Known
     patterns: tuple[Array, ...]
-    always: tuple[int, ...] = ()
     lacks: Missing | None = None
     noise: ARNoise = ()
     shared: float = 1.0
@@ -527,48 +409,24 @@ class Differences:
     def weights(self) -> Array:
         """Of each block of rows in all rows alike, in each pattern, and in each log, (P, B)."""
         log, less = (x[self.rows.starts] for x in (self.rows.log, self.rows.less))
-        every, count = np.concatenate(self.patterns), self.patterns[0].shape[1]
-        drift = np.eye(count)[:, log] - np.where(less < 0, 0.0, np.eye(count)[:, less])
-        return np.concatenate([np.ones((1, len(log))), every[:, log], drift])
+        each = np.eye(self.patterns[0].shape[1])
+        drift = each[:, log] - np.where(less < 0, 0.0, each[:, less])
+        return np.concatenate([np.ones((1, len(log))), *(x[:, log] for x in self.patterns), drift])
 
     @cached_property
-    def parts(self) -> tuple[Part, ...]:
-        """Columns beside those of the model, nuisances first, then what is always there."""
+    def spans(self) -> tuple[Span, ...]:
+        """Columns beside those of the model, nuisances first."""
         causes, ends = self.rows.causes, np.cumsum([1, *map(len, self.patterns)])
-        ways = [np.arange(a, b) for a, b in pairwise(ends.tolist())]
-        logs = range(int(ends[-1]), len(self.weights))
-        out = [
-            Part("drift", k, 0, np.array([log]))
-            for k, c in enumerate(causes)
-            for log in logs
-            if c.relative and self.weights[log].any()
-        ]
-        out += [Part("always", k, 0, ways[0]) for k in self.always]
-        out += [
-            Part("may", k, w, own)
-            for w, own in enumerate(ways)
-            for k in range(len(causes))
-            if w or k not in self.always
-        ]
+        ways = list(map(np.arange, ends[:-1], ends[1:]))
+        logs = range(ends[-1], len(self.weights))
+        every = [(k, -1, np.array([n])) for k, c in enumerate(causes) if c.relative for n in logs]
+        every += [(k, w, own) for w, own in enumerate(ways) for k in range(len(causes))]
+        out, stop = list[Span](), len(self.known.precision)
+        for k, w, own in every:
+            count = len(own) * len(causes[k].names)
+            out.append(Span(k, w, own, stop + np.arange(count).reshape(len(own), -1)))
+            stop += count
         return tuple(out)
-
-    @cached_property
-    def spans(self) -> tuple[np.ndarray, ...]:
-        """Which columns each part is, (w, k)."""
-        shapes = [(len(p.weights), len(self.rows.causes[p.cause].names)) for p in self.parts]
-        ends = np.cumsum([len(self.known.precision), *(w * k for w, k in shapes)]).tolist()
-        every = zip(pairwise(ends), shapes, strict=True)
-        return tuple(np.arange(a, b).reshape(shape) for (a, b), shape in every)
-
-    def always_at(self) -> np.ndarray:
-        """Return the columns that are in every hypothesis."""
-        every = zip(self.parts, self.spans, strict=True)
-        return np.concatenate([at.ravel() for p, at in every if p.role == "always"])
-
-    @property
-    def start(self) -> int:
-        """Number of columns before those that the model may lack."""
-        return int(self.spans[-1].max()) + 1 if self.spans else len(self.known.precision)
 
     @cached_property
     def said(self) -> dict[tuple[str, str], tuple[Group, Said]]:
@@ -578,113 +436,109 @@ class Differences:
         logs which are asked about have it.
         """
         causes, count = self.rows.causes, len(self.patterns)
-        every = zip(self.parts, self.spans, strict=True)
-        may = [(p, at) for p, at in every if p.role == "may" and causes[p.cause].torque]
-        families = list(dict.fromkeys(causes[p.cause].family for p, _ in may))
-        found: dict[tuple[int, str], list[tuple[int, np.ndarray]]] = {}
-        for p, at in may:
-            found.setdefault((p.pattern, causes[p.cause].family), []).append((p.cause, at))
+        found: dict[tuple[int, str], list[Span]] = {}
+        for s in self.spans:
+            if s.pattern >= 0:
+                found.setdefault((s.pattern, causes[s.cause].family), []).append(s)
+        families = len({family for _, family in found})
         out: dict[tuple[str, str], tuple[Group, Said]] = {}
         for (w, family), own in found.items():
             share = 1.0 if count == 1 else 0.5 if w == 0 else 0.5 / (count - 1)
             everywhere = len(own) > 1 and family != "payload" and len(self.patterns[w]) == 1
-            price = float(np.log(len(families) * (len(own) + everywhere) / share))
-            name = f"{family}, {w}"
-            for k, at in own:
-                more = [at[:, : len(WEIGHT)]] if at.shape[1] > len(WEIGHT) else []
-                members = tuple(x for ways in zip(*more, at, strict=True) for x in ways)
-                group = Group(name, causes[k].place, members, price)
-                out[group.key] = group, ((k,), w)
-            if everywhere:
-                group = Group(name, EVERYWHERE, (np.concatenate([at[0] for _, at in own]),), price)
-                out[group.key] = group, (tuple(k for k, _ in own), w)
-        if self.lacks is not None:
-            shift = self.start - self.lacks.fixed
+            price = float(np.log(families * (len(own) + everywhere) / share))
+            members = [(own, (np.concatenate([s.at[0] for s in own]),))] if everywhere else []
+            for s in own:
+                more = [s.at[:, : len(WEIGHT)]] if s.at.shape[1] > len(WEIGHT) else []
+                members.append(([s], tuple(x for x in zip(*more, s.at, strict=True) for x in x)))
+            for some, columns in members:
+                place = causes[some[0].cause].place if len(some) == 1 else EVERYWHERE
+                group = Group(f"{family}, {w}", place, columns, price)
+                out[group.key] = group, (tuple(s.cause for s in some), w)
+        if self.lacks:
+            shift = int(self.spans[-1].at.max()) + 1 - self.lacks.fixed
             for g in self.lacks.groups:
                 out[g.key] = replace(g, members=tuple(at + shift for at in g.members)), ((), 0)
         return out
 
     @cached_property
-    def matrices(self) -> list[tuple[np.ndarray, Array]]:
-        """Columns of each joint, and their rows (N, k): what patterns are of, the torque last."""
-        rows, lacks = self.rows, self.lacks
-        X, y = rows.X @ self.known.directions, rows.y - rows.X @ self.known.base
-        first, out = self._firsts, []
-        for j in range(len(rows.size)):
-            acts: np.ndarray = np.flatnonzero(X[:, j].any(0))
-            at, own = [acts], [X[:, j, acts]]
-            for begin, c in zip(first, (*rows.causes, *rows.off), strict=False):
-                if j in c.torque:
-                    at.append(begin + np.arange(len(c.names)))
-                    own.append(c.torque[j])
-            if lacks is not None and len(lacks.acting[j]):
-                at.append(first[-1] + lacks.acting[j])
-                own.append(np.stack([lacks.entries[j, k] for k in lacks.acting[j].tolist()], 1))
-            last = first[-1] + (0 if lacks is None else len(lacks.scale))
-            out.append((np.append(np.concatenate(at), last), np.column_stack([*own, y[:, j]])))
-        return out
-
-    @cached_property
-    def _firsts(self) -> list[int]:
-        """First column of each cause in rows that patterns are of, and behind the last one."""
-        widths = [len(c.names) for c in (*self.rows.causes, *self.rows.off)]
-        firsts: list[int] = np.cumsum([len(self.known.precision), *widths]).tolist()
-        return firsts
-
-    @cached_property
     def model(self) -> LogModel:
         """The mixed model of the rows."""
-        rows, known, lacks = self.rows, self.known, self.lacks
-        p, first, starts = len(known.precision), self._firsts, rows.starts
-        edges = [*starts.tolist(), len(rows.log)]
-        columns, blocks = zip(*self.matrices, strict=True)
-        noise = tuple(self._noise(j) for j in range(len(blocks)))
-        products = whitened_information(columns, blocks, noise, rows.runs, edges)
-        level = self._levels(products, edges) * self.shared
-        values = np.zeros((len(starts), columns[0][-1] + 1, columns[0][-1] + 1))
-        for at, blocks_of, by in zip(columns, products.parts, level, strict=True):
-            values[np.ix_(range(len(starts)), at, at)] += blocks_of.blocks / by[:, None, None]
-        column, pattern = [np.arange(p)], [np.zeros(p, int)]
-        for part, span in zip(self.parts, self.spans, strict=True):
-            begin = first[part.cause + len(rows.causes) * self._is_off(part)]
-            column.append(np.tile(begin + np.arange(span.shape[1]), len(span)))
-            pattern.append(np.repeat(part.weights, span.shape[1]))
-        column.append(np.arange(first[-1], values.shape[1]))
-        pattern.append(np.zeros(len(column[-1]), int))
+        rows, known, lacks, causes = self.rows, self.known, self.lacks, self.rows.causes
+        p, more = len(known.precision), np.empty(0) if lacks is None else lacks.scale
+        first = np.cumsum([p, *(len(c.names) for c in causes)]).tolist()
+        last, blocks = first[-1] + len(more), np.arange(len(rows.starts))
+        X, y = rows.X @ known.directions, rows.y - rows.X @ known.base
+        values = np.zeros((len(blocks), last + 1, last + 1))
+        for j in range(len(rows.size)):
+            own = np.zeros((len(y), last + 1))
+            own[:, :p], own[:, last] = X[:, j], y[:, j]
+            for begin, c in zip(first, causes, strict=False):
+                if j in c.torque:
+                    own[:, begin : begin + len(c.names)] = c.torque[j]
+            for (joint, k), x in lacks.entries.items() if lacks else ():
+                if joint == j:
+                    own[:, first[-1] + k] = x
+            acts = np.append(np.flatnonzero(own[:, :last].any(0)), last)
+            values[np.ix_(blocks, acts, acts)] += self._products(j, own, acts, first)
+        column, pattern, unit = [np.arange(p)], [np.zeros(p, int)], [np.empty(0)]
+        for s in self.spans:
+            column.append(np.tile(np.arange(first[s.cause], first[s.cause + 1]), len(s.ways)))
+            pattern.append(np.repeat(s.ways, s.at.shape[1]))
+            unit.append(np.tile(causes[s.cause].scale(rows.size), len(s.ways)))
+        column.append(np.arange(first[-1], last + 1))
+        pattern.append(np.zeros(len(more) + 1, int))
         both = Patterned(values, np.concatenate(column), np.concatenate(pattern), self.weights)
-        every = list(zip(self.parts, self.spans, strict=True))
-        fixed = next((int(at.min()) for part, at in every if part.role == "may"), self.start)
-        diagonal = np.diag(both.between(np.arange(fixed), np.arange(fixed)))
-        scale = [np.sqrt(np.where(diagonal > 0, diagonal, 1.0))]
-        prior = np.diag(np.concatenate([known.precision, np.zeros(fixed - p)]))
-        prior[range(fixed), range(fixed)] += np.where(diagonal > 0, 0.0, OPEN**-4)  # does not act
-        drift, usual = list[np.ndarray](), list[Array]()
-        for part, span in every:
-            cause = rows.causes[part.cause]
-            own = cause.scale(rows.size)
-            if part.role == "drift":
-                drift.append(span.ravel())
-                usual.append(np.abs(cause.before))
-            elif part.role == "may":
-                scale.append(np.tile(own, len(span)))
-            else:  # next to nothing, so that what does not act is no value
-                prior[span, span] = (own / OPEN) ** 2
+        drift = sum(s.pattern < 0 for s in self.spans)
+        held, may = np.split(np.concatenate(unit), [drift])
+        fixed = np.arange(p + drift)
+        diagonal = np.diag(both.between(fixed, fixed))
+        prior = np.concatenate([known.precision, (held / DRIFT) ** 2])
         return LogModel(
             products=both,
-            fixed=fixed,
+            fixed=len(fixed),
             groups=tuple(group for group, _ in self.said.values()),
-            scale=np.concatenate([*scale, *([] if lacks is None else [lacks.scale])]),
-            prior=prior,
+            scale=np.concatenate([np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), may, more]),
+            # What does not act is no value.
+            prior=np.diag(prior + np.where(diagonal > 0, 0.0, np.finfo(float).eps)),
             sizes=CHANGES,
-            nuisance=np.concatenate([np.empty(0, int), *drift]),
-            usual=np.concatenate([np.empty(0), *usual]),
-            drifts=DRIFTS if drift else (1.0,),
-            log=rows.log[starts],
         )
 
-    def _is_off(self, part: Part) -> bool:
-        """Whether columns are those of logs that were taken off."""
-        return bool(self.weights[part.weights].min() < 0)
+    def _products(self, joint: int, own: Array, acts: np.ndarray, first: Sequence[int]) -> Array:
+        """Return products of whitened rows of a joint by block, of columns that act in it.
+
+        Parameters
+        ----------
+        joint : int
+        own : (N, c + 1)
+            All columns, the torque last.
+        acts : (r,) int
+        first : sequence of int
+            First column of each cause.
+        """
+        runs, edges = self.rows.runs.each[joint], [*self.rows.starts.tolist(), len(own)]
+        noise = self.noise[joint] if self.noise else None
+        if noise is None:
+            some = [
+                own[:, first[s.cause] : first[s.cause + 1]]
+                * np.repeat(self.weights[s.ways[0]], np.diff(edges))[:, None]
+                for s in self.spans
+                if joint in self.rows.causes[s.cause].torque
+            ]
+            noise = rich_noise(
+                [own[:, : first[0]], np.hstack([own[:, :0], *some])], own[:, -1], runs
+            )
+            if not np.isfinite(noise.sigma):  # none but that of rounding
+                noise = JointNoise(np.empty(0), ROUNDOFF * (self.rows.size[joint] or 1.0))
+        (part,) = whitened_information(
+            [acts], [own[:, acts]], (noise,), JointRuns((runs,)), edges
+        ).parts
+        known = (acts < first[-1]) | (acts == acts[-1])
+        level = self.shared * np.ones(len(edges) - 1)
+        for k, (start, stop) in enumerate(pairwise(edges)):
+            count = sum(max(min(b, stop) - max(a, start), 0) for a, b in runs)
+            if not self.noise:
+                level[k] *= left_over(part.blocks[k][np.ix_(known, known)], count)
+        return np.asarray(part.blocks / level[:, None, None])
 
     def values_before(self, terms: Terms) -> Array:
         """Return the values (b,) that did not change, beside some terms."""
@@ -705,50 +559,16 @@ class Differences:
         where = f" in {self.log_of(pattern, names)}" if pattern else ""
         return f"{self.rows.causes[own[0]].title} of {place_of(term)}{where}"
 
-    def _noise(self, joint: int) -> JointNoise:
-        """Return the noise of a joint beside columns; where there is none, that of rounding."""
-        if self.noise:
-            return self.noise[joint]
-        rows, p = self.rows, len(self.known.precision)
-        at, own = self.matrices[joint]
-        apart: dict[str, list[Array]] = {"": [own[:, at < p]]}
-        each = np.diff([*rows.starts, len(rows.log)])
-        for part in self.parts:
-            off = self._is_off(part)
-            cause = (rows.off if off else rows.causes)[part.cause]
-            if joint in cause.torque:
-                kind = "" if part.role == "always" else cause.kind
-                weight = np.repeat(self.weights[part.weights[0]], each)
-                apart.setdefault(kind, []).append(cause.torque[joint] * weight[:, None])
-        blocks = [np.column_stack(x) for x in apart.values()]
-        found = rich_noise(blocks, own[:, -1], rows.runs.each[joint])
-        if np.isfinite(found.sigma) or not rows.size[joint]:
-            return found
-        return JointNoise(np.empty(0), ROUNDOFF * float(rows.size[joint]))
 
-    def _levels(self, products: Information, edges: Sequence[int]) -> Array:
-        """Return the noise variance of each joint (n,) in each log (B,), over that of all logs.
-
-        It is what each log leaves of itself, whatever changed in it.
-        """
-        out = np.ones((products.actuators, len(products.counts)))
-        for j, part in enumerate(() if self.noise else products.parts):
-            values = part.blocks
-            for b, (start, stop) in enumerate(pairwise(edges)):
-                count = sum(
-                    max(min(last, stop) - max(first, start), 0)
-                    for first, last in self.rows.runs.each[j]
-                )
-                own = np.flatnonzero(part.columns < self._firsts[-1])
-                own = own[values[b][own, own] > 0]
-                size = np.sqrt(np.diag(values[b])[own])
-                square, turn = np.linalg.eigh(values[b][np.ix_(own, own)] / np.outer(size, size))
-                told = square > THIN * square.max(initial=0.0)
-                left = (values[b][own, -1] / size) @ turn[:, told] / np.sqrt(square[told])
-                free = count - int(told.sum())
-                if free > Thresholds.outputs_per_parameter * told.sum():
-                    out[j, b] = max(float(values[b][-1, -1] - left @ left) / free, THIN)
-        return out
+def left_over(gram: Array, count: int) -> float:
+    """Return the variance that so many rows leave of their last column; 1 where they are few."""
+    size = np.sqrt(np.where(np.diag(gram) > 0, np.diag(gram), 1.0))
+    unit = gram / np.outer(size, size)
+    along = Normal.ridged(unit[:-1, :-1], unit[:-1, -1]).half
+    columns = np.count_nonzero(np.diag(gram)[:-1])
+    if count - columns <= Thresholds.outputs_per_parameter * columns:
+        return 1.0
+    return max(float(gram[-1, -1] * (1.0 - along @ along)) / (count - columns), THIN)
 
 
 def tool_bodies(structure: Structure) -> tuple[str, ...]:
@@ -771,15 +591,6 @@ def load_bodies(structure: Structure) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*tool_bodies(structure), *own]))
 
 
-def find_lacks(structure: Structure, seen: Excerpt) -> Missing:
-    """Return smooth functions that a model may lack in all logs alike."""
-    motions = [piece.motion for piece in seen.pieces]
-    listed, _ = list_candidates(
-        seen.robot, find_families(LACKS), structure.present, motions, fixed=False
-    )
-    return Missing(tuple(number(listed)), seen)
-
-
 def pooled_values(X: Array, y: Array, M: Array, fixed: Array) -> Array:
     """Return base parameters (b,) that all rows together ask for, by plain least squares.
 
@@ -795,7 +606,7 @@ def pooled_values(X: Array, y: Array, M: Array, fixed: Array) -> Array:
     aim = ((y - X @ fixed) * weight).ravel()
     length = np.linalg.norm(rows, axis=0)
     length = np.where(length > 0, length, 1.0)
-    base: Array = fixed + M @ (np.linalg.lstsq(rows / length, aim, rcond=RIDGE)[0] / length)
+    base: Array = fixed + M @ (np.linalg.lstsq(rows / length, aim, rcond=ROUNDOFF)[0] / length)
     return base
 
 
@@ -948,7 +759,7 @@ def find_changes(
         parts = [causes[c] for k in which for c in found.said[terms[k].key][1][0]]
         at = [columns.tolist().index(c) for k in which for c in terms[k].columns]
         sizes, spread = value[at], covariance[np.ix_(at, at)]
-        levels = np.array([before.get(c.names[0]) or c.before[0] for c in parts])
+        levels = np.array([before.get(c.names[0]) or c.before for c in parts])
         share, share_sd = _share(parts, levels, sizes, spread)
         title = parts[0].title if len({c.family for c in parts}) == 1 else kind
         others = [

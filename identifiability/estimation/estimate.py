@@ -9,14 +9,13 @@ import numpy as np
 from scipy.special import chdtri
 
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.estimation.evidence import Folds, Score
+from identifiability.estimation.evidence import HeldOut
 from identifiability.estimation.noise import Noise
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import EstimatorKind, check_choice, checked
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 
@@ -107,10 +106,6 @@ def estimate(information: Information, method: Method = "wls") -> Estimate:
 # fits have not seen it, and spoils all others.
 
 
-#: Weights are iterated until none changes by more than this share, but no oftener than so.
-AGREED: Tolerance = 0.02
-
-
 @frozen
 class Outliers:
     """Blocks of which an actuator's torque is weighed down.
@@ -159,12 +154,12 @@ def weigh_outliers(
         return information, None
     before = fit = estimator.fit(information)
     weighed, weights = information, np.ones((information.actuators, len(information.counts)))
-    # Weights are iterated until none changes by more than this share, but no oftener than so.
+    # Until none changes by more than two hundredths.
     for _ in range(30):
         beyond, limit = _measure(information, fit)
         last, weights = weights, np.minimum(1.0, limit / np.maximum(beyond, limit))
         weighed = information if (weights == 1.0).all() else information.weigh(weights)
-        if np.abs(np.log(weights / last)).max() < AGREED:
+        if np.allclose(weights, last, rtol=0.02):
             break
         fit = estimator.fit(weighed)
     out = (weights < 1.0).any(0)
@@ -194,16 +189,15 @@ def _predicts(information: Information, fits: Sequence[Estimate], weighed: Infor
         To the information, and to it with weights.
     weighed : Information
     """
+    noise = Noise.of(fits[0].variance, fits[0].times)
     try:
-        folds = Folds.of(information, float(fits[0].times.max()))
+        held_out = HeldOut.of(information, noise)
     except LogError:  # too short to be asked
         return True
-    tests, errors = information.summed(folds.tested), []
-    for part, fit in zip((information, weighed), fits, strict=True):
-        values = fit.estimator.refit(part, fit, folds.train.astype(float))
-        squares = tests.squares_of_blocks(np.pad(-values, ((0, 0), (0, 1)), constant_values=1.0))
-        errors.append(Score.of_errors(squares, information.variation, folds.ratio).error)
-    return not errors[1] > errors[0]
+    train, both = held_out.folds.train.astype(float), (information, weighed)
+    values = [f.estimator.refit(part, f, train) for part, f in zip(both, fits, strict=True)]
+    before, after = map(held_out.score, values)
+    return not after.error > before.error
 
 
 def _measure(information: Information, fit: Estimate) -> tuple[Array, Array]:

@@ -13,12 +13,13 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import chdtri, polygamma
 
-from identifiability.estimation.noise import RESIDUAL_ROUNDING, Noise
+from identifiability.estimation.noise import Noise
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import (
     NEARLY,
     RANK_TOLERANCE,
     ROUNDOFF,
+    TINY,
     few_at_once,
     sandwich,
     scan_columns,
@@ -165,9 +166,6 @@ def forbidden_signs(information: Information, fit: Estimate, nonnegative: np.nda
 # believed [Hausman 1978].
 
 
-#: Columns are told apart down to this share of their length.
-APART: Tolerance = 1e-8
-
 #: Directions that follow noise-free columns by less than this share stay with least squares: what
 #: is known of the noise is not enough to multiply them by more.
 WEAK: Tolerance = 0.5
@@ -283,7 +281,7 @@ def _inverse(root: Array) -> Array:
     """
     scale = np.linalg.norm(root, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
-    inverse: Array = np.linalg.pinv(root / scale, rcond=APART) / scale[:, None]
+    inverse: Array = np.linalg.pinv(root / scale, rcond=RANK_TOLERANCE) / scale[:, None]
     return inverse
 
 
@@ -325,7 +323,7 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
     turn = np.vstack([unit_coordinates(part.factor(fit.weights)[:k, :k]), np.zeros((1, k))])
     taken = fit.weights * part.squares(turn).sum(1)  # of noise of variance 1
     change = np.column_stack([turn, np.append(-fit.value[list(fit.kept)], 1.0)])
-    rounding = RESIDUAL_ROUNDING**2 * part.torque
+    rounding = RANK_TOLERANCE**2 * part.torque
     slow, known = fit.rss / own_rows, np.full(information.actuators, np.inf)
     for a, ((own, turned), rss) in enumerate(zip(part.of_actuators(change), fit.rss, strict=True)):
         if rss <= rounding[a]:
@@ -391,13 +389,6 @@ def _sum_lags(x: Array, log: np.ndarray) -> Array:
 # What to use when: ``ols`` reproduces the literature (one variance for all actuators); ``wls``
 # weights each actuator by the variance of its noise times how long that remembers, and is the
 # better estimate whenever joints differ in size or in what their noise remembers.
-
-
-#: A residual below this share of the torque is rounding, which must weigh no actuator.
-ROUNDING: Tolerance = 1e-12
-
-#: How often the noise is measured beside weights that it gave.
-ROUNDS = 2
 
 
 @frozen
@@ -572,7 +563,7 @@ def measure_noise(information: Information, plain: Estimate) -> Noise:
     """
     noise = Noise.of(plain.variance, plain.times)
     enough = len(information.counts) >= RULES.blocks_fewest
-    for _ in range(ROUNDS if enough and plain.variance.any() else 0):
+    for _ in range(2 if enough and plain.variance.any() else 0):
         weights = weigh(information, noise.variance * noise.times)
         noise = measure_memory(information, _solve(information, weights, plain.estimator))
     return noise
@@ -580,15 +571,10 @@ def measure_noise(information: Information, plain: Estimate) -> Noise:
 
 def weigh(information: Information, density: Array) -> Array:
     """Return the weight of each actuator by variance times memory of its noise (n,), (n,)."""
-    floor = 1e-12 * float(np.max(density, initial=0.0))
-    density = np.maximum(density, max(floor, ROUNDING**2 * _mean_square(information)))
+    floor = TINY * float(np.max(density, initial=0.0))
+    mean_square = float(information.torque.sum()) / max(information.rows, 1)
+    density = np.maximum(density, max(floor, TINY**2 * mean_square))
     return float(np.mean(density)) / density if density.all() else np.ones(information.actuators)
-
-
-def _mean_square(information: Information) -> float:
-    """Return the mean square of the torque over all rows."""
-    root = information.factor()[:, -1]
-    return float(root @ root) / max(information.rows, 1)
 
 
 def noise_scale(information: Information, weights: Array, times: Array, rss: Array) -> float:

@@ -13,18 +13,16 @@ What to use when:
 - *A choice* (a model, a weight of a prior, an estimator) is made on blocked folds of the fitted
   logs. `HeldOut.score_fit` asks the estimator for its fits to each fold's rest; `score` takes
   values ``(F, k)`` that somebody else has fitted to these (`Folds.train`), over the k columns of
-  the regression, so a reduced model's are ``fixed + M x``, its covariance ``M Σ Mᵀ``. The smallest
-  of those that may stand for the best (`near_best`) is used; weights of all are `weigh_models`.
+  the regression, so a reduced model's are ``fixed + M x``. The smallest of those that may stand for
+  the best (`near_best`) is used; weights of all are `weigh_models`.
 - *A veto or a statement* on logs that are held out: ``HeldOut.of(validation, noise)`` and
-  ``score(value, covariance)``: one model for all folds, and folds do not share data.
-- *Candidates that have no information in common* (bands of a low-pass, exported files): squared
-  errors against the same torque, ``Score.of_errors(squares, variation, ratio)``; they have no
-  density, only errors.
+  ``score(value)``: one model for all folds, and folds do not share data.
 
-The predictive log density of a fold is that of its torque under ``τ ~ N(W φ, S + W Σ Wᵀ)`` with the
-errors Σ of all values, noise ``S = σ² κ`` of each joint (its memory κ tempers the likelihood as the
-weights of the fit do), up to a constant that accounts with the same noise share: judge both with
-the noise of the richer. Each fold leaves out the noise's memory on both sides.
+The predictive log density of a fold is that of its torque under ``τ ~ N(W φ, S)`` with the values φ
+that were fitted to its rest, so that what these do not know costs what it makes them miss; noise
+``S = σ² κ`` of each joint (its memory κ tempers the likelihood as the weights of the fit do), up to
+a constant that accounts with the same noise share: judge both with the noise of the richer. Each
+fold leaves out the noise's memory on both sides.
 
 A gain is ``Σ ln p_A - ln p_B`` [nats], or ``ln(e_B / e_A)`` of the error over each joint's own
 scale, so that A against B is minus B against A. Folds share the data of their fits, and standard
@@ -43,11 +41,11 @@ import numpy as np
 from scipy.special import stdtrit
 
 from identifiability.estimation.estimator import Estimate, combine
-from identifiability.estimation.gaussian import RIDGE, Normal, predictive_density, square_root
+from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.noise import Noise
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 
@@ -91,9 +89,6 @@ class Levels:
 
 LEVELS = Levels()
 
-#: Squares below this share of the torque's, and columns below this one of others', are rounding.
-ROUNDING: Tolerance = 1e-13
-
 
 @frozen
 class Folds:
@@ -105,12 +100,15 @@ class Folds:
         Fold in which a block is predicted.
     train : (F, B) bool
         Blocks that the fit of each fold rests on: all others but those within the memory of it.
+    ends : (B,) int
+        Sample, over all logs, at which each block ends.
     ratio : float
         Samples that are predicted over samples that are fitted, on average.
     """
 
     test: np.ndarray
     train: np.ndarray
+    ends: np.ndarray
     ratio: float
 
     @property
@@ -128,7 +126,12 @@ class Folds:
         """Return folds of logs that are too short for a choice: what they err is stated only."""
         test = choose_folds(information.log, LEVELS.fewest)
         train = test != np.arange(test.max() + 1)[:, None]
-        return Folds(test, train, 1.0 / max(test.max(), 1))
+        return Folds(test, train, np.cumsum(information.counts), 1.0 / max(test.max(), 1))
+
+    def at(self, start: int, stop: int) -> np.ndarray:
+        """Return the fold that predicts each of the samples [start, stop), (n,) int."""
+        found: np.ndarray = self.test[np.searchsorted(self.ends, np.arange(start, stop), "right")]
+        return found
 
     @staticmethod
     def of(information: Information, memory: float = 0.0) -> Folds:
@@ -171,7 +174,7 @@ class Folds:
             row[own] = False
             row[near & (log == log[own[0]])] = False
         tested = np.array([counts[test == f].sum() for f in range(len(train))])
-        return Folds(test, train, float(np.mean(tested / np.maximum(train @ counts, 1))))
+        return Folds(test, train, ends, float(np.mean(tested / np.maximum(train @ counts, 1))))
 
 
 def choose_folds(log: np.ndarray, most: int = LEVELS.fewest) -> np.ndarray:
@@ -204,10 +207,10 @@ class Score:
 
     Attributes
     ----------
-    density : (F,) [nats]
-        Predictive log density, up to a constant; NaN where there is none.
     squares : (F, n) [(N·m)² or N²]
         Sums of squared errors.
+    noise : (n,) [torque²]
+        σ² κ of each joint.
     variation : (n,) [(N·m)² or N²]
         Sum of squares of each joint's torque about its mean, over all folds: its own scale. A joint
         without any has no say.
@@ -215,28 +218,28 @@ class Score:
         Samples predicted over samples fitted; 0 where nothing was fitted anew.
     """
 
-    density: Array
     squares: Array
+    noise: Array
     variation: Array
     ratio: float
 
-    @staticmethod
-    def of_errors(squares: Array, variation: Array, ratio: float) -> Score:
-        """Return the score of squared errors alone."""
-        return Score(np.full(len(squares), np.nan), squares, variation, ratio)
+    @cached_property
+    def density(self) -> Array:
+        """Predictive log density of each fold up to a constant, (F,) [nats]."""
+        found: Array = -0.5 * self.squares @ (1.0 / self.noise)
+        return found
 
     @cached_property
     def shares(self) -> Array:
-        """Squared errors of each joint over its own scale, (F, n); zero without a scale."""
+        """Squared errors of each fold over each joint's own scale, (F,)."""
         acts = self.variation > 0
-        found: Array = np.where(acts, self.squares, 0.0) / np.where(acts, self.variation, 1.0)
+        found: Array = self.squares[:, acts] @ (1.0 / self.variation[acts])
         return found
 
     @property
     def error(self) -> float:
         """The error over each joint's own scale, root mean square over the joints."""
-        acts = max(int((self.variation > 0).sum()), 1)
-        return float(np.sqrt(self.shares.sum() / acts))
+        return float(np.sqrt(self.shares.sum() / max(int((self.variation > 0).sum()), 1)))
 
     def gain(self, other: Score) -> Gain:
         """Return the gain of its predictive log density over another's of the same folds [nats]."""
@@ -254,54 +257,30 @@ class HeldOut:
     folds : Folds
     noise : (n,) [torque²]
         σ² κ of each joint.
-    tests, rests : Information
-        Of what each fold predicts, and of what its fit rests on: a block a fold.
-    turn, whole : (q, k + 1) and (F, q, q)
-        ``([W τ] x)ᵀ ([W τ] x) = |turn x|²`` of everything, whitened, and what each fold predicts
-        of it: of these coordinates nothing is lost by squaring.
-    variation : (n,)
+    tests : Information
+        Of what each fold predicts: a block a fold.
     """
 
     information: Information
     folds: Folds
     noise: Array
     tests: Information
-    rests: Information
-    turn: Array
-    whole: Array
-    variation: Array
 
     @staticmethod
-    def of(
-        information: Information,
-        noise: Noise,
-        folds: Folds | None = None,
-        variation: Array | None = None,
-    ) -> HeldOut:
+    def of(information: Information, noise: Noise, folds: Folds | None = None) -> HeldOut:
         """Return the sums.
 
         Parameters
         ----------
         information : Information
         noise : Noise
-            Of the richest of the accounts: its `Estimate` has `variance` and `times`.
+            Of the richest of the accounts.
         folds : Folds, optional
             By default `Folds.of` with the memory of the noise.
-        variation : (n,), optional [(N·m)² or N²]
-            Of the torque of each joint about its mean; by default its sum of squares.
         """
         folds = folds or Folds.of(information, float(np.max(noise.times)))
         own = np.maximum(noise.variance * noise.times, least_noise(information))
-        tests = information.summed(folds.tested)
-        R = information.factor(1.0 / own)
-        length = np.maximum(np.linalg.norm(R, axis=0), 1e-300)
-        _, s, Vt = np.linalg.svd(R / length)
-        seen = s > ROUNDING * s.max(initial=0.0)
-        turn, back = s[seen, None] * Vt[seen] * length, (Vt[seen].T / s[seen]) / length[:, None]
-        whole = tests.products(1.0 / own, back, back)
-        spread = information.torque if variation is None else variation
-        rests = information.summed(folds.train)
-        return HeldOut(information, folds, own, tests, rests, turn, whole, spread)
+        return HeldOut(information, folds, own, information.summed(folds.tested))
 
     def score_fit(self, fit: Estimate, M: Array | None = None, fixed: Array | None = None) -> Score:
         """Return what a model predicts, fitted to each fold's rest.
@@ -315,8 +294,7 @@ class HeldOut:
         fixed : (k,), optional
             Values that it holds fixed.
         """
-        M_ = np.eye(self.information.size) if M is None else M
-        return self.score_roots(self.refit(fit, M, fixed), self.roots(M_[:, list(fit.kept)]))
+        return self.score(self.refit(fit, M, fixed))
 
     def refit(self, fit: Estimate, M: Array | None = None, fixed: Array | None = None) -> Array:
         """Return the values of a model fitted to each fold's rest, (F, k); as `score_fit`."""
@@ -327,44 +305,19 @@ class HeldOut:
         whole: Array = values if M is None else values @ M.T
         return whole if fixed is None else whole + fixed
 
-    def roots(self, M: Array) -> Array:
-        """Return roots L of the errors of a model fitted to each fold's rest, (F, k, m).
-
-        Of a fit with weights 1/(σ² κ): ``Σ = L Lᵀ``.
-        """
-        k = self.information.size
-        R = self.information.factor(1.0 / self.noise)[:k, :k] @ M
-        length = np.maximum(np.linalg.norm(R, axis=0), 1e-300)
-        _, s, Vt = np.linalg.svd(R / length, full_matrices=False)
-        seen = s > RIDGE * s.max(initial=0.0)  # coordinates in which all information is a unit
-        turn = M @ ((Vt[seen].T / s[seen]) / length[:, None])
-        wide = np.vstack([turn, np.zeros((1, turn.shape[1]))])
-        values, vectors = np.linalg.eigh(self.rests.products(1.0 / self.noise, wide, wide))
-        found: Array = turn @ (vectors / np.sqrt(np.maximum(values, RIDGE))[:, None, :])
-        return found
-
-    def score(self, values: Array, covariance: Array) -> Score:
+    def score(self, values: Array) -> Score:
         """Return what an account predicts.
 
         Parameters
         ----------
         values : (F, k) or (k,)
             Of the fit to each fold's rest; or of one that has seen none of the folds.
-        covariance : (F, k, k) or (k, k)
-            Errors of the values, with what the noise remembers.
         """
-        return self.score_roots(values, square_root(covariance))
-
-    def score_roots(self, values: Array, roots: Array) -> Score:
-        """Return what an account predicts whose errors are ``L Lᵀ``, of roots L (F, k, m)."""
         left = np.concatenate([-values, np.ones((*values.shape[:-1], 1))], -1)
         left = np.broadcast_to(left, (self.folds.count, left.shape[-1]))
-        change = np.zeros((self.folds.count, len(self.turn), roots.shape[-1] + 1))
-        change[:, :, :-1] = self.turn[:, :-1] @ roots
-        change[:, :, -1] = left @ self.turn.T
-        density = predictive_density(np.swapaxes(change, 1, 2) @ self.whole @ change)
-        ratio = self.folds.ratio if np.ndim(values) > 1 else 0.0
-        return Score(density, self.tests.squares_of_blocks(left), self.variation, ratio)
+        squares, ratio = self.tests.squares_of_blocks(left), self.folds.ratio
+        scale = self.information.torque
+        return Score(squares, self.noise, scale, ratio if values.ndim > 1 else 0.0)
 
 
 def least_noise(information: Information) -> float:
@@ -482,56 +435,46 @@ class Evidence:
     Attributes
     ----------
     density : Gain [nats]
-        Of the predictive log density; NaN without one.
+        Of the predictive log density.
     error : Gain
         ``ln(e_B / e_A)`` of the error over each joint's own scale: .1 is about 10 % less error.
-    joint_errors : tuple of Gain
-        Of each joint.
     folds : int
         That it rests on.
     """
 
     density: Gain
     error: Gain
-    joint_errors: tuple[Gain, ...]
     folds: int
 
     @staticmethod
-    def of(a: Score, b: Score, *, joints: bool = True) -> Evidence:
-        """Return the evidence of two scores of the same folds, over each joint or only over all."""
-        ratio = max(a.ratio, b.ratio)
-        ours, theirs = a.shares, b.shares
-        error = _error_gain(ours.sum(1), theirs.sum(1), ratio)
-        pairs = zip(ours.T, theirs.T, strict=True) if joints else ()
-        of_joints = tuple(_error_gain(x, y, ratio) for x, y in pairs)
-        return Evidence(a.gain(b), error, of_joints, len(a.density))
+    def of(a: Score, b: Score) -> Evidence:
+        """Return the evidence of two scores of the same folds."""
+        error = _error_gain(a.shares, b.shares, max(a.ratio, b.ratio))
+        return Evidence(a.gain(b), error, len(a.squares))
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Of the gain of the error over all joints."""
+        if self.folds < 2:
+            return -np.inf, np.inf
+        tail = 0.5 * (1.0 - LEVELS.confidence)
+        reach = float(-stdtrit(self.folds - 1, tail)) * self.error.se
+        return self.error.value - reach, self.error.value + reach
+
+    @property
+    def replaceable(self) -> bool:
+        """Whether A may stand for B: its error surely rises by next to nothing."""
+        return bool(self.limits[0] > -np.log1p(LEVELS.rise))
 
     @property
     def level(self) -> Level:
         """What the error over all joints says."""
-        low, high = self.interval(self.error)
+        low, high = self.limits
         if low > 0:
             return Level.BETTER
         if high < 0:
             return Level.WORSE
-        return Level.AS_GOOD if low > -np.log1p(LEVELS.rise) else Level.OPEN
-
-    @property
-    def replaceable(self) -> bool:
-        """Whether A may stand for B: as good over all joints, and none surely errs much more."""
-        lost = -float(np.log1p(LEVELS.rise))
-        if self.interval(self.error)[0] <= lost:
-            return False
-        among = len(self.joint_errors)
-        return all(self.interval(gain, among)[1] >= lost for gain in self.joint_errors)
-
-    def interval(self, gain: Gain, among: int = 1) -> tuple[float, float]:
-        """Return the limits of a gain, so that those of so many hold together."""
-        if self.folds < 2 or np.isnan(gain.value):
-            return -np.inf, np.inf
-        tail = 0.5 * (1.0 - LEVELS.confidence) / max(among, 1)
-        reach = float(-stdtrit(self.folds - 1, tail)) * gain.se
-        return gain.value - reach, gain.value + reach
+        return Level.AS_GOOD if self.replaceable else Level.OPEN
 
 
 def _sum_gain(each: Array, ratio: float) -> Gain:
@@ -543,14 +486,13 @@ def _sum_gain(each: Array, ratio: float) -> Gain:
 
 
 def _error_gain(a: Array, b: Array, ratio: float) -> Gain:
-    """Return ``½ ln(Σb / Σa)`` of squares of K folds, (K,), with its standard error."""
-    sums = float(a.sum()), float(b.sum())
-    # Squares below this share of the torque's, and columns below this one of others', are
-    # rounding.
-    if max(sums) <= 1e-18:
+    """Return ``½ ln(Σb / Σa)`` of squares of K folds, (K,), with its standard error.
+
+    Below a share of the torque's squares both are rounding.
+    """
+    sums = np.maximum([a.sum(), b.sum()], ROUNDOFF**2)
+    if (sums == ROUNDOFF**2).all():
         return Gain(0.0, 0.0)
-    if min(sums) <= 0.0:
-        return Gain(float(np.copysign(np.inf, sums[1] - sums[0])), 0.0)
     each = 0.5 * (b / sums[1] - a / sums[0])  # what each fold does to the logarithm
     return Gain(0.5 * float(np.log(sums[1] / sums[0])), _sum_gain(each, ratio).se)
 
@@ -582,59 +524,8 @@ def near_best(scores: Sequence[Score]) -> np.ndarray:
 def may_stand(score: Score, best: Score) -> bool:
     """Return whether a model may stand for the best one.
 
-    Its predictive log density is within some nats; or it is as good, where no joint's error surely
-    rises by more than that: of many samples nats tell apart what no error shows.
+    Its predictive log density is within some nats; or its error surely rises by next to nothing: of
+    many samples nats tell apart what no error shows.
     """
-    if score.density.sum() >= best.density.sum() - LEVELS.nats:
-        return True
-    # Most fail over all joints already: a path asks it of a hundred models.
-    return all(Evidence.of(score, best, joints=each).replaceable for each in (False, True))
-
-
-@frozen
-class Mixture:
-    """What models that may all be right say of the k labels of one of them.
-
-    Attributes
-    ----------
-    value, sigma : (k,)
-        Mean and standard deviation of the mixture.
-    low, high : (k,)
-        Values of the models that carry the weight, apart from the lightest `LIGHTEST` of them.
-    """
-
-    value: Array
-    sigma: Array
-    low: Array
-    high: Array
-
-
-#: Share of the weight that models which are not spoken of carry together.
-LIGHTEST: Tolerance = 0.05
-
-
-def mix_labels(weights: Array, values: Array, sigmas: Array) -> Mixture:
-    """Return the mixture of labels over M models.
-
-    Its variance is ``Σ w (σ² + φ²) - φ̄²``. A model that leaves a label open has no say in it.
-
-    Parameters
-    ----------
-    weights : (M,)
-    values, sigmas : (M, k)
-        Of each label in each model.
-    """
-    known = np.isfinite(sigmas)
-    w = np.where(known, weights[:, None], 0.0)
-    total = w.sum(0)
-    w = w / np.where(total > 0, total, 1.0)
-    x, s = np.where(known, values, 0.0), np.where(known, sigmas, 0.0)
-    mean = (w * x).sum(0)
-    variance = np.where(total > 0, (w * (s**2 + (x - mean) ** 2)).sum(0), np.inf)
-    order = np.argsort(-w, axis=0, kind="stable")
-    heavy = np.empty(w.shape, bool)
-    before = np.cumsum(np.take_along_axis(w, order, 0), 0) - np.take_along_axis(w, order, 0)
-    np.put_along_axis(heavy, order, before < 1.0 - LIGHTEST, 0)
-    low = np.where(heavy & known, x, np.inf).min(0)
-    high = np.where(heavy & known, x, -np.inf).max(0)
-    return Mixture(mean, np.sqrt(variance), low, high)
+    near = score.density.sum() >= best.density.sum() - LEVELS.nats
+    return bool(near) or Evidence.of(score, best).replaceable

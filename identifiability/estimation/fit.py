@@ -14,7 +14,6 @@ import numpy as np
 from scipy.special import fdtrc, ndtr, ndtri, stdtrit
 
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.evidence import Mixture
 from identifiability.estimation.groups import LabelAlternatives
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import ROUNDOFF, sandwich, unit_coordinates
@@ -183,8 +182,7 @@ def scatter_scores(information: Information, fit: Estimate, time: float) -> Scor
     B = len(merged.counts)
     if not fit.kept or RULES.stretches_fewest > B:
         return None
-    variance = (fit.estimator.influence(merged, fit) ** 2).sum(0)
-    sd = np.sqrt(variance * longer(variance, fit, merged.samples / B))
+    sd = np.linalg.norm(fit.estimator.influence(merged, fit), axis=0)
     return ScoreScatter(np.where(fit.determined, sd, np.inf), B, count_freedom(merged, fit))
 
 
@@ -213,27 +211,6 @@ def count_freedom(information: Information, fit: Estimate) -> Array:
     freedom = np.ones(information.size)
     freedom[kept] = np.maximum(mean**2 / np.maximum(variance, 1e-300), 1.0)
     return freedom
-
-
-def longer(variance: Array, fit: Estimate, length: float) -> Array:
-    """Return by how much the variance of longer stretches would be larger, (k,).
-
-    Parameters
-    ----------
-    variance : (k,)
-        Of the values of a fit, from the scatter over stretches.
-    fit : Estimate
-    length : float [samples]
-        Of the stretches.
-
-    Of scores with autocorrelation time τ, sums over stretches of length L have τ (1 - τ/2L) times
-    the variance of white ones; beyond that, stretches are too short to say.
-    """
-    square = np.diag(fit.covariance)
-    white = np.where(np.isfinite(square) & (square > 0), square, np.inf)
-    share = np.clip(variance / white / length, 1e-12, 0.5)
-    factor: Array = (1.0 - np.sqrt(1.0 - 2.0 * share)) / share
-    return factor
 
 
 # Do several logs give the same values? What scatters between them enters every interval.
@@ -577,8 +554,6 @@ class Fit:
         What the parameters that the model leaves out do to its own.
     alternatives : LabelAlternatives or None
         What groups that may be missing do to them.
-    models : Mixture or None
-        What all models of a path say of the labels.
     """
 
     estimate: Estimate
@@ -591,7 +566,6 @@ class Fit:
     shared: Mapping[str, Array] = field(default_factory=dict)
     left_out: LeftOut | None = None
     alternatives: LabelAlternatives | None = None
-    models: Mixture | None = None
 
     @staticmethod
     def of(
@@ -654,11 +628,6 @@ class Fit:
             found["omitted"] = self.left_out.sigma
         if self.alternatives is not None:
             found["alternatives"] = self.alternatives.sigma
-        if self.models is not None:
-            own = np.linalg.norm([found[name] for name in OF_VALUES], axis=0)
-            with np.errstate(invalid="ignore"):
-                more = np.nan_to_num(self.models.sigma**2 - own**2, nan=0.0, posinf=np.inf)
-            found["models"] = np.sqrt(np.maximum(more, 0.0))
         return found
 
     @property
@@ -682,8 +651,8 @@ class Fit:
 
     @property
     def value(self) -> Array:
-        """Values of the labels: over models, beside the functions that are missing, (k,)."""
-        value = self.estimate.value if self.models is None else self.models.value
+        """Values of the labels: beside the functions that are missing, (k,)."""
+        value = self.estimate.value
         return value if self.alternatives is None else value - self.alternatives.shift
 
     @property
@@ -715,7 +684,7 @@ class Fit:
 
 
 #: What the interval of a label is made of, and what of it is the value's own.
-TERMS = ("noise", "logs", "alternatives", "omitted", "delay", "bias", "prior", "models")
+TERMS = ("noise", "logs", "alternatives", "omitted", "delay", "bias", "prior")
 OF_VALUES = ("noise", "logs", "delay", "bias", "prior")
 
 

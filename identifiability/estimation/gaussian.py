@@ -14,12 +14,9 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dtrtri
 
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-
-#: Keeps a fold solvable in which a column never acts; columns have about unit length.
-RIDGE: Tolerance = 1e-9
 
 
 @frozen
@@ -46,7 +43,7 @@ class Normal:
     @staticmethod
     def ridged(P: Array, h: Array) -> Normal:
         """Return the same of a curvature that rounding or instruments may leave indefinite."""
-        ridge = RIDGE * np.eye(len(P))
+        ridge = ROUNDOFF * np.eye(len(P))  # columns have about unit length
         try:
             return Normal.of(P + ridge, h)
         except np.linalg.LinAlgError:
@@ -91,12 +88,6 @@ class Normal:
         half = np.where(inside, half, 0.0)
         return np.asarray(solve_triangular(self.factor, half, lower=True, trans="T"))
 
-    def volumes(self, free: np.ndarray) -> Array:
-        """Return ``½ ln |P|`` of nested models, (M,)."""
-        volume = np.cumsum(np.log(np.diag(self.factor)))
-        found: Array = np.append(0.0, volume)[free]
-        return found
-
     def beside(self, own: Array, cross: Array) -> Array:
         """Return products of further columns beside these, (m, m).
 
@@ -108,60 +99,3 @@ class Normal:
         along = solve_triangular(self.factor, cross, lower=True)
         left: Array = own - along.T @ along
         return left
-
-
-def predictive_density(grams: Array) -> Array:
-    """Return the log density of whitened residuals under the errors of all values, (F,) [nats].
-
-    Parameters
-    ----------
-    grams : (F, q + 1, q + 1)
-        ``[W L e]ᵀ [W L e]``, whitened, of residuals e and a root L of the values' covariance.
-    """
-    one = np.eye(grams.shape[1] - 1)
-    each = [Normal.of(one + G[:-1, :-1], G[:-1, -1]).evidence - 0.5 * G[-1, -1] for G in grams]
-    return np.array(each)
-
-
-def nested_density(
-    gram: Array, precision: Array, delta: Array, turn: Array, free: np.ndarray
-) -> Array:
-    """Return the predictive log density of F folds under M nested models, (M, F) [nats].
-
-    A sum of squares of the values that are likeliest with a fold, and no difference of large ones:
-    what the rest of a fold hardly determines may be anything.
-
-    Parameters
-    ----------
-    gram : (F, k + 1, k + 1)
-        ``[Y e]ᵀ [Y e]`` of each fold, whitened: columns, and what the largest model leaves.
-    precision : (F, k, k)
-        Of the values of the largest model, fitted to each fold's rest.
-    delta : (M, F, k)
-        Values of each model's fits to the rests, less those of the largest to everything.
-    turn : (k, k)
-        Orthonormal; its first columns span what a model leaves free.
-    free : (M,) int
-        How many.
-    """
-    k = gram.shape[1] - 1
-    out, none = np.empty(delta.shape[:2]), np.zeros(k)
-    for f, (G, P) in enumerate(zip(gram, precision, strict=True)):
-        unit = np.trace(P) / max(k, 1) + 1e-300
-        known = Normal.ridged(turn.T @ P @ turn / unit, none)
-        L, off = known.factor, delta[:, f].T
-        both = Normal.of(L @ L.T + turn.T @ G[:k, :k] @ turn / unit, none)
-        x = both.leading(turn.T @ (G[:k, [k]] - G[:k, :k] @ off) / unit, free)
-        left = np.vstack([-off - turn @ x, np.ones((1, len(free)))])
-        square = (left * (G @ left)).sum(0) + unit * ((L.T @ x) ** 2).sum(0)
-        out[:, f] = known.volumes(free) - both.volumes(free) - 0.5 * square
-    return out
-
-
-def square_root(covariance: Array) -> Array:
-    """Return L with ``L Lᵀ`` the covariance, which may be singular."""
-    scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 0.0))
-    unit = np.where(scale > 0, scale, 1.0)
-    values, vectors = np.linalg.eigh(covariance / unit[..., None, :] / unit[..., :, None])
-    found: Array = unit[..., None] * vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
-    return found

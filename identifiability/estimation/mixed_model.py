@@ -21,9 +21,10 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import log_ndtr, logsumexp, softmax
 
-from identifiability.estimation.gaussian import RIDGE, Normal
+from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.noise import THIN, ARNoise, JointRuns, whiten
 from identifiability.estimation.rules import RULES
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import ActuatorBlocks, Information
@@ -211,7 +212,7 @@ class MixedModel:
         """
         sizes = np.concatenate([np.full(t.size, t.variance) for t in terms] or [np.empty(0)])
         first = self.fixed
-        P = P + RIDGE * np.diag(np.maximum(np.diag(P), 1e-300))
+        P = P + ROUNDOFF * np.diag(np.maximum(np.diag(P), 1e-300))
         P[range(first, len(P)), range(first, len(P))] += 1.0 / sizes
         if self.prior.size:
             P[:first, :first] += self.prior / np.outer(self.scale[:first], self.scale[:first])

@@ -17,7 +17,7 @@ import scipy
 
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.rules import RULES
-from identifiability.foundation.linalg import NEARLY, ROUNDOFF
+from identifiability.foundation.linalg import NEARLY, RANK_TOLERANCE, ROUNDOFF, TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -152,20 +152,6 @@ def colour(e: Array, pacf: Array) -> Array:
     return x
 
 
-def autocovariance(pacf: Array, most: int) -> Array:
-    """Return autocovariances at lags 0 … most for unit innovations, (most + 1,)."""
-    predictors, variances = levinson(pacf)
-    p = len(pacf)
-    out = np.zeros(most + 1)
-    out[0] = variances[0]
-    for k in range(1, most + 1):
-        if k > p:
-            out[k] = predictors[p] @ out[k - p : k][::-1]
-        else:  # the last partial autocorrelation of an order gives the next lag [Levinson 1947]
-            out[k] = pacf[k - 1] * variances[k - 1] + predictors[k - 1] @ out[1:k][::-1]
-    return out
-
-
 def whiten(x: Array, runs: Runs, pacf: Array) -> Array:
     """Return one-step prediction errors of x (N, …) in units of their standard deviation.
 
@@ -197,14 +183,6 @@ def whiten(x: Array, runs: Runs, pacf: Array) -> Array:
 HIGHEST_ORDER = 4
 #: Partial autocorrelations are held below tanh(this): slower noise cannot be told from a drift.
 BOUND: Tolerance = 3.5
-#: Shares of the trace below which directions are rounding, the next where one does not suffice.
-ROUNDING: tuple[Tolerance, ...] = (1e-14, 1e-12, 1e-10)
-#: A residual below this share of the torque is rounding, and has no correlation to speak of.
-RESIDUAL_ROUNDING: Tolerance = 1e-8
-#: Deviance that a step gains, for each row, below which the search of one order ends.
-CLOSE: Tolerance = 1e-3
-#: Step of the derivatives in the search of one order.
-STEP: Tolerance = 1e-4
 
 
 #: Rows by how many of their stretch are known before them, the highest order or more together, and
@@ -339,7 +317,7 @@ class RestrictedLikelihood:
         self.floor = floor * float(rest @ rest) / self.rows
         self.prior = np.zeros(self.k)
         self.left = float(rest @ rest) * self.scale**2 / self.dof
-        self.rounding = float(rest @ rest) <= RESIDUAL_ROUNDING**2
+        self.rounding = float(rest @ rest) <= RANK_TOLERANCE**2
 
     @property
     def dof(self) -> int:
@@ -375,13 +353,13 @@ class RestrictedLikelihood:
     def _products(self, weights: Array, white: float) -> Array:
         G = self.lagged.weighed(weights)
         G[-1, -1] += self.floor * white
-        G.ravel()[:: len(G) + 1] += ROUNDING[0] * np.trace(G)
+        G.ravel()[:: len(G) + 1] += 0.01 * TINY * np.trace(G)
         return G
 
     def _factor(self, weights: Array, white: float) -> Array:
         G = self._products(weights, white)
         G[range(self.k), range(self.k)] += self.prior
-        for share in ROUNDING:
+        for share in (0.01 * TINY, TINY, 100.0 * TINY):  # below, directions are rounding
             G.ravel()[:: len(G) + 1] += share * np.trace(G)
             try:
                 return np.linalg.cholesky(G)
@@ -406,7 +384,8 @@ class RestrictedLikelihood:
 
         Products are met once: what changes with theta is what each of them counts for.
         """
-        p, steps = len(theta), STEP * np.eye(len(theta))
+        p, step = len(theta), 1e-4
+        steps = step * np.eye(p)
         near = theta[:, None] + np.concatenate([np.zeros((p, 1)), steps, -steps], axis=1)
         weights, logdets, white = self.lagged.weigh(np.tanh(near))
         L = self._factor(weights[:, 0], white[0])
@@ -415,7 +394,7 @@ class RestrictedLikelihood:
         toward = inverse.T @ inverse  # derivative by the whitened products
         flat = self.lagged.products.reshape(len(weights), -1) @ toward.ravel()
         around = flat @ weights + logdets + toward[-1, -1] * self.floor * white
-        slope = (around[1 : p + 1] - around[p + 1 :]) / (2 * STEP)
+        slope = (around[1 : p + 1] - around[p + 1 :]) / (2 * step)
         return self._deviance(L, float(logdets[0])), slope
 
     def sigma(self, theta: Array) -> float:
@@ -451,7 +430,7 @@ class RestrictedLikelihood:
     def descend(self, start: Array) -> tuple[Array, float]:
         """Return where the deviance is least for the order of a start (p,), and how much it is."""
         limits = [(-BOUND, BOUND)] * len(start)
-        how = {"ftol": CLOSE / max(self.rows, 1), "gtol": 0.0}
+        how = {"ftol": 1e-3 / max(self.rows, 1), "gtol": 0.0}
         found = scipy.optimize.minimize(
             self.slope, start, jac=True, method="L-BFGS-B", bounds=limits, options=how
         )
@@ -485,7 +464,7 @@ class JointNoise:
     @property
     def variance(self) -> float:
         """Variance of the noise [torque²]."""
-        return float(self.sigma**2 * autocovariance(self.pacf, 0)[0])
+        return float(self.sigma**2 / np.prod(1.0 - self.pacf**2))
 
     @property
     def density(self) -> float:

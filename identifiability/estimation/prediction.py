@@ -15,16 +15,8 @@ import numpy as np
 from scipy.special import stdtrit
 
 from identifiability.estimation.estimator import Estimate, dependence
-from identifiability.estimation.evidence import LEVELS
+from identifiability.estimation.evidence import LEVELS, Folds
 from identifiability.estimation.fit import Fit, remembering_covariance
-from identifiability.estimation.torque_errors import (
-    ErrorSums,
-    Layout,
-    Turns,
-    error_over_joints,
-    joint_errors,
-    relative_error,
-)
 from identifiability.foundation.engines import Engine, Steps
 from identifiability.foundation.linalg import few_at_once
 from identifiability.foundation.names import Array
@@ -75,17 +67,12 @@ class TorqueUncertainty:
         W : (N, n, k)
         """
         variance = np.maximum(np.einsum("anj,jk,ank->an", W, self.covariance, W), 0.0)
-        variance[self.finds_new(W)] = np.inf
+        # A direction that the fitted motion never showed acts if it makes this share of what its
+        # columns made there.
+        variance[(np.abs(W @ self.unknown) > 1e-5).any(2)] = np.inf
         few = stdtrit(self.dof, ENDS[1])
         low, raw = (few * np.sqrt(variance + sd**2) for sd in (self.low, self.raw))
         return REACH * np.sqrt(variance), low, raw
-
-    def finds_new(self, W: Array) -> np.ndarray:
-        """Return where the motion acts on what the fitted motion never showed, (N, n) bool."""
-        # A direction that the fitted motion never showed acts if it makes this share of
-        # what its columns made there;
-        found: np.ndarray = (np.abs(W @ self.unknown) > 1e-5).any(2)
-        return found
 
 
 def measure_spread(
@@ -171,9 +158,166 @@ def _never_shown(information: Information, fit: Estimate) -> Array:
     return scaled
 
 
+# How far predicted torque is from the measured: one definition.
+#
+# What to use when: models are chosen by the error over each joint's own scale
+# (`Prediction.error_over_joints`), which sees small joints as well as large ones; ε_RA
+# (`Prediction.relative_error`) is the paper's, which adds up N and N·m as they are.
+# `change_interval` is for samples that are all held; `ErrorSums` for logs of any length, whose
+# errors are added up in one pass. Means that variation is measured from are known before
+# (`Layout`), so parts of a log can be worked on anywhere.
+
+
+@frozen
+class Layout:
+    """How long logs are, and what their torque is on average.
+
+    Attributes
+    ----------
+    counts : (L,) int
+        Samples of each log.
+    mean : float [N·m or N]
+        Of the torque over all joints and logs.
+    joint_mean : (n,) [N·m or N]
+    log_mean : (L,) [N·m or N]
+        Over all joints of a log.
+    signal : (n,) bool
+        Joints at which there is something to explain (`samples.survey.find_signal`).
+    """
+
+    counts: np.ndarray
+    mean: float
+    joint_mean: Array
+    log_mean: Array
+    signal: np.ndarray
+
+    @staticmethod
+    def of(counts: Sequence[int], torque: Array, signal: np.ndarray, rows: np.ndarray) -> Layout:
+        """Return the layout of logs.
+
+        Parameters
+        ----------
+        counts : sequence of int
+            Samples of each log.
+        torque : (L, n) [N·m or N]
+            Sum of the torque of each log.
+        signal : (n,) bool
+            Joints at which there is something to explain.
+        rows : (L, n) int
+            Samples at which torque of each joint is data.
+        """
+        whole, joints, logs = (torque.sum(k) / np.maximum(rows.sum(k), 1) for k in (None, 0, 1))
+        return Layout(np.array(counts, int), float(whole), joints, logs, signal)
+
+
+#: Stretches that are drawn again and again for an interval: more, as each weighs by itself.
+DRAWN_STRETCHES = 24
+
+
+def change_interval(
+    error: Array, deviation: Array, rng: np.random.Generator, draws: int = 2000
+) -> tuple[float, float]:
+    """Return the 95 % interval of the change of ε_RA from one model to another.
+
+    Whole stretches of time are drawn again and again [Künsch 1989].
+
+    Parameters
+    ----------
+    error : (N, n, 2) [N·m or N]
+        Absolute errors of each sample and joint.
+    deviation : (N, n) [N·m or N]
+        Distances of the measured torque from its mean over everything.
+    rng : numpy.random.Generator
+    draws : int
+    """
+    count = min(DRAWN_STRETCHES, len(error))
+    both = ((error[:, :, 1] - error[:, :, 0]).sum(1), deviation.sum(1))
+    parts, wholes = (np.add.reduceat(x, np.arange(count) * len(x) // count) for x in both)
+    counts = rng.multinomial(count, np.full(count, 1 / count), size=draws)
+    size = counts @ wholes
+    low, high = np.quantile((counts @ parts) / np.where(size > 0, size, 1.0), ENDS)
+    return float(low), float(high)
+
+
+@frozen
+class ErrorSums:
+    """All that errors of prediction say, summed over each of L logs; parts add up.
+
+    Attributes
+    ----------
+    counts : (L,) int
+        Samples of each log.
+    rows : (L, n) int
+        Those of them at which torque of each joint is data.
+    absolute, squares : (L, n, m) [N·m or N, and squared]
+        Of the errors of each joint and model.
+    torque_squares : (L, n) [(N·m)² or N²]
+        Of the measured torque.
+    deviation, own, local : (L, n) [N·m or N]
+        Distances of the torque from its mean over everything, over the joint, over the log: the
+        denominators of relative errors. Zero where there is nothing to explain.
+    variation : (L, n) [(N·m)² or N²]
+        Squared distances from the mean over the joint.
+    """
+
+    counts: np.ndarray
+    rows: np.ndarray
+    absolute: Array
+    squares: Array
+    torque_squares: Array
+    deviation: Array
+    own: Array
+    local: Array
+    variation: Array
+
+    @staticmethod
+    def of(
+        layout: Layout,
+        log: int,
+        tau: Array,
+        predicted: Array,
+        data: np.ndarray,
+    ) -> ErrorSums:
+        """Return the sums of some samples of a log.
+
+        Measured torque tau (N, n) and predicted torque (N, n, m) are in N·m or N; where they are
+        no `data` (N, n), they are not looked at.
+        """
+        means = (layout.mean, layout.joint_mean, layout.log_mean[log])
+        error = np.abs(tau[:, :, None] - predicted) * data[:, :, None]
+        deviation, own, local = (np.abs(tau - mean) * data for mean in means)
+        signal = layout.signal
+        some = signal.any()  # joints without any are still apart from the mean over all
+        spread = deviation * some, own * signal, local * some, own**2 * signal
+        sums = []
+        every = np.ones(len(tau), int), data.astype(int)
+        for rows in (*every, error, error**2, tau**2 * data, *spread):
+            sums.append(np.zeros((len(layout.counts), *rows.shape[1:]), rows.dtype))
+            sums[-1][log] = rows.sum(0)
+        return ErrorSums(*sums)
+
+    def __add__(self, other: ErrorSums) -> ErrorSums:
+        """Return the sums over the samples of both, in the same layout."""
+        return ErrorSums(*map(np.add, vars(self).values(), vars(other).values()))
+
+    def select(self, models: Sequence[int]) -> ErrorSums:
+        """Return the sums of some models."""
+        at = list(models)
+        return replace(self, absolute=self.absolute[:, :, at], squares=self.squares[:, :, at])
+
+
+def loaded_joints(rms: Array) -> list[int]:
+    """Return the joints whose torque there is something to say of; all where there is none.
+
+    What nothing drives, as a base, has none along most motions.
+    """
+    loaded = np.flatnonzero(rms > 0)
+    return (loaded if len(loaded) else np.arange(len(rms))).tolist()
+
+
 # `Prediction`: torque predicted along logs in one pass, and how far it is from the measured.
 #
-# In sample, on held-out logs, and by blocked cross-validation, where folds take turns (`Turns`).
+# In sample, on held-out logs, and by blocked cross-validation, where folds take turns.
 
 
 @frozen
@@ -197,8 +341,6 @@ class Prediction:
         Prediction of each of m models.
     log : (N,) int
         Which log a sample comes from.
-    series : (N,) int
-        Which stretch of consecutive samples.
     velocity : (N, n) [rad/s or m/s]
         Of the actuated joints.
     data : (N, n) bool
@@ -212,7 +354,6 @@ class Prediction:
     tau: Array
     predicted: Array
     log: np.ndarray
-    series: np.ndarray
     velocity: Array
     data: np.ndarray
 
@@ -243,8 +384,9 @@ class Prediction:
         layout = Layout.of(counts, torque, ~is_constant(low, high), rows)
         parts = ((k, *(x[log == k] for x in (tau, predicted, data))) for k in range(len(t)))
         sums = reduce(add, (ErrorSums.of(layout, *part) for part in parts))
-        kept = tuple(t), tau, predicted, log, log, np.zeros_like(tau), data
-        return Prediction(len(tau), sums, sums, *kept)
+        return Prediction(
+            len(tau), sums, sums, tuple(t), tau, predicted, log, np.zeros_like(tau), data
+        )
 
     @property
     def samples(self) -> int:
@@ -292,18 +434,22 @@ class Prediction:
             Of the torque as it was measured, not as it was low-passed.
         """
         sums = self.raw if raw else self.sums
-        rows = slice(None) if log is None else slice(log, log + 1)
-        deviation = sums.deviation if log is None else sums.local
-        return relative_error(sums.absolute[rows], deviation[rows])
+        if log is None:
+            return _ratio(sums.absolute.sum((0, 1)), sums.deviation.sum())
+        return _ratio(sums.absolute[log].sum(0), sums.local[log].sum())
 
     def constant_error(self) -> float:
         """Return ε_RA of predicting each joint's mean torque: what any model must beat."""
-        return float(relative_error(self.sums.own[:, :, None], self.sums.deviation)[0])
+        return float(_ratio(self.sums.own.sum(), self.sums.deviation.sum()))
 
     def joint_error(self, *, raw: bool = False) -> Array:
-        """Return each joint's error over its own scale (n, m), `raw` of measured torque."""
+        """Return each joint's error over its own scale (n, m), `raw` of measured torque.
+
+        The root mean square of its error over that of its torque about its mean; NaN where the
+        torque never varies.
+        """
         sums = self.raw if raw else self.sums
-        return joint_errors(sums.squares, sums.variation)
+        return np.sqrt(_ratio(sums.squares.sum(0), sums.variation.sum(0)[:, None]))
 
     def joint_rms(self, *, raw: bool = False) -> Array:
         """Return the root mean square of each joint's error, (n, m) [N·m or N]."""
@@ -322,8 +468,20 @@ class Prediction:
         return bool(np.sum(parts) > np.std(parts, ddof=1) * np.sqrt(len(parts)))
 
     def error_over_joints(self) -> Array:
-        """Return the error over each joint's own scale, of each model, (m,)."""
-        return error_over_joints(self.sums.squares, self.sums.variation)
+        """Return the error over each joint's own scale, root mean square over the joints, (m,).
+
+        Zero is perfect, one as good as each joint's mean. Joints whose torque never varies have no
+        say; NaN where there is nothing to explain.
+        """
+        each = self.joint_error() ** 2
+        known = each[np.isfinite(each).all(1)]
+        return np.sqrt(_ratio(known.sum(0), float(len(known))))
+
+
+def _ratio(part: Array, whole: Array | float) -> Array:
+    """Return a ratio, NaN where there is nothing to divide by."""
+    found: Array = part / np.where(whole > 0, whole, np.nan)
+    return found
 
 
 @frozen
@@ -333,46 +491,29 @@ class Task:
     Attributes
     ----------
     values : (F, b, m)
-    turns : Turns or None
+    folds : Folds or None
         Which set predicts a sample; the first without.
     kept : bool
         Whether samples are held, not only sums.
     """
 
     values: Array
-    turns: Turns | None = None
+    folds: Folds | None = None
     kept: bool = True
 
     def predict(self, W: Array, start: int) -> Array:
         """Return the torque (N, n, m) of samples from one on, over all logs, with W (N, n, b)."""
-        if self.turns is None:
+        if self.folds is None:
             whole: Array = W @ self.values[0]
             return whole
-        which = self.turns.of(start, start + len(W))
+        which = self.folds.at(start, start + len(W))
         edges = [0, *(np.flatnonzero(np.diff(which)) + 1).tolist(), len(W)]
         return np.concatenate([W[a:b] @ self.values[which[a]] for a, b in pairwise(edges)])
 
 
-def predict(
-    regression: Regression,
-    values: Array,
-    turns: Turns | None = None,
-    *,
-    engine: Engine | None = None,
-) -> Prediction:
-    """Predict torque with base parameter values of m models.
-
-    Parameters
-    ----------
-    regression : Regression
-    values : (b, m) or (F, b, m)
-        Base parameters of each model; with `turns`, one set for each fold.
-    turns : Turns, optional
-        Which set predicts a sample.
-    engine : Engine, optional
-    """
-    values = values if values.ndim == 3 else values[None]
-    return predict_all(regression, [Task(values, turns)], engine=engine)[0]
+def predict(regression: Regression, values: Array, *, engine: Engine | None = None) -> Prediction:
+    """Predict torque with base parameter values of m models, (b, m)."""
+    return predict_all(regression, [Task(values[None])], engine=engine)[0]
 
 
 def predict_all(
@@ -408,8 +549,8 @@ def predict_all(
 #: Errors of the low-passed and of the measured torque.
 Both = tuple[ErrorSums, ErrorSums]
 
-#: Time, torque, prediction, velocity, log, series and what is data of some samples.
-KeptSamples = tuple[Array, Array, Array, Array, np.ndarray, np.ndarray, np.ndarray]
+#: Time, torque, prediction, log, velocity and what is data of some samples.
+KeptSamples = tuple[Array, Array, Array, np.ndarray, Array, np.ndarray]
 
 
 def _predict_part(
@@ -418,13 +559,12 @@ def _predict_part(
     n = len(layout.joint_mean)
     sums, kept = [], []
     for m in (task.values.shape[2] for task in tasks):
-        tau, predicted, none = np.empty((0, n)), np.empty((0, n, m)), np.empty(0, int)
-        sums.append([ErrorSums.of(layout, 0, tau, predicted)] * 2)
-        kept.append([(np.empty(0), tau, predicted, tau, none, none, tau > 0)])
+        tau, predicted = np.empty((0, n)), np.empty((0, n, m))
+        sums.append([ErrorSums.of(layout, 0, tau, predicted, tau > 0)] * 2)
+        kept.append([(np.empty(0), tau, predicted, np.empty(0, int), tau, tau > 0)])
     for chunk in part.shown():
         before = int(layout.counts[: chunk.log].sum())
         log = np.full(len(chunk.t), chunk.log)
-        series = np.full(len(chunk.t), layout.series(chunk.log, chunk.start))
         for k, task in enumerate(tasks):
             # Of many joints and models the errors of a chunk would be hundreds of megabytes.
             # Arrays of the size of the errors of some samples that summing them
@@ -436,14 +576,14 @@ def _predict_part(
                 for which, tau in enumerate((chunk.tau[at], chunk.raw[at])):
                     sums[k][which] += ErrorSums.of(layout, chunk.log, tau, predicted, data)
                 if task.kept:
-                    some = chunk.t[at], chunk.tau[at], predicted, chunk.velocity[at]
-                    kept[k].append((*some, log[at], series[at], data))
+                    some = chunk.t[at], chunk.tau[at], predicted
+                    kept[k].append((*some, log[at], chunk.velocity[at], data))
     return [((low, raw), some) for (low, raw), some in zip(sums, kept, strict=True)]
 
 
 def _join(found: Sequence[tuple[Both, list[KeptSamples]]], counts: Sequence[int]) -> Prediction:
     sums, raw = (reduce(add, parts) for parts in zip(*(both for both, _ in found), strict=True))
     kept = [some for _, several in found for some in several]
-    t, tau, predicted, velocity, log, series, data = map(np.concatenate, zip(*kept, strict=True))
+    t, tau, predicted, log, *rest = map(np.concatenate, zip(*kept, strict=True))
     times = tuple(t[log == k] for k in range(len(counts)))
-    return Prediction(sum(counts), sums, raw, times, tau, predicted, log, series, velocity, data)
+    return Prediction(sum(counts), sums, raw, times, tau, predicted, log, *rest)

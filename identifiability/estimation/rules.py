@@ -53,7 +53,6 @@ class Rules(RuleTable):
         float, "window [Sokal 1997] and stretches in autocorrelation times, literature"
     ] = 5.0
     stretches_fewest: Annotated[int, "stretches of scores that tell a scatter, by hand"] = 12
-    unasked_level: Annotated[float, "level of a test that nobody asked for, level"] = 0.01
     columns_most: Annotated[
         float, "columns of the noise-free part, as a share of rows, by hand"
     ] = 0.45

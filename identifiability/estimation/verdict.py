@@ -151,11 +151,6 @@ class Verdict:
         return float(np.linalg.norm(list(self.terms.values())))
 
     @property
-    def disputed(self) -> bool:
-        """Whether models that predict alike disagree on it by more than half of σ_robust."""
-        return self.terms.get("models", 0.0) > RULES.sigma_other * self.sigma_robust
-
-    @property
     def sigma_percent(self) -> float:
         """σ relative to the value [%]."""
         return percent_of(self.sigma, self.value)
@@ -180,9 +175,7 @@ class Verdict:
         first = next(iter(self.flags), self.verdict)
         row["verdict_before"] = BEFORE.get(first, first.value)
         omitted, alternatives = (self.terms.get(k, 0.0) for k in ("omitted", "alternatives"))
-        more = self.terms.get("models", 0.0)
-        row["sigma_models"] = float(np.hypot(self.sigma_robust, more)) if more else None
-        row |= {"sigma_omit": omitted, "sigma_alternatives": alternatives}
+        row |= {"sigma_omit": omitted, "sigma_alternatives": alternatives, "sigma_models": None}
         return row | {"sigma_doubt": alternatives}
 
 
@@ -346,12 +339,7 @@ def _decide(
 
 def _condition(fit: Fit, k: int, robust: float) -> str:
     """Return what a verdict owes to the model that it is made in, if anything."""
-    left, models = fit.left_out, fit.models
-    if models is not None and fit.terms["models"][k] > RULES.sigma_other * robust:
-        return (
-            f" Models that predict alike disagree on it: they put it between {models.low[k]:.3g} "
-            f"and {models.high[k]:.3g}, and its interval holds them."
-        )
+    left = fit.left_out
     if left is None:
         return ""
     if np.isfinite(left.disputed[k]):

@@ -71,7 +71,7 @@ def check_ending(path: FilePath, *endings: str) -> None:
     OutputError
     """
     if Path(path).suffix.lower() not in endings:
-        known = " or ".join(endings)
+        known = ", ".join(endings[:-1]) + " or " * (len(endings) > 1) + endings[-1]
         raise OutputError(f"'{path}' does not end in {known}, as what is written there does.")
 
 

@@ -146,6 +146,22 @@ class Result(ABC):
         written: Path = handed("write_result")(self, path)
         return written
 
+    def __dir__(self) -> list[str]:
+        """What completion offers: what is asked of results, not what they are made of."""
+        asked = {
+            "answers",
+            "figures",
+            "findings",
+            "from_json",
+            "next",
+            "plot",
+            "statement",
+            "tables",
+        }
+        asked |= {"chosen", "hints", "models", "play", "predict", "robot"}
+        offered = ("_", "to_", "write_")
+        return [n for n in super().__dir__() if n in asked or n.startswith(offered)]
+
     def __repr__(self) -> str:
         """One line: the answers in short."""
         said = " ".join(a.short for a in self.answers() if not a.commands) or self.statement

@@ -20,12 +20,12 @@ from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.pseudo_inertia import (
     BASIS,
     BOUNDARY,
+    THIN,
     check_body,
     natural_scale,
     to_matrix,
@@ -44,10 +44,7 @@ from identifiability.robot import Robot
 WEIGHTS = tuple(10.0**k for k in range(5, -3, -1))
 
 #: The one where nothing chooses.
-WEAK: Tolerance = 1.0
-
-#: Least mean square of a nominal body's thickness, as a share of that of its size.
-THIN: Tolerance = 1e-3
+WEAK = WEIGHTS[5]
 
 
 @frozen
@@ -244,10 +241,6 @@ def combine_with_file(
 # Bodies to which a prior may draw: those of the robot file, and others where it states none.
 
 
-#: Mass [kg] of a body where the robot file states no body at all.
-MASS: Tolerance = 1.0
-
-
 @lru_cache(maxsize=4)
 def draw_bodies(structure: Structure) -> tuple[Array, str]:
     """Return the bodies to which a structure's prior draws, and what stands in for some, in words.
@@ -262,7 +255,7 @@ def draw_bodies(structure: Structure) -> tuple[Array, str]:
     at = dict(zip(bodies, structure.inertial, strict=True))
     sound = [stem for stem in bodies if stem not in loads and _exists(phi[at[stem]])]
     mass, length = natural_scale(phi[[at[stem] for stem in sound]].reshape(-1, 10))
-    least, size = (float(mass.min()), float(np.median(length))) if sound else (MASS, 0.1)
+    least, size = (float(mass.min()), float(np.median(length))) if sound else (1.0, 0.1)
     replaced = [stem for stem in bodies if stem not in loads and stem not in sound]
     for stem in replaced:
         phi[at[stem]] = _ball(phi[at[stem]], least, size)
@@ -300,8 +293,8 @@ def _ball(theta: Array, mass: float, length: float) -> Array:
 
 
 def is_far(mass: float, stated: float) -> bool:
-    """Whether a mass is beyond a factor `mass_far` of that of the robot file, either way."""
-    return not stated / RULES.mass_far <= mass <= RULES.mass_far * stated
+    """Whether a mass is beyond a factor `another_robot` of that of the file, either way."""
+    return not stated / RULES.another_robot <= mass <= RULES.another_robot * stated
 
 
 def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float = 0.0) -> str:
@@ -363,7 +356,7 @@ def state_masses(robot: Robot, parameters: Mapping[str, float]) -> str:
         return f"{text}, where {listing(robot.guessed, 4)} are guesses."
     far = [r for r in rows if is_far(r["mass"], r["mass_file"])]
     if not far:
-        return f"{text}; every body is within a factor {RULES.mass_far:g} of the file's."
+        return f"{text}; every body is within a factor {RULES.another_robot:g} of the file's."
     each = [f"{r['body']} {r['mass']:.3g} for {r['mass_file']:.3g} kg" for r in far]
     return f"{text}; far from the file's are {listing(each, 4)}."
 

@@ -15,7 +15,6 @@ from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Level
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import GROUPED_KINDS, Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import WEAK, WEIGHTS, CadPrior, draw_bodies, state_rows
 from identifiability.physical.fitted_model import (
@@ -172,7 +171,6 @@ def choose_prior(
         projection = _projection(model, 1.0)
     except ValueError:
         return None
-    G, wider = structure.G, float(np.sqrt(fit.memory))  # a log counts as its independent samples
     with one_thread():
         if len(weights) > 1:
             weights = _within_reach(model, projection, weights)
@@ -184,9 +182,8 @@ def choose_prior(
         values: list[Array] = []
         scores: list[Score] = []
         for found in zip(*ways, strict=False):
-            values.append(np.stack([phi for phi, _ in found]) @ G.T)
-            roots = wider * (G @ np.stack([root for _, root in found]))
-            scores.append(held_out.score_roots(values[-1], roots))
+            values.append(np.stack([phi for phi, _ in found]) @ structure.G.T)
+            scores.append(held_out.score(values[-1]))
             total = [float(score.density.sum()) for score in scores]
             if len(total) > 1 and total[-1] <= total[-2] + LEVELS.nats:
                 break  # a lighter one still would give up more of the file for nothing
@@ -273,10 +270,6 @@ def _believe(model: FittedModel, cad_weight: float) -> LeastSquares:
 # [Boyd 2004, §5.8].
 
 
-#: Margins beyond one body scale are not pursued: the question is whether there is any.
-ROOM: Tolerance = 1.0
-
-
 @frozen
 class Certificate:
     """Whether base parameters are feasible, and the proof.
@@ -284,7 +277,9 @@ class Certificate:
     Attributes
     ----------
     margin : float
-        Largest margin (dimensionless) that all bodies and signs can keep at once, at most `ROOM`.
+        Largest margin (dimensionless) that all bodies and signs can keep at once, at most 1: more
+        is not
+        asked for.
     phi : (p,)
         Full parameters with these base parameters that attain it: a real robot when `feasible`,
         else the least impossible one.
@@ -372,7 +367,7 @@ def _most_room(
 ) -> tuple[Array, float, Array, Array]:
     """Return the u of most room t, t, and what rows and matrices press with.
 
-    maximise t ≤ ROOM over ``rows @ u + slack ≥ t`` and ``maps @ u + at ⪰ t 1``
+    maximise t ≤ 1 over ``rows @ u + slack ≥ t`` and ``maps @ u + at ⪰ t 1``
 
     This is what Clarabel takes as it stands: cvxpy would take longer to load than it to solve.
 
@@ -392,7 +387,7 @@ def _most_room(
     maps = (twice[:, None] * maps[:, triangle]).reshape(-1, n)
     unit = np.tile(np.eye(4).ravel()[triangle], len(at))
     A = -np.vstack([np.zeros(n), rows, maps])
-    b = np.concatenate([[ROOM], slack, (twice * at[:, triangle]).ravel()])
+    b = np.concatenate([[1.0], slack, (twice * at[:, triangle]).ravel()])
     A = np.column_stack([A, np.concatenate([np.ones(m + 1), unit])])
     kinds = [clarabel.NonnegativeConeT(m + 1), *[clarabel.PSDTriangleConeT(4)] * len(at)]
     none = scipy.sparse.csc_array((n + 1, n + 1))

@@ -21,20 +21,16 @@ import numpy as np
 from scipy.linalg.lapack import dposv
 
 from identifiability.foundation.engines import one_thread
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import CadPrior, relative_to
 from identifiability.physical.fitted_model import Fixed, LeastSquares, PhysicalSet
 
-#: Smallest dimensionless eigenvalue of a body in the answer: simulators refuse singular inertia.
-MARGIN: Tolerance = 1e-6
-
-#: Pull [σ²] to the reference per squared column scale: it decides where the data say nothing.
+#: Cost that nothing notices [σ²]: of the distance to an optimum, and of the pull to the reference
+#: per squared column scale, which decides where the data say nothing.
 RIDGE: Tolerance = 1e-8
-
-#: Distance to the optimum [σ²] that predictions do not notice.
-ENOUGH_TO_PREDICT: Tolerance = 1e-2
 
 #: What Clarabel is asked with where it fails: by default it adds a hundred times that to each
 #: pivot, and ends in its first step where refinement does not make up for it.
@@ -124,7 +120,7 @@ class Projection:
     region : PhysicalSet
         What is possible.
     margin : float
-        Smallest dimensionless eigenvalue every body must keep.
+        Smallest dimensionless eigenvalue every body must keep: simulators refuse singular inertia.
     reference : (p,), optional
         Where the parameters go that the data do not determine; the CAD values, else zero.
     prior : CadPrior, optional
@@ -134,7 +130,7 @@ class Projection:
     """
 
     region: PhysicalSet
-    margin: float = MARGIN
+    margin: float = NEARLY
     reference: Array | float = 0.0
     prior: CadPrior | None = None
     fixed: Fixed | None = None
@@ -244,7 +240,7 @@ class Projection:
             Of the prior [σ²], the heaviest first.
         """
         program = self._state(data)
-        for at in follow(program, self.region, self.nominal, weights, enough=ENOUGH_TO_PREDICT):
+        for at in follow(program, self.region, self.nominal, weights):
             assert at.curve is not None
             size = 1 / np.sqrt(np.diag(at.curve))
             try:
@@ -329,19 +325,12 @@ def project(data: LeastSquares, region: PhysicalSet, **options: Any) -> Feasible
 #: after that.
 STEPS = 40
 
-#: Newton decrement and complementarity [σ²] at which the optimum is reached, of a weight up to one;
-#: of heavier ones [weights].
-ENOUGH: Tolerance = 1e-8
+#: Share of the way to the edge that one step goes.
+EDGE: Tolerance = 0.95
 
-#: Share of the way to the edge that one step goes, of cones and of signs.
-IN_CONES: Tolerance = 0.9
-IN_SIGNS: Tolerance = 0.995
-
-#: Each step asks for this share of what the products of slack and multiplier are.
-LESS: Tolerance = 0.03
-
-#: The same of the weight, which begins at the size of the cost and ends at the prior's.
-LIGHTER: Tolerance = 0.2
+#: Each step asks for this share of what the products of slack and multiplier are, and of the
+#: weight, which begins at the size of the cost and ends at the prior's.
+LESS: Tolerance = 0.1
 
 #: Rows and columns of the lower triangle of a body, and what makes its squares those of the whole.
 ROW, COLUMN = np.tril_indices(4)
@@ -349,12 +338,7 @@ TWICE = np.where(ROW == COLUMN, 1.0, np.sqrt(2.0))
 
 
 def follow(
-    program: Program,
-    region: PhysicalSet,
-    maps: Array,
-    weights: Sequence[float],
-    *,
-    enough: float = ENOUGH,
+    program: Program, region: PhysicalSet, maps: Array, weights: Sequence[float]
 ) -> Iterator[Optimum]:
     """Yield the optimum under each weight of the prior, as far as they are reached.
 
@@ -366,8 +350,6 @@ def follow(
         To pseudo-inertias that the nominal bodies make the identity (`Projection.nominal`).
     weights : sequence of float
         Of the prior [σ²], the heaviest first.
-    enough : float
-        Newton decrement and complementarity at which an optimum is reached, as `ENOUGH`.
     """
     cone, start, sign = maps @ program.along, maps @ program.free, program.rows
     x = program.free.copy()  # with the nominal bodies
@@ -380,7 +362,7 @@ def follow(
     at, left = 0, STEPS
     while left and at < len(weights):
         left, light = left - 1, weights[at]
-        reached = max(enough, ENOUGH * light)
+        reached = RIDGE * max(1.0, light)  # Newton decrement and complementarity
         lack, product = sign @ z + program.slack - slack, slack * y
         J = (cone @ z + start).reshape(-1, 4, 4)
         root = weight**0.25 * np.linalg.inv(np.linalg.cholesky(J))
@@ -406,18 +388,18 @@ def follow(
         turn[:, ROW, COLUMN] = turn[:, COLUMN, ROW] = (rates @ step).reshape(-1, 10) / TWICE
         values = np.linalg.eigvalsh(turn / np.sqrt(weight)).ravel()
         reach = min(
-            _room(np.ones(values.size), values, IN_CONES),
-            _room(slack, change, IN_SIGNS),
-            _room(y, rise, IN_SIGNS),
+            _room(np.ones(values.size), values),
+            _room(slack, change),
+            _room(y, rise),
         )
         z, slack, y = z + reach * step, slack + reach * change, y + reach * rise
         if weight == light and reach == 1.0 and max(force @ step, product.sum()) < reached:
             yield Optimum(z, np.zeros(len(maps)), curve=curve)
             at, left = at + 1, STEPS
-        weight = max(weights[min(at, len(weights) - 1)], LIGHTER * weight)
+        weight = max(weights[min(at, len(weights) - 1)], LESS * weight)
 
 
-def _room(value: Array, change: Array, share: float) -> float:
+def _room(value: Array, change: Array) -> float:
     """Return the part of a change, at most one, that leaves values positive."""
     falls = change < 0
-    return min(1.0, share * float((value[falls] / -change[falls]).min(initial=np.inf)))
+    return min(1.0, EDGE * float((value[falls] / -change[falls]).min(initial=np.inf)))

@@ -17,6 +17,9 @@ from identifiability.foundation.rules import Tolerance
 #: A body whose margin is above ``-BOUNDARY`` is on or inside the cone: a thin disc has margin 0.
 BOUNDARY: Tolerance = 1e-7
 
+#: Least mean square of a nominal body's thickness, as a share of that of its size.
+THIN: Tolerance = 1e-3
+
 
 def _basis() -> Array:
     basis = np.zeros((10, 4, 4))

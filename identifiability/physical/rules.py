@@ -15,12 +15,11 @@ class Rules(RuleTable):
     title = "Limits and scales by which it is judged whether bodies can exist"
 
     body_within: Annotated[float, "bodies of the file are within this share, by hand"] = 0.2
-    mass_far: Annotated[float, "factor from the file's mass that is said, by hand"] = 3.0
     left_out: Annotated[
         float, "share of torque left out and needed by bodies, that is said, by hand"
     ] = 1e-3
     another_robot: Annotated[
-        float, "error of a file over the fitted one, of another robot, by hand"
+        float, "factor of a mass, or of an error, over the other that is another robot's, by hand"
     ] = 3.0
 
 

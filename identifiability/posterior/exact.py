@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -394,9 +395,6 @@ def _cost(eta: Array, mean: Array, sd: Array, region: Cone) -> tuple[float, Arra
 # it inside emcee, where independent ensembles give the diagnostics.
 
 
-#: How far outside is inside, as a share of what a prior standard deviation changes.
-ROUNDING: Tolerance = 1e-11
-
 #: Called with the number of steps done and to do.
 Progress = Callable[[int, int], None]
 
@@ -487,7 +485,8 @@ def build_sampler(target: Target) -> ExactSampler:
     m = len(target.region.rows)
     both = np.vstack([target.region.rows, entries])
     # What rounding takes outside is inside: rows and diagonals of matrices have this much room.
-    room = ROUNDING * np.abs(both) @ target.proper_prior.sd
+    # How far outside is inside, as a share of what a prior standard deviation changes.
+    room = TINY * np.abs(both) @ target.proper_prior.sd
     room[m:] *= np.tile(UPPER % 5 == 0, len(entries) // 10)
     room[:m] -= target.region.least
     region = Cone(both @ target.basis, both @ origin + room, m)

@@ -12,15 +12,14 @@ import numpy as np
 
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.fitted_model import Fixed, LeastSquares, PhysicalSet
+from identifiability.physical.pseudo_inertia import THIN
 
 # What the user knew before the data: a normal distribution per parameter.
 
 
 #: A body is at least this thick, as a share of its second moment, where a scale is taken from it.
-THIN: Tolerance = 1e-3
 
 
 @frozen

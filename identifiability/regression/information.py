@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 
-from identifiability.foundation.linalg import few_at_once, triangular_factor
+from identifiability.foundation.linalg import NEARLY, few_at_once, triangular_factor
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen, remember
 
 # `ActuatorBlocks`: what the rows of one actuator say, over the columns that it can see.
@@ -27,8 +26,6 @@ from identifiability.foundation.values import frozen, remember
 
 #: Grams of all actuators are held up to this size [bytes].
 MOST_BYTES = 2**25
-#: Directions that a basis' rows do not excite get this share of their column's length.
-FLOOR: Tolerance = 1e-6
 
 
 @frozen
@@ -232,7 +229,7 @@ def choose_basis(R: Array, columns: np.ndarray) -> Array:
     length = np.linalg.norm(part, axis=0)
     # A column that never acts gets the length of a typical one: it must not divide by zero.
     length[length == 0] = float(np.median(length[length > 0])) if length.any() else 1.0
-    return triangular_factor(np.vstack([part, FLOOR * np.diag(length)]))
+    return triangular_factor(np.vstack([part, NEARLY * np.diag(length)]))
 
 
 def invert_basis(basis: Array) -> Array:
@@ -513,7 +510,7 @@ class Information:
             return None
         weights = 1.0 / self.torque
         root = self._factor_rows(weights)
-        if (np.abs(np.diag(root)) <= FLOOR * np.linalg.norm(root, axis=0)).any():
+        if (np.abs(np.diag(root)) <= NEARLY * np.linalg.norm(root, axis=0)).any():
             return None
         grams = np.empty((self.actuators, *root.shape))
         for gram, weight, (columns, F) in zip(grams, weights, self._factors, strict=True):

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.effects import title_of
-from identifiability.estimation.torque_errors import loaded_joints
+from identifiability.estimation.prediction import loaded_joints
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Cell, Column, Note, Table, badge_cell, measured_cells
 from identifiability.foundation.names import Array
@@ -34,8 +34,8 @@ from identifiability.report.blocks import (
     GLOSSARY,
     Fold,
     Gallery,
+    Moving,
     Notes,
-    Picture,
     Prose,
     Section,
     Term,
@@ -49,13 +49,8 @@ from identifiability.report.blocks import (
     share_cell,
     torque_traces,
 )
-from identifiability.report.figures import (
-    MOST,
-    draw_confusion,
-    draw_forest,
-    draw_torque,
-    order_correlated,
-)
+from identifiability.report.figures import MOST, draw_confusion, draw_forest, order_correlated
+from identifiability.report.skeleton import move_with_torque
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.belief import Source, Summary
@@ -85,16 +80,22 @@ def analysis_heading(analysis: Analysis) -> tuple[str, str]:
     return "Identifiability report", about
 
 
-def analysis_below(analysis: Analysis) -> Picture | None:
-    """Return measured and predicted torque of the joint that is predicted worst."""
-    out, robot = analysis.held_out, analysis.robot
-    errors, t = out.joint_error()[:, 0], out.t[0]
-    if not np.isfinite(errors).any():
+def analysis_moving(analysis: Analysis) -> Moving | None:
+    """Return the robot along unseen motion beside measured and predicted torque."""
+    if not np.isfinite(analysis.chosen.error_ra_validation):
         return None
-    k = int(np.nanargmax(np.where(np.isfinite(errors), errors, np.nan)))
-    measured, predicted = (x[: len(t), k] for x in out.to_draw(0))
-    joint, unit = robot.joints[k], robot.torque_units[k]
-    return picture("torque", draw_torque(t, measured, predicted, joint, unit), joint=joint)
+    sample, out = (analysis.validation or analysis.samples)[0], analysis.held_out
+    measured, predicted = (x[: len(out.t[0])] for x in out.to_draw(0))
+    lines = {"measured": measured, "predicted": predicted, "residual": measured - predicted}
+    return move_with_torque(
+        analysis.robot,
+        sample.motion,
+        out.t[0],
+        measured,
+        measured - predicted,
+        lambda k: {name: x[:, k] for name, x in lines.items()},
+        sample.name,
+    )
 
 
 def analysis_sections(analysis: Analysis) -> list[Section | None]:
@@ -184,7 +185,7 @@ def section_ladder(analysis: Analysis) -> Section:
     elif chosen.feasible:
         reason = "possible"
     else:
-        reason = "signs" if chosen.signs_possible else "smallest"
+        reason = "smallest" if chosen.infeasible else "signs"
     why = sentence("analysis.why", reason, title=model_title(chosen))
     blocks = (picture("errors", plot.models(analysis)), analysis.tables()[0])
     return section("analysis.models", *blocks, why=why, kind=analysis.validation_kind)

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import rough_percent
+from identifiability.foundation.rounding import format_number, rough_percent
 from identifiability.foundation.values import frozen
 from identifiability.report.drawing import break_gaps, peak_rows, svg
 from identifiability.report.figures import POINTS, medians_along, spread_rows
@@ -147,10 +147,14 @@ class Moving:
         Points between which bodies are.
     joints : int
         How many of the points, the first ones, are joints.
-    errors : tuple of F texts
-        What is said of each time, for each robot but the first.
+    told : tuple of F texts
+        What is said of each time, for each robot but the first, or for the torque.
     size : (int, int) [px]
     caption : str
+    torque : Trace or None
+        Of one joint, drawn below with a line at the time that is shown.
+    misses : (F, J) or None
+        How much of its torque the model misses in each joint, beside the most that it misses.
     """
 
     names: tuple[tuple[str, str], ...]
@@ -158,9 +162,11 @@ class Moving:
     points: tuple[Array, ...]
     lines: tuple[tuple[int, int], ...]
     joints: int
-    errors: tuple[tuple[str, ...], ...]
+    told: tuple[tuple[str, ...], ...]
     size: tuple[int, int]
     caption: str = ""
+    torque: Trace | None = None
+    misses: Array | None = None
     kind: ClassVar[str] = "moving"
 
     @property
@@ -175,10 +181,58 @@ class Moving:
             [None if np.isnan(frame).any() else frame.ravel().round(1).tolist() for frame in points]
             for points in self.points
         ]
-        told = {"t": np.round(self.t, 3).tolist(), "size": self.size, "lines": self.lines}
-        tones = [tone for _, tone in self.names]
-        more = {"robots": robots, "tones": tones, "joints": self.joints, "errors": self.errors}
-        return json.dumps({**told, **more}, separators=(",", ":"))
+        misses = [] if self.misses is None else self.misses.round(2).tolist()
+        told = {"t": np.round(self.t, 3).tolist(), "lines": self.lines, "told": self.told}
+        return json.dumps({**told, "robots": robots, "misses": misses}, separators=(",", ":"))
+
+    def pose(self, robot: int) -> Markup:
+        """Return a robot at the first time, as the script moves it."""
+        points = np.nan_to_num(self.points[robot][0]).round(1).tolist()
+        lines = "".join("M{} {}L{} {}".format(*points[a], *points[b]) for a, b in self.lines)
+        size = 4 if robot == 0 else 3
+        missed = '<circle class="missed" r="0"/>' if self.misses is not None else ""
+        dot = f'<g class="joint" transform="translate({{}} {{}})">{missed}<circle r="{size}"/></g>'
+        dots = "".join(dot.format(*place) for place in points[: self.joints])
+        return Markup(f'<path d="{lines}"/>{dots}')
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Least and largest torque that is drawn, zero among them."""
+        lines = self.torque.lines.values() if self.torque is not None else ()
+        every = np.concatenate([[0.0], *map(np.array, lines)])
+        return float(np.nanmin(every)), float(np.nanmax(every))
+
+    @property
+    def ends(self) -> tuple[str, str]:
+        """The range in words."""
+        low, high = self.range
+        return format_number(low, 3), format_number(high, 3)
+
+    @property
+    def zero(self) -> float:
+        """Where zero is in the drawing of torque [px]."""
+        low, high = self.range
+        return PLOT[1] * high / (high - low or 1.0)
+
+    @property
+    def plot(self) -> list[tuple[str, str, str]]:
+        """Name, tone and path of each line of torque, in a box of `PLOT` pixels."""
+        if self.torque is None:
+            return []
+        (low, high), paths = self.range, []
+        x = PLOT[0] / (self.t[-1] - self.t[0]) * np.array(self.torque.t)
+        for (name, y), tone in zip(self.torque.lines.items(), PLOT_TONES, strict=False):
+            places = np.stack([x, PLOT[1] * (high - np.array(y)) / (high - low or 1.0)], 1)
+            seen = np.isfinite(places).all(1)
+            begins = seen & ~np.append(False, seen[:-1])
+            steps = zip(begins[seen], places[seen].round(1).tolist(), strict=True)
+            paths.append((name, tone, "".join(f"{'ML'[not b]}{p[0]} {p[1]}" for b, p in steps)))
+        return paths
+
+
+#: Size of the drawing of torque [px], and the colours of its lines.
+PLOT = (400, 110)
+PLOT_TONES = ("grey", "blue", "vermilion")
 
 
 @frozen
@@ -246,7 +300,7 @@ class Answers:
     """The questions of a page, the drawing of what they are about beside them."""
 
     answers: tuple[Answer, ...]
-    below: tuple[Picture, ...] = ()
+    below: tuple[Block, ...] = ()
     kind: ClassVar[str] = "answers"
 
 
@@ -355,9 +409,21 @@ LINE_POINTS = 18_000
 NEAR = 0.25
 
 
-def points_each(joints: int) -> int:
-    """Return how many points each of three lines of so many joints has."""
-    return max(300, LINE_POINTS // (3 * joints))
+def traces(
+    t: Array,
+    joints: Sequence[str],
+    units: Sequence[str],
+    lines: Mapping[str, Array],
+    quantity: str = "torque",
+    caption: str = "",
+) -> Traces:
+    """Return what joints do over time, to zoom: lines (N, n) by their names, NaN where none is."""
+    groups, most = [], max(300, LINE_POINTS // (3 * len(joints)))
+    for k, (joint, unit) in enumerate(zip(joints, units, strict=True)):
+        own = {name: y[:, k] for name, y in lines.items()}
+        there = {name: y for name, y in own.items() if not np.isnan(y).all()}
+        groups.append(Trace.of(joint, unit, t, there or own, most, quantity))
+    return Traces(tuple(groups), caption)
 
 
 def motion_traces(
@@ -379,19 +445,14 @@ def motion_traces(
     limits : (n, 2), optional
         Least and largest; NaN or infinite without.
     """
-    groups = []
-    for k, (joint, unit) in enumerate(zip(joints, units, strict=True)):
-        y = values[:, k]
-        lines = {quantity: y}
-        for name, bound, end in zip(
-            ("least", "largest"), () if limits is None else limits[k], (y.min(), y.max()),
-            strict=False,
-        ):  # fmt: skip
-            if abs(bound - end) < NEAR * (np.ptp(y) or 1.0):
-                lines[f"{name} allowed"] = np.full(len(y), bound)
-        most = points_each(len(joints))
-        groups.append(Trace.of(joint, unit, t, lines, most, quantity))
-    return Traces(tuple(groups), quantity[0].upper() + quantity[1:])
+    lines, span = {quantity: values}, np.ptp(values, axis=0)
+    if limits is not None:
+        near = NEAR * np.where(span > 0, span, 1.0)
+        ends = values.min(0), values.max(0)
+        for name, bound, end in zip(("least", "largest"), limits.T, ends, strict=True):
+            shown = np.where(np.abs(bound - end) < near, bound, np.nan)
+            lines[f"{name} allowed"] = np.tile(shown, (len(t), 1))
+    return traces(t, joints, units, lines, quantity, quantity.capitalize())
 
 
 def torque_traces(
@@ -402,20 +463,6 @@ def torque_traces(
     units: Sequence[str],
     log: str,
 ) -> Traces:
-    """Return measured and predicted torque along a log, and what is left, to zoom.
-
-    Parameters
-    ----------
-    t : (N,) [s]
-    measured, predicted : (N, n)
-    joints, units : sequence of n str
-    log : str
-        What it is called.
-    """
-    most = points_each(len(joints))
-    groups = []
-    for k, (joint, unit) in enumerate(zip(joints, units, strict=True)):
-        lines = {"measured": measured[:, k], "predicted": predicted[:, k]}
-        lines["residual"] = lines["measured"] - lines["predicted"]
-        groups.append(Trace.of(joint, unit, t, lines, most))
-    return Traces(tuple(groups), sentence("analysis.traces", log=log))
+    """Return measured and predicted torque (N, n) along a log, and what is left, to zoom."""
+    lines = {"measured": measured, "predicted": predicted, "residual": measured - predicted}
+    return traces(t, joints, units, lines, caption=sentence("analysis.traces", log=log))

@@ -1,7 +1,7 @@
 """The pages of results: of each kind what it is called, drawn with its answers, and its sections.
 
 A page has functions of its result, ``<kind>_heading`` (what kind of page it is and what it is
-about), ``<kind>_sketch`` and ``<kind>_below`` (what is drawn with the answers), ``<kind>_notes``
+about), ``<kind>_moving`` and ``<kind>_below`` (what is drawn with the answers), ``<kind>_notes``
 and ``<kind>_sections``, as far as it needs any: without, a page shows answers and tables alone.
 That of an `Analysis` is in `identifiability.report.analysis`. Verbs are imported where they are
 asked for: a page needs its own alone.
@@ -30,19 +30,19 @@ from identifiability.report import plot
 from identifiability.report.blocks import (
     Block,
     Fold,
+    Moving,
     Picture,
     Prose,
     Section,
     Term,
     Terms,
-    Trace,
     Traces,
     gallery,
     motion_traces,
     picture,
-    points_each,
     section,
     torque_traces,
+    traces,
 )
 from identifiability.report.figures import (
     draw_curve,
@@ -51,7 +51,8 @@ from identifiability.report.figures import (
     draw_intervals,
     draw_residual,
 )
-from identifiability.report.skeleton import move_skeletons
+from identifiability.report.skeleton import move_skeletons, move_with_torque
+from identifiability.robot import complete_motion
 from identifiability.workflows.answers import count_joints, level_table, note, sentence, words
 
 if TYPE_CHECKING:
@@ -126,6 +127,24 @@ def diagnosis_heading(d: Diagnosis) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
     about = f"{d.robot.path.name} · model: {', '.join(d.base)}"
     return "What the model misses", f"{about}{' · values fixed' if d.fixed else ''}"
+
+
+def diagnosis_moving(d: Diagnosis) -> Moving | None:
+    """Return the robot along unseen motion beside what is left of its torque, before and after."""
+    sample, rows = (d.validation or d.samples)[0], d.gap.rows
+    own = rows.log == rows.log.min()
+    torque = np.where(rows.data, rows.measured, np.nan)[own]
+    before, after = np.where(rows.data[:, :, None], d.gap.residual, np.nan)[own][:, :, [0, -1]].T
+    lines = {"residual before": before, "after": after}
+    return move_with_torque(
+        d.robot,
+        sample.motion,
+        rows.t[own],
+        torque,
+        before.T,
+        lambda k: {name: x[k] for name, x in lines.items()},
+        sample.name,
+    )
 
 
 def diagnosis_below(d: Diagnosis) -> Picture | None:
@@ -203,13 +222,15 @@ def _section_gap(d: Diagnosis) -> Section:
     part = np.flatnonzero(rows.log == rows.log.min())[t <= t[0] + STRETCH]
     named = {c.joint for c in d.curves}
     order = sorted(range(len(d.robot.joints)), key=lambda k: k not in named)
-    groups = []
-    for k in order:
-        before, after = d.gap.residual[part, k][:, [0, -1]].T
-        own, most = {"before": before, "after": after}, points_each(len(order))
-        unit = d.robot.torque_units[k]
-        groups.append(Trace.of(d.robot.joints[k], unit, rows.t[part], own, most, "residual"))
-    shown = Traces(tuple(groups), sentence("diagnosis.traces", seconds=f"{STRETCH:g}"))
+    before, after = d.gap.residual[part][:, order][..., [0, -1]].transpose(2, 0, 1)
+    shown = traces(
+        rows.t[part],
+        [d.robot.joints[k] for k in order],
+        [d.robot.torque_units[k] for k in order],
+        {"before": before, "after": after},
+        "residual",
+        sentence("diagnosis.traces", seconds=f"{STRETCH:g}"),
+    )
     return section("diagnosis.gap", shown, d.tables()[-1])
 
 
@@ -308,6 +329,14 @@ def excitation_heading(result: Excitation) -> tuple[str, str]:
         f"{TITLES[result.criterion.name]} · {format_number(result.trajectory.period)} s, "
         f"{format_count(result.trajectory.samples, 'sample')}"
     )
+
+
+def excitation_moving(result: Excitation) -> Moving | None:
+    """Return the robot along the motion."""
+    t, *motion = result.motion
+    poses = complete_motion(result.robot, t, *motion).q
+    caption = sentence("excitation.moving", seconds=format_number(t[-1] - t[0], 3))
+    return move_skeletons(result.robot, t, {"motion": ("blue", poses)}, lambda rows: [], caption)
 
 
 def excitation_below(result: Excitation) -> Picture:
@@ -508,7 +537,7 @@ def payload_sections(result: Load) -> list[Section | None]:
 def prediction_heading(result: TorquePrediction) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
     count = format_count(len(result.t), "sample")
-    return "Predicted torque", f"{result.robot.path.name} · {result.model} · {count}"
+    return "Predicted torque", f"{result.robot.path.name} · {result.fit.submodel.name} · {count}"
 
 
 def prediction_below(result: TorquePrediction) -> Picture | None:
@@ -555,7 +584,7 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
     masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
     real = ladder.chosen.physical
     said = filter(None, ("" if real is None else real.sentence, ladder.mass_statement))
-    settings = {"method": ladder.method, "seed": ladder.seed}
+    settings = {key: ladder.settings[key] for key in ("method", "seed")}
     text = words("pruning.how", effects=", ".join(ladder.effects), **settings)
     some = not ladder.nothing
     every = f"All {format_count(len(ladder.models), 'model')} of the path"
@@ -612,28 +641,32 @@ def rollout_sections(result: PositionPrediction) -> list[Section | None]:
 
 def _moving(result: PositionPrediction) -> Section | None:
     """Return the robots as they move along the first log, if they can be drawn."""
-    log = result.logs[0]
+    log, robot = result.logs[0], result.robot
     motions = {"recording": ("grey", log.q)}
     motions |= {run.name: (TONES[k % 3], run.q[0]) for k, run in enumerate(result.runs)}
     errors = [
         1e3 * np.sqrt(np.mean((run.q[0] - log.q)[:, result.alike] ** 2, axis=1))
         for run in result.runs
     ]
+
+    def told(rows: np.ndarray) -> list[list[str]]:
+        return [
+            ["diverged" if np.isnan(x) else f"{run.name} {x:.3g} {result.unit}" for x in own[rows]]
+            for run, own in zip(result.runs, errors, strict=True)
+        ]
+
     caption = f"The robots along {log.name}, and how far their joints are from the recording (rms)."
-    moving = move_skeletons(result.robot, log.t, motions, errors, caption, result.unit)
+    poses = {name: (tone, robot.configuration(q)) for name, (tone, q) in motions.items()}
+    moving = move_skeletons(robot, log.t, poses, told, caption)
     return None if moving is None else section("rollout.motion", moving, log=log.name)
 
 
 def _positions(result: PositionPrediction) -> Section:
     """Return the positions of every joint along the first log, to zoom and read off."""
     log, robot = result.logs[0], result.robot
-    most = points_each(len(log.joints))
-    groups = []
-    for k, joint in enumerate(log.joints):
-        unit = "m" if robot.is_prismatic(int(robot.actuated[k])) else "rad"
-        lines = {"measured": log.q[:, k]}
-        lines |= {run.name: run.q[0][:, k] for run in result.runs}
-        if log.q_ref is not None:
-            lines["command"] = log.q_ref[:, k]
-        groups.append(Trace.of(joint, unit, log.t - log.t[0], lines, most, "position"))
-    return section("rollout.positions", Traces(tuple(groups)), log=log.name)
+    units = ["m" if robot.is_prismatic(int(k)) else "rad" for k in robot.actuated]
+    lines = {"measured": log.q, **{run.name: run.q[0] for run in result.runs}}
+    if log.q_ref is not None:
+        lines["command"] = log.q_ref
+    shown = traces(log.t - log.t[0], log.joints, units, lines, "position")
+    return section("rollout.positions", shown, log=log.name)

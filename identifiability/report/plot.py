@@ -23,6 +23,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.errors import listing, near_match
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import OptionError
@@ -61,7 +62,7 @@ def precision(result: Analysis, model: str | None = None) -> Figure:
     names = [v.name for v in drawn.verdicts]
     kinds = [v.look for v in drawn.verdicts]
     limit = ESTIMATION_RULES.paper_factor * float(np.min(white, initial=np.inf))
-    return draw_precision(names, white, known, kinds, result.thresholds.sigma_percent, limit)
+    return draw_precision(names, white, known, kinds, Thresholds().sigma_percent, limit)
 
 
 def models(result: Analysis) -> Figure:

@@ -84,7 +84,7 @@ def _within(blocks: Iterable[Any]) -> Iterator[Any]:
 def render_page(page: Page) -> str:
     """Return a page as HTML that loads nothing and runs no script but its own."""
     environment = page_environment()
-    kinds = {getattr(block, "kind", "") for block in _within(page.sections)}
+    kinds = {getattr(b, "kind", "") for b in _within((*page.summary, *page.sections))}
     zoomed = "traces" in kinds
     names = ["page.js", *(("uplot/uPlot.js", "traces.js") if zoomed else ())]
     names += ["moving.js"] if "moving" in kinds else []
@@ -171,8 +171,8 @@ def _of_page(result: Result, name: str, usual: Any = None) -> Any:
 
 def answer_first(result: Result) -> Answers:
     """Return what the page of a result answers first."""
-    below = _of_page(result, "below")
-    return Answers(result.answers(), () if below is None else (below,))
+    drawn = (_of_page(result, name) for name in ("moving", "below"))
+    return Answers(result.answers(), tuple(filter(None, drawn)))
 
 
 def build_page(result: Result) -> Page:
@@ -317,7 +317,7 @@ def _style() -> str:
     sheet = re.sub(r"/\*.*?\*/", "", sheet, flags=re.DOTALL)
     own = re.sub(r"(?m)^(\s*)(?::root|html|body|main)(?=\s*\{)", r"\1:scope", sheet)
     tidy = (
-        ".chips, .arrow, .copy { display: none; } thead button { pointer-events: none; } "
+        ".chips, .arrow, .copy, .player { display: none; } thead button { pointer-events: none; } "
         "tbody th { min-width: 0; } td.is-text:last-child { min-width: 280px; } "
     )
     narrow = ":scope { max-width: 100%; padding: 0 4px; font-size: 14px; background: none; }"

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 
 from identifiability.foundation.names import Array
-from identifiability.report.blocks import Moving
-from identifiability.robot import Robot
+from identifiability.report.blocks import Moving, Trace
+from identifiability.robot import Motion, Robot
 from identifiability.robot.kinematics import Point, shortest_turn
+from identifiability.workflows.answers import sentence
 
 #: Size of the drawing and the margin around it [px].
 WIDTH, HEIGHT, MARGIN = 400, 380, 46
@@ -53,40 +55,36 @@ def _trace(robot: Robot, poses: Array) -> tuple[dict[str, Array], Array]:
 #: Poses that are drawn of a motion, at most, and how many a second.
 MOST_FRAMES, FRAMES_A_SECOND = 300, 25.0
 
+#: Seconds of a log that move beside its torque, and points of each line of that.
+STRETCH, LINE = 12.0, 500
+
 
 def move_skeletons(
     robot: Robot,
     t: Array,
     motions: Mapping[str, tuple[str, Array]],
-    errors: Sequence[Array],
+    told: Callable[[Array], Sequence[Sequence[str]]],
     caption: str,
-    unit: str,
 ) -> Moving | None:
     """Return robots along a motion, one over the other; None where nothing can be drawn.
 
     Parameters
     ----------
     robot : Robot
-        A tree.
     t : (N,) [s]
     motions : mapping
-        Name to tone and positions of the actuated joints, (N, n); NaN where there are none.
-    errors : sequence of (N,)
-        Of each motion but the first [thousandths].
-    caption, unit : str
+        Name to tone and configurations (N, nq); NaN where there are none.
+    told : callable
+        Gives what is said of rows (F,), for each motion but the first or for the torque.
+    caption : str
     """
-    span = float(t[-1] - t[0])
-    frames = int(np.clip(span * FRAMES_A_SECOND, 2, MOST_FRAMES))
-    rows = np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], frames)).clip(0, len(t) - 1))
-    places = [robot.tree.single[joint].iq for joint in robot.joints]
+    rows = _frames(t)
     traced = []
-    for _, q in motions.values():
-        poses = np.tile(robot.home, (len(rows), 1))
-        poses[:, places] = q[rows]
-        limbs, at = _trace(robot, np.nan_to_num(poses))
+    for _, poses in motions.values():
+        limbs, at = _trace(robot, np.nan_to_num(poses[rows]))
         ends = [lines[1::2] for lines in limbs.values()]
         every = np.concatenate([at, *ends]).transpose(1, 0, 2)
-        traced.append(np.where(np.isnan(poses).any(1)[:, None, None], np.nan, every))
+        traced.append(np.where(np.isnan(poses[rows]).any(1)[:, None, None], np.nan, every))
     if not np.ptp(traced[0].reshape(-1, 3), axis=0).max() > 0:
         return None
     place = _look(traced[0].reshape(-1, 3), robot)
@@ -95,20 +93,73 @@ def move_skeletons(
         count = len(own) // 2
         lines += [(link.last, start + i) for i in range(count)]
         start += count
-    said = tuple(
-        tuple("diverged" if np.isnan(x) else f"{name} {x:.3g} {unit}" for x in error[rows])
-        for name, error in zip(list(motions)[1:], errors, strict=True)
-    )
     return Moving(
         names=tuple((name, tone) for name, (tone, _) in motions.items()),
         t=t[rows] - t[0],
         points=tuple(place(x.reshape(-1, 3)).reshape(*x.shape[:2], 2) for x in traced),
         lines=tuple(lines),
         joints=len(robot.tree.joints),
-        errors=said,
+        told=tuple(map(tuple, told(rows))),
         size=(WIDTH, HEIGHT),
         caption=caption,
     )
+
+
+def _frames(t: Array) -> np.ndarray:
+    """Return the rows of times (N,) that are drawn."""
+    frames = int(np.clip((t[-1] - t[0]) * FRAMES_A_SECOND, 2, MOST_FRAMES))
+    return np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], frames)).clip(0, len(t) - 1))
+
+
+def move_with_torque(
+    robot: Robot,
+    motion: Motion,
+    t: Array,
+    torque: Array,
+    residual: Array,
+    lines: Callable[[int], Mapping[str, Array]],
+    log: str,
+) -> Moving | None:
+    """Return the robot as it moved, its joints marked where a model misses torque.
+
+    Below is torque of the joint of which most is missed.
+
+    Parameters
+    ----------
+    robot : Robot
+    motion : Motion
+        Of a log.
+    t : (N,) [s]
+        Some of its times, of which the first seconds are shown.
+    torque, residual : (N, n)
+        What was measured and what the model leaves of it; NaN where it is no data.
+    lines : callable
+        Gives what is drawn of a joint, name to (N,).
+    log : str
+        What the log is called.
+    """
+    if len(t) < 2 or not np.isfinite(torque).any():
+        return None
+    end = int(np.searchsorted(t, t[0] + STRETCH, "right"))
+    size = np.sqrt(np.nan_to_num(torque**2).mean(0))
+    share = np.nan_to_num(np.abs(residual) / np.where(size > 0, size, np.inf))
+    joint = int((share**2).mean(0).argmax())
+    rows = np.searchsorted(motion.t, t[:end]).clip(0, len(motion.t) - 1)
+    name, unit = robot.joints[joint], robot.torque_units[joint]
+    moving = move_skeletons(
+        robot,
+        t[:end],
+        {"measured": ("grey", motion.q[rows])},
+        lambda at: [[f"{name} misses {100 * x:.0f} %" for x in share[at, joint]]],
+        sentence("decision.moving", log=log, joint=name),
+    )
+    if moving is None:
+        return None
+    owners = {dof: k for k, one in enumerate(robot.tree.joints) for dof in one.dofs}
+    misses = np.zeros((moving.frames, moving.joints))
+    misses[:, [owners[j] for j in robot.joints]] = share[_frames(t[:end])]
+    drawn = {name: y[:end] for name, y in lines(joint).items()}
+    return replace(moving, torque=Trace.of(name, unit, t[:end] - t[0], drawn, LINE), misses=misses)
 
 
 def _look(points: Array, robot: Robot) -> Callable[[Array], Array]:

@@ -19,7 +19,7 @@ from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Renames
 from identifiability.foundation.options import Expected
 from identifiability.robot import closure
-from identifiability.robot.closure import ACCEPTED, HOPELESS, invert, newton, stretch_home
+from identifiability.robot.closure import invert, newton, stretch_home
 from identifiability.robot.description import (
     ENDLESS,
     Bound,
@@ -350,8 +350,8 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     if not len(dependent) and not robot.equations:
         return robot
     robot = stretch_home(replace(robot, home=_follow_couplings(robot)))
-    if not stated.posed and not set(extra.home) & set(robot.passive):
-        robot = _assemble_nearest(robot, extra)
+    posed = stated.posed or bool(set(extra.home) & set(robot.passive))
+    robot = _close_home(robot, stated=posed)
     count = closure.count_independent(robot) if robot.equations else 0
     if count < len(dependent):
         _refuse_loose(robot, count)
@@ -363,9 +363,8 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
             f'sidecar: actuated = ["{names[0]}", …] (or give the lengths and angles of redundant '
             "loops all their digits)."
         )
-    _check_home(robot)
     A = newton(robot, robot.home[None]).A[:, :, robot.dependent]
-    if len(dependent) and not invert(A)[1][0] < HOPELESS:
+    if len(dependent) and not invert(A)[1][0] * ROUNDOFF < 1:
         raise RobotError(
             f"The loops of {robot.path} do not determine {listing(robot.passive)} at its home "
             f"position {robot.describe_home()}: it is singular, or other joints are the actuated "
@@ -401,8 +400,6 @@ def _follow_couplings(robot: Description) -> Array:
 
 def _refuse_loose(robot: Description, count: int) -> NoReturn:
     """Say what to do about passive joints that no equation determines."""
-    if robot.equations:
-        _check_home(robot)
     wide = [j.dofs[0].rpartition(".")[0] for j in robot.tree.joints if j.nv > 1]
     single = [name for name in robot.passive if name in robot.tree.single]
     advice = ""
@@ -448,42 +445,30 @@ def _speed_limits(robot: Description, given: Sequence[LimitEntry]) -> Array:
     return np.array([speed if 0 < speed < ENDLESS else np.inf for speed in speeds])
 
 
-def _assemble_nearest(robot: Description, extra: Sidecar) -> Description:
-    """Return a robot of which nothing states a home, closed near where its file draws it."""
-    if robot.equations < max(len(robot.dependent), 1):
-        return robot
-    if not RULES.home_open < closure.loop_error(robot, robot.home[None])[0] < ENDLESS:
-        return robot
-    start = np.array(robot.home)
-    for name, joint in robot.tree.single.items():
-        if name not in extra.home:
-            start[joint.iq] = np.clip(
-                start[joint.iq], *position_limits(robot, [name], extra.limits)[0]
-            )
-    closed = newton(robot, start[None])
-    if closed.error[0] < ACCEPTED and np.abs(closed.q[0] - start).max() <= RULES.leap:
-        return replace(robot, home=closed.q[0], assembled=True)
-    return robot
+def _close_home(robot: Description, *, stated: bool) -> Description:
+    """Return a robot whose home closes its loops, where none is stated the nearest one.
 
-
-def _check_home(robot: Description) -> None:
-    """Refuse a home position that is far from closing the loops; a rounded one is near."""
-    home = robot.home[None]
-    gap = float(closure.loop_error(robot, home)[0])
+    A home that is stated may be rounded; one that is far from closing them is refused.
+    """
+    home, single, such_as = robot.home[None], robot.tree.single, ""
+    if not robot.equations or (gap := float(closure.loop_error(robot, home)[0])) == 0.0:
+        return robot
     enough = robot.equations >= len(robot.dependent) > 0
-    closed = newton(robot, home) if enough else None
-    closes = closed is not None and closed.error[0] < ACCEPTED
-    if not gap <= RULES.home_open or (enough and not closes):
-        single, such_as = robot.tree.single, ""
-        if closed is not None and closes and single.keys() >= {*robot.passive}:
-            found = (f"{n} = {closed.q[0, single[n].iq]:.4f}" for n in robot.passive)
-            such_as = f", such as {', '.join(found)}"
-        raise RobotError(
-            f"{robot.path}: the loops are open by {gap:.2g} m at the home position "
-            f"({robot.describe_home()}), so their assembly is not determined; give a position of "
-            'every joint that closes them: <keyframe><key name="home" qpos="…"/></keyframe> in '
-            f"MJCF, or a table [home] in the sidecar{such_as}."
-        )
+    closed = newton(robot, home).q if enough else home
+    closes = enough and closure.loop_error(robot, closed)[0] < ROUNDOFF
+    if gap <= RULES.home_open and (closes or not enough):
+        return robot
+    if closes and not stated and np.abs(closed - home).max() <= RULES.leap:
+        return replace(robot, home=closed[0], assembled=True)
+    if closes and single.keys() >= {*robot.passive}:
+        found = (f"{n} = {closed[0, single[n].iq]:.4f}" for n in robot.passive)
+        such_as = f", such as {', '.join(found)}"
+    raise RobotError(
+        f"{robot.path}: the loops are open by {gap:.2g} m at the home position "
+        f"({robot.describe_home()}), so their assembly is not determined; give a position of "
+        'every joint that closes them: <keyframe><key name="home" qpos="…"/></keyframe> in '
+        f"MJCF, or a table [home] in the sidecar{such_as}."
+    )
 
 
 # Put a `Description` together from model, closures and sidecar; they must determine the motion.

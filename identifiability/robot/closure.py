@@ -17,10 +17,9 @@ import scipy
 from identifiability.foundation.errors import ClosureError, RobotError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot.description import Axis, Cable, Coupling, Description, Loop, Segment
-from identifiability.robot.floating import eliminate
+from identifiability.robot.floating import BATCH, eliminate
 from identifiability.robot.kinematics import WORLD, Frames, Point, Tree
 from identifiability.robot.rules import RULES
 
@@ -58,7 +57,7 @@ def cable_equation(
     error, row = np.array(q[:, slide.iq]), np.zeros((robot.nv, len(q)))
     row[slide.iv] = 1.0
     for segment in cable.segments:
-        along, length = _direction(tree, frames, segment)
+        along, length = _distance(tree, frames, segment)
         ends = np.zeros((3, robot.nv, len(q)))
         tree.add_point_jacobian(frames, segment.second, segment.part, ends)
         tree.add_point_jacobian(frames, segment.first, -segment.part, ends)
@@ -73,7 +72,7 @@ def cable_bias(
     """Return ``J̇ v`` of the same, (N,); `bias` are the accelerations of its ends, two by two."""
     out = np.zeros(len(v))
     for k, segment in enumerate(cable.segments):
-        along, length = _direction(robot.tree, frames, segment)
+        along, length = _distance(robot.tree, frames, segment)
         ends = np.zeros((3, robot.nv, len(v)))
         robot.tree.add_point_jacobian(frames, segment.second, 1.0, ends)
         robot.tree.add_point_jacobian(frames, segment.first, -1.0, ends)
@@ -84,16 +83,11 @@ def cable_bias(
     return out
 
 
-def _direction(tree: Tree, frames: Frames, segment: Segment) -> tuple[Array, Array]:
-    """Return unit vectors from the first end to the second (3, N), and distances (N,) [m]."""
-    apart, length = _distance(tree, frames, segment)
-    return apart / length, length
-
-
 def _distance(tree: Tree, frames: Frames, segment: Segment) -> tuple[Array, Array]:
-    """Return vectors from the first end to the second (3, N), and their lengths (N,) [m]."""
+    """Return unit vectors from the first end to the second (3, N), and distances (N,) [m]."""
     apart = tree.world_point(frames, segment.second) - tree.world_point(frames, segment.first)
-    return apart, np.sqrt((apart**2).sum(0))
+    length = np.sqrt((apart**2).sum(0))
+    return np.divide(apart, length, out=0.0 * apart, where=length > 0), length
 
 
 # Solve the loop equations of each sample for the dependent joints.
@@ -287,15 +281,7 @@ def _coupling_bias(coupling: Coupling, q: Array, v: Array, robot: Description) -
 # samples.
 
 
-#: A sample whose loop error stays above this is dropped.
-ACCEPTED: Tolerance = 1e-9
-#: Condition number of A_e above which no digit of its inverse is left.
-HOPELESS: Tolerance = 1e12
 _HOMOTOPY_STEPS = 10
-
-
-#: Samples a batch: its frames and Jacobians stay in the processor's cache.
-BATCH = 2048
 
 
 @frozen
@@ -322,9 +308,9 @@ def close_loops(robot: Description, q: Array) -> Closed:
     count = min(n, max(64, n // 32))
     chosen = np.unique(np.linspace(0, n - 1, count).astype(int))
     seeds = follow_from_home(robot, q[chosen], _HOMOTOPY_STEPS)
-    if not (seeds.error < ACCEPTED).any():
+    if not (seeds.error < ROUNDOFF).any():
         seeds = follow_from_home(robot, q[chosen], 6 * _HOMOTOPY_STEPS)
-    good = seeds.error < ACCEPTED
+    good = seeds.error < ROUNDOFF
     if not good.any():  # what closes nowhere on the way is not worth minutes
         return Closed(
             seeds.q[np.zeros(n, int)], np.full(n, seeds.error.min()), seeds.A[np.zeros(n, int)]
@@ -332,12 +318,13 @@ def close_loops(robot: Description, q: Array) -> Closed:
     guess = _predict(robot, q, q[chosen[good]], seeds.q[good], seeds.A[good])
     closed = newton(robot, guess)
     moved = np.abs(closed.q - guess).max(1)
-    doubtful = np.flatnonzero((closed.error > ACCEPTED) | (moved > RULES.leap))
+    doubtful = np.flatnonzero((closed.error > ROUNDOFF) | (moved > RULES.leap))
     if len(doubtful):
         again = follow_from_home(robot, q[doubtful], 2 * _HOMOTOPY_STEPS)
-        q_full, error, A = closed.q.copy(), closed.error.copy(), closed.A.copy()
-        q_full[doubtful], error[doubtful], A[doubtful] = again.q, again.error, again.A
-        return Closed(q_full, error, A)
+        mixed = {name: x.copy() for name, x in vars(closed).items()}
+        for name, x in mixed.items():
+            x[doubtful] = vars(again)[name]
+        return Closed(**mixed)
     return closed
 
 
@@ -353,7 +340,7 @@ def _predict(robot: Description, q: Array, at: Array, full: Array, A: Array) -> 
         Actuated positions, configurations and Jacobians of the closed ones.
     """
     inverse, condition = invert(A[:, :, robot.dependent])
-    inverse[~(condition < HOPELESS)] = 0.0  # no prediction from there
+    inverse[~(condition * ROUNDOFF < 1)] = 0.0  # no prediction from there
     slope = -inverse @ A[:, :, robot.actuated]
     nearest = scipy.spatial.cKDTree(at).query(q)[1]
     change = q - at[nearest]
@@ -376,19 +363,11 @@ def follow_from_home(robot: Description, q: Array, steps: int) -> Closed:
     return newton(robot, here.q)
 
 
-# Condition number of A_e above which no digit of its inverse is left.
 def newton(robot: Description, q: Array, most: int = 12) -> Closed:
     """Close the loops from a guess (N, nq) in at most so many steps."""
-    parts = [
-        _newton_batch(robot, q[start : start + BATCH], most) for start in range(0, len(q), BATCH)
-    ]
-    if len(parts) == 1:
-        return parts[0]
-    return Closed(
-        np.concatenate([p.q for p in parts]),
-        np.concatenate([p.error for p in parts]),
-        np.concatenate([p.A for p in parts]),
-    )
+    chunks = np.split(q, range(BATCH, len(q), BATCH))
+    parts = [_newton_batch(robot, chunk, most) for chunk in chunks]
+    return Closed(*(np.concatenate([vars(p)[x] for p in parts]) for x in ("q", "error", "A")))
 
 
 def _newton_batch(robot: Description, q: Array, most: int) -> Closed:
@@ -402,7 +381,7 @@ def _newton_batch(robot: Description, q: Array, most: int) -> Closed:
         residual, jacobian = loop_equations(robot, q[left])
         now = np.abs(residual).max(0, initial=0.0)
         # Close to zero, an error that no longer halves has met rounding.
-        stalled = (now < ACCEPTED) & (now > 0.5 * error[left])
+        stalled = (now < ROUNDOFF) & (now > 0.5 * error[left])
         error[left] = now
         A[left] = J = np.moveaxis(jacobian, -1, 0)
         # Newton stops below this loop error [m or rad]; it is far below any encoder and
@@ -565,7 +544,7 @@ def complete_motion(
         return _free(robot, Motion(t, full, v, a, q, dq, ddq, None, np.arange(n), none), touch)
 
     closed = close_loops(robot, q)
-    good = np.flatnonzero(closed.error < ACCEPTED)
+    good = np.flatnonzero(closed.error < ROUNDOFF)
     if not len(good):
         raise ClosureError(
             f"The loops of {robot.name} close at none of the {n} samples (smallest loop error "
@@ -574,7 +553,7 @@ def complete_motion(
             f"against the home position {robot.describe_home()}."
         )
     inverse, condition = invert(closed.A[good][:, :, robot.dependent])
-    regular = condition < HOPELESS
+    regular = condition * ROUNDOFF < 1
     if not regular.any():
         raise ClosureError(
             f"All samples at which the loops of {robot.name} close are singular configurations: "
@@ -640,7 +619,7 @@ def count_independent(robot: Description) -> int:
     home = robot.home[None]
     if robot.equations >= len(robot.dependent):
         closed = newton(robot, home)
-        home = closed.q if closed.error[0] < ACCEPTED else home
+        home = closed.q if closed.error[0] < ROUNDOFF else home
     A = loop_jacobian(robot, home)[0]
     scale = np.abs(A).max() or 1.0
     r, _ = scipy.linalg.qr(A.T / scale, mode="r", pivoting=True)

@@ -61,9 +61,7 @@ class Transmission:
     def joint_rate(self, rate: Array) -> Array:
         """Return joint velocities or accelerations (N, n) from those of motors (N, m)."""
         R = self.ratio[:, None] * self.coupling
-        square = len(R) == R.shape[1]
-        out = np.linalg.solve(R, rate.T) if square else np.linalg.lstsq(R, rate.T, rcond=None)[0]
-        return np.asarray(out.T)
+        return np.asarray(np.linalg.lstsq(R, rate.T, rcond=None)[0].T)
 
 
 @frozen
@@ -737,8 +735,6 @@ class Description(Stated):
         """Return velocities or accelerations (N, nv) of the tree along an axis, (N,)."""
         if axis.row is not None:
             at = np.flatnonzero(axis.row)
-            if len(at) == 1:  # as of most axes
-                return np.asarray(x[:, self.actuated[at[0]]] * axis.row[at[0]])
             return np.asarray(x[:, self.actuated[at]] @ axis.row[at])
         if axis.weights is None:
             return np.asarray(x[:, axis.dof])

@@ -22,7 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.linalg import TINY
 from identifiability.robot.assembly import (
     LockOption,
     add_couplings,
@@ -43,9 +43,6 @@ from identifiability.robot.locate import (
 )
 from identifiability.robot.sidecar import Sidecar, check_known, read_sidecar
 
-#: Simulators refuse links without any mass: this one is none [kg].
-PLACEHOLDER: Tolerance = 1e-12
-
 
 def _find_massless(path: Path, model: Any, massless: Collection[str]) -> set[int]:
     """Return the joints before links without mass, which a universal joint needs in a URDF.
@@ -60,7 +57,7 @@ def _find_massless(path: Path, model: Any, massless: Collection[str]) -> set[int
     gone = {bodies.index(link) + 1 for link in massless}
     for k in gone:
         mass, carried = float(model.inertias[k].mass), list(model.parents).count(k)
-        if mass > PLACEHOLDER or carried != 1 or model.joints[k].nv != 1:
+        if mass > TINY or carried != 1 or model.joints[k].nv != 1:
             raise RobotError(
                 f"The sidecar of {path}: 'massless' names '{bodies[k - 1]}', which has a mass of "
                 f"{mass:g} kg and carries {carried} joints; it is for links without mass that "

@@ -129,8 +129,6 @@ class Base:
     imu : Imu
     at : (int, int) or None
         Where MuJoCo keeps its pose and twist, in ``qpos`` and ``qvel``.
-    which : int or None
-        Of the free joints of an MJCF the one on which it floats.
     servo : Servo or None
         Of the joints that motors drive, in the robot's order.
     """
@@ -142,7 +140,6 @@ class Base:
     wrenches: tuple[Wrench, ...] = ()
     imu: Imu = Imu()
     at: tuple[int, int] | None = None
-    which: int | None = None
     servo: Servo | None = None
 
     @property

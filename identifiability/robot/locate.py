@@ -5,6 +5,8 @@ It is parsed as far as its size allows: what has no end is refused at once.
 
 from __future__ import annotations
 
+import io
+import itertools
 import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
@@ -101,7 +103,7 @@ LONGEST_NAME = 500
 
 #: No mass, moment, length or gravity in SI units is larger, and no mass smaller unless it is zero.
 LARGEST: Tolerance = 1e15
-SMALLEST: Tolerance = 1e-30
+SMALLEST = 1 / LARGEST
 
 
 # Parse the XML of a robot file as far as its size allows: what has no end is refused at once.
@@ -112,9 +114,6 @@ MOST_BYTES = 50_000_000
 MOST_BODIES = 200
 MOST_ELEMENTS = 20_000
 DEEPEST = 250
-
-#: Letters ``<`` that an element has at most, with its end, comments and the like.
-TAGS: Tolerance = 4
 
 #: Files that are included; one that includes itself is refused by their number.
 MOST_INCLUDES = 100
@@ -147,9 +146,10 @@ def parse_xml(path: Path, roots: tuple[str, ...]) -> ET.Element:
                 f"{path} declares a document type, <!DOCTYPE …>; no robot needs one: take it out, "
                 "and write its entities where they are used."
             )
-        if content.count(b"<") > TAGS * MOST_ELEMENTS:
+        elements = (element for _, element in ET.iterparse(io.BytesIO(content), ["start"]))
+        root: ET.Element = next(elements)
+        if sum(1 for _ in itertools.islice(elements, MOST_ELEMENTS)) == MOST_ELEMENTS:
             raise _too_large(path)
-        root: ET.Element = ET.fromstring(content)
     except (ET.ParseError, OSError, ValueError, LookupError) as error:
         reason = getattr(error, "strerror", None) or error
         raise RobotError(f"{path} cannot be read as MJCF or URDF: {reason}.") from None

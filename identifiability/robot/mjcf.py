@@ -10,7 +10,7 @@ import re
 import warnings
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -136,9 +136,9 @@ AXES = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 BALL, FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)
-_EQ, _TRN, _WRAP = mujoco.mjtEq, mujoco.mjtTrn, mujoco.mjtWrap
+_EQ, _TRN, _OBJ = mujoco.mjtEq, mujoco.mjtTrn, mujoco.mjtObj
 _GEOM, _FROM = mujoco.mjtGeom, mujoco.mjtInertiaFromGeom
-_FILED = (int(_GEOM.mjGEOM_MESH), int(_GEOM.mjGEOM_HFIELD), int(_GEOM.mjGEOM_SDF))
+_NO_BIAS, _AFFINE = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
 
 
 def compile_mjcf(path: Path, root: ET.Element, outside: Collection[str] = (), **how: Any) -> Any:
@@ -159,7 +159,7 @@ def read_spec(
     outside: Collection[str] = (),
     *,
     fixed: bool = False,
-    floating: int | None = None,
+    floating: str | None = None,
 ) -> Any:
     """Return an MJCF before it is compiled (mujoco.MjSpec); what has no name is given one.
 
@@ -172,77 +172,36 @@ def read_spec(
         Bodies to leave out, with all that hangs on them and refers to them.
     fixed : bool
         Whether what floats by its file stands where that draws it.
-    floating : int, optional
-        Which of its free joints six joints stand for.
+    floating : str, optional
+        The free joint that six joints stand for.
     """
     spec = _parse(path, root)
     if fixed or floating is not None:
         replace_free_joints(spec, floating)
-    _name_all(spec)
     for name in outside:
         spec.delete(spec.body(name))
     return spec
 
 
-def replace_free_joints(spec: Any, floating: int | None = None) -> None:
+def replace_free_joints(spec: Any, floating: str | None = None) -> None:
     """Take all free joints out of a MuJoCo spec, or one, for which three slides and hinges stand.
 
-    The base is then where the world is, and keyframes say so.
+    The base is then where the world is; keyframes, which know no such joints, go.
     """
-    found, start = [], 0
-    for joint in spec.joints:
-        kind = int(joint.type)
-        found += [(joint, start)] if kind == FREE else []
-        start += {FREE: 7, BALL: 4}.get(kind, 1)
-    for joint, at in reversed(found if floating is None else [found[floating]]):
-        body, names = joint.parent, () if floating is None else BASE_JOINTS
+    for key in list(spec.keys):
+        spec.delete(key)
+    for joint in [j for j in spec.joints if int(j.type) == FREE and floating in (None, j.name)]:
+        body = joint.parent
         spec.delete(joint)
-        for key in spec.keys:
-            q = np.array(key.qpos)
-            key.qvel = []
-            key.qpos = np.concatenate([q[:at], np.zeros(len(names)), q[at + 7 :]]) if len(q) else q
-        for k, name in enumerate(names):
+        if floating is None:
+            continue
+        body.pos, body.quat = np.zeros(3), np.eye(4)[0]
+        body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+        for k, name in enumerate(BASE_JOINTS):
             new = body.add_joint(name=name, type=(HINGE, SLIDE)[k < SIX // 2], axis=AXES[k % 3])
             for word in ("damping", "armature", "frictionloss", "stiffness", "ref"):
                 setattr(new, word, np.zeros_like(getattr(new, word)))
             new.limited = new.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
-            body.pos, body.quat = np.zeros(3), np.eye(4)[0]
-            body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
-
-
-def find_floating(path: Path, m: Any, outside: Collection[str], extra: Sidecar) -> int | None:
-    """Return which free joint of a compiled scene the robot floats on, if it does.
-
-    A free body that equalities tie to what is beside it is part of a closed chain.
-
-    Raises
-    ------
-    RobotError
-        If there are several.
-    """
-    top, of_body = _trees(m)
-    ties = [{int(top[b]) for b in bodies} for bodies in _tied(m)]
-    ties += [{of_body.get(b, 0) for b in (x.body1, x.body2)} for x in extra.loops or ()]
-    free = np.flatnonzero(m.jnt_type == mujoco.mjtJoint.mjJNT_FREE).tolist()
-    found = []
-    for k, j in enumerate(free):
-        own = int(top[m.jnt_bodyid[j]])
-        tied = any(own in tie and len(tie) > 1 for tie in ties)
-        if m.body(own).name not in outside and not tied:
-            found.append(k)
-    if len(found) > 1:
-        names = [m.body(int(m.jnt_bodyid[free[k]])).name for k in found]
-        raise RobotError(
-            f"{path}: {listing(names)} float, each with joints that are driven; one robot is read "
-            'at a time: give a file with one of them, or say base = "fixed" in the sidecar.'
-        )
-    driven = m.actuator_trnid[np.isin(m.actuator_trntype, _ON_JOINT), 0]
-    if found and free[found[0]] in driven:
-        raise RobotError(
-            f"{path}: the free joint '{m.joint(free[found[0]]).name}' cannot be actuated; only "
-            "joints with one axis can, and what pushes a base is a measured wrench of the sidecar."
-        )
-    return found[0] if found else None
 
 
 def _mesh_files(path: Path, spec: Any) -> tuple[Path, ...]:
@@ -256,20 +215,15 @@ def _parse(path: Path, root: ET.Element, *, shapes: bool = False) -> Any:
     spec = mujoco.MjSpec.from_string(file_text(path, root))
     spec.modelfiledir = str(path.parent)
     spec.nkey = spec.nuserdata = 0  # room for what is not there
-    if shapes:
-        for geom in [g for g in spec.geoms if not (g.contype or g.conaffinity)]:
+    for geom in list(spec.geoms):
+        if not (geom.contype or geom.conaffinity) if shapes else _is_idle(spec.compiler, geom):
             spec.delete(geom)
-    else:
-        _take_out_idle(spec)
     _forget_looks(spec)
-    _check_meshes(path, spec)
-    return spec
-
-
-def _check_meshes(path: Path, spec: Any) -> None:
     for file in _mesh_files(path, spec):
         check_regular(file)
         check_weight(path, [file])
+    _name_all(spec)
+    return spec
 
 
 def compile_shapes(path: Path, root: ET.Element) -> Any:
@@ -281,7 +235,6 @@ def compile_shapes(path: Path, root: ET.Element) -> Any:
     """
     with _refused(path, root):
         spec = _parse(path, root, shapes=True)
-        _name_all(spec)
         # Bodies without shapes weigh nothing here, which is nobody's concern.
         spec.compiler.boundmass, spec.compiler.boundinertia = 1e-6, 1e-9
         return spec.compile()
@@ -311,56 +264,46 @@ def quiet() -> Iterator[None]:
 
 def _reason(error: Exception, root: ET.Element) -> str:
     """Return MuJoCo's reason on one line, with its full stop."""
-    lines = [" ".join(line.split()) for line in str(error).splitlines() if line.strip()]
-    reason = re.sub(r"^((XML )?Error: )+", "", lines[0]).rstrip(".") if lines else "it is refused"
-    place = re.sub(r"Element name '', |id -?\d+, ", "", lines[1]) if len(lines) > 1 else ""
-    text = f"{reason} ({place[0].lower()}{place[1:]})" if place else reason
+    text = re.sub(
+        r"(XML )?Error: |(?<=Element) name '',| id -?\d+,", "", " ".join(str(error).split())
+    )
     known = {e.get(key) or "" for e in root.iter() for key in ("name", "class")}
     known |= {"hinge", "slide", "ball", "free"}
-    quoted = re.search(r"'([^']+)'", reason)
-    if quoted is None or quoted[1] in known or reason.startswith("Schema"):
-        return f"{text[:300]}."
-    return text[:300] + near_match(quoted[1], known)
+    quoted, text = re.search(r"'([^']+)'", text), text.rstrip(".")[:300]
+    if quoted is None or quoted[1] in known or text.startswith("Schema"):
+        return f"{text}."
+    return text + near_match(quoted[1], known)
 
 
-def _take_out_idle(spec: Any) -> None:
-    """Remove what has no share in the motion, above all what would be read from other files."""
-    idle = (spec.sensors, spec.pairs, spec.excludes, spec.tuples, spec.skins, spec.lights)
-    for element in [e for kind in idle for e in kind]:
-        spec.delete(element)
-    for body in spec.bodies:
-        moves = _moves(body) or spec.compiler.settotalmass > 0
-        for geom in list(body.geoms):
-            filed = geom.meshname or geom.hfieldname or int(geom.type) in _FILED
-            if filed and not (moves and _weighs(spec.compiler, body, geom)):
-                spec.delete(geom)
-
-
-def _forget_looks(spec: Any) -> None:
-    """Remove materials, and the assets that nothing uses."""
-    geoms, sites = list(spec.geoms), list(spec.sites)  # each look at them takes a while
-    for element in (*geoms, *sites, *spec.tendons, *spec.meshes):
-        element.material = ""
-    used = {e.meshname for e in (*geoms, *sites)} | {f.name for f in spec.flexes}
-    meshes = [m for m in spec.meshes if m.name not in used]
-    heights = {g.hfieldname for g in geoms}
-    fields = [h for h in spec.hfields if h.name not in heights]
-    for asset in (*spec.materials, *spec.textures, *meshes, *fields):
-        spec.delete(asset)
+def _is_idle(compiler: Any, geom: Any) -> bool:
+    """Whether a geom is read from another file and has no share in the inertia of what moves."""
+    if geom.hfieldname or not (geom.meshname or geom.type == _GEOM.mjGEOM_SDF):
+        return bool(geom.hfieldname)
+    body, how = geom.parent, int(compiler.inertiafromgeom)
+    stated = body.explicitinertial and how != int(_FROM.mjINERTIAFROMGEOM_TRUE)
+    if stated or how == int(_FROM.mjINERTIAFROMGEOM_FALSE):
+        return True
+    low, high = compiler.inertiagrouprange
+    given = geom.density if np.isnan(geom.mass) else geom.mass
+    moves = _moves(body) or compiler.settotalmass > 0
+    return not (moves and given and low <= geom.group <= high)
 
 
 def _moves(body: Any) -> bool:
     return bool(body.joints) or (body.parent is not None and _moves(body.parent))
 
 
-def _weighs(compiler: Any, body: Any, geom: Any) -> bool:
-    """Whether the inertia of a body comes from this geom too."""
-    how, low_high = int(compiler.inertiafromgeom), compiler.inertiagrouprange
-    stated = body.explicitinertial and how != int(_FROM.mjINERTIAFROMGEOM_TRUE)
-    if stated or how == int(_FROM.mjINERTIAFROMGEOM_FALSE):
-        return False
-    given = geom.density if np.isnan(geom.mass) else geom.mass
-    return bool(given and low_high[0] <= geom.group <= low_high[1])
+def _forget_looks(spec: Any) -> None:
+    """Remove what would be read from other files and has no share in the motion."""
+    geoms, sites = list(spec.geoms), list(spec.sites)  # each look at them takes a while
+    for element in (*geoms, *sites, *spec.tendons, *spec.meshes):
+        element.material = ""
+    used = {e.meshname for e in (*geoms, *sites)} | {f.name for f in spec.flexes}
+    kinds = [spec.sensors, spec.pairs, spec.excludes, spec.tuples, spec.skins, spec.lights]
+    kinds += [spec.materials, spec.textures, spec.hfields]
+    unused = [mesh for mesh in spec.meshes if mesh.name not in used]
+    for element in [*(e for kind in kinds for e in kind), *unused]:
+        spec.delete(element)
 
 
 def _name_all(spec: Any) -> None:
@@ -397,51 +340,20 @@ def find_arms(m: Any, t: int) -> dict[int, float] | None:
     return {j: c for j, c in arms.items() if c}
 
 
-def read_coupling(path: Path, m: Any, k: int, actuated: Collection[str]) -> Coupling:
-    """Return an equality between two joints, or two fixed tendons, as a coupling of joints.
-
-    MuJoCo demands ``L₁ − L₁₀ = Σ c_i (L₂ − L₂₀)^i``, with the lengths in the reference position. It
-    is solved for a joint of the first tendon, one that no motor drives if there is any.
-
-    Raises
-    ------
-    RobotError
-        If a tendon does not run along joints, or several joints are followed by a curve.
-    """
-    ends: list[tuple[dict[str, float], float]] = []
-    for x in (int(m.eq_obj1id[k]), int(m.eq_obj2id[k])):
-        if x < 0:
-            arms, start = {}, 0.0
-        elif int(m.eq_type[k]) == int(_EQ.mjEQ_JOINT):
-            arms, start = {m.joint(x).name: 1.0}, float(m.qpos0[m.jnt_qposadr[x]])
-        else:
-            along = find_arms(m, x) or {}
-            arms = {m.joint(j).name: c for j, c in along.items()}
-            start = float(m.tendon_length0[x])
-        if x >= 0 and not arms:
-            raise RobotError(
-                f"{path} couples the tendon '{m.tendon(x).name}', which does not run along joints; "
-                "only <fixed> tendons of joints can be coupled."
-            )
-        ends.append((arms, start))
-    (first, length), (second, start) = ends
-    joint = next((j for j in first if j not in actuated), next(iter(first)))
-    arm = first.pop(joint)
-    curve = Polynomial(m.eq_data[k, :5] / arm)
-    if len(second) > 1 and curve.trim().degree() > 1:
-        raise RobotError(
-            f"{path} couples the joint '{joint}' to a tendon along {listing(second)} by a curve; "
-            "only one joint can be followed by a curve."
+def _couplings(path: Path, m: Any) -> list[Coupling]:
+    """Return the equalities between joints: MuJoCo counts from where these are drawn."""
+    out = []
+    for k in np.flatnonzero(_equalities(m) & (m.eq_type == _EQ.mjEQ_JOINT)).tolist():
+        curve = Polynomial(m.eq_data[k, :5])
+        (joint, start), *others = (
+            (m.joint(j).name, float(m.qpos0[m.jnt_qposadr[j]]))
+            for j in (int(m.eq_obj1id[k]), int(m.eq_obj2id[k]))
+            if j >= 0
         )
-    terms = {j: Polynomial([0.0, -c / arm]) for j, c in first.items()}
-    constant = length / arm + (curve.coef[0] if not second else 0.0)
-    if second:
-        curve = curve(Polynomial([-start, 1.0]))
-        constant += curve.coef[0]
-    for j, c in second.items():
-        terms[j] = terms.get(j, Polynomial([0.0])) + (curve - curve.coef[0])(Polynomial([0.0, c]))
-    polys = {j: poly.coef.tolist() for j, poly in terms.items()}
-    return Coupling.of(m.equality(k).name or joint, joint, polys, constant)
+        terms = {of: curve(Polynomial([-zero, 1.0])).coef.tolist() for of, zero in others}
+        constant = start if terms else start + float(curve.coef[0])
+        out.append(Coupling.of(m.equality(k).name or joint, joint, terms, constant))
+    return out
 
 
 # Scenes: which bodies of an MJCF are the robot's, and where MuJoCo keeps numbers of its joints.
@@ -451,6 +363,14 @@ def read_coupling(path: Path, m: Any, k: int, actuated: Collection[str]) -> Coup
 
 
 _ON_JOINT = (int(_TRN.mjTRN_JOINT), int(_TRN.mjTRN_JOINTINPARENT))
+
+#: What an actuator acts on; adhesion acts on contacts alone.
+_ACTS_ON = {
+    **dict.fromkeys(_ON_JOINT, _OBJ.mjOBJ_JOINT),
+    int(_TRN.mjTRN_TENDON): _OBJ.mjOBJ_TENDON,
+    int(_TRN.mjTRN_SITE): _OBJ.mjOBJ_SITE,
+    int(_TRN.mjTRN_SLIDERCRANK): _OBJ.mjOBJ_SITE,
+}
 
 
 def find_outside(m: Any, extra: Sidecar) -> tuple[str, ...]:
@@ -465,72 +385,85 @@ def find_outside(m: Any, extra: Sidecar) -> tuple[str, ...]:
     m : mujoco.MjModel
     extra : Sidecar
     """
-    top, of_body = _trees(m)
-    of_joint = {m.joint(j).name: int(top[m.jnt_bodyid[j]]) for j in range(m.njnt)}
+    at_joint = {m.joint(j).name: int(m.body_treeid[m.jnt_bodyid[j]]) for j in range(m.njnt)}
     named = {*extra.locked, *(j for c in extra.couplings for j in (c.joint, c.of, *c.terms))}
-    reached = {of_joint[j] for j in (*named, *(extra.actuated or ())) if j in of_joint}
-    reached |= {of_body[b] for x in extra.loops or () for b in (x.body1, x.body2) if b in of_body}
-    if extra.actuated is None:
-        driven = {b for a in range(len(m.actuator_trntype)) for b in _moved_by(m, a)}
-        if not m.nu:
-            driven = {int(b) for b in m.jnt_bodyid[np.isin(m.jnt_type, (HINGE, SLIDE))]}
-        reached |= {int(top[b]) for b in driven}
-    reached.discard(0)
-    ties = [{int(top[b]) for b in bodies} - {0} for bodies in _tied(m)]
-    while more := {k for tie in ties if tie & reached for k in tie - reached}:
+    reached = {at_joint.get(name, -1) for name in (*named, *(extra.actuated or ()))}
+    ties = _ties(m, extra)
+    reached = reached.union(*ties[: len(extra.loops or ())])
+    if extra.actuated is None and m.nu:
+        for a in range(m.nu):
+            reached |= _trees(m, _ACTS_ON.get(int(m.actuator_trntype[a])), m.actuator_trnid[a])
+    elif extra.actuated is None:
+        single = np.flatnonzero(np.isin(m.jnt_type, (HINGE, SLIDE)))
+        reached |= _trees(m, _OBJ.mjOBJ_JOINT, single)
+    reached.discard(-1)
+    while more := {k for tie in ties if tie & reached for k in tie - reached} - {-1}:
         reached |= more
     if not reached:
         return ()
-    return tuple(m.body(int(b)).name for b in np.unique(top) if b and b not in reached)
+    first = {int(tree): b for b, tree in reversed([*enumerate(m.body_treeid)]) if tree >= 0}
+    return tuple(m.body(b).name for tree, b in sorted(first.items()) if tree not in reached)
 
 
-def _trees(m: Any) -> tuple[np.ndarray, dict[str, int]]:
-    """Return the body at which the tree of each begins, 0 for what is fixed; and by their names."""
-    top = np.zeros(m.nbody, int)
-    for b in range(1, m.nbody):
-        top[b] = top[m.body_parentid[b]] or (b if m.body_jntnum[b] else 0)
-    return top, {m.body(b).name: int(top[b]) for b in range(m.nbody)}
-
-
-def _moved_by(m: Any, a: int) -> list[int]:
-    """Return the bodies that an actuator acts on; adhesion acts on contacts alone."""
-    kind, target = int(m.actuator_trntype[a]), int(m.actuator_trnid[a, 0])
-    if kind == int(_TRN.mjTRN_TENDON):
-        return _along(m, target)
-    if kind in (*_ON_JOINT, int(_TRN.mjTRN_BODY)):
-        return [int(m.jnt_bodyid[target])] if kind in _ON_JOINT else []
-    return [int(m.site_bodyid[s]) for s in m.actuator_trnid[a] if s >= 0]
-
-
-def _along(m: Any, t: int) -> list[int]:
-    """Return the bodies that a tendon runs along."""
-    where = {
-        int(_WRAP.mjWRAP_JOINT): m.jnt_bodyid,
-        int(_WRAP.mjWRAP_SITE): m.site_bodyid,
-        int(_WRAP.mjWRAP_SPHERE): m.geom_bodyid,
-        int(_WRAP.mjWRAP_CYLINDER): m.geom_bodyid,
+def _trees(m: Any, kind: Any, which: Iterable[int]) -> set[int]:
+    """Return the trees of some joints, sites, bodies or tendons; -1 stands for what is fixed."""
+    bodies = {
+        _OBJ.mjOBJ_JOINT: m.jnt_bodyid,
+        _OBJ.mjOBJ_SITE: m.site_bodyid,
+        _OBJ.mjOBJ_BODY: np.arange(m.nbody),
     }
-    parts = [(int(m.wrap_type[w]), int(m.wrap_objid[w])) for w in tendon_parts(m, t)]
-    return [int(where[kind][at]) for kind, at in parts if kind in where]
+    there = [int(k) for k in which if k >= 0]
+    if kind == _OBJ.mjOBJ_TENDON:
+        parts = [(m.wrap_type[w], m.wrap_objid[w]) for k in there for w in tendon_parts(m, k)]
+        sites = _trees(m, _OBJ.mjOBJ_SITE, [at for way, at in parts if way == SITE])
+        return sites | _trees(m, _OBJ.mjOBJ_JOINT, [at for way, at in parts if way == _ALONG])
+    return {int(m.body_treeid[bodies[kind][k]]) for k in there if kind in bodies}
 
 
-def _tied(m: Any) -> Iterator[list[int]]:
-    """Yield the bodies that each equality ties together, and each tendon."""
-    for k in np.flatnonzero(m.eq_active0):
-        kind = int(m.eq_type[k])
-        ends = [int(x) for x in (m.eq_obj1id[k], m.eq_obj2id[k]) if x >= 0]
-        if kind == int(_EQ.mjEQ_JOINT):
-            yield [int(m.jnt_bodyid[j]) for j in ends]
-        elif kind == int(_EQ.mjEQ_TENDON):
-            yield [b for t in ends for b in _along(m, t)]
-        elif kind in (int(_EQ.mjEQ_CONNECT), int(_EQ.mjEQ_WELD)):
-            sites = int(m.eq_objtype[k]) == int(mujoco.mjtObj.mjOBJ_SITE)
-            yield [int(m.site_bodyid[x]) if sites else x for x in ends]
-    for t in range(m.ntendon):
-        yield _along(m, t)
+def _ties(m: Any, extra: Sidecar) -> list[set[int]]:
+    """Return the trees that each loop of the sidecar ties together, equality, and tendon."""
+    body = {m.body(b).name: b for b in range(m.nbody)}
+    pairs = [(body.get(x.body1, 0), body.get(x.body2, 0)) for x in extra.loops or ()]
+    found = [_trees(m, _OBJ.mjOBJ_BODY, pair) for pair in pairs]
+    on = m.eq_active0 > 0
+    ends = zip(m.eq_objtype[on], m.eq_obj1id[on], m.eq_obj2id[on], strict=True)
+    found += [_trees(m, _OBJ(kind), pair) for kind, *pair in ends]
+    return found + [_trees(m, _OBJ.mjOBJ_TENDON, [t]) for t in range(m.ntendon)]
 
 
-def read_entries(m: Any, floating: Any = None) -> dict[str, dict[str, Entry]]:
+def find_floating(path: Path, m: Any, outside: Collection[str], extra: Sidecar) -> str | None:
+    """Return the free joint of a compiled scene that the robot floats on, if it does.
+
+    A free body that equalities tie to what is beside it is part of a closed chain.
+
+    Raises
+    ------
+    RobotError
+        If there are several.
+    """
+    ties = _ties(m, extra)
+    found = []
+    for j in np.flatnonzero(m.jnt_type == FREE).tolist():
+        body = int(m.jnt_bodyid[j])
+        tied = any(int(m.body_treeid[body]) in tie and len(tie) > 1 for tie in ties)
+        if m.body(body).name not in outside and not tied:
+            found.append(j)
+    if len(found) > 1:
+        raise RobotError(
+            f"{path}: {listing(m.body(int(m.jnt_bodyid[j])).name for j in found)} float, each with "
+            "joints that are driven; one robot is read at a time: give a file with one of them, or "
+            'say base = "fixed" in the sidecar.'
+        )
+    driven = m.actuator_trnid[np.isin(m.actuator_trntype, _ON_JOINT), 0]
+    if found and found[0] in driven:
+        raise RobotError(
+            f"{path}: the free joint '{m.joint(found[0]).name}' cannot be actuated; only joints "
+            "with one axis can, and what pushes a base is a measured wrench of the sidecar."
+        )
+    return str(m.joint(found[0]).name) if found else None
+
+
+def read_entries(m: Any, bolted: Any = None) -> dict[str, dict[str, Entry]]:
     """Return which entries of MuJoCo's arrays are about which joint, by array, then index or name.
 
     ``actuator_force`` is before the gear and ``qfrc_actuator`` behind it; ``ctrl`` is the force of
@@ -540,14 +473,14 @@ def read_entries(m: Any, floating: Any = None) -> dict[str, dict[str, Entry]]:
     ----------
     m : mujoco.MjModel
         The whole scene, whose indices they are.
-    floating : mujoco.MjModel, optional
-        The scene before its base was bolted down, whose indices they are, too; of arrays of both
+    bolted : mujoco.MjModel, optional
+        The scene with its base bolted down, whose indices they are, too; of arrays of both
         the shorter ones have their length in their name.
     """
-    if floating is not None:
-        sizes = dict.fromkeys(("qvel", "qacc", "qfrc_actuator"), m.nv) | {"qpos": m.nq}
-        own = {f"{a}@{sizes[a]}": e for a, e in read_entries(m).items() if a in sizes}
-        return read_entries(floating) | own
+    if bolted is not None:
+        sizes = dict.fromkeys(("qvel", "qacc", "qfrc_actuator"), bolted.nv) | {"qpos": bolted.nq}
+        own = {f"{a}@{sizes[a]}": e for a, e in read_entries(bolted).items() if a in sizes}
+        return read_entries(m) | own
     found: dict[str, dict[str, Entry]] = {}
 
     def add(word: str, keys: Collection[Any], entry: Entry) -> None:
@@ -647,7 +580,7 @@ def read_actuators(m: Any) -> list[Actuator]:
         kind, target = int(m.actuator_trntype[a]), int(m.actuator_trnid[a, 0])
         pulls = kind == int(_TRN.mjTRN_TENDON)
         arms = {target: 1.0} if kind in _ON_JOINT else find_arms(m, target) if pulls else None
-        affine = int(m.actuator_biastype[a]) == int(mujoco.mjtBias.mjBIAS_AFFINE)
+        affine = int(m.actuator_biastype[a]) == _AFFINE
         found.append(
             Actuator(
                 name=m.actuator(a).name or f"number {a + 1}",
@@ -668,21 +601,17 @@ def read_actuators(m: Any) -> list[Actuator]:
 
 def _law(m: Any, a: int) -> str:
     """Return what an actuator holds: a position, a speed or a torque; nothing of any other."""
-    gain, bias = float(m.actuator_gainprm[a, 0]), m.actuator_biasprm[a]
+    gain, (_, stiff, damp) = float(m.actuator_gainprm[a, 0]), m.actuator_biasprm[a, :3]
+    kind = int(m.actuator_biastype[a])
     fixed = int(m.actuator_gaintype[a]) == int(mujoco.mjtGain.mjGAIN_FIXED)
     plain = int(m.actuator_dyntype[a]) == int(mujoco.mjtDyn.mjDYN_NONE)
-    kind = int(m.actuator_biastype[a])
-    if not (fixed and plain and gain):
+    if not (fixed and plain and gain and kind in (_NO_BIAS, _AFFINE)):
         return ""
-    if kind == int(mujoco.mjtBias.mjBIAS_NONE):
+    if kind == _NO_BIAS or not (stiff or damp):
         return "tau"
-    if kind != int(mujoco.mjtBias.mjBIAS_AFFINE):
-        return ""
-    if not bias[1:3].any():
-        return "tau"
-    if gain > 0 and bias[1] == -gain:
+    if gain > 0 and stiff == -gain:
         return "q_ref"
-    return "dq_ref" if gain > 0 and not bias[1] and bias[2] == -gain else ""
+    return "dq_ref" if gain > 0 and not stiff and damp == -gain else ""
 
 
 def find_offsets(actuators: Sequence[Actuator]) -> dict[str, float]:
@@ -723,15 +652,10 @@ Spring = tuple[float, float]
 #: Numbers of a joint, tendon or actuator, and how often its coefficient enters along a joint.
 _POWERS = {"stiffness": 2, "damping": 2, "frictionloss": 1, "armature": 2}
 
-#: What is not linear in speed or position, by whose it is; older versions of MuJoCo lack some.
+#: What is not linear in speed or position; older versions of MuJoCo lack some.
 _BENT = (
-    ("joint", "jnt_stiffnesspoly"),
-    ("joint", "jnt_springyield"),
-    ("dof", "dof_dampingpoly"),
-    ("tendon", "tendon_stiffnesspoly"),
-    ("tendon", "tendon_dampingpoly"),
-    ("tendon", "tendon_springyield"),
-    ("actuator", "actuator_dampingpoly"),
+    *("jnt_stiffnesspoly", "jnt_springyield", "dof_dampingpoly", "tendon_stiffnesspoly"),
+    *("tendon_dampingpoly", "tendon_springyield", "actuator_dampingpoly"),
 )
 
 
@@ -863,13 +787,9 @@ def find_drives(actuators: Sequence[Actuator], locked: Collection[str]) -> list[
 
 def _refuse_fields(path: Path, m: Any) -> None:
     """Refuse what acts on whole bodies beside gravity."""
-    for kind, array in _BENT:
-        bent = getattr(m, array, np.zeros(0))
-        if np.any(bent):
-            k = int(np.flatnonzero(bent)[0]) // (bent.size // len(bent))
-            named = m.joint(m.dof_jntid[k]) if kind == "dof" else getattr(m, kind)(k)
-            what = f"springs or damping that is not linear ({array})"
-            raise _refusal(path, f"the {kind.replace('dof', 'joint')} '{named.name}' has {what}")
+    for array in _BENT:
+        if np.any(getattr(m, array, 0.0)):
+            raise _refusal(path, f"it has springs or damping that is not linear ({array})")
     low, high = m.tendon_lengthspring.T
     slack = np.flatnonzero((low != high) & (m.tendon_stiffness != 0.0))
     if len(slack):
@@ -920,23 +840,21 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     RobotError
         If it has a part that neither the regressor nor the nominal values can hold.
     """
-    fixed = extra.base == "fixed"
-    scene = m = compile_mjcf(path, root, fixed=fixed)
-    outside = find_outside(scene, extra)
-    which = None if fixed else find_floating(path, scene, outside, extra)
-    if which is None and extra.base == "floating":
+    scene = m = compile_mjcf(path, root)
+    fixed, outside = extra.base == "fixed", find_outside(scene, extra)
+    floating = None if fixed else find_floating(path, scene, outside, extra)
+    if floating is None and extra.base == "floating":
         raise RobotError(
             f'{path} has no free joint, and its sidecar says base = "floating"; give the body that '
             "floats a <freejoint/>."
         )
-    if outside or which is not None:
-        m = compile_mjcf(path, root, outside, fixed=fixed, floating=which)
-    off, home = int(m.opt.disableflags), _home(m)
+    if outside or fixed or floating is not None:
+        m = compile_mjcf(path, root, outside, fixed=fixed, floating=floating)
+    home = _home(scene, m)
     joints = [m.joint(j) for j in np.flatnonzero(np.isin(m.jnt_type, [HINGE, SLIDE]))]
     at_home = {j.name: extra.home.get(j.name, float(home[j.qposadr[0]])) for j in joints}
     actuators = read_actuators(m)
-    driven = extra.actuated or find_drives(actuators, ()) or ()
-    couplings = add_couplings(_couplings(path, m, driven), extra.couplings)
+    couplings = add_couplings(_couplings(path, m), extra.couplings)
     locked, couplings = settle_locks(path, read_locks(extra.locked), at_home, couplings)
     model, welded = weld(_build_tree(m), locked)
     bodies = [f for f in model.frames if f.type == pin.FrameType.BODY]
@@ -946,11 +864,13 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     at_body = [frames[m.body(b).name] for b in range(m.nbody)]
     places = [(f.parentJoint, f.placement) for f in at_body]
     tree, last = read_tree(path, model, names)
-    bits = mujoco.mjtDisableBit
-    still = off & int(bits.mjDSBL_GRAVITY)
-    gravity = np.zeros(3) if still else np.array(m.opt.gravity)
-    # Of a base that floats the proper acceleration is known, of which gravity is a part.
-    model.gravity.linear = gravity if which is None else np.zeros(3)
+    still = int(m.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    gravity, base = np.zeros(3) if still else np.array(m.opt.gravity), None
+    model.gravity.linear = gravity
+    if floating is not None:  # the proper acceleration is known, of which gravity is a part
+        free_joint = scene.joint(floating)
+        at = int(free_joint.qposadr[0]), int(free_joint.dofadr[0])
+        base, model.gravity.linear = Base("", floating, gravity, at=at), np.zeros(3)
     free = np.array([m.joint(int(j)).name not in locked for j in m.dof_jntid], bool)
     forces = read_forces(path, m, actuators, locked)
     dofs = [d for j in tree.joints for d in j.dofs]
@@ -972,7 +892,7 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         couplings=tuple(couplings),
         driven=find_drives(actuators, locked),
         home=np.append(home[kept], np.zeros(len(cables))),
-        posed=m.nkey > 0,
+        posed=scene.nkey > 0,
         springs=forces.springs,
         locked=locked,
         welded=welded,
@@ -980,10 +900,10 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         cables=cables,
         outside=outside,
         meshes=_mesh_files(path, _parse(path, root)),
-        entries=read_entries(scene, compile_mjcf(path, root) if fixed else None),
+        entries=read_entries(scene, compile_mjcf(path, root, fixed=True) if fixed else None),
         servos=find_servos(actuators),
         offsets=find_offsets(actuators),
-        base=None if which is None else _base(scene, which, gravity),
+        base=base,
         radii=_name_frames(model, m, places),
         drawn=_drawn(m),
     )
@@ -996,13 +916,6 @@ def _drawn(m: Any) -> Array:
         top = int(m.body_parentid[top])
     w, x, y, z = m.body_quat[top]
     return np.array(pin.Quaternion(w, x, y, z).toRotationMatrix())
-
-
-def _base(scene: Any, which: int, gravity: Array) -> Base:
-    """Return the base of a robot that floats on one of the free joints of a scene."""
-    j = int(np.flatnonzero(scene.jnt_type == FREE)[which])
-    at = int(scene.jnt_qposadr[j]), int(scene.jnt_dofadr[j])
-    return Base("", scene.joint(j).name, gravity, at=at, which=which)
 
 
 def _name_frames(model: Any, m: Any, places: list[Place]) -> dict[str, float]:
@@ -1020,25 +933,19 @@ def _name_frames(model: Any, m: Any, places: list[Place]) -> dict[str, float]:
 
 
 def _equalities(m: Any) -> np.ndarray:
-    """Return the equalities that hold, unless flags turn them off."""
+    """Return which equalities hold, unless flags turn them off."""
     bits, off = mujoco.mjtDisableBit, int(m.opt.disableflags)
     idle = off & (int(bits.mjDSBL_EQUALITY) | int(bits.mjDSBL_CONSTRAINT))
-    return np.empty(0, int) if idle else np.flatnonzero(m.eq_active0)
-
-
-def _couplings(path: Path, m: Any, actuated: Collection[str]) -> list[Coupling]:
-    kinds = (int(_EQ.mjEQ_JOINT), int(_EQ.mjEQ_TENDON))
-    holding = [k for k in _equalities(m).tolist() if int(m.eq_type[k]) in kinds]
-    return [read_coupling(path, m, k, actuated) for k in holding]
+    return np.asarray(m.eq_active0.astype(bool) & (not idle))
 
 
 def _loops(path: Path, m: Any, places: list[Place], last: Mapping[int, int]) -> list[Loop]:
     loops: list[Loop] = []
-    for k in _equalities(m):
+    for k in np.flatnonzero(_equalities(m)).tolist():
         kind = int(m.eq_type[k])
         if kind in (int(_EQ.mjEQ_CONNECT), int(_EQ.mjEQ_WELD)):
-            loops += _read_closure(m, int(k), places, last, len(loops))
-        elif kind not in (int(_EQ.mjEQ_JOINT), int(_EQ.mjEQ_TENDON)):
+            loops += _read_closure(m, k, places, last, len(loops))
+        elif kind != int(_EQ.mjEQ_JOINT):
             word = _EQ(kind).name.removeprefix("mjEQ_").lower()
             raise RobotError(
                 f"{path} closes a loop with <{word}>; only <connect>, <weld> and <joint> "
@@ -1098,16 +1005,19 @@ def _rotation(quat: Array) -> Array:
     return out.reshape(3, 3)
 
 
-def _home(m: Any) -> Array:
-    """Return the keyframe ``home``, else the first one, else the pose of the file, (nq,)."""
-    keys = [m.key(k).name for k in range(m.nkey)]
+def _home(scene: Any, m: Any) -> Array:
+    """Return the keyframe ``home`` of a scene, else the first one, else its pose, (nq,) of m."""
+    keys = [scene.key(k).name for k in range(scene.nkey)]
     chosen = keys.index("home") if "home" in keys else 0
-    q = np.array(m.key_qpos[chosen] if keys else m.qpos0)
-    for j in range(m.njnt):
-        if int(m.jnt_type[j]) in (BALL, FREE):  # a quaternion there begins with its real part
-            start = int(m.jnt_qposadr[j]) + (3 if int(m.jnt_type[j]) == FREE else 0)
-            quat = q[start : start + 4]
-            q[start : start + 4] = np.roll(quat, -1) / (np.linalg.norm(quat) or 1.0)
+    stated, q = np.array(scene.key_qpos[chosen] if keys else scene.qpos0), np.array(m.qpos0)
+    there = {scene.joint(j).name: int(scene.jnt_qposadr[j]) for j in range(scene.njnt)}
+    for joint in (m.joint(j) for j in range(m.njnt)):
+        size, at = len(joint.qpos0), int(joint.qposadr[0])
+        own = q[at : at + size]
+        if joint.name in there:
+            own[:] = stated[there[joint.name] : there[joint.name] + size]
+        if size > 1:  # a quaternion of MuJoCo begins with its real part
+            own[-4:] = np.roll(own[-4:], -1) / (np.linalg.norm(own[-4:]) or 1.0)
     return q
 
 

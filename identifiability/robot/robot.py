@@ -16,11 +16,11 @@ import pinocchio as pin
 
 from identifiability.foundation import handed
 from identifiability.foundation.errors import RobotError, listing, near_match
+from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Renames
 from identifiability.foundation.options import Expected, FilePath, Positive, checked
 from identifiability.foundation.output import check_ending, temporary_folder
 from identifiability.foundation.result import shown
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot.assembly import LockOption, read_locks
 from identifiability.robot.description import Description
@@ -36,9 +36,6 @@ Moments = Annotated[
     Sequence[float] | Sequence[Sequence[float]] | np.ndarray,
     Expected("three moments of inertia about the centre, or a symmetric (3, 3) of them"),
 ]
-
-#: By how much of its largest number a body may fail to be possible; what rounding does.
-ROUNDING: Tolerance = 1e-12
 
 
 def ten_parameters(mass: float, centre: Point, inertia: Moments) -> Array:
@@ -69,7 +66,7 @@ def ten_parameters(mass: float, centre: Point, inertia: Moments) -> Array:
     first = mass * c
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = tensor
     theta = np.array([mass, *first, xx, xy, yy, xz, yz, zz])
-    if not np.allclose(about, about.T, rtol=ROUNDING) or mass < 0 or not possible(theta):
+    if not np.allclose(about, about.T, rtol=TINY) or mass < 0 or not possible(theta):
         raise RobotError(
             f"No real body has a mass of {mass:g} kg and these moments of inertia about its "
             "centre: the largest is at most the sum of the others, and none is below zero."
@@ -80,7 +77,7 @@ def ten_parameters(mass: float, centre: Point, inertia: Moments) -> Array:
 def possible(theta: Array) -> bool:
     """Whether some real body has these ten parameters."""
     least: float = least_eigenvalue(theta)
-    return least >= -ROUNDING * float(np.abs(theta).max())
+    return least >= -TINY * float(np.abs(theta).max())
 
 
 # Robots that are changed in code: other numbers in a copy of the file, or another file.

@@ -17,7 +17,6 @@ import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 
 #: What states gains that a robot file does not.
@@ -28,12 +27,6 @@ FOUND = "the logs"
 
 #: What a sidecar says of a gain that logs shall tell.
 FIT = "fit"
-
-#: At which servos measure where nobody says it [Hz].
-RATE: Tolerance = 1000.0
-
-#: What stands for no limit among limits that are numbers [N·m or N].
-UNLIMITED: Tolerance = 1e12
 
 
 @frozen
@@ -68,7 +61,7 @@ class Servo:
     high: Array
     delay: float | None = None
     source: str = ""
-    rate: float = RATE
+    rate: float = 1000.0
     assumed: bool = True
     found: str = ""
     doubt: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -226,4 +219,4 @@ def read_servo(
     own = entry is not None and (entry.kp is not None or bool(np.isnan(kp).any()))
     rate = None if entry is None else entry.rate
     source = SIDECAR if own else "the robot file"
-    return Servo(kp, kv, low, high, delay, source, rate or RATE, rate is None)
+    return Servo(kp, kv, low, high, delay, source, rate or Servo.rate, rate is None)

@@ -52,11 +52,6 @@ Side = Literal["joint", "link", "motor"]
 # it.
 
 
-#: Coefficients of a polynomial.
-DEGREE = 50
-Polynomial = Annotated[list[float], Field(max_length=DEGREE)]
-
-
 class KnownTorque(BaseModel):
     """Torque that is supplied beside the motor's, and taken off the measured one."""
 
@@ -66,7 +61,7 @@ class KnownTorque(BaseModel):
     table: list[tuple[float, float]] = key(
         "Points (position [rad or m], torque [N·m or N]) with lines between.", [], [[0, 0], [1, -3]]
     )
-    polynomial: Polynomial = key("In place of a table: c0 + c1 q + …", [])
+    polynomial: list[float] = key("In place of a table: c0 + c1 q + …", [])
     range: Span | None = key("Positions between which the polynomial holds.", None)
 
     @model_validator(mode="after")
@@ -152,9 +147,7 @@ Gain = Annotated[float, Field(ge=0)]
 Fitted = Gain | Literal["fit"]
 #: No value of a robot in SI units is larger.
 Value = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
-#: Letters of a description.
-LONGEST_TEXT = 20 * LONGEST_NAME
-Powers = Annotated[Polynomial, Field(min_length=1)]
+Powers = Annotated[list[float], Field(min_length=1)]
 Delay = Annotated[float, Field(ge=0, le=1)]
 Share = Annotated[float, Field(gt=0, le=1)]
 Named = Annotated[str, Field(min_length=1)]
@@ -407,7 +400,7 @@ class Sidecar(_Strict):
     """What the robot file cannot say."""
 
     name: Annotated[str, Field(max_length=LONGEST_NAME)] = key("The robot's name.", "")
-    description: Annotated[str, Field(max_length=LONGEST_TEXT)] = key("A sentence on it.", "")
+    description: str = key("A sentence on it.", "")
     base: Literal["fixed", "floating"] | None = key("Whether its root was bolted down.", None)
     stand: Triple | None = key("Roll, pitch, yaw [rad] of a root that was; else as drawn.", None)
     actuated: list[str] | None = key("Joints with a motor; else those of <actuator>, or all.", None)

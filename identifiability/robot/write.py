@@ -20,11 +20,9 @@ from identifiability.foundation.errors import OutputError, RobotError, listing
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_text, write_together
-from identifiability.foundation.rules import Tolerance
 from identifiability.robot.assembly import position_limits
 from identifiability.robot.closure import rest_along
-from identifiability.robot.description import Axis, Coupling, Description
-from identifiability.robot.files import PLACEHOLDER
+from identifiability.robot.description import ENDLESS, Axis, Coupling, Description
 from identifiability.robot.floating import BASE_JOINTS
 from identifiability.robot.kinematics import WORLD, Joint, Point, least_eigenvalue, shortest_turn
 from identifiability.robot.locate import drop_repeated, own_sidecar, place_sidecar, read_markup
@@ -33,9 +31,6 @@ from identifiability.robot.sidecar import read_sidecar
 
 # Numbers in the XML of an MJCF: inertials, and what would change them in compiling.
 
-
-#: Rounding of a flat body's moments of inertia, relative to the largest.
-FLAT: Tolerance = 1e-13
 
 #: What would change the written values in compiling, or add to them: elements and attributes. The
 #: compiler changes masses; what tendons and actuators add to joints is part of the joints' values.
@@ -159,9 +154,9 @@ def thicken(inertia: Array) -> Array:
     """Return an inertia (3, 3) of a flat body that MuJoCo takes: rounding may make it too thin."""
     moments, axes = np.linalg.eigh(inertia)
     lack = moments[2] - moments[0] - moments[1]
-    if abs(lack) >= FLAT * moments[2]:
+    if abs(lack) >= TINY * moments[2]:
         return inertia
-    thick: Array = inertia + (FLAT * moments[2] + lack) * axes[:, :2] @ axes[:, :2].T
+    thick: Array = inertia + (TINY * moments[2] + lack) * axes[:, :2] @ axes[:, :2].T
     return thick
 
 
@@ -575,16 +570,14 @@ def placement(joint: Joint) -> pin.SE3:
     return pin.SE3(np.array(joint.rotation), np.array(joint.translation))
 
 
-def stated_in_file(coupling: Coupling, most: int) -> bool:
-    """Whether a format whose polynomials have so many coefficients holds a coupling."""
-    return len(coupling.terms) == 1 and len(coupling.polynomial) <= most
+def in_file(robot: Description, most: int) -> dict[str, Coupling]:
+    """Return the couplings of a format whose polynomials have so many coefficients, by joint."""
+    short = (c for c in robot.couplings if len(c.terms) == 1 and len(c.polynomial) <= most)
+    return {c.joint: c for c in short}
 
 
 # A robot as MJCF, from what is known of it.
 
-
-#: Coefficients of a coupling that an MJCF holds.
-MOST_MJCF = 5
 
 #: What stands still.
 GROUND = "world"
@@ -632,23 +625,12 @@ def _add_closures(top: ET.Element, bodies: dict[str, ET.Element], robot: Descrip
         for name, (body, point) in zip(sites.values(), pair, strict=True):
             ET.SubElement(bodies[body], "site", name=name, pos=numbers(point))
         ET.SubElement(equality, "connect", sites, name=loop.name)
-    for c in robot.couplings:
-        if not stated_in_file(c, MOST_MJCF):
-            continue
-        (of,) = c.terms
-        padded = np.zeros(MOST_MJCF)
-        padded[: len(c.polynomial)] = c.polynomial
-        ET.SubElement(equality, "joint", joint1=c.joint, joint2=of, polycoef=numbers(padded))
+    for joint, c in in_file(robot, 5).items():
+        padded = numbers(np.pad(c.polynomial, (0, 5 - len(c.polynomial))))
+        ET.SubElement(equality, "joint", joint1=joint, joint2=next(iter(c.terms)), polycoef=padded)
 
 
 # A robot as URDF, from what is known of it.
-
-
-#: Limits of a slide that has none [m].
-FAR: Tolerance = 1e9
-
-#: Coefficients of a coupling that a mimic joint holds.
-MOST_URDF = 2
 
 
 def ground_of(robot: Description) -> str:
@@ -676,9 +658,9 @@ def converted_urdf(robot: Description) -> ET.Element:
     ground, between = ground_of(robot), links_between(robot)
     ET.SubElement(top, "link", name=ground)
     for name in (*robot.bodies, *between.values()):
-        size = 1.0 if name in robot.bodies else PLACEHOLDER
+        size = 1.0 if name in robot.bodies else TINY  # simulators refuse none
         urdf_inertial(ET.SubElement(top, "link", name=name), size, np.zeros(3), size * np.eye(3))
-    coupled = {c.joint: c for c in robot.couplings if stated_in_file(c, MOST_URDF)}
+    coupled = in_file(robot, 2)
     for body, parent, joints in body_joints(robot, ground):
         above = parent
         for joint in joints:
@@ -691,7 +673,7 @@ def converted_urdf(robot: Description) -> ET.Element:
             above = child
             ET.SubElement(own, "axis", xyz=numbers(joint.axis))
             if kind != "continuous":  # of a slide without limits no reader makes a robot
-                low, high = np.clip(span, -FAR, FAR)
+                low, high = np.clip(span, -ENDLESS, ENDLESS)
                 limit = {"lower": f"{low:.17g}", "upper": f"{high:.17g}"}
                 ET.SubElement(own, "limit", limit, effort="0", velocity="0")
             follows = coupled.get(name)
@@ -740,10 +722,9 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
             | {f"point{k}": point.tolist() for k, (_, point) in enumerate(ends, 1)}
             for loop, ends in zip(robot.loops, ends_of(robot, ground_of(robot)), strict=True)
         ]
-    most = MOST_MJCF if mjcf else MOST_URDF
-    left = [c for c in robot.couplings if not stated_in_file(c, most)]
     new["couplings"] = [
-        {"joint": c.joint, "polynomial": [c.constant], "terms": dict(c.terms)} for c in left
+        {"joint": c.joint, "polynomial": [c.constant], "terms": dict(c.terms)}
+        for c in robot.couplings
     ]
     new["axes"] = [
         {"name": name, "joints": dict(axis.weights)}

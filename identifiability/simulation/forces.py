@@ -205,18 +205,14 @@ def _uneven(speed: Array, position: Array, _load: Array) -> Array:
     return force
 
 
-#: Play of a hidden backlash, as a share of the range of its joint.
-PLAY: Tolerance = 0.02
-
-
 def _play(speed: Array, position: Array, load: Array) -> Array:
-    """Return the load that is not carried within `PLAY` after each reversal."""
+    """Return the load that is not carried within 2 % of the range after each reversal."""
     since, way = np.zeros(len(position)), 0.0
     steps = np.abs(np.diff(position, prepend=position[0]))
     for k, (step, turned) in enumerate(zip(steps, np.diff(np.sign(speed), prepend=0), strict=True)):
         way = 0.0 if turned else way + step
         since[k] = way
-    lost: Array = -load * (since < PLAY * np.ptp(position))
+    lost: Array = -load * (since < 0.02 * np.ptp(position))
     return lost
 
 
@@ -257,8 +253,8 @@ HIDDEN_WHOLE = (
 )
 
 
-#: Noise, or a hidden effect, of so many times the torque is no measurement.
-LOUDEST: Tolerance = 100.0
+#: Pause between two motions [s]: no effect reaches from one to the next.
+PAUSE: Tolerance = 10.0
 
 
 @frozen
@@ -314,7 +310,7 @@ def parse_hidden(text: str, laws: Mapping[str, Law] | None = None) -> Hidden:
         share = float(number) if given else 0.05
     except ValueError:
         share = -1.0
-    if not 0 < share < LOUDEST:
+    if not 0 < share < np.inf:
         raise IdentifiabilityError(
             f"The size of the hidden effect '{text}' is not understood; give its share of the "
             "joint's torque, such as stribeck_friction=0.05."
@@ -365,14 +361,9 @@ def _chosen(names: Sequence[str], hidden: Hidden, robot: Robot) -> list[int]:
     return [k for k, name in enumerate(names) if not hidden.joints or name in hidden.joints]
 
 
-#: A recording goes on after a step of so many usual ones as if it were another.
-SEAM: Tolerance = 3.0
-
-
 def _record(move: PrescribedMotion, tau: Array, k: int, name: str) -> Array:
     """Return what a late, leaking or drifting record adds to joint k, (N,)."""
-    step = np.median(np.diff(move.t))
-    seams = np.flatnonzero(np.diff(move.t) > SEAM * step) + 1
+    seams = np.flatnonzero(np.diff(move.t) >= PAUSE) + 1
     if name in ("time_delay", "clock_error"):
         slope = np.concatenate([np.gradient(part) for part in np.split(tau[:, k], seams)])
         return slope if name == "clock_error" else -slope

@@ -18,8 +18,9 @@ from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Robot
 from identifiability.robot.closure import rest_along
+from identifiability.robot.locate import LARGEST
 from identifiability.robot.mjcf import quiet
-from identifiability.robot.servo import UNLIMITED, Servo
+from identifiability.robot.servo import Servo
 from identifiability.robot.write import own_inertial, share_out
 from identifiability.simulation.forces import JointTerms, both_directions
 from identifiability.simulation.mujoco_robot import MujocoRobot, compile_robot, robot_spec
@@ -145,9 +146,7 @@ def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
         "biastype": mujoco.mjtBias.mjBIAS_AFFINE,
         "biasprm": [0, -kp, -kv, *[0] * 7],
         "forcelimited": True,
-        "forcerange": np.nan_to_num(
-            [servo.low[k], servo.high[k]], posinf=UNLIMITED, neginf=-UNLIMITED
-        ),
+        "forcerange": np.nan_to_num([servo.low[k], servo.high[k]], posinf=LARGEST, neginf=-LARGEST),
     }
     spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT, **options)
 

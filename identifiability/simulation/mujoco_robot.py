@@ -46,8 +46,8 @@ def robot_spec(robot: Robot, *, balance: str = "false") -> Any:
     """
     try:
         if robot.mjcf:
-            which = None if robot.base is None else robot.base.which
-            how: dict[str, Any] = {"fixed": robot.said.base == "fixed", "floating": which}
+            floating = None if robot.base is None else robot.base.title
+            how: dict[str, Any] = {"fixed": robot.said.base == "fixed", "floating": floating}
             spec = read_spec(robot.path, read_markup(robot.path), robot.outside, **how)
             return _with_loops(spec, robot)
         said = robot.said.base if robot.base is None else "floating"

@@ -35,13 +35,11 @@ from identifiability.simulation.forward import DIVERGED, HARD, ForwardRobot
 #: Longest step of the integrator [s].
 STEP: Tolerance = 1e-3
 
-#: Share of the time in which damping stops a joint that is a step, and no step is shorter [s]: a
+#: Share of the time in which damping stops a joint that is a step, and of a joint's inertia that is
+#: taken off for steps at most; and no step is shorter [s]: a
 #: joint that stops within a fraction of a servo's period is one without inertia to it.
 LITTLE: Tolerance = 0.4
 LEAST: Tolerance = 2e-4
-
-#: Share of the inertia of a joint that is taken off for time steps, at most.
-MOST_TAKEN: Tolerance = 0.5
 
 #: Time in which the speed of a start is seen [s], and after which soft servos have forgotten it.
 FORGOTTEN: Tolerance = 0.75
@@ -241,11 +239,11 @@ class CommandedRobot:
         whole = self.bare + numbers["Ia"]
         taken = -servo.lead + 0.5 * h * (damping + servo.damping)
         # A file without rotors may state less inertia than a servo of this rate could hold.
-        model.dof_armature[dofs] = numbers["Ia"] - np.minimum(taken, MOST_TAKEN * whole)
+        model.dof_armature[dofs] = numbers["Ia"] - np.minimum(taken, LITTLE * whole)
         late = dict(zip(self.robot.joints, servo.damping, strict=True))
         # Inertia that late speeds of a servo seem to take off is there where its torque stands at
         # an end and follows nothing: that torque pushes the lighter joint by as much less.
-        seeming = np.clip(-servo.lead, 0.0, MOST_TAKEN * whole)
+        seeming = np.clip(-servo.lead, 0.0, LITTLE * whole)
         less = dict(zip(self.robot.joints, 1 - seeming / whole, strict=True))
         for k, (joint, offset) in enumerate(zip(self.robot.joints, numbers["off"], strict=True)):
             actuator = model.actuator(joint).id  # what is taken off at the joint

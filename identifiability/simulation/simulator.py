@@ -12,13 +12,12 @@ import scipy
 from identifiability.foundation.errors import IdentifiabilityError, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, Names, Rng, Seed, check_fields, checked
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.robot import Robot, RobotLike
 from identifiability.simulation.forces import (
-    LOUDEST,
+    PAUSE,
     Law,
     both_directions,
     hidden_torque,
@@ -31,12 +30,8 @@ from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
 # Noise on simulated logs.
 
 
-def _below(most: float) -> Expected:
-    words = f"a number of at least 0 and below {most:g}"
-    return Expected(words, lambda value: 0 <= value < most)
-
-
-Level = Annotated[float, _below(LOUDEST)]
+Level = Annotated[float, Expected("a number of at least 0", lambda x: 0 <= x < np.inf)]
+Correlation = Annotated[float, Expected("a number of at least 0 and below 1", lambda x: 0 <= x < 1)]
 
 
 @frozen
@@ -64,7 +59,7 @@ class Noise:
     motion: Level = 0.0
     torque: Level = 0.0
     additive: Level = 0.0
-    correlation: Annotated[float, _below(1.0)] = 0.0
+    correlation: Correlation = 0.0
     encoder: Level = 0.0
     motion_additive: Level = 0.0
 
@@ -137,9 +132,6 @@ MOTION = "a PrescribedMotion or a Trajectory, such as shipped_trajectory gives"
 NOISE = "a Noise, 'paper', 'none' or levels such as 'motion=0.04,torque=0.05'"
 
 NoiseLike = Annotated[Noise | str, Expected(NOISE)]
-
-#: Pause between two motions [s]: no effect reaches from one to the next.
-PAUSE: Tolerance = 10.0
 
 
 @checked

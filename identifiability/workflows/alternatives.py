@@ -3,17 +3,17 @@
 Torque columns may be exchanged, turned, late or in another unit, a driver may have taken gravity
 out of them, a base may stand otherwise than its file says. Each is the model of the same base
 parameters along other rows, or under other gravity. What fits to all rows leave proposes; what
-decides is the evidence of the rows under broad priors, and their prediction in folds, of each of
-them beside the same noise and the same smooth functions, so that what is missing anyway cannot
-vote. Held-out logs choose none, and masses of the file neither: one unit of all columns is none of
-these, since a linear model cannot tell it from other masses.
+decides is the evidence of the rows under broad priors, of each of them beside the same noise and
+the same smooth functions, so that what is missing anyway cannot vote. Held-out logs choose none,
+and masses of the file neither: one unit of all columns is none of these, since a linear model
+cannot tell it from other masses.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations, pairwise, product
 
 import numpy as np
@@ -43,29 +43,20 @@ from identifiability.workflows.rules import RULES
 
 #: Rows that are looked at, of more so many windows of so many; numbers that columns may be.
 ROWS, NUMBERS = (2000, 8, 250), 8_000_000
-#: Alternatives that are judged, and folds by which they are.
-JUDGED, FOLDS = 3, 10
-#: Units of one joint's torque beside the others', delays [s], and how many about one are tried.
-UNITS: tuple[Tolerance, ...] = (1e-3, 1e-2, 0.1, 10.0, 1e2, 1e3)
-DELAYS: tuple[Tolerance, ...] = (0.02, 0.05, 0.1, 0.2)
-NEAR = 17
-#: Rounds in which fits weigh joints by what they leave; directions of gravity from which the best
-#: is sought, by so many fits each.
-ROUNDS, STARTS, STEPS = 3, 3, 40
-#: How far about a direction another one is sought [rad], at first and at last.
-WIDTHS: tuple[Tolerance, Tolerance] = (0.3, 0.03)
-#: Directions of gravity that are nearer than this [°] are one.
-SAME: Tolerance = 5.0
+#: Alternatives that are judged.
+JUDGED = 3
+#: Units of one joint's torque beside the others', delays [s], and what lies between two of them.
+UNITS = (1e-3, 1e-2, 0.1, 10.0, 1e2, 1e3)
+DELAYS = (0.02, 0.05, 0.1, 0.2)
+BETWEEN = np.geomspace(0.3, 3.0, 25)
 #: Logs of what is left by which one alternative is as good as another.
 EVEN: Tolerance = 0.02
 #: Precision beforehand of what is held at zero.
 FIRM: Tolerance = 1e12
-#: Columns that add less than this share of their squares to others are none.
-RIDGE: Tolerance = 1e-9
 #: Most directions of what may be missing at a joint, and rows for each of them.
 SMOOTH = (60, 6)
 #: Sizes of smooth functions that are tried, relative to the torque of their joint.
-SIZES: tuple[Tolerance, ...] = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
+SIZES = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
 
 
 @frozen
@@ -90,7 +81,7 @@ class Alternative:
         How many numbers of it were fitted.
     nats, error : float
         By how much the log evidence of the rows rises, less ½ ln N for each number [Schwarz 1978],
-        and to which share the error in folds falls.
+        and to which share the error falls.
     """
 
     says: str
@@ -109,8 +100,8 @@ class Alternative:
         """What is otherwise, what speaks for it, and the remedy."""
         less = percent(1.0 - self.error, 2)
         return (
-            f"{self.says}: read so, the model errs by {less} less on motion that was not fitted "
-            f"({self.nats:.3g} nats). {self.remedy}."
+            f"{self.says}: read so, the model errs by {less} less ({self.nats:.3g} nats). "
+            f"{self.remedy}."
         )
 
     @property
@@ -120,13 +111,17 @@ class Alternative:
         return bool((same & (self.late == 0.0) & ~self.lacks).all())
 
     @property
-    def apart(self) -> Alternative | None:
-        """Whether a column has another unit, the joint as if it had next to nothing in common.
+    def scaled(self) -> np.ndarray:
+        """Columns of another unit, (n,) bool."""
+        return np.asarray(np.abs(self.factor) != 1.0)
+
+    @property
+    def apart(self) -> Alternative:
+        """With a column of another unit as if its joint had next to nothing in common.
 
         What is missing there is explained so, too, and of a unit nothing is known then.
         """
-        f = np.abs(self.factor)
-        return None if (f == 1.0).all() else replace(self, factor=self.factor * f)
+        return replace(self, factor=self.factor * np.abs(self.factor))
 
     def structure(self, given: Structure) -> Structure:
         """Return the model under its gravity: a direction is a tilt about it, which is fitted."""
@@ -161,28 +156,26 @@ def find_alternative(logs: MeasuredLogs) -> Alternative | None:
     rows = _Rows(logs)
     if not rows.enough:
         return None
-    given, least = rows.fit(rows.plain), RULES.alternative_error
+    given = rows.fit(rows.plain)
     found: list[tuple[float, Alternative]] = []
     for a in rows.propose():
         left = rows.fit(a)
-        if (np.exp(2 * left)).sum() <= least**2 * np.exp(2 * given).sum():
-            found.append((round(float((given - left).sum()) / EVEN), a))
+        error = float(np.sqrt(np.exp(2 * left).sum() / np.exp(2 * given).sum()))
+        gain = round(float((given - left).sum()) / EVEN)
+        if gain > 0 and error <= RULES.alternative_error:
+            found.append((gain, replace(a, error=error)))
     # Of what is as good the first is taken.
-    first = sorted((x for x in found if x[0] > 0), key=lambda x: -x[0])[:JUDGED]
+    first = sorted(found, key=lambda x: -x[0])[:JUDGED]
     judged = [rows.refine(a) for _, a in first]
+    rivals = [rows.plain, *(a.apart for a in judged if a.scaled.any())]
     if not judged:
         return None
-    rivals = {k: x for k, a in enumerate(judged) if (x := a.apart) is not None}
-    (before, plain), *others = rows.judge([rows.plain, *judged, *rivals.values()])
-    n = len(judged)
-    least_odds = np.full(n, before)
-    least_odds[list(rivals)] = [max(before, nats) for nats, _ in others[n:]]
+    each = np.array(rows.judge([*rivals, *judged]))
     price = 0.5 * np.log(rows.data.sum())
-    odds = np.array([x - price * a.free for a, (x, _) in zip(judged, others, strict=False)])
+    odds = each[len(rivals) :] - price * np.array([a.free for a in judged])
     best = int(np.argmax(odds > odds.max() - 1.0))
-    nats, error = float(odds[best] - least_odds[best]), float(np.sqrt(others[best][1] / plain))
-    told = nats >= RULES.alternative_nats and error <= least
-    return replace(judged[best], nats=nats, error=error) if told else None
+    nats = float(odds[best] - each[: len(rivals)].max())
+    return replace(judged[best], nats=nats) if nats >= RULES.alternative_nats else None
 
 
 class _Rows:
@@ -197,9 +190,8 @@ class _Rows:
         most = max(min(ROWS[0], NUMBERS // (4 * n * max(b, 1))), ROWS[1])
         self._most = most, ROWS[1], most // ROWS[1]
         some = [s for s in logs.samples if not (s.long or s.weight.all())]
-        every = [replace(s, weight=np.ones_like(s.weight)) for s in logs.samples]
         self.samples = tuple(
-            x if s in some else s for s, x in zip(logs.samples, every, strict=True)
+            replace(s, weight=np.ones_like(s.weight)) if s in some else s for s in logs.samples
         )
         self.seen = self._look(self.robot)
         self.data = self.seen.data
@@ -258,133 +250,97 @@ class _Rows:
             do = "Correct its sign in the log, or say sign = -1 under [torque] in the sidecar"
             what, factor = f"{who} seems to have the wrong sign", np.where(own, -1.0, 1.0)
             yield replace(plain, says=what, remedy=do, factor=factor)
+        do = "Correct its unit in the log"
         for unit, (who, own) in product(() if said.gain or n < 2 else UNITS, some):
-            do, factor = "Correct its unit in the log", np.where(own, 1.0 / unit, 1.0)
-            yield replace(plain, says=who, remedy=do, factor=factor)
-        steps = {round(way * by / self.step) for by in DELAYS for way in (-1, 1)} - {0}
-        delays = [self.step * k for k in sorted(steps)]
-        for by, (who, own) in product(delays, every):
-            do, late = "Shift the column in the log", np.where(own, by, 0.0)
-            yield replace(plain, says=who, remedy=do, late=late)
+            yield replace(plain, says=who, remedy=do, factor=np.where(own, 1 / unit, 1.0), free=1)
+        do = "Shift the column in the log"
+        for by, way, (who, own) in product(DELAYS, (-1, 1), every):
+            yield replace(plain, says=who, remedy=do, late=np.where(own, way * by, 0.0), free=1)
         if self.parts.shape[3] > 1:
             yield from self._directions()
 
     def refine(self, a: Alternative) -> Alternative:
-        """Return an alternative with the delay, the unit or the direction that fits best."""
-        late = float(a.late[np.argmax(np.abs(a.late))])
-        scale = float(a.factor[np.argmax(np.abs(np.log(np.abs(a.factor))))])
-        tried = [a]
+        """Return an alternative with the delay or unit that fits best, between those tried."""
+        tried = [
+            replace(a, late=late, factor=np.where(a.scaled, x * a.factor, a.factor))
+            for x in BETWEEN
+            for late in [np.round(x * a.late / self.step) * self.step]
+        ]
+        if a.late.any() or a.scaled.any():
+            a = min(tried, key=lambda x: float(self.fit(x).sum()))
+        late, scale = a.late[np.argmax(np.abs(a.late))], a.factor[a.scaled]
+        says, way = a.says, "late" if late > 0 else "early"
         if late:
-            near = np.unique(np.round(np.linspace(0.5, 1.5, NEAR) * late / self.step)) * self.step
-            tried += [replace(a, late=np.where(a.late, by, 0.0)) for by in near]
-            tried = [replace(x, free=1) for x in tried]
-        elif a.gravity is not self.plain.gravity and a.gravity.any():
-            unit = a.gravity / np.linalg.norm(a.gravity)
-            near = self._turn(unit, WIDTHS[1], lambda left: float(left.sum()))
-            tried = [replace(a, gravity=self._along(near).gravity, free=2)]
-        elif abs(scale) != 1.0:
-            near = np.geomspace(0.3, 3.0, NEAR) * scale
-            tried += [replace(a, factor=np.where(a.factor == 1.0, 1.0, f)) for f in near]
-        left = [float(self.fit(x).sum()) for x in tried]
-        best = tried[int(np.argmin(left)) if min(left) < left[0] - EVEN else 0]
-        return replace(best, says=self._state(best))
-
-    def _state(self, a: Alternative) -> str:
-        """Return how late or large a column is, or where gravity points, if that is otherwise."""
-        tilt = self.robot.turned(a.gravity).tilt
-        if a.gravity is not self.plain.gravity and a.gravity.any() and tilt is not None:
-            return f"Gravity {tilt.text}"
-        late, scale = a.late[np.argmax(np.abs(a.late))], a.factor[a.factor != 1.0]
-        if late:
-            way = "late" if late > 0 else "early"
-            return f"{a.says} seems to be {1e3 * abs(late):.3g} ms {way}"
-        if scale.size and scale[0] != -1.0:
-            return f"{a.says} is {1.0 / scale[0]:.2g} times as large as its model's"
-        return a.says
-
-    def _along(self, direction: Array) -> Alternative:
-        size = float(np.linalg.norm(self.robot.gravity))
-        return replace(self.plain, gravity=size * direction / np.linalg.norm(direction))
-
-    def _turn(self, start: Array, width: float, aim: Callable[[Array], float]) -> Array:
-        """Return the direction of gravity about another whose fit leaves least."""
-        axes = np.column_stack(horizontal_axes(start))
-        simplex = width * np.vstack([np.zeros(2), np.eye(2)])
-        how = {"maxfev": STEPS, "initial_simplex": simplex, "fatol": NEARLY, "xatol": NEARLY}
-        found = minimize(
-            lambda x: aim(self.fit(self._along(start + axes @ x))),
-            simplex[0],
-            method="Nelder-Mead",
-            options=how,
-        )
-        turned = start + axes @ found.x
-        return np.asarray(turned / np.linalg.norm(turned))
+            says += f" seems to be {1e3 * abs(late):.3g} ms {way}"
+        elif scale.size:
+            says += f" is {1.0 / scale[0]:.2g} times as large as its model's"
+        return replace(a, says=says)
 
     def _directions(self) -> Iterator[Alternative]:
-        """Yield directions of gravity far from the file's that fits lead to."""
+        """Yield the direction of gravity that fits lead to, if it is far from the file's."""
 
         def squares(left: Array) -> float:  # wide where logs of them are narrow
             return float(np.log(np.exp(2.0 * left).sum()))
 
-        up = self.robot.gravity / np.linalg.norm(self.robot.gravity)
+        def along(direction: Array) -> Alternative:
+            unit = direction / np.linalg.norm(direction)
+            return replace(self.plain, gravity=size * unit, free=2)
+
+        def left(aim: Callable[[Array], float], axes: Array, best: Array, x: Array) -> float:
+            return aim(self.fit(along(best + axes @ x)))
+
+        size = float(np.linalg.norm(self.robot.gravity))
+        up = self.robot.gravity / size
         world = np.column_stack([*horizontal_axes(up), up])
-        every = [world @ d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)]
-        tried = [squares(self.fit(self._along(d))) for d in every]
-        known, apart = [up], [RULES.tilt_large]
-        for k in np.argsort(tried)[:STARTS]:
-            d = self._turn(every[k] / np.linalg.norm(every[k]), WIDTHS[0], squares)
+        every: list[Array] = [world @ d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)]
+        best: Array = every[int(np.argmin([squares(self.fit(along(d))) for d in every]))]
+        for width, aim in ((0.3, squares), (0.03, np.sum)):
+            axes = np.column_stack(horizontal_axes(best / np.linalg.norm(best)))
+            simplex = width * np.vstack([np.zeros(2), np.eye(2)])
+            found = minimize(
+                partial(left, aim, axes, best),
+                simplex[0],
+                method="Nelder-Mead",
+                options={"maxfev": 40, "initial_simplex": simplex},
+            )
+            best = along(best + axes @ found.x).gravity / size
             # Where weight acts along a slide alone, negative masses would fall upwards as well.
-            down = d - 2.0 * min(d @ up, 0.0) * up
-            if squares(self.fit(self._along(down))) <= squares(self.fit(self._along(d))) + EVEN:
-                d = down
-            if all(d @ x < np.cos(np.radians(a)) for x, a in zip(known, apart, strict=True)):
-                known.append(d)
-                apart.append(SAME)
-                yield replace(self._along(d), remedy="Write it into the robot file, or export it")
+            down = best - 2.0 * min(float(best @ up), 0.0) * up
+            if squares(self.fit(along(down))) <= squares(self.fit(along(best))) + EVEN:
+                best = down
+        tilt = self.robot.turned(along(best).gravity).tilt
+        if tilt is not None and best @ up < np.cos(np.radians(RULES.tilt_large)):
+            do = "Write it into the robot file, or export it"
+            yield replace(along(best), says=f"Gravity {tilt.text}", remedy=do)
 
     # What fits to all rows leave of each column of the log.
 
-    def _weights(self, gravity: Array) -> Array:
-        """Return by what parts are multiplied, (1 or 4,)."""
-        return np.append(1.0, gravity)[: self.parts.shape[3]]
-
     @cached_property
-    def _flat(self) -> Array:
+    def _products(self) -> tuple[Array, Array]:
+        """Products of the parts of each joint (n, 4, b, 4, b), and with each column of torque."""
         own = np.where(self.data[:, :, None, None], self.parts, 0.0)
-        return np.transpose(own, (1, 0, 3, 2)).reshape(own.shape[1], len(own), -1)
+        n, (b, k) = own.shape[1], own.shape[2:]
+        flat = np.transpose(own, (1, 0, 3, 2)).reshape(n, len(own), -1)
+        with_torque = np.swapaxes(np.swapaxes(flat, 1, 2) @ self.seen.y, 1, 2)
+        grams = np.swapaxes(flat, 1, 2) @ flat
+        return grams.reshape(n, k, b, k, b), with_torque.reshape(n, -1, k, b)
 
-    @cached_property
-    def _grams(self) -> Array:
-        """Products of the parts of each joint, (n, 4, b, 4, b)."""
-        b, k = self.parts.shape[2:]
-        return (np.swapaxes(self._flat, 1, 2) @ self._flat).reshape(-1, k, b, k, b)
-
-    @cached_property
-    def _crosses(self) -> Array:
-        """Products of them with each column of torque, (n, n, 4, b)."""
-        b, k = self.parts.shape[2:]
-        found = np.swapaxes(np.swapaxes(self._flat, 1, 2) @ self.seen.y, 1, 2)
-        return found.reshape(*found.shape[:2], k, b)
-
-    @cached_property
-    def _given(self) -> Array:
-        return self._under(self.plain.gravity)
-
-    def _under(self, gravity: Array) -> Array:
-        w = self._weights(gravity)
-        found: Array = np.einsum("a,japbq,b->jpq", w, self._grams, w, optimize=True)
-        return found
+    def _weights(self, a: Alternative) -> Array:
+        """Return by what parts of each joint are multiplied, (n, 1 or 4)."""
+        weight = np.column_stack([np.ones(len(a.lacks)), np.outer(~a.lacks, a.gravity)])
+        return np.asarray(weight[:, : self.parts.shape[3]] / a.factor[:, None])
 
     def moved(self, column: int, by: float) -> Array:
         """Return a column of torque (N,) as it is some time later, moved before any low-pass."""
-        if by not in self._moved:
-            parts = []
-            for piece in self.seen.pieces:
-                t = piece.motion.t
-                t = np.interp(np.linspace(0, len(t) - 1, len(piece.tau)), np.arange(len(t)), t)
-                tau = np.column_stack([np.interp(t + by, t, x) for x in piece.tau.T])
-                parts.append(replace(piece, tau=tau).torque)
-            self._moved[by] = np.concatenate(parts)[self.seen.seen]
+        if by in self._moved:
+            return self._moved[by][:, column]
+        parts = []
+        for piece in self.seen.pieces:
+            t = piece.motion.t
+            t = np.interp(np.linspace(0, len(t) - 1, len(piece.tau)), np.arange(len(t)), t)
+            tau = np.column_stack([np.interp(t + by, t, x) for x in piece.tau.T])
+            parts.append(replace(piece, tau=tau).torque)
+        self._moved[by] = np.concatenate(parts)[self.seen.seen]
         return self._moved[by][:, column]
 
     def fit(self, a: Alternative) -> Array:
@@ -392,24 +348,19 @@ class _Rows:
 
         Friction and rotor inertia are not negative; joints are weighed by what is left of them.
         """
-        w, n, f = self._weights(a.gravity), len(a.order), 1.0 / a.factor
-        A = self._given if a.gravity is self.plain.gravity else self._under(a.gravity)
-        h = np.einsum("a,jap->jp", w, self._crosses[np.arange(n), a.order])
-        if a.lacks.any():
-            bare = self._grams[:, 0, :, 0], self._crosses[np.arange(n), a.order, 0]
-            A = np.where(a.lacks[:, None, None], bare[0], A)
-            h = np.where(a.lacks[:, None], bare[1], h)
+        w, (grams, crosses) = self._weights(a), self._products
+        A = np.einsum("ja,japbq,jb->jpq", w, grams, w, optimize=True)
+        h = np.einsum("ja,jap->jp", w, crosses[np.arange(len(w)), a.order])
         square = np.einsum("nj,nj->j", self.data, self.seen.y[:, a.order] ** 2)
         for j in np.flatnonzero(a.late).tolist():
             y = self.data[:, j] * self.moved(int(a.order[j]), float(a.late[j]))
-            h[j], square[j] = (self.parts[:, j] @ w).T @ y, y @ y
-        A, h = A * (f**2)[:, None, None], h * f[:, None]
+            h[j], square[j] = (self.parts[:, j] @ w[j]).T @ y, y @ y
         scale = self.variation[a.order] * np.maximum(self.data.sum(0), 1)
         weight = 1.0 / scale
-        for _ in range(ROUNDS):
+        for _ in range(3):
             G, g = np.einsum("j,jpq->pq", weight, A), weight @ h
             x = _solve(G, g, self.structure.base.nonnegative)
-            left = np.maximum(square - 2.0 * h @ x + (A @ x) @ x, RIDGE * scale)
+            left = np.maximum(square - 2.0 * h @ x + (A @ x) @ x, 1e-9 * scale)
             weight = 1.0 / left
         logs: Array = 0.5 * np.log(left / scale)[np.argsort(a.order)]
         return logs
@@ -432,57 +383,42 @@ class _Rows:
             out.append(U[:, :most] * size[:most])
         return out
 
-    def _columns(self, a: Alternative, joint: int) -> Array:
-        """Return columns (N, b) of the torque of a joint as the log has it."""
-        own: Array = self.parts[:, joint] @ self._weights(a.gravity * (not a.lacks[joint]))
-        own /= a.factor[joint]
-        return own
-
-    def judge(self, judged: Sequence[Alternative]) -> list[tuple[float, float]]:
-        """Return log evidence, and squares of what folds err, of models beside one noise."""
+    def judge(self, judged: Sequence[Alternative]) -> list[float]:
+        """Return the log evidence of models beside one noise."""
         joints = [np.argsort(a.order).tolist() for a in judged]
         none = ~self.data & (self.seen.y == 0.0)  # nobody measured it
         data = np.logical_and.reduce([self.data[:, own] for own in joints]) & ~none
         runs, noise = JointRuns.of(self.seen.runs.each[0], data), []
         for c, stretches in enumerate(runs.each):
-            X = np.hstack([self._columns(a, own[c]) for a, own in zip(judged, joints, strict=True)])
+            pairs = zip(judged, joints, strict=True)
+            X = np.hstack([self.parts[:, own[c]] @ self._weights(a)[own[c]] for a, own in pairs])
             blocks = [X[:, X.any(0)], self._smooth[joints[0][c]]]
             own = rich_noise(blocks, self.seen.y[:, c], stretches)
             exact = JointNoise(np.empty(0), NEARLY * float(np.sqrt(self.variation[c])))
             noise.append(own if np.isfinite(own.sigma) else exact)
-        return [self._judge(a, tuple(noise), runs, data) for a in judged]
+        return [self._evidence(a, tuple(noise), runs, data) for a in judged]
 
-    def _judge(
-        self, a: Alternative, noise: ARNoise, runs: JointRuns, data: np.ndarray
-    ) -> tuple[float, float]:
-        n, b = len(a.order), self.parts.shape[2]
-        rows: list[Array] = [np.empty((0, 0))] * n
+    def _evidence(self, a: Alternative, noise: ARNoise, runs: JointRuns, data: np.ndarray) -> float:
+        b, w = self.parts.shape[2], self._weights(a)
+        rows: list[Array] = []
         size = np.zeros(b)
-        for j, c in enumerate(a.order.tolist()):
-            X, y = self._columns(a, j), self.moved(c, float(a.late[j]))
+        for c, j in enumerate(np.argsort(a.order).tolist()):
+            X, y = self.parts[:, j] @ w[j], self.moved(c, float(a.late[j]))
             own = np.column_stack([X, self._smooth[j], y]) * data[:, [c]]
             length = float(np.linalg.norm(own[:, -1])) or 1.0
             size += (own[:, :b] ** 2).sum(0) / length**2
             own[:, b:-1] *= length
-            rows[c] = own
+            rows.append(own)
         for own in rows:
             own[:, :b] /= np.where(size > 0, np.sqrt(size), 1.0)
-        edges = np.ceil(np.linspace(0, len(data), FOLDS + 1)).astype(int).tolist()
         ends = b + np.cumsum([0, *(own.shape[1] - 1 - b for own in rows)])
         columns = [
             np.concatenate([np.arange(b), np.arange(start, stop), ends[-1:]])
             for start, stop in pairwise(ends.tolist())
         ]
-        plain = (JointNoise(np.empty(0), 1.0),) * n
-        white, raw = (whitened_information(columns, rows, e, runs, edges) for e in (noise, plain))
+        white = whitened_information(columns, rows, noise, runs, [0, len(data)])
         nonnegative = self.structure.base.nonnegative
-        each = [_evidence(white, nonnegative, size)[0] for size in SIZES]
-        best, squares = int(np.argmax(each)), 0.0
-        for f in range(FOLDS):
-            _, x = _evidence(white.take(np.arange(FOLDS) != f), nonnegative, SIZES[best])
-            left = raw.squares_of_blocks(np.append(-x, 1.0))[f]
-            squares += float(np.sum(left / self.variation))
-        return each[best], squares
+        return max(_evidence(white, nonnegative, size)[0] for size in SIZES)
 
 
 def _evidence(products: Information, nonnegative: np.ndarray, size: float) -> tuple[float, Array]:
@@ -509,10 +445,10 @@ def _solve(G: Array, g: Array, nonnegative: np.ndarray) -> Array:
     """Return the solution (b,) of normal equations, without columns that would be negative."""
     size = np.sqrt(np.maximum(np.diag(G), 1e-300))
     G, g = G / np.outer(size, size), g / size
-    kept = np.diag(G) > RIDGE
+    kept = np.diag(G) > 1e-9
     while True:
         at, x = np.flatnonzero(kept), np.zeros(len(g))
-        x[at] = np.linalg.solve(G[np.ix_(at, at)] + RIDGE * np.eye(len(at)), g[at])
+        x[at] = np.linalg.solve(G[np.ix_(at, at)] + 1e-9 * np.eye(len(at)), g[at])
         if not ((x < 0) & nonnegative).any():
             found: Array = x / size
             return found

@@ -15,16 +15,9 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.evidence import LEVELS
-from identifiability.estimation.verdict import Verdict
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table, measured_cells
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import (
-    NONE,
-    error_text,
-    format_count,
-    format_number,
-    percent,
-)
+from identifiability.foundation.rounding import error_text, format_count, format_number, percent
 from identifiability.foundation.rules import RuleTable
 from identifiability.robot import Robot
 from identifiability.workflows.rules import RULES
@@ -63,6 +56,9 @@ def count_joints(robot: Robot) -> str:
     return " · ".join([*said, *(["floating base"] if robot.base is not None else [])])
 
 
+#: Joints whose errors a sentence states one by one.
+MOST = 6
+
 #: Error on unseen motion, of how much torque varies, up to which it is called so; a rule of thumb.
 WORDS_OF = ("very-good", "good", "fair", "poor", "useless")
 
@@ -73,58 +69,11 @@ def grade_of(error: float) -> str:
     return next(w for limit, w in zip(limits, WORDS_OF, strict=True) if error <= limit)
 
 
-#: Joints whose errors a sentence states one by one.
-WORST = 4
-
-
-def state_joints(joints: Sequence[str], each: Array, together: float) -> str:
-    """Return the errors of joints, worst first, where that of all together hides them.
-
-    It does where joints differ, and where their loads differ so much that the torque of all
-    together varies more than that of any.
-
-    Parameters
-    ----------
-    joints : sequence of str
-    each : (n,)
-        On unseen motion, over each joint's own scale.
-    together : float
-        Of all joints.
-    """
-    if not hides_joints(each, together):
-        return ""
-    return f"Each joint over its own variation: {list_worst(joints, 100 * each, '%')}."
-
-
-def hides_joints(each: Array, together: float) -> bool:
-    """Return whether the error of all joints hides those of each, (n,); see `state_joints`."""
-    if len(each) < 2 or not np.isfinite(each).all():
-        return False
-    return bool(np.max(each) > RULES.differs * min(np.min(each), together))
-
-
-def list_worst(joints: Sequence[str], each: Array, unit: str) -> str:
-    """Return the errors of joints, (n,) in a unit, worst first; the smaller ones together."""
+def list_errors(joints: Sequence[str], each: Array, unit: str) -> str:
+    """Return the errors of joints, (n,) in a unit, worst first; of many the ends."""
     order = np.argsort(-each, kind="stable")
-    said = [f"{joints[k]} {format_number(each[k], 2)} {unit}" for k in order[:WORST]]
-    if len(order) == WORST + 1:
-        said.append(f"{joints[order[-1]]} {format_number(each[order[-1]], 2)} {unit}")
-    elif len(order) > WORST:
-        said.append(
-            f"the other {len(order) - WORST} at most {format_number(each[order[WORST]], 2)} {unit}"
-        )
-    return ", ".join(said)
-
-
-def bias_columns(verdicts: Sequence[Verdict]) -> tuple[Column, ...]:
-    """Return the column of what least squares would have been, if the fit is none."""
-    if all(v.bias_sigma is None for v in verdicts):
-        return ()
-    return (Column("least squares − value", _sigmas, "bias_sigma", detail=True),)
-
-
-def _sigmas(moved: float | None) -> str:
-    return NONE if moved is None else f"{moved:+z.2f} σ".replace("-", "−")
+    said = [f"{joints[k]} {format_number(each[k], 2)} {unit}" for k in order]
+    return ", ".join(said if len(said) <= MOST else [*said[: MOST - 1], "…", said[-1]])
 
 
 #: What every table of judged parameters shows of a `Verdict`.
@@ -143,7 +92,7 @@ VERDICT = Column("verdict", "badge", lambda v: Cell(v.word, v.word, v.reason, v.
 def tone_of(error: float) -> str:
     """Return the colour of an error on unseen motion."""
     tones = {"very-good": "green", "good": "green", "fair": "amber"}
-    return tones.get(grade_of(error), "vermilion") if np.isfinite(error) else "grey"
+    return tones.get(grade_of(error), "vermilion")
 
 
 def after_mass(answer: Answer, warning: str) -> Answer:
@@ -170,9 +119,16 @@ def answer_next(commands: Sequence[tuple[str, str]]) -> Answer:
 
 
 def answer_quality(
-    error: float, joints: Sequence[str], each: Array, kind: str, more: str = ""
+    error: float,
+    joints: Sequence[str],
+    each: Array,
+    more: str,
+    question: str = "How good is it?",
 ) -> Answer:
-    """Return how good the predictions are, in words, and where they are best and worst.
+    """Return how good the predictions are, in words, and by joint.
+
+    Where loads differ, the torque of all joints varies more than each changes: a model is graded by
+    its joints where these err more than all together.
 
     Parameters
     ----------
@@ -181,49 +137,19 @@ def answer_quality(
     joints : sequence of str
     each : (n,)
         The same of each joint over its own scale.
-    kind : str
-        What it was measured on.
     more : str
-        What the error leaves out.
+        What it was measured on, and what the error leaves out.
+    question : str
     """
     if not np.isfinite(error):
-        return Answer("How good is it?", "There is no error to tell.", tone="grey")
-    judged, short, spread = state_error(error, joints, each)
-    use = sentence("decision.uses", grade_of(judged))
-    text = sentence("decision.quality", use=use, spread=spread)
-    text = " ".join(f"{text} Measured on {kind}. {more}".split())
-    return Answer("How good is it?", short, text, tone_of(judged))
-
-
-def state_error(error: float, joints: Sequence[str], each: Array) -> tuple[float, str, str]:
-    """Return the error that a model is judged by, that in a word, and what is said of joints.
-
-    Joints whose loads differ make the torque of all together vary more than that of any: then the
-    error of all together is smaller than that of each, and joints are judged by their own.
-
-    Parameters
-    ----------
-    error, joints, each
-        As for `answer_quality`.
-    """
+        return Answer(question, "There is no error to tell.", more, "grey")
     known = len(joints) > 1 and bool(np.isfinite(each).all())
-    if not known:
-        return error, sentence("decision.grades", grade_of(error), error=error_text(error)), ""
-    low, high = int(np.argmin(each)), int(np.argmax(each))
-    ends = [f"{error_text(float(each[k]))} ({joints[k]})" for k in (high, low)]
-    # Share of the smallest error of a joint below which that of all joints says little of
-    # any.
-    if error >= 0.8 * each[low]:
-        short = sentence("decision.grades", grade_of(error), error=error_text(error))
-        if tone_of(error) == "green" and each[high] > RULES.grades[2]:
-            short = short.replace(":", f", but not in {joints[high]}:", 1)
-        told = state_joints(joints, each, error)
-        return error, short, f"{told or f'From {ends[0]} to {ends[1]}, each joint by itself.'} "
-    judged = float(np.sqrt(np.mean(each**2)))
-    short = sentence("decision.grades", grade_of(judged), error=" to ".join(ends))
-    told = state_joints(joints, each, error)
-    together = sentence("decision.together", error=error_text(error))
-    return judged, short, f"{told} {together}"
+    judged = max(error, float(np.sqrt(np.mean(each**2)))) if known else error
+    short = sentence("decision.grades", grade_of(judged), error=error_text(error))
+    said = [sentence("decision.uses", grade_of(judged))]
+    if known:
+        said.append(f"Each joint over its own variation: {list_errors(joints, 100 * each, '%')}.")
+    return Answer(question, short, " ".join([*said, more]).rstrip(), tone_of(judged))
 
 
 def answer_trust(

@@ -19,9 +19,11 @@ import numpy as np
 import pandas as pd
 from scipy.interpolate import CubicSpline
 
+from identifiability.effects import find_families
 from identifiability.estimation.differences import (
     ALL_JOINTS,
     EXCERPT,
+    LACKS,
     NAMED,
     Change,
     Differences,
@@ -29,13 +31,12 @@ from identifiability.estimation.differences import (
     LogRows,
     find_causes,
     find_changes,
-    find_lacks,
     frame_changes,
     load_bodies,
     pooled_values,
     table_changes,
 )
-from identifiability.estimation.groups import Excerpt
+from identifiability.estimation.groups import Excerpt, Missing
 from identifiability.estimation.mixed_model import Term, Terms
 from identifiability.estimation.noise import JointNoise, JointRuns
 from identifiability.estimation.rules import RULES, Thresholds
@@ -52,6 +53,7 @@ from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.instruments import find_lag
 from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.regression.columns import list_candidates, number
 from identifiability.regression.reduction import (
     LadderLike,
     Submodel,
@@ -120,14 +122,18 @@ def find_differences(
         As of `LogRows.of`; the rows of all logs.
     pairs : sequence of Pair
     asked
-        `known`, `patterns` and `always` of `Differences`.
+        `known` and `patterns` of `Differences`.
     """
-    serves = Counter(p.at[1] for p in pairs)
+    serves, lacks = Counter(p.at[1] for p in pairs), None
+    if not pairs:
+        motions, families = [piece.motion for piece in seen.pieces], find_families(LACKS)
+        listed, _ = list_candidates(seen.robot, families, structure.present, motions, fixed=False)
+        lacks = Missing(tuple(number(listed)), seen)
     return Differences(
         rows=subtract(structure, base, bodies, pairs)
         if pairs
         else LogRows.of(structure, seen, base, bodies),
-        lacks=None if pairs else find_lacks(structure, seen),
+        lacks=lacks,
         # Those that share a log share its noise.
         shared=(max(serves.values(), default=1) + 1) / 2,
         **asked,
@@ -146,19 +152,23 @@ def subtract(
     """Return what the rows of logs differ by from those of their repetitions."""
     numbers = np.array([p.at for p in pairs]).T
     sides = [p.first for p in pairs], [p.second for p in pairs]
-    seen = [Excerpt.of(structure.regression(side), EXCERPT) for side in sides]
-    rows = [
-        replace(LogRows.of(structure, x, base, bodies), log=own[x.log])
-        for x, own in zip(seen, numbers, strict=True)
-    ]
-    one, other = (x.log + 1j * x.t for x in seen)
-    _, at, there = np.intersect1d(one, other, return_indices=True)
-    t, log = seen[0].t[at], seen[0].log[at]
+    one, other = (Excerpt.of(structure.regression(side), EXCERPT) for side in sides)
+    _, at, there = np.intersect1d(
+        one.log + 1j * one.t, other.log + 1j * other.t, return_indices=True
+    )
+    t, log = one.t[at], one.log[at]
     apart = (np.diff(at) != 1) | (np.diff(there) != 1) | (np.diff(log) != 0) | signals.has_gap(t)
     starts = np.flatnonzero(np.concatenate([[True], apart])).tolist()
     runs = list(zip(starts, [*starts[1:], len(at)], strict=True))
-    both = JointRuns.of(runs, seen[0].data[at] & seen[1].data[there])
-    return rows[0].take(at, both).minus(rows[1].take(there, both))
+    own = {name: getattr(one, name)[at] for name in ("X", "y", "raw", "data", "seen")}
+    both = JointRuns.of(runs, own["data"] & other.data[there])
+    kept = replace(one, **own, t=t, log=numbers[0][log], runs=both)
+    return replace(
+        LogRows.of(structure, kept, base, bodies),
+        X=kept.X - other.X[there],
+        y=kept.y - other.y[there],
+        less=numbers[1][log],
+    )
 
 
 def find_pairs(
@@ -212,19 +222,17 @@ WIDE: Tolerance = 1e3
 def found_from(found: Differences, terms: Terms) -> dict[str, float]:
     """Return by which share friction of each joint must change to be found nine times in ten."""
     model, out = found.model, dict[str, float]()
-    weights, models = model.by_size(terms)
-    likeliest = models[int(np.argmax(weights))]
     z = np.linspace(0.0, 20.0, 401)[:, None]
     for group, (own, pattern) in found.said.values():
         if len(own) != 1 or pattern or not found.rows.causes[own[0]].relative:
             continue
         beside = [t for t in terms if not set(own) & set(found.said[t.key][1][0])]
-        solved = likeliest.solve((*beside, Term(group, 0, WIDE**2, 0.0)))
+        solved = model.solve((*beside, Term(group, 0, WIDE**2, 0.0)))
         sd = float(np.sqrt(solved.covariance[-1, -1]))
         ratio = (model.sizes / sd) ** 2
         rise = 0.5 * (z**2 * ratio / (1.0 + ratio) - np.log1p(ratio))
         odds = np.log(np.mean(np.exp(rise), axis=1)) - group.price
-        needed = float(z[int(np.argmax(odds >= model.name)), 0])
+        needed = float(z[int(np.argmax(odds >= RULES.name)), 0])
         # Standard deviations above what is needed at which nine of ten are found.
         share = (needed + 1.28) * sd
         out[group.place] = min(out.get(group.place, share), share)
@@ -257,8 +265,6 @@ class Comparison(OfStructure, Result):
         The surest first.
     found_from : mapping
         Share by which the friction of each joint must change to be found nine times in ten.
-    drift : float
-        By which share friction differs between any two logs.
     hints : tuple of str
     preparation : Preparation
         How logs were asked to be turned into motion.
@@ -274,7 +280,6 @@ class Comparison(OfStructure, Result):
     pairs: tuple[tuple[str, str], ...]
     changes: tuple[Change, ...]
     found_from: Mapping[str, float]
-    drift: float
     hints: tuple[str, ...] = ()
     preparation: Preparation = Preparation()
 
@@ -293,11 +298,8 @@ class Comparison(OfStructure, Result):
         """Return what changed, how small a change shows, whether to trust it, what next."""
         every, k = shorten_paths((*self.before, *self.after)), len(self.before)
         sides = f"{listing(every[:k], 3)} and {listing(every[k:], 3)}"
-        text = ""
-        if self.kind != "results" and np.isfinite(self.drift):
-            text = f"Friction differs by about {100 * self.drift:.2g} % between any two logs."
         tone = "vermilion" if self.changes else "green"
-        changed = Answer(f"What changed between {sides}?", self.answer, text, tone)
+        changed = Answer(f"What changed between {sides}?", self.answer, tone=tone)
         short, *why = (sentence(name, self.kind) for name in ("comparison.trust", "comparison.how"))
         why += [sentence("comparison.how", "odds")]
         tone = "green" if self.kind == "pairs" else "amber"
@@ -319,13 +321,13 @@ class Comparison(OfStructure, Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison in the documented JSON schema."""
-        own = ["statement", "before", "after", "kind", "pairs", "drift"]
+        own = ["statement", "before", "after", "kind", "pairs"]
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
             "model": self.submodel.name,
             **{name: getattr(self, name) for name in own},
-            **dict.fromkeys(("level", "tested", "parameters")),  # of earlier releases
+            **dict.fromkeys(("level", "tested", "parameters", "drift")),  # of earlier releases
             "changed": bool(self.changes),
             "found_from": dict(self.found_from),
             "changes": self.to_frame().to_dict("records"),
@@ -444,7 +446,6 @@ def rows_of_results(one: Fit, other: Fit) -> LogRows:
         log=np.ones(count, int),
         less=np.zeros(count, int),
         causes=tuple(causes),
-        off=tuple(causes),
     )
 
 
@@ -464,18 +465,22 @@ def _compare_logs(
     session = sides[1].beside(sides[0])
     opening = session.open("compared")
     seen = look(structure, opening.samples, len(submodel))
-    base, bodies = pooled_values(seen.X, seen.y, submodel.M, submodel.fixed), load_bodies(structure)
     pairs = find_pairs(robot, (*later, *earlier), opening.samples, len(later), session.how)
-    what, k = (structure, seen, base, bodies), len(submodel)
+    # Differences of pairs say nothing of the values themselves, which logs before tell.
+    some = seen.log >= len(later) * bool(pairs)
+    base = pooled_values(seen.X[some], seen.y[some], submodel.M, submodel.fixed)
     asked = np.repeat([1.0, 0.0], [len(later), len(earlier)])
-    free, patterns = Known.nothing(submodel.M, submodel.fixed), find_patterns(asked, len(asked))
-    found = find_differences(*what, (), known=free, patterns=patterns)
-    if pairs:  # whose differences say nothing of the values themselves
-        _, value, covariance = found.model.of_logs(np.flatnonzero(asked == 0)).values()
-        before = submodel.fixed + submodel.M @ value[:k]
-        known = Known.of(before, submodel.M, covariance[:k, :k], np.zeros((k, 0)))
-        patterns = find_patterns(asked, len(later))
-        found = find_differences(*what, pairs, known=known, patterns=patterns)
+    found = find_differences(
+        structure,
+        seen,
+        base,
+        load_bodies(structure),
+        pairs,
+        known=Known.nothing(submodel.M[:, :0], base)
+        if pairs
+        else Known.nothing(submodel.M, submodel.fixed),
+        patterns=find_patterns(asked, len(later) if pairs else len(asked)),
+    )
     paths = given_paths((*later, *earlier))
     return _conclude(
         structure,
@@ -502,7 +507,6 @@ def _conclude(
         submodel=submodel,
         changes=find_changes(found, terms, logs, before),
         found_from=found_from(found, terms),
-        drift=float(np.sqrt(2.0)) * found.model.drift(terms),
         **said,
     )
 

@@ -6,6 +6,7 @@ are read, prepared, and whether robot file, limits and physics contradict them.
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, field, replace
@@ -180,15 +181,15 @@ def find_needs(robot: Robot) -> tuple[Need, ...]:
     """Return what the robot file leaves open, the most important first."""
     needs = [Need(wrong)] if (wrong := find_impossible_bodies(robot)) else []
     if robot.assembled:
-        table = [f"{_key(name)} = {x:.6g}" for name, x in robot.home_table.items()]
+        table = [f"{json.dumps(name)} = {x:.6g}" for name, x in robot.home_table.items()]
         whole = len(table) == len(robot.tree.joints)
         needs.append(Need(robot.describe_assembly(), "\n".join(["[home]", *table] * whole)))
     grippers = [j for j in robot.joints if _GRIPPER.search(j)]
     if grippers and len(grippers) < len(robot.joints):
-        line = f"locked = [{', '.join(_quoted(grippers))}]"
+        line = f"locked = {json.dumps(grippers)}"
         needs.append(Need(phrase("needs", "gripper", joints=grippers), line))
     if not robot.mjcf and read_sidecar(robot.sidecar).actuated is None:
-        line = f"actuated = [{', '.join(_quoted(robot.joints))}]"
+        line = f"actuated = {json.dumps(robot.joints)}"
         needs.append(Need(phrase("needs", "actuated"), line))
     if not has_masses(robot):
         needs.append(Need(phrase("needs", "guessed" if robot.guessed else "masses")))
@@ -196,14 +197,6 @@ def find_needs(robot: Robot) -> tuple[Need, ...]:
         line = '[[contacts]]\nframe = "foot"\nflag = "foot_contact"'
         needs.append(Need(phrase("needs", "contacts"), line))
     return tuple(needs)
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _quoted([name])[0]
-
-
-def _quoted(names: Sequence[str]) -> list[str]:
-    return [f'"{name}"' for name in names]
 
 
 # What is in a log: its clock, its columns joint by joint, and how it would be prepared.
@@ -390,7 +383,7 @@ class Inspection(OfStructure, Result):
 
     def answers(self) -> tuple[Answer, ...]:
         """Return whether logs can be used and what they show, or what the robot needs."""
-        of_logs, of_robot = (_usable, _content), (_columns, _most, _open)
+        of_logs, of_robot = (_usable, _content), (_most, _open)
         answers = [build(self) for build in (of_logs if self.records else of_robot)]
         return (*answers, answer_next(_next_commands(self)))
 
@@ -404,7 +397,14 @@ class Inspection(OfStructure, Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Return clock, motion and torque of logs; without logs the joints of the robot file."""
-        return _tables(self)
+        if not self.records:
+            return (Table.of("Joints of the robot file", JOINTS, self.joints),)
+        clocks = pd.DataFrame([{"log": r.name, **r.clock} for r in self.records])
+        first = Column("joint", get=lambda row: Cell(row.joint, note=row.log))
+        return (
+            Table.of("Clock and preparation", CLOCK, clocks.itertuples()),
+            Table.of("Each joint [SI units]", (first, *MOTION), self.to_frame().itertuples()),
+        )
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a joint; with logs, one row a joint of each log."""
@@ -556,10 +556,8 @@ def _with_logs(
         for k, log in enumerate(recordings.fitted)
     )
     hashes = {f"sha256 {log.path or log.name}": log.sha256 for log in recordings.fitted}
-    return Inspection(
-        structure=found.structure,
-        joints=found.joints,
-        needs=found.needs,
+    return replace(
+        found,
         records=records,
         hints=tuple(dict.fromkeys((*refused.values(), *hints))),
         provenance={**found.provenance, **hashes},
@@ -603,27 +601,20 @@ def _usable(result: Inspection) -> Answer:
 
 
 def _content(result: Inspection) -> Answer:
-    clocks = [r.clock for r in result.records]
-    seconds = format_number(sum(c["duration"] for c in clocks), 3)
-    samples = format_count(sum(c["samples"] for c in clocks), "sample")
-    rates = [format_number(rate, 3) for rate in sorted(c["rate"] for c in clocks)]
-    known = " … ".join(dict.fromkeys((rates[0], rates[-1])))
-    short = f"{seconds} s of motion: {samples} at {known} Hz."
-    cuts = sorted({c["cutoff"] for c in clocks if c["cutoff"] is not None})
-    text = f"Derivatives would be cut off at {format_number(cuts[0], 3)} Hz." if cuts else ""
+    clocks = pd.DataFrame([r.clock for r in result.records])
+    seconds = format_number(float(clocks.duration.sum()), 3)
+    samples = format_count(int(clocks.samples.sum()), "sample")
+    rates = dict.fromkeys(format_number(x, 3) for x in (clocks.rate.min(), clocks.rate.max()))
+    short = f"{seconds} s of motion: {samples} at {' … '.join(rates)} Hz."
+    cut = clocks.cutoff.dropna().min()
+    text = "" if np.isnan(cut) else f"Derivatives would be cut off at {format_number(cut, 3)} Hz."
     return Answer("What is in them?", short, text, "blue")
 
 
-def _columns(result: Inspection) -> Answer:
-    count, joints = len(result.columns), format_count(len(result.robot.joints), "joint")
-    short = f"{count} columns: time, and position and torque of {joints}."
-    return Answer("What must a log have?", short, join(result.columns, 9) + ".", "blue")
-
-
 def _most(result: Inspection) -> Answer:
-    base = result.base
+    base, columns = result.base, join(result.columns, 9)
     short = f"{format_count(base.rank, 'base parameter')} of {len(base.parameters)}."
-    text = "The others act only together with these, or never."
+    text = f"The others act only together with these, or never. A log must have: {columns}."
     return Answer("How much can logs tell at most?", short, text, "blue")
 
 
@@ -653,19 +644,6 @@ def _next_commands(result: Inspection) -> list[tuple[str, str]]:
 def _share(value: float) -> str:
     # Shares below this are none: rounding of times leaves as much.
     return percent(value, 2) if not value <= 1e-5 else "no"
-
-
-def _tables(result: Inspection) -> tuple[Table, ...]:
-    """Return what logs hold, or what the robot file says of joints."""
-    if not result.records:
-        return (Table.of("Joints of the robot file", JOINTS, result.joints),)
-    clocks = pd.DataFrame([{"log": r.name, **r.clock} for r in result.records])
-    several, rows = len(result.records) > 1, list(result.to_frame().itertuples())
-    first = Column("joint", get=lambda row: Cell(row.joint, note=row.log if several else ""))
-    return (
-        Table.of("Clock and preparation", CLOCK, clocks.itertuples()),
-        Table.of("Each joint [SI units]", (first, *MOTION), rows),
-    )
 
 
 MOTION = with_hints(

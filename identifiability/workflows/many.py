@@ -253,16 +253,13 @@ class Fleet(Result):
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        done = f"{len(self.rows) - len(self.failed)} of {len(self.rows)} robots have an answer."
-        failed = [f"{row.robot} has none: {row.failed}" for row in self.failed[:3]]
-        errors = {r.error_unseen: r.robot for r in self.rows if r.error_unseen is not None}
+        told = [f"{len(self.rows) - len(self.failed)} of {len(self.rows)} robots have an answer."]
+        told += [f"{row.robot} has none: {row.failed}" for row in self.failed[:3]]
+        errors = [r.error_unseen for r in self.rows if r.error_unseen is not None]
         if errors:
-            worst = max(errors)
-            failed.append(
-                f"The median error of torque on unseen motion is {percent(median(errors), 2)}, the "
-                f"largest {percent(worst, 2)} ({errors[worst]})."
-            )
-        return " ".join([done, *failed])
+            middle, most = percent(median(errors), 2), percent(max(errors), 2)
+            told.append(f"Median error on unseen motion {middle}, the largest {most}.")
+        return " ".join(told)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a robot; errors are fractions."""
@@ -318,9 +315,9 @@ def analyze_many(
     places = [Path(place).resolve() for place in robots]
     if not places:
         raise OptionError("No robot is given; give folders with a robot file and logs.")
-    counts = Counter(place.name.casefold() for place in places)
-    if twice := [place.name for place in places if counts[place.name.casefold()] > 1]:
-        raise OptionError(f"Two robots are called '{twice[0]}'; rename the folder of one.")
+    name, count = Counter(place.name.casefold() for place in places).most_common(1)[0]
+    if count > 1:
+        raise OptionError(f"Two robots are called '{name}'; rename the folder of one.")
     say("looking at robots and logs", 0.0)
     tasks = [(place, _digest(place, options)) for place in places]
     _open(folder)

@@ -16,7 +16,6 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
-import clarabel
 import numpy as np
 import pandas as pd
 
@@ -52,10 +51,6 @@ Logs = Annotated[
 Progress = Annotated[
     Callable[[str, float], None], Expected("a function that takes a text and the share done")
 ]
-
-
-#: Logs, or groups of logs read alike, whose own reading is told.
-SHOWN_READINGS = 4
 
 
 def quiet(_text: str, _share: float) -> None:
@@ -248,26 +243,20 @@ def _refuse_silent(logs: Sequence[Log]) -> None:
 
 
 def state_reading(read: Sequence[tuple[str, str]]) -> list[Finding]:
-    """Return how logs were read otherwise than literally, in one sentence: what all share once.
+    """Return how logs were read otherwise than literally, in one sentence: what is alike once.
 
     Parameters
     ----------
     read : sequence of (name, how)
     """
-    if not read:
-        return []
-    parts = [how.split("; ") for _, how in read]
-    shared = [part for part in parts[0] if all(part in other for other in parts)]
-    own: dict[str, list[str]] = {}
-    for (name, _), each in zip(read, parts, strict=True):
-        rest = "; ".join(part for part in each if part not in shared)
-        own.setdefault(rest, []).append(name)
-    own.pop("", None)
-    apart = [f"{listing(names, 4)}: {rest}" for rest, names in own.items()]
-    if len(apart) > SHOWN_READINGS:
-        apart[SHOWN_READINGS:] = [f"and {len(apart) - SHOWN_READINGS} more otherwise"]
+    alike: dict[str, list[str]] = {}
+    for name, how in read:
+        alike.setdefault(how, []).append(name)
+    texts = [f"{listing(names, 4)}: {how}" for how, names in alike.items()]
+    if len(alike) == 1:
+        texts = list(alike)
     names = [name for name, _ in read]
-    return [Finding("reading", names=names, text="; ".join((*shared, *apart)))]
+    return [Finding("reading", names=names, text="; ".join(texts))] if read else []
 
 
 InMemory = TypeVar("InMemory", Log, Dataset)
@@ -303,7 +292,7 @@ def state_provenance(
     """Return everything that decided the numbers: versions, seed, options, hashes of the inputs."""
     out = {"python": platform.python_version(), "identifiability": __version__}
     out |= {package: find_version(package) or "not installed" for package in _PACKAGES}
-    out |= {"seed": str(seed), "solver": _solver_settings()}
+    out |= {"seed": str(seed)}
     out |= {name: str(value) for name, value in (options or {}).items()}
     out[f"sha256 {robot.path.name}"] = robot.sha256
     if robot.sidecar is not None:
@@ -323,12 +312,3 @@ def state_provenance(
         out["sha256 ladder"] = source.sha256
     out |= {f"sha256 {s.path or s.name}": s.sha256 for s in samples}
     return out
-
-
-def _solver_settings() -> str:
-    """Return the solver of the physical set and its tolerances, which are its own defaults."""
-    own = clarabel.DefaultSettings()
-    return (
-        f"clarabel, tol_gap_rel {own.tol_gap_rel:g}, tol_feas {own.tol_feas:g}, "
-        f"max_iter {own.max_iter}"
-    )

@@ -15,10 +15,11 @@ from typing import Any, ClassVar, cast
 
 import numpy as np
 import pandas as pd
+from scipy.linalg import block_diag
 
 from identifiability.estimation.differences import (
     KINDS,
-    OPEN,
+    Cause,
     Change,
     Differences,
     Known,
@@ -28,6 +29,7 @@ from identifiability.estimation.differences import (
     tool_bodies,
 )
 from identifiability.estimation.groups import Excerpt, describe_term
+from identifiability.estimation.noise import JointRuns
 from identifiability.estimation.prediction import TorqueUncertainty
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Table, frame_table
@@ -69,8 +71,10 @@ from identifiability.workflows.session import Session
 # `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
 
 
-#: A direction of the load whose torque may be so many times that of its joints is not told.
-UNTOLD: Tolerance = 1e-2 * OPEN
+#: A load may have so many times the torque of its joints before anything is known of it,
+OPEN: Tolerance = 1e3
+#: and a direction whose torque may be so many times that afterwards is not told.
+UNTOLD: Tolerance = 10.0
 #: A parameter is not told if so much of it lies along directions that are not.
 TOUCHED: Tolerance = 1e-3
 #: Its words.
@@ -109,19 +113,37 @@ class LoadEstimate:
     changes: tuple[Change, ...]
 
 
+def with_values(found: Differences, cause: Cause) -> tuple[Differences, np.ndarray]:
+    """Return the same with values of a cause of the first pattern in every hypothesis, and where.
+
+    Almost nothing is known of them beforehand.
+    """
+    rows, known, k = found.rows, found.known, len(cause.names)
+    columns = np.zeros((*rows.y.shape, k))
+    for j, x in cause.torque.items():
+        columns[:, j] = x * found.patterns[0][0, rows.log][:, None]
+    own = Known(
+        base=np.append(known.base, np.zeros(k)),
+        directions=block_diag(known.directions, np.eye(k)),
+        precision=np.append(known.precision, (cause.scale(rows.size) / OPEN) ** 2),
+    )
+    rows = replace(rows, X=np.concatenate([rows.X, columns], axis=2))
+    return replace(found, rows=rows, known=own), len(known.precision) + np.arange(k)
+
+
 def estimate_load(found: Differences, structure: Structure, names: Sequence[str]) -> LoadEstimate:
     """Return the load that is in every hypothesis, of logs of some names."""
-    model = found.model
-    terms = model.search()
-    theta, spread = model.widened(terms, found.always_at()[ORDER])
-    (load,) = (found.rows.causes[k] for k in found.always)
+    load = next(c for c in found.rows.causes if c.kind == "load")
+    found, at = with_values(found, load)
+    terms = found.model.search()
+    theta, spread = found.model.widened(terms, at[ORDER])
     scale = load.scale(found.rows.size)[ORDER]
     square, turn = np.linalg.eigh(spread * np.outer(scale, scale))
     open_ = square > UNTOLD**2
     size = np.sqrt(np.maximum(square[~open_], np.finfo(float).tiny))
     told = turn[:, ~open_] * size / scale[:, None]
     unknown = np.linalg.qr(turn[:, open_] / scale[:, None])[0]
-    before = dict(zip(structure.base.names, found.values_before(terms).tolist(), strict=True))
+    before = dict(zip(structure.base.names, found.values_before(terms).tolist(), strict=False))
     return LoadEstimate(
         theta=theta,
         covariance=told @ told.T,
@@ -284,18 +306,25 @@ def find_gains(
     robot, known = structure.robot, found.known
     for j, joint in enumerate(robot.joints):
         base = pooled_values(seen.X[:, [j]], seen.y[:, [j]], known.directions, known.base)
-        rows = LogRows.of(structure, seen, base, (place,)).of_joint(j)
+        rows = LogRows.of(structure, seen, base, (place,))
         x, sd = np.nan, np.inf
-        by = {c.kind: c for c in rows.causes}
-        if "load" in by:
+        load, *causes = rows.causes
+        if load.kind == "load" and j in load.torque:
             # Torque that was read by a gain is that of the load by this over the right one.
-            read = robot.torque.at("gain", joint) or 1.0
-            unit = replace(by["gain"], torque={0: read * by["load"].torque[0] @ theta[:, None]})
-            friction = (c for c in rows.causes if c.kind == "friction")
-            rows = replace(rows, causes=(unit, *friction))
-            own = replace(found, rows=rows, lacks=None, shared=1.0)
+            torque = (robot.torque.at("gain", joint) or 1.0) * load.torque[j] @ theta[:, None]
+            unit = Cause("gain", "torque gain", joint, ("gain",), ("1",), {0: torque})
+            friction = (c for c in causes if c.kind == "friction" and j in c.torque)
+            rows = LogRows(
+                X=rows.X[:, [j]],
+                y=rows.y[:, [j]],
+                size=rows.size[[j]],
+                runs=JointRuns((rows.runs.each[j],)),
+                log=rows.log,
+                less=rows.less,
+                causes=tuple(replace(c, torque={0: c.torque[j]}) for c in friction),
+            )
+            own, (at,) = with_values(replace(found, rows=rows, lacks=None, shared=1.0), unit)
             _, solved, covariance = own.model.values(own.model.search())
-            (at,) = own.always_at()
             x, sd = float(solved[at]) or np.nan, float(np.sqrt(covariance[at, at]))
         ends = [-np.inf, np.inf]
         if abs(x) > REACH * sd:
@@ -514,7 +543,7 @@ def payload(
         seen = look(structure, samples, 0)
         known = Known.of(fit.base, fit.submodel.M, fit.covariance, fit.spread.unknown)
         carries = (np.arange(len(samples)) < loaded).astype(float)
-        asked = {"known": known, "patterns": find_patterns(carries, loaded), "always": (0,)}
+        asked = {"known": known, "patterns": find_patterns(carries, loaded)}
         found = find_differences(structure, seen, fit.base, (place,), pairs, **asked)
         estimate = estimate_load(found, structure, [s.name for s in samples])
         nearest = nearest_body(estimate)
@@ -545,7 +574,7 @@ def payload(
         quantities=state_quantities(estimate, nearest, length),
         gains=gains,
         known=mass,
-        hints=tuple(dict.fromkeys(filter(None, (state_missing(fit.missing), *hints)))),
+        hints=tuple(dict.fromkeys(filter(None, (*state_missing(fit.missing), *hints)))),
         origin=fit.origin,
     )
 

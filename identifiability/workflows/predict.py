@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from functools import cached_property
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Any, ClassVar, Literal, cast
+from typing import Annotated, Any, ClassVar, cast
 
 import numpy as np
 import pandas as pd
@@ -24,7 +24,7 @@ from identifiability.foundation.errors import IdentifiabilityError, RobotError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import BASE, Array, shorten_paths
 from identifiability.foundation.options import Expected, OptionError, checked
-from identifiability.foundation.result import Result, shown
+from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import (
     digits,
     error_text,
@@ -54,13 +54,7 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.robot.robot import new_place
 from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.robot.sidecar import Value
-from identifiability.workflows.answers import (
-    answer_next,
-    answer_quality,
-    hides_joints,
-    list_worst,
-    with_hints,
-)
+from identifiability.workflows.answers import answer_next, answer_quality, with_hints
 from identifiability.workflows.commands import given_paths, name_export, name_logs, source_name
 from identifiability.workflows.opening import Logs, in_memory, read_recordings
 from identifiability.workflows.rules import RULES
@@ -76,9 +70,9 @@ def correlation_of(covariance: Array) -> Array:
     return out
 
 
-def square_frame(matrix: Array, names: Iterable[Hashable]) -> pd.DataFrame:
-    """Return a matrix (k, k) with the names of the parameters at its rows and columns."""
-    return pd.DataFrame(matrix, index=list(names), columns=list(names))
+def state_missing(functions: Sequence[str]) -> tuple[str, ...]:
+    """Return what holds of the values of a fit beside which functions are missing, if any are."""
+    return (phrase("result.missing", "says", functions=list(functions)),) if functions else ()
 
 
 # `TorquePrediction`: the torque of a fitted model along logs, beside the measured one.
@@ -109,6 +103,8 @@ class TorquePrediction(Result):
         Half widths of the 95 % intervals of the mean (the model with its true values), of a new
         low-passed and of a new raw sample; infinite where the motion acts on what the fitted
         motion never showed.
+    known : (N, n) bool
+        Where torque was measured and is data.
     notes : mapping
         How each log was prepared.
     hints : tuple of str
@@ -127,7 +123,7 @@ class TorquePrediction(Result):
     mean: Array
     low: Array
     new: Array
-    data: np.ndarray
+    known: np.ndarray
     notes: Mapping[str, tuple[str, ...]]
     hints: tuple[str, ...] = ()
 
@@ -135,17 +131,6 @@ class TorquePrediction(Result):
     def robot(self) -> Robot:
         """The robot."""
         return self.fit.robot
-
-    @property
-    def model(self) -> str:
-        """Name of the model."""
-        return self.fit.submodel.name
-
-    @cached_property
-    def known(self) -> np.ndarray:
-        """Where torque was measured and is data, (N, n) bool."""
-        known: np.ndarray = self.data & np.array(self.measured, bool)[self.log][:, None]
-        return known
 
     @cached_property
     def errors(self) -> tuple[Prediction, Prediction]:
@@ -185,10 +170,10 @@ class TorquePrediction(Result):
         """Return what was predicted, how well, whether to trust it, what to do next."""
         known = [n for n, has in zip(self.logs, self.measured, strict=True) if has]
         each = self.error_frame()["error"].to_numpy(float)
-        quality = answer_quality(self.error_ra, self.robot.joints, each, join(known))
+        more = f"Measured on {join(known)}."
         if np.isfinite(self.error_ra) and self.error_ra != self.error_ra_raw:
-            raw = f"Of the torque as it was measured it errs by {percent(self.error_ra_raw)}."
-            quality = replace(quality, text=f"{quality.text} {raw}")
+            more += f" Of the torque as it was measured it errs by {percent(self.error_ra_raw)}."
+        quality = answer_quality(self.error_ra, self.robot.joints, each, more if known else "")
         return _what(self), quality, _trust(self), answer_next(_next_commands(self))
 
     def decided_by(self) -> tuple[RuleTable, ...]:
@@ -197,7 +182,17 @@ class TorquePrediction(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""
-        return (_joint_table(self),)
+        own = with_hints(
+            "predicted",
+            Column("joint", get="joint"),
+            Column("error", error_text, "error"),
+            Column("rms error", digits(3), "rms"),
+            Column("unit", get="unit"),
+            Column("error of raw torque", error_text, "error_raw"),
+            Column("inside", error_text, "inside"),
+            Column("unknown", error_text, "unknown"),
+        )
+        return (Table.of("Each joint by itself", own, self.error_frame().itertuples()),)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a sample: ``log``, ``t``, and of each joint nine columns [N·m or N].
@@ -217,9 +212,6 @@ class TorquePrediction(Result):
             columns |= {f"{joint}.{what}": values for what, values in own.items()}
         return pd.DataFrame(columns)
 
-    def _repr_html_(self) -> str:
-        return shown(self.statement, self.error_frame())
-
     def error_frame(self) -> pd.DataFrame:
         """Return one row a joint: its error over its own scale, in N or N·m, and inside what."""
         columns: dict[str, Any] = {"joint": self.robot.joints, "unit": self.robot.torque_units}
@@ -228,16 +220,12 @@ class TorquePrediction(Result):
             columns |= {f"error{name}": part.joint_error()[:, 0], f"rms{name}": rms}
         return pd.DataFrame({**columns, "inside": self.inside, "unknown": self.unknown})
 
-    def parameters_frame(self) -> pd.DataFrame:
-        """Return no parameters: a prediction has none of its own."""
-        return pd.DataFrame()
-
     def to_dict(self) -> dict[str, Any]:
         """Return errors and shares in the documented JSON schema; samples go to `write`."""
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
-            "model": self.model,
+            "model": self.fit.submodel.name,
             "statement": self.statement,
             "samples": len(self.t),
             "error_ra": self.error_ra,
@@ -275,23 +263,6 @@ class Entry(BaseModel):
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
 
 
-class MissingEntry(Entry):
-    """A function that is missing beside the model of a result."""
-
-    joint: str
-    of: str
-
-    @property
-    def text(self) -> str:
-        """What it is and where."""
-        return f"{self.of} in {self.joint}"
-
-
-def state_missing(functions: Sequence[str]) -> str:
-    """Return what holds of the values of a fit beside which functions are missing, if any are."""
-    return phrase("result.missing", "says", functions=list(functions)) if functions else ""
-
-
 class RobotEntry(Entry):
     """What the result is about."""
 
@@ -305,11 +276,10 @@ class RobotEntry(Entry):
         ------
         IdentifiabilityError
         """
-        if self.locked.keys() == robot.locked.keys():
-            return
-        was = [f"{n} = {at:g}" for n, at in self.locked.items()] or ["nothing"]
-        now = [*robot.locked] or ["nothing"]
-        raise IdentifiabilityError(Finding("result.locked", path, was=was, now=now))
+        if self.locked.keys() != robot.locked.keys():
+            was = [f"{n} = {at:g}" for n, at in self.locked.items()] or ["nothing"]
+            now = [*robot.locked] or ["nothing"]
+            raise IdentifiabilityError(Finding("result.locked", path, was=was, now=now))
 
 
 # `Fit`: what a result keeps of its model: values, their covariance, how torque scatters.
@@ -332,7 +302,8 @@ class Predicts(ABC):
 
         Rows and columns are parameters; units are those of the two multiplied.
         """
-        return square_frame(self.fit.covariance, self.fit.names)
+        names = list(self.fit.names)
+        return pd.DataFrame(self.fit.covariance, names, names)
 
     def correlation_frame(self) -> pd.DataFrame:
         """Return the correlation of the values, (k, k); NaN where a variance is zero or unknown.
@@ -340,7 +311,8 @@ class Predicts(ABC):
         Near −1 the sum of two parameters is known better than either, near 1 their difference.
         """
         covariance = self.covariance_frame()
-        return square_frame(correlation_of(covariance.to_numpy()), covariance.columns)
+        covariance[:] = correlation_of(covariance.to_numpy())
+        return covariance
 
     def predict(self, logs: Logs, *, engine: Engine | None = None) -> TorquePrediction:
         """Return the torque of the model to use along logs, with its intervals.
@@ -452,9 +424,6 @@ class Fit(Predicts):
         """Return what it is, in one line."""
         return f"<Fit: {len(self.names)} values of '{self.submodel.name}' for {self.robot.name}>"
 
-    def _repr_html_(self) -> str:
-        return shown(repr(self)[1:-1], self.to_frame(), "to_frame()")
-
     def to_dict(self) -> dict[str, Any]:
         """Return what is read back, as plain values."""
         entry = model_entry(self.submodel, self.structure.base, self.structure.model.texts)
@@ -490,29 +459,17 @@ def _along(fit: Fit, logs: Logs, engine: Engine | None) -> TorquePrediction:
             log = np.full(len(chunk.t), chunk.log)
             sensed = 1.0 if measured[chunk.log] else np.nan
             given = (chunk.t.copy(), sensed * chunk.tau, sensed * chunk.raw)
-            found.append((log, *given, predicted, *reach, chunk.data))
-    names = ("log", "t", "tau", "raw", "predicted", "mean", "low", "new", "data")
+            found.append((log, *given, predicted, *reach, chunk.data & measured[chunk.log]))
+    names = ("log", "t", "tau", "raw", "predicted", "mean", "low", "new", "known")
     joined = map(np.concatenate, zip(*found, strict=True))
     return TorquePrediction(
         fit=fit,
         logs=given_paths(samples),
         measured=measured,
         notes={s.path or s.name: s.notes for s in samples},
-        hints=tuple(filter(None, (state_missing(fit.missing), *known.hints))),
+        hints=(*state_missing(fit.missing), *known.hints),
         **dict(zip(names, joined, strict=True)),
     )
-
-
-class PreparationEntry(Entry):
-    """How logs were prepared."""
-
-    derivatives: Literal["auto", "given", "butterworth", "fourier"] = "auto"
-    cutoff: float | None = None
-    period: float | None = None
-    harmonics: int = 5
-    decimate: int | None = None
-    outputs: float | None = None
-    keep_rest: bool = False
 
 
 class FitEntry(Entry):
@@ -528,7 +485,7 @@ class FitEntry(Entry):
     dof: list[float]
     base_covariance: list[list[float]]
     base_unknown: list[list[float]]
-    preparation: PreparationEntry
+    preparation: Preparation
 
 
 class GravityEntry(Entry):
@@ -575,8 +532,13 @@ class ResultEntry(Entry):
     fit: FitEntry | None = None
     nothing: str | None = None
     physical: RealEntry = RealEntry()
-    missing_functions: tuple[MissingEntry, ...] = ()
+    missing_functions: tuple[dict[str, Any], ...] = ()
     rollout: RolloutEntry | None = None
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Functions of a joint's motion or load that are missing."""
+        return tuple(f"{f['of']} in {f['joint']}" for f in self.missing_functions)
 
 
 @checked
@@ -601,14 +563,7 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
     if content.fit is None:
         raise IdentifiabilityError(Finding("result.unfitted", path))
     content.robot.check_locked(robot, path)
-    fit = _build(content.fit, robot, f"{path} is about '{content.robot.name}'")
-    missing = tuple(f.text for f in content.missing_functions)
-    real, alone = content.physical.error_ra, content.physical.error_ra_files.get("mjcf")
-    errors = None if real is None or alone is None else (real, alone)
-    return replace(fit, origin=str(path), errors=errors, missing=missing)
-
-
-def _build(entry: FitEntry, robot: Robot, where: str) -> Fit:
+    entry, where = content.fit, f"{path} is about '{content.robot.name}'"
     structure = Structure.of(robot, Model.of(*(entry.model.effects or ())))
     try:
         (submodel,) = build_ladder(LadderEntry(models=[entry.model]), structure)
@@ -617,27 +572,25 @@ def _build(entry: FitEntry, robot: Robot, where: str) -> Fit:
     if sorted(submodel.columns) != sorted(entry.names) or len(entry.low) != len(robot.joints):
         raise _other_robot(where, robot, "its parameters are not those of this robot.")
     submodel = submodel.ordered(entry.names)  # what is tied stands where its first member stood
-    k, n = len(submodel), len(robot.joints)
-    spread = TorqueUncertainty(
-        covariance=_shaped(entry.covariance, (k, k), where),
-        unknown=_shaped(entry.unknown, (k, -1), where) if k else np.empty((0, 0)),
-        **{x: _shaped(getattr(entry, x), (n,), where) for x in ("low", "raw", "dof")},
-    )
-    b = len(structure.base)
-    return Fit(
-        structure=structure,
-        submodel=submodel,
-        values=_shaped(entry.values, (k,), where),
-        spread=spread,
-        preparation=Preparation(**entry.preparation.model_dump()),
-        base_covariance=_shaped(entry.base_covariance, (b, b), where),
-        base_unknown=_shaped(entry.base_unknown, (b, -1), where) if b else np.empty((0, 0)),
-    )
-
-
-def _shaped(rows: list[Any], shape: tuple[int, ...], where: str) -> Array:
+    k, n, b = len(submodel), len(robot.joints), len(structure.base)
+    real, alone = content.physical.error_ra, content.physical.error_ra_files.get("mjcf")
     try:
-        return np.array(rows, float).reshape(shape)
+        return Fit(
+            structure=structure,
+            submodel=submodel,
+            values=np.reshape(entry.values, (k,)),
+            spread=TorqueUncertainty(
+                covariance=np.reshape(entry.covariance, (k, k)),
+                unknown=np.array(entry.unknown, float).reshape(k, -1 if k else 0),
+                **{x: np.reshape(getattr(entry, x), (n,)) for x in ("low", "raw", "dof")},
+            ),
+            preparation=entry.preparation,
+            base_covariance=np.reshape(entry.base_covariance, (b, b)),
+            base_unknown=np.array(entry.base_unknown, float).reshape(b, -1 if b else 0),
+            origin=str(path),
+            errors=None if real is None or alone is None else (real, alone),
+            missing=content.missing,
+        )
     except ValueError:
         raise IdentifiabilityError(Finding("result.tables", where)) from None
 
@@ -680,13 +633,11 @@ def find_fit(result: FitLike, robot: Robot) -> Fit:
 
 
 def _what(result: TorquePrediction) -> Answer:
-    joints = format_count(len(result.robot.joints), "joint")
-    short = f"The torque of {joints} along {join(shorten_paths(result.logs), 3)}."
-    text = f"By the model “{result.model}” of {result.fit.origin}, at "
+    joints, logs = format_count(len(result.robot.joints), "joint"), shorten_paths(result.logs)
+    short = f"The torque of {joints} along {join(logs, 3)}."
+    text = f"By the model “{result.fit.submodel.name}” of {result.fit.origin}, at "
     text += f"{format_count(len(result.t), 'sample')}."
-    silent = [
-        n for n, has in zip(shorten_paths(result.logs), result.measured, strict=True) if not has
-    ]
+    silent = [name for name, has in zip(logs, result.measured, strict=True) if not has]
     if silent:
         text += f" Without measured torque it is predicted alone: {join(silent, 3)}."
     return Answer("What is predicted?", short, text, "blue")
@@ -694,25 +645,22 @@ def _what(result: TorquePrediction) -> Answer:
 
 def _few(result: TorquePrediction) -> list[str]:
     """Return the joints of whose samples too few lie in their intervals."""
-    pairs = zip(result.robot.joints, result.inside, strict=True)
     # Share of samples inside their 95 % interval below which something must have changed.
-    return [joint for joint, share in pairs if share < 0.8]
+    few: list[str] = np.array(result.robot.joints)[result.inside < 0.8].tolist()
+    return few
 
 
 def _trust(result: TorquePrediction) -> Answer:
-    question, new = "May I trust its intervals?", []
-    for joint, share in zip(result.robot.joints, result.unknown, strict=True):
-        if share > 0:
-            new.append(joint)
-    text = f" {phrase('predicted', 'new', joints=new)}" if new else ""
+    question = "May I trust its intervals?"
+    new = np.array(result.robot.joints)[result.unknown > 0].tolist()
+    text = phrase("predicted", "new", joints=new) if new else ""
     if not any(result.measured):
-        return Answer(question, "Nothing was measured that could tell.", text.strip(), "grey")
-    inside, few = float(result.inside.mean()), _few(result)
-    size = f"{error_text(inside)} of the samples lie in their 95 % interval."
-    if few:
-        why = phrase("predicted", "few", joints=few)
-        return Answer(question, f"No: only {size}", why + text, "vermilion")
-    return Answer(question, f"Yes: {size}", text.strip(), "amber" if new else "green")
+        return Answer(question, "Nothing was measured that could tell.", text, "grey")
+    size = f"{error_text(float(result.inside.mean()))} of the samples lie in their 95 % interval."
+    if few := _few(result):
+        text = f"{phrase('predicted', 'few', joints=few)} {text}".rstrip()
+        return Answer(question, f"No: only {size}", text, "vermilion")
+    return Answer(question, f"Yes: {size}", text, "amber" if new else "green")
 
 
 def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:
@@ -728,22 +676,6 @@ def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:
         return [("Find out what is missing on this motion:", line), *table]
     text, name = name_export(result.robot, result.fit.names, result.fit.errors)
     return [*table, (text, f"identifiability export {robot} {given} --out {name}")]
-
-
-def _joint_table(result: TorquePrediction) -> Table:
-    """Return one row a joint."""
-    own = with_hints(
-        "predicted",
-        Column("joint", get="joint"),
-        Column("error", error_text, "error"),
-        Column("rms error", digits(3), "rms"),
-        Column("unit", get="unit"),
-        Column("error of raw torque", error_text, "error_raw"),
-        Column("inside", error_text, "inside"),
-        Column("unknown", error_text, "unknown"),
-    )
-    rows = result.error_frame().itertuples()
-    return Table.of("Each joint by itself", own, rows)
 
 
 # `PositionPrediction`: how robots move as logged commands, or torques, make them.
@@ -815,22 +747,17 @@ class PositionPrediction(Result):
         return "mm" if self.robot.is_prismatic(int(self.robot.actuated[self.alike][0])) else "mrad"
 
     @property
-    def errors(self) -> Array:
-        """Errors of positions (rms) by run and joint over whole logs, (runs, n)."""
-        return np.array([run.errors for run in self.runs])
-
-    @property
     def totals(self) -> Array:
         """Error of each run over all joints that turn, or if none does, slide (rms), (runs,)."""
-        return self._together(self.errors)
+        return self._together([run.errors for run in self.runs])
 
     @property
     def window_totals(self) -> Array:
         """The same over windows of a second."""
-        return self._together(np.array([run.window_errors for run in self.runs]))
+        return self._together([run.window_errors for run in self.runs])
 
-    def _together(self, errors: Array) -> Array:
-        return np.asarray(np.sqrt(np.mean(errors[:, self.alike] ** 2, axis=1)))
+    def _together(self, errors: list[Array]) -> Array:
+        return np.asarray(np.sqrt(np.mean(np.array(errors)[:, self.alike] ** 2, axis=1)))
 
     def answers(self) -> tuple[Answer, ...]:
         """Return by how much positions err, and what moved the robots, and when."""
@@ -869,7 +796,7 @@ class PositionPrediction(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer in its documented JSON schema."""
-        totals = zip(self.runs, self.totals, self.window_totals, strict=True)
+        totals = zip(self.runs, self.totals.tolist(), self.window_totals.tolist(), strict=True)
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
@@ -884,59 +811,42 @@ class PositionPrediction(Result):
                     "robot": run.name,
                     "delays": list(run.delays),
                     "delays_found": run.found,
-                    **_errors_told(whole, short),
-                    "joints": {
-                        joint: _errors_told(*pair)
-                        for joint, *pair in zip(
-                            self.robot.joints, run.errors, run.window_errors, strict=True
-                        )
-                    },
+                    "error": whole,
+                    "error_windows": short,
+                    "joints": pd.DataFrame(
+                        {"error": run.errors, "error_windows": run.window_errors},
+                        self.robot.joints,
+                    ).to_dict("index"),
                 }
                 for run, whole, short in totals
             ],
         }
 
 
-def _errors_told(whole: float, short: float) -> dict[str, float | None]:
-    """Return errors for JSON; what diverged has none."""
-    told = {"error": float(whole), "error_windows": float(short)}
-    return {name: x if np.isfinite(x) else None for name, x in told.items()}
-
-
 def _position_error(result: PositionPrediction) -> Answer:
     whole, short, unit = 1e3 * result.totals, 1e3 * result.window_totals, result.unit
     # Where torque moves a robot all that is wrong with it adds up.
-    driven = not any(map(has_commands, result.logs))
-    totals, last = short if driven else whole, result.runs[-1]
-    texts = [f"{x:.3g} {unit}" if np.isfinite(x) else "it diverges" for x in totals]
+    totals = whole if any(map(has_commands, result.logs)) else short
+    told = " → ".join(f"{x:.3g} {unit}" if np.isfinite(x) else "it diverges" for x in totals)
     said = [
         f"{run.name}: {x:.3g} {unit} over whole logs, {w:.3g} over windows of {WINDOW:g} s."
         for run, x, w in zip(result.runs, whole, short, strict=True)
     ]
-    each = 1e3 * (last.window_errors if driven else last.errors)[result.alike]
-    if hides_joints(each, np.inf):
-        joints = [j for j, a in zip(result.robot.joints, result.alike, strict=True) if a]
-        said.append(f"By joint of {last.name}: {list_worst(joints, each, unit)}.")
-    told = " → ".join(texts)
-    better = len(totals) > 1 and totals[1] < totals[0]
-    tone = "blue" if len(totals) == 1 else "green" if better else "amber"
+    tone = "blue" if len(totals) == 1 else "green" if totals[1] < totals[0] else "amber"
     question = "By how much do positions err?"
     return Answer(question, f"{told[0].upper()}{told[1:]}.", " ".join(said), tone)
 
 
 def _driven(result: PositionPrediction) -> Answer:
-    commanded = [k for k, log in enumerate(result.logs) if has_commands(log)]
-    if not commanded:
+    at = [k for k, log in enumerate(result.logs) if has_commands(log)]
+    if not at:
         text = "What a model errs by in torque moves it ever farther: windows tell more than logs."
         return Answer("What moves the robots?", "The measured torque.", text, "blue")
-    names = [result.logs[k].name for k in commanded]
-    short = "; ".join(
-        f"{r.name}: {state_delay(np.array(r.delays)[commanded], names)}" for r in result.runs
-    )
-    text = "As it is stated."
-    if any(run.found for run in result.runs):
-        text = "Found from these logs, as nothing states it: with it positions err least."
-    return Answer("When do commands act?", short, text, "blue")
+    names = [result.logs[k].name for k in at]
+    told = (f"{r.name}: {state_delay(np.array(r.delays)[at], names)}" for r in result.runs)
+    found = any(run.found for run in result.runs)
+    text = "Found from these logs: with it positions err least." if found else "As it is stated."
+    return Answer("When do commands act?", "; ".join(told), text, "blue")
 
 
 @checked

@@ -18,7 +18,6 @@ class Rules(RuleTable):
         tuple[float, float, float, float],
         "errors of very good, good, fair and poor models, by hand",
     ] = (0.03, 0.08, 0.15, 0.5)
-    differs: Annotated[float, "what is so many times as large differs, by hand"] = 2.0
     tilt_large: Annotated[
         float, "a larger tilt is sought first: 1 − cos 15° = 3 % of weight [°], derived"
     ] = 15.0

@@ -3,8 +3,8 @@
 `Session.read` checks logs and reads them, every row once (`read_recordings`), `Session.read_sides`
 those of two sides; `Session.follow` gives logs of commands their torque; `Session.prepare` turns
 them into motion; `Session.open` also asks what is odd about them, and refuses what has nothing to
-explain: an `Opening`. `Session.gather` gathers the information of their rows, with instruments
-where there are any, and `Session.weigh` weighs each by its noise, and outlying stretches less.
+explain: an `Opening`. `Session.weigh` gathers the information of their rows, with
+instruments where there are any, each by its noise, and outlying stretches less.
 """
 
 from __future__ import annotations
@@ -387,21 +387,16 @@ class Session:
         robot = self.structure.robot
         return partial(prepare_log, robot, how=self.how, engine=self.engine, progress=reading)
 
-    def gather(self, opening: Opening, method: Method, kind: Kind) -> Weighed:
-        """Return the rows of opened logs alike, with instruments where the estimator takes them."""
+    def weigh(self, opening: Opening, method: Method, kind: Kind) -> Weighed:
+        """Return the rows of opened logs by their noise, with instruments where there are any."""
         opening, estimator = self._with_instruments(opening, method, kind)
         building = share(self.say, "building the regression", 0.2, 0.4)
         alike = gather_information(opening.regression, engine=self.engine, progress=building)
-        return Weighed(opening, estimator, alike, alike)
-
-    def weigh(self, opening: Opening, method: Method, kind: Kind) -> Weighed:
-        """Return the same, each row weighed by its noise."""
-        rows = self.gather(opening, method, kind)
-        if rows.opening.silence:
-            return rows
-        joints, samples = self.structure.robot.joints, rows.opening.samples
-        information, burst, _ = weigh_rows(joints, samples, rows.alike, rows.estimator)
-        return replace(rows, information=information, burst=burst)
+        if opening.silence:
+            return Weighed(opening, estimator, alike, alike)
+        joints = self.structure.robot.joints
+        information, burst, _ = weigh_rows(joints, opening.samples, alike, estimator)
+        return Weighed(opening, estimator, alike, information, burst)
 
     def _with_instruments(
         self, opening: Opening, method: Method, kind: Kind

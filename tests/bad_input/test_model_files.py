@@ -115,6 +115,6 @@ def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(log, 
     assert found["sidecar"] == beside.sidecar.name
     sidecar = hashlib.sha256(beside.sidecar.read_bytes()).hexdigest()
     assert found[f"sha256 {beside.sidecar.name}"] == sidecar
-    assert {"pin", "mujoco", "numpy", "clarabel", "solver", "identifiability"} <= set(found)
+    assert {"pin", "mujoco", "numpy", "clarabel", "identifiability"} <= set(found)
     decided = ("method", "cad_prior", "replicates", "seed")
     assert [found[k] for k in decided] == ["ols", "0.5", "0", "0"]

@@ -154,10 +154,6 @@ def test_a_mesh_that_weighs_is_bounded(refuses):
 TOML = {
     "bytes": ("#" * (DOCUMENT["TOML"] + 1), "larger than 1 MB"),
     "depth of a key": (".".join("a" * 65) + " = 1", "names more than 64 tables"),
-    "coefficients": (
-        f'[[couplings]]\njoint = "elbow"\npolynomial = {[1.0] * 51}',
-        "polynomial': list should have at most 50 items",
-    ),
 }
 
 

@@ -8,8 +8,7 @@ import pytest
 
 from identifiability import Robot, excite
 from identifiability.workflows.excite import search as candidates
-from identifiability.workflows.excite.limits import Clearance
-from identifiability.workflows.excite.rules import RULES as EXCITE_RULES
+from identifiability.workflows.excite.limits import CLEARANCE, Clearance
 
 INERTIA = '<inertia ixx=".01" iyy=".02" izz=".02" ixy="0" ixz="0" iyz="0"/>'
 LINK = '<link name="{}"><inertial><mass value="1"/>' + INERTIA + "</inertial>{}</link>"
@@ -87,7 +86,7 @@ def test_shapes_touch_where_mujoco_says_so(curling, world):
 
 def test_nothing_touches_along_what_is_played(curling, world, monkeypatch):
     found = excite(curling, evaluations=2000, seed=1, samples=200)
-    assert found.gap >= EXCITE_RULES.clearance / 2
+    assert found.gap >= CLEARANCE
     assert "Bodies that are not joined keep" in found.statement
     played = found.play(100)
     assert not any(world(row) for row in played.q)
@@ -106,7 +105,7 @@ def test_the_cost_of_coming_near_has_the_slope_that_it_says(curling):
     objective = Objective(question, gather_known(question, [], 60), series, 60)
     draws = series.draw(400, np.random.default_rng(2))
     least = objective.gaps(draws, 60).min(1)
-    chosen = draws[np.flatnonzero(np.abs(least) < EXCITE_RULES.clearance)[0]]
+    chosen = draws[np.flatnonzero(np.abs(least) < 2 * CLEARANCE)[0]]
     cost, slope = objective.gradient(chosen)
     assert cost == pytest.approx(objective(chosen[None])[0])
     along = slope / np.linalg.norm(slope)

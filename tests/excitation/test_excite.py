@@ -149,7 +149,6 @@ def test_loops_that_cannot_close_are_refused_in_one_sentence(find):
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ({"time_limit": 3}, "'time_limit' of excite is called 'evaluations' now"),
         ({"separate": ["paylod", "payload"]}, "There is no effect 'paylod', did you mean"),
         ({"parameters": ["link1.my2"]}, "'link1.my2' is no base parameter, did you mean"),
         ({"start_from": []}, "No log was given"),

@@ -72,7 +72,7 @@ def test_the_command_separates_and_starts_from_a_log(simulated, tmp_path):
     simulated("two-link", "a", samples=100).write(log)
     out = tmp_path / "m.csv"
     words = ["two-link", "--start-from", str(log), "--out", str(out), "--set", "evaluations=100"]
-    pair = ["--separate", "joint_stiffness", "--separate", "torque_offset"]
+    pair = ["-v", "--separate", "joint_stiffness", "--separate", "torque_offset"]
     result = CliRunner().invoke(app, ["excite", *words, *pair])
     assert result.exit_code == 0, result.output
     assert "log-det of the information" in result.output

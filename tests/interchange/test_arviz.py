@@ -49,14 +49,12 @@ def test_arviz_judges_the_chains_as_we_do(result):
     assert tree.attrs["seed"] == "0"
 
 
-def test_estimate_and_prior_stand_beside_the_draws(result):
-    constants = result.to_arviz()["constant_data"].dataset
+def test_standard_parameters_stand_beside_those_of_the_model(result):
     standard = result.belief.standard
-    np.testing.assert_array_equal(constants["estimate"], result.chosen.estimate.value)
-    free = [k for k, name in enumerate(standard.names) if not name.endswith(".off")]  # held at 0
-    np.testing.assert_array_equal(constants["prior_sd"], standard.prior_sd[free])
-    assert constants["standard_parameter"].values.tolist() == [standard.names[k] for k in free]
-    assert "prior_sd" not in result.to_arviz("signs")["constant_data"].dataset
+    free = [n for n in standard.names if not n.endswith(".off")]  # held at 0
+    found = result.to_arviz()["posterior"].dataset
+    assert found["standard_parameter"].values.tolist() == free
+    assert "standard" not in result.to_arviz("signs")["posterior"].dataset
 
 
 def test_what_is_not_there_is_said_in_a_sentence(result, simulated_session, monkeypatch):

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identifiability.foundation.linalg import TINY
 from identifiability.logs.prepare import Dataset
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.excite.criteria import (
-    IDLE,
     Known,
     LogDet,
     gather_known,
@@ -17,15 +17,7 @@ from identifiability.workflows.excite.criteria import (
     scaled,
 )
 from identifiability.workflows.excite.limits import INNER, Limits, find_limits
-from identifiability.workflows.excite.search import (
-    DRAWS,
-    FINENESS,
-    OPEN,
-    OVERSHOOT,
-    Objective,
-    Series,
-    search,
-)
+from identifiability.workflows.excite.search import DRAWS, FINENESS, OPEN, Objective, Series, search
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +44,7 @@ def test_information_is_what_is_left_of_a_column_beside_all_others():
 
 
 def test_columns_that_never_act_are_zero_with_length_one():
-    length = np.array([1e6, 1e3, 0.5 * IDLE * 1e6])
+    length = np.array([1e6, 1e3, 0.5 * TINY * 1e6])
     unit, found = scaled((np.outer(length, length))[None])
     np.testing.assert_allclose(found[0], [1e6, 1e3, 1.0])
     np.testing.assert_allclose(unit[0], [[1, 1, 0], [1, 1, 0], [0, 0, 0]])
@@ -100,7 +92,7 @@ def test_a_series_has_the_velocity_amplitudes_of_its_candidate_where_there_is_ro
     t = 2.0 * np.arange(400) / 400
     expected = 4 / np.sqrt(2) * (0.1 * np.cos(np.pi * t) - 0.2 * np.sin(2 * np.pi * t))
     np.testing.assert_allclose(v, expected, atol=1e-12)
-    half = 0.5 * OVERSHOOT * np.ptp(series.motion(x, FINENESS * 2)[0])
+    half = 0.5 * (1 / np.cos(np.pi / FINENESS)) * np.ptp(series.motion(x, FINENESS * 2)[0])
     middle = 0.5 * (q.max() + q.min())
     assert middle == pytest.approx(1.0 + np.tanh(0.5) * (10.0 - half), abs=1e-3)
     assert offset[0, 0] == pytest.approx(middle, abs=0.5)

@@ -18,7 +18,7 @@ from identifiability.estimation.mixed_model import (
     Term,
     whitened_information,
 )
-from identifiability.estimation.noise import JointNoise, JointRuns, autocovariance
+from identifiability.estimation.noise import JointNoise, JointRuns, whiten
 from identifiability.logs.prepare import prepare_log
 from identifiability.regression.reduction import default_ladder, ladder_model
 from identifiability.regression.structure import Structure
@@ -72,10 +72,10 @@ def dense(Z, y, runs=RUNS):
     rows, values, blocks = [], [], []
     for j, own in enumerate(runs.each):
         for a, b in own:
-            c = autocovariance(PACF[j], b - a) * SIGMA[j] ** 2
             rows.append(Z[a:b, j])
             values.append(y[a:b, j])
-            blocks.append(c[np.abs(np.subtract.outer(np.arange(b - a), np.arange(b - a)))])
+            A = whiten(np.eye(b - a), [(0, b - a)], PACF[j])
+            blocks.append(SIGMA[j] ** 2 * np.linalg.inv(A.T @ A))
     V = np.zeros((sum(map(len, values)),) * 2)
     at = 0
     for block in blocks:

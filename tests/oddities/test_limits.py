@@ -92,7 +92,7 @@ def derived(scale=1.0, unexplained=0.0, stands_out=1e9):
 def band(cutoff=5.0, noise=0.0):
     """A band of one hertz."""
     found = SimpleNamespace(cutoff=cutoff, bandwidth=1.0, noise=noise, limit=9.0, rate=100.0)
-    return " ".join((*workflow._say_cut(found, ["x"]), *workflow._say_noise(found)))
+    return " ".join((*workflow._say_cut(found), *workflow._say_noise(found)))
 
 
 #: What is asked, its limit in words, data just inside and data just outside.

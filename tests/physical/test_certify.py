@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from identifiability.physical.feasibility import ROOM, certify
+from identifiability.physical.feasibility import certify
 from identifiability.physical.fitted_model import PhysicalSet
 from identifiability.physical.project import project
 
@@ -25,7 +25,7 @@ def test_real_base_parameters_come_with_a_real_robot_that_has_them(robot, rng):
     for phi in (robot.phi, *random_robots(robot.region, rng, 4)):
         found = certify(G, G @ phi, robot.region)
         assert found.feasible
-        assert 0 <= found.margin <= ROOM + 1e-6
+        assert 0 <= found.margin <= 1.0 + 1e-6
         assert robot.region.contains(found.phi, tolerance=1e-6)
         scale = np.abs(G) @ np.abs(found.phi)
         np.testing.assert_allclose(G @ found.phi, G @ phi, atol=1e-6 * scale.max())

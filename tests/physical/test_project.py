@@ -2,10 +2,11 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
+from identifiability.foundation.linalg import NEARLY
 from identifiability.physical import project as pulled
 from identifiability.physical.cad_prior import CadPrior
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
-from identifiability.physical.project import MARGIN, RIDGE, Projection, project
+from identifiability.physical.project import RIDGE, Projection, project
 from identifiability.physical.pseudo_inertia import BASIS, to_matrix
 
 
@@ -15,7 +16,7 @@ def scs_optimum(data, region, prior=None):
     s = np.ones(region.size)
     s[region.bodies] = region.mass[:, None] * region.length[:, None] ** np.r_[[2] * 6, [1] * 3, 0]
     J = [sum(x[c] * B for c, B in zip(row, BASIS, strict=True)) for row in region.bodies]
-    inside = [M >> MARGIN * np.eye(4) for M in J]
+    inside = [M >> NEARLY * np.eye(4) for M in J]
     signs = np.flatnonzero(region.nonnegative)
     norms = np.linalg.norm(data.R, axis=0)
     size = np.where(s == 1.0, np.linalg.norm(data.z) / np.where(norms > 0, norms, 1.0), 1.0)

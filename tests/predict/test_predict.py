@@ -198,7 +198,7 @@ def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path):
         analysis.predict(bare.drop(columns="shoulder.q"))
     half = analysis.predict(frame.drop(columns="shoulder.tau"))
     np.testing.assert_allclose(half.predicted, whole.predicted, rtol=1e-12)
-    assert not half.data[:, 0].any()
+    assert not half.known[:, 0].any()
     assert np.isfinite(half.error_ra)
 
 

@@ -159,14 +159,8 @@ def test_the_command_line_prunes_and_writes(simulated, tmp_path):
     assert bad.exit_code == 2
 
 
-def test_labels_are_those_of_all_models_by_their_weight(pruned):
+def test_weights_of_all_models_add_up(pruned):
     assert sum(r.weight for r in pruned.models) == pytest.approx(1.0)
     submodels = [r for r in pruned.models if r.weight > 0]
     assert max(submodels, key=lambda r: r.density).density == 0.0
-    for v in pruned.verdicts:
-        assert v.sigma_label >= v.sigma_robust > 0
-        low, high = v.interval95
-        own = [
-            x.value for r in submodels for x in r.verdicts if x.name == v.name and r.weight > 0.3
-        ]
-        assert all(low <= x <= high for x in own)
+    assert all(v.sigma_label >= v.sigma_robust > 0 for v in pruned.verdicts)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from identifiability import Robot
-from identifiability.report.blocks import Section
+from identifiability.report.blocks import Answers, Section
 from identifiability.report.results import Page, render_page
-from identifiability.report.skeleton import MOST_FRAMES, move_skeletons
+from identifiability.report.skeleton import MOST_FRAMES, move_skeletons, move_with_torque
+from identifiability.robot import complete_motion
 
 
 @pytest.fixture(scope="module")
@@ -19,9 +20,9 @@ def moving():
     q = home + 0.3 * np.sin(t)[:, None] * np.ones(6)
     other = q + 0.01
     other[1500:] = np.nan  # it diverged
-    errors = [1e3 * np.abs(other - q).max(1)]
-    robots = {"recording": ("grey", q), "fitted.xml": ("blue", other)}
-    return move_skeletons(robot, t, robots, errors, "They move.", "mrad")
+    poses = {"recording": ("grey", robot.configuration(q))}
+    poses["fitted.xml"] = ("blue", robot.configuration(other))
+    return move_skeletons(robot, t, poses, lambda rows: [[f"row {k}" for k in rows]], "They move.")
 
 
 def test_places_are_in_the_picture_and_few(moving):
@@ -33,8 +34,7 @@ def test_places_are_in_the_picture_and_few(moving):
     assert np.isnan(second[-1]).all()
     told = json.loads(moving.data)
     assert told["robots"][1][-1] is None
-    assert told["errors"][0][0] == "fitted.xml 10 mrad"
-    assert told["errors"][0][-1] == "diverged"
+    assert told["told"] == [[f"row {k}" for k in np.searchsorted(np.arange(0, 40, 0.02), moving.t)]]
     assert len(moving.data) < 200_000
 
 
@@ -42,7 +42,8 @@ def test_bodies_keep_their_length_on_a_robot_that_lies_in_its_plane():
     robot = Robot.load("two-link")
     t = np.arange(0, 4, 0.02)
     q = np.stack([np.sin(t), np.cos(2 * t)], 1)
-    drawn = move_skeletons(robot, t, {"recording": ("grey", q)}, [], "", "mrad")
+    poses = {"recording": ("grey", robot.configuration(q))}
+    drawn = move_skeletons(robot, t, poses, lambda rows: [], "")
     for a, b in drawn.lines:
         length = np.linalg.norm(drawn.points[0][:, a] - drawn.points[0][:, b], axis=1)
         np.testing.assert_allclose(length, length[0], rtol=1e-6)
@@ -52,3 +53,28 @@ def test_a_page_carries_the_script_only_where_robots_move(moving):
     page = Page("a", sections=(Section("a", "b", blocks=(moving,)),))
     assert "drawMoving" in render_page(page)
     assert "drawMoving" not in render_page(Page("a"))
+
+
+@pytest.mark.parametrize("name", ["two-link", "3-rps"])
+def test_a_joint_is_marked_when_and_where_torque_is_missed(name):
+    robot, t = Robot.load(name), np.arange(0, 4, 0.01)
+    home = robot.actuated_positions(robot.home[None])[0]
+    q = home + 0.05 * np.sin(t)[:, None] * np.ones(len(home))
+    motion = complete_motion(robot, t, q, np.gradient(q, t, axis=0), np.zeros_like(q))
+    torque = np.sin(3 * t)[:, None] * np.ones(len(home))
+    residual = np.zeros_like(torque)
+    residual[200:, 1] = 0.5
+    torque[:50, 0] = np.nan
+    drawn = move_with_torque(
+        robot, motion, t, torque, residual, lambda k: {"measured": torque[:, k]}, "run"
+    )
+    assert drawn.torque.name == robot.joints[1]
+    before, after = drawn.misses[drawn.t < 1.9], drawn.misses[drawn.t > 2.1]
+    assert not before.any()
+    assert (np.count_nonzero(after, axis=1) == 1).all()
+    (_, _, path), *others = drawn.plot
+    assert path.startswith("M0.0 ")
+    assert not others
+    page = render_page(Page("a", summary=(Answers((), (drawn,)),)))
+    assert "drawMoving" in page
+    assert path in page

@@ -1,4 +1,4 @@
-"""Couplings of several joints: MuJoCo's tendon equalities, and polynomials in each joint."""
+"""Couplings of several joints: polynomials in each joint."""
 
 import numpy as np
 import pytest
@@ -7,24 +7,6 @@ from made_robots import CLOSURES, SLIDE, WRIST, arm, coupled, parallelogram
 from identifiability import inspect
 from identifiability.foundation.errors import RobotError
 from identifiability.robot import complete_motion
-
-
-def test_an_equality_of_tendons_is_what_mujoco_makes_of_it_with_mimic_joints_behind(agrees):
-    text = coupled(w='ref="0.3"', elbow='ref="-0.2"')
-    robot = agrees(text)
-    q = np.random.default_rng(0).normal(size=(20, 2))
-    motion = complete_motion(robot, np.arange(20.0), q, 0 * q, 0 * q)
-    at = {name: robot.dof_position(motion.q, name) for name in robot.dofs}
-    one = 2 * (at["w"] - 0.3) - 0.6 * (at["elbow"] + 0.2)
-    two = 0.4 * (at["elbow"] + 0.2)
-    np.testing.assert_allclose(one, 0.1 + 0.5 * two + 0.2 * two**2 - 0.1 * two**3 + 0.05 * two**4)
-    np.testing.assert_allclose(at["p"], 0.2 * (at["w"] - 0.3) + 0.1 * (at["w"] - 0.3) ** 2)
-
-
-@pytest.mark.parametrize("other", ["", 'tendon2="both"'])
-def test_a_tendon_keeps_its_length_or_is_proportional_to_another(other, agrees):
-    agrees(coupled(f'<tendon tendon1="one" {other} polycoef="0.2 0.7 0 0 0"/>' + SLIDE))
-
 
 HOME = "[home]\ndrive = 0.7\nknee = -0.7\nheel = 0.7\n"
 SIDECAR = """
@@ -81,8 +63,8 @@ def test_couplings_loops_and_mimic_joints_go_together(agrees):
 def test_couplings_that_cannot_be_are_refused(load_text):
     with pytest.raises(RobotError, match="'w' cannot be locked, as it follows elbow, shoulder"):
         load_text(arm(inside=WRIST.format(w="")), sidecar=SIDECAR, lock={"w": 0.2})
-    with pytest.raises(RobotError, match="to a tendon along shoulder, elbow by a curve"):
-        load_text(coupled('<tendon tendon1="one" tendon2="both" polycoef="0 1 2 0 0"/>' + SLIDE))
+    with pytest.raises(RobotError, match="closes a loop with <tendon>; only <connect>, <weld>"):
+        load_text(coupled())
     own = SIDECAR.replace("{shoulder = [0, -0.3, 0, 0.1]}", "{w = [0, 1]}")
     with pytest.raises(RobotError, match="cannot be coupled to itself"):
         load_text(arm(inside=WRIST.format(w="")), sidecar=own)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_robots import CLOSURES, arm, coupled, parallelogram
+from made_robots import CLOSURES, arm, parallelogram
 
 from identifiability.foundation.errors import RobotError
 from identifiability.regression.regression import Model
@@ -103,10 +103,6 @@ def test_legs_that_are_tendons_drive_a_platform(load_text):
     text = Robot.load("six-actuators").path.read_text()
     motors = '<default class="leg">', '<motor gear="7" ctrlrange="-1 1"/><default class="leg">'
     assert follows_its_torque(load_text(text.replace(*motors)), spread=0.02) > 0.02
-
-
-def test_an_equality_of_tendons_is_kept(load_text):
-    follows_its_torque(load_text(coupled(w='ref="0.3"', elbow='ref="-0.2"')), spread=0.1)
 
 
 def test_a_coupling_that_mujoco_does_not_have_is_refused(load_text):

@@ -169,6 +169,8 @@ def _again(own: Motion, other: Motion) -> tuple[float, Array] | None:
     for _ in range(ROUNDS):
         at = own.t + later
         good = (at >= other.t[0]) & (at <= other.t[-1])
+        if not good.any():
+            return None
         record = np.where(good[:, None], curve(at).transpose(1, 0, 2), known)
         later += align(own.actuated_q[good], own.actuated_v[good], record[0, good])
     same = agrees(own.actuated_q[good], record[0, good], RULES.again_near)

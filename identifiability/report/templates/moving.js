@@ -1,40 +1,32 @@
 // Robots along a recording: play, or drag the time; each robot can be hidden.
 function drawMoving(figure) {
-  const data = JSON.parse(figure.dataset.moving), canvas = figure.querySelector("canvas");
+  const data = JSON.parse(figure.dataset.moving), now = figure.querySelector(".now");
   const [play, time] = [figure.querySelector(".play"), figure.querySelector("input")];
   const buttons = [...figure.querySelectorAll("[data-robot]")], said = figure.querySelector("output");
-  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const robots = [...figure.querySelectorAll(".robots > g")];
   let started = null;
   const draw = () => {
-    const k = Number(time.value), box = canvas.getContext("2d"), dense = window.devicePixelRatio || 1;
-    [canvas.width, canvas.height] = [data.size[0] * dense, data.size[1] * dense];
-    box.scale(dense, dense);
-    box.lineCap = box.lineJoin = "round";
-    buttons.forEach((button, r) => {
-      if (button.getAttribute("aria-pressed") !== "true") return;
-      const points = data.robots[r][k];
-      if (!points) return;
-      box.strokeStyle = box.fillStyle = colour(`--${data.tones[r]}`);
-      box.lineWidth = r ? 2 : 8;
-      box.globalAlpha = r ? 1 : 0.35;
-      for (const [a, b] of data.lines) {
-        box.beginPath();
-        box.moveTo(points[2 * a], points[2 * a + 1]);
-        box.lineTo(points[2 * b], points[2 * b + 1]);
-        box.stroke();
-      }
-      for (let a = 0; a < data.joints; a++) {
-        box.beginPath();
-        box.arc(points[2 * a], points[2 * a + 1], r ? 3 : 5, 0, 2 * Math.PI);
-        box.fill();
-      }
+    const k = Number(time.value);
+    robots.forEach((group, r) => {
+      const p = data.robots[r][k], hidden = buttons[r]?.getAttribute("aria-pressed") === "false";
+      group.style.display = p && !hidden ? "" : "none";
+      if (!p) return;
+      const place = ([a, b]) => `M${p[2 * a]} ${p[2 * a + 1]}L${p[2 * b]} ${p[2 * b + 1]}`;
+      group.querySelector("path").setAttribute("d", data.lines.map(place).join(""));
+      group.querySelectorAll(".joint").forEach((dot, a) => {
+        dot.setAttribute("transform", `translate(${p[2 * a]} ${p[2 * a + 1]})`);
+        const missed = dot.querySelector(".missed");
+        if (missed) missed.setAttribute("r", 24 * Math.sqrt(data.misses[k][a]));
+      });
     });
-    said.textContent = [`${data.t[k].toFixed(2)} s`, ...data.errors.map((e) => e[k])].join(" \u00b7 ");
+    const share = (data.t[k] - data.t[0]) / (data.t.at(-1) - data.t[0]);
+    now?.setAttribute("transform", `translate(${400 * share} 0)`);
+    said.textContent = [`${data.t[k].toFixed(2)} s`, ...data.told.map((e) => e[k])].join(" \u00b7 ");
   };
-  const step = (now) => {
+  const step = (clock) => {
     if (started === null) return;
     const [first, last] = [data.t[0], data.t.at(-1)];
-    const t = first + ((now - started) / 1000) % Math.max(last - first, 1e-3);
+    const t = first + ((clock - started) / 1000) % Math.max(last - first, 1e-3);
     time.value = data.t.findLastIndex((x) => x <= t);
     draw();
     requestAnimationFrame(step);
@@ -52,6 +44,5 @@ function drawMoving(figure) {
     draw();
   });
   draw();
-  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
 }
 for (const figure of document.querySelectorAll("[data-moving]")) drawMoving(figure);

@@ -6,6 +6,7 @@ draw.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal
@@ -40,7 +41,6 @@ from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.target import Prior, Target
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
-from identifiability.workflows.analyze.assessment import ModelResult
 from identifiability.workflows.answers import sentence
 
 if TYPE_CHECKING:
@@ -112,11 +112,6 @@ class Summary:
     chains: Array
     prior_sensitivity: Array
     convergence: Convergence
-
-    @property
-    def draws(self) -> Array:
-        """All draws, (D, m)."""
-        return self.chains.reshape(-1, self.chains.shape[-1])
 
     @property
     def stated(self) -> np.ndarray:
@@ -216,41 +211,36 @@ def widen_interval(interval: Array, nonnegative: np.ndarray, moved: Array) -> Ar
     return np.column_stack([np.where(nonnegative, np.maximum(low, 0.0), low), high])
 
 
-def refine_verdicts(
-    result: ModelResult, belief: Belief, thresholds: Thresholds | None = None
-) -> tuple[Verdict, ...]:
+def refine_verdicts(verdicts: Sequence[Verdict], belief: Belief) -> tuple[Verdict, ...]:
     """Return the verdicts of a model with what the physical posterior adds.
 
     Verdicts on what the data determine stay. What they leave open may still be narrowed by
     bodies that can exist, or be no more than the prior.
     """
-    rules = thresholds or Thresholds()
-    physical = belief.physical
+    rules, physical, out = Thresholds(), belief.physical, list(verdicts)
     if physical is None or not physical.trustworthy or belief.standard is None:
-        return result.verdicts
+        return tuple(out)
     prior_sd, data_sd = belief.model_prior_sd, belief.model_data_sd
-    out = list(result.verdicts)
     for k, v in enumerate(out):
         # Like with like: the data alone, and data and prior, with and without bodies.
-        alone, variance = rules.constraint_variance * v.sigma_robust**2, physical.sd[k] ** 2
-        if not (v.open and variance < alone):
+        variance = physical.sd[k] ** 2
+        if not (v.open and variance < rules.constraint_variance * v.sigma_robust**2):
             continue
-        low, high = (float(x) for x in physical.interval[k])
+        low, high = physical.interval[k].tolist()
         by_bodies = variance < rules.constraint_variance * data_sd[k] ** 2
-        learned = 1 - physical.sd[k] / prior_sd[k] if prior_sd[k] > 0 else 0.0
-        flag, part = Flag.BY_PRIOR, "prior"
-        if by_bodies and learned >= rules.contraction:
-            flag, part = Flag.BY_CONE, "bodies"
+        learned = physical.sd[k] <= (1 - rules.contraction) * prior_sd[k]
+        flag, part = (Flag.BY_CONE, "bodies") if by_bodies and learned else (Flag.BY_PRIOR, "prior")
         if not physical.stated[k]:
-            out[k] = narrow(v, Flag.BY_PRIOR, sentence("decision.narrowed", "edge"), v.believed)
-            continue
+            flag, part = Flag.BY_PRIOR, "edge"
         text = sentence("decision.narrowed", part, span=f"{low:.3g} … {high:.3g} (95 %)")
-        out[k] = narrow(v, flag, text, (low, high))
+        out[k] = narrow(v, flag, text, v.believed if part == "edge" else (low, high))
     return tuple(out)
 
 
-def belief_dict(result: ModelResult, belief: Belief) -> dict[str, Any]:
+def belief_dict(names: Sequence[str], belief: Belief | None) -> dict[str, Any] | None:
     """Return a belief for JSON; numbers of a chain that did not converge are withheld."""
+    if belief is None:
+        return None
     out: dict[str, Any] = {"note": belief.note, "signs": None, "physical": None}
     for name, summary in (("signs", belief.signs), ("physical", belief.physical)):
         if summary is None:
@@ -264,16 +254,16 @@ def belief_dict(result: ModelResult, belief: Belief) -> dict[str, Any]:
             "acceptance": 1.0,  # every proposal is; it answers for one release
         }
         if summary.trustworthy:
-            known = {"name": result.submodel.columns, "mean": summary.mean, "sd": summary.sd}
             pairs = zip(summary.interval.tolist(), summary.stated, strict=True)
             ends = [pair if stated else None for pair, stated in pairs]
-            frame = pd.DataFrame({**known, "interval95": ends, "sway": summary.prior_sensitivity})
+            columns = {"name": names, "mean": summary.mean, "sd": summary.sd, "interval95": ends}
+            frame = pd.DataFrame({**columns, "sway": summary.prior_sensitivity})
             out[name]["parameters"] = frame.to_dict("records")
     if belief.standard is not None and belief.physical and belief.physical.trustworthy:
-        names = {"name": "names", "determined_by": "source"}
-        shown = ("name", "mean", "sd", "prior_mean", "prior_sd", "determined_by")
-        columns = {key: getattr(belief.standard, names.get(key, key)) for key in shown}
-        out["standard"] = pd.DataFrame(columns).to_dict("records")
+        keys = ("names", "mean", "sd", "prior_mean", "prior_sd", "source")
+        frame = pd.DataFrame({key: getattr(belief.standard, key) for key in keys})
+        told = {"names": "name", "source": "determined_by"}
+        out["standard"] = frame.rename(columns=told).to_dict("records")
     return out
 
 
@@ -287,26 +277,25 @@ PARAMETER, STANDARD = "parameter", "standard_parameter"
 
 def build_datatree(
     belief: Belief | None,
-    result: ModelResult,
+    submodel: Submodel,
     which: Which = "physical",
-    attributes: dict[str, str] | None = None,
+    attributes: Mapping[str, str] | None = None,
 ) -> DataTree:
     """Return a posterior of a model as ArviZ reads it.
 
     Group ``posterior`` holds ``phi`` of the model's parameters, by walker (a chain each) and draw;
     with ``which="physical"`` also ``standard`` of the standard parameters that the model does not
     hold. The coordinate ``ensemble`` says which chains started together, for
-    `arviz_stats.rhat_nested`. Group ``constant_data`` holds the estimate, its σ and unit, the
-    prior, and ``sway``, by how many sd a mean may move with the prior's density at edges. The
-    attribute ``trustworthy`` is 0, with the reasons beside it, where the chains have not converged.
+    `arviz_stats.rhat_nested`. Group ``constant_data`` holds the units. The attribute
+    ``trustworthy`` is 0, with the reasons beside it, where the chains have not converged.
 
     Parameters
     ----------
     belief : Belief or None
-    result : ModelResult
+    submodel : Submodel
         The model that the belief is about.
     which : {"physical", "signs"}
-    attributes : dict of str, optional
+    attributes : mapping of str, optional
         Further attributes, such as versions and seeds.
 
     Raises
@@ -323,38 +312,26 @@ def build_datatree(
         ) from None
     if belief is None:
         raise ModelError("The result has no posterior; ask for it with analyze(…, posterior=True).")
-    summary = belief.physical if which == "physical" else belief.signs
+    summary, standard = getattr(belief, which), belief.standard
     if summary is None:
         raise ModelError(f"The result has no posterior '{which}': {belief.note}.")
-    estimate, standard = result.estimate, belief.standard
-    draws = {"phi": _walkers(summary.chains, PARAMETER)}
-    constants = {
-        "estimate": (PARAMETER, estimate.value),
-        "sigma": (PARAMETER, estimate.sigma),
-        "sway": (PARAMETER, summary.prior_sensitivity),
-        "unit": (PARAMETER, [v.unit for v in result.verdicts]),
-    }
-    names = {PARAMETER: list(result.submodel.columns)}
-    if which == "physical" and standard is not None:
-        moving = np.ptp(standard.chains, axis=(0, 1, 2)) > 0
-        draws["standard"] = _walkers(standard.chains[..., moving], STANDARD)
-        constants["prior_mean"] = (STANDARD, standard.prior_mean[moving])
-        constants["prior_sd"] = (STANDARD, standard.prior_sd[moving])
-        names[STANDARD] = [n for n, moves in zip(standard.names, moving, strict=True) if moves]
-    ensembles, walkers, length = summary.chains.shape[:3]
-    along = {
+    ensembles, walkers, length, _ = summary.chains.shape
+    along: dict[str, Any] = {
         "chain": np.arange(ensembles * walkers),
         "draw": np.arange(length),
         "ensemble": ("chain", np.repeat(np.arange(ensembles), walkers)),
+        PARAMETER: list(submodel.columns),
     }
-    groups = {
-        "posterior": Dataset(draws, names | along),
-        "constant_data": Dataset(constants, names),
-    }
-    tree = DataTree.from_dict(groups)
+    draws = {"phi": _walkers(summary.chains, PARAMETER)}
+    if which == "physical" and standard is not None:
+        moving = np.ptp(standard.chains, axis=(0, 1, 2)) > 0
+        draws["standard"] = _walkers(standard.chains[..., moving], STANDARD)
+        along[STANDARD] = np.array(standard.names)[moving].tolist()
+    units = Dataset({"unit": (PARAMETER, list(submodel.units))}, {PARAMETER: along[PARAMETER]})
+    tree = DataTree.from_dict({"posterior": Dataset(draws, along), "constant_data": units})
     tree.attrs = {  # strings and numbers, which NetCDF can hold
         **(attributes or {}),
-        "model": result.name,
+        "model": submodel.name,
         "posterior": which,
         "trustworthy": int(summary.trustworthy),
         "reasons": " ".join(summary.convergence.reasons),

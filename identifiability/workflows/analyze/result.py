@@ -9,30 +9,33 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Self, get_args
 
 import numpy as np
 import pandas as pd
 
 from identifiability.effects import FAMILIES
 from identifiability.effects.vocabulary import every_parameter, file_kinds, values_in_file
+from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import Folds
-from identifiability.estimation.groups import NO_ALTERNATIVES, Alternatives
+from identifiability.estimation.fit import Fit
+from identifiability.estimation.groups import Alternatives
 from identifiability.estimation.prediction import (
     Prediction,
+    loaded_joints,
     measure_errors,
     measure_spread,
     widening,
 )
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.torque_errors import loaded_joints
-from identifiability.estimation.verdict import Class, Verdict, percent_of
+from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of, withdraw
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.findings import of_key
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import check_choice
@@ -50,15 +53,15 @@ from identifiability.foundation.rounding import (
 )
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, state_mass, state_masses
+from identifiability.physical.feasibility import PhysicalResult
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.rules import Thresholds as Believable
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import LadderSource
+from identifiability.regression.reduction import LadderSource, Submodel
+from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows import predict
-from identifiability.workflows.analyze.assessment import ModelResult
 from identifiability.workflows.analyze.belief import Belief, Which, belief_dict, build_datatree
 from identifiability.workflows.answers import (
     SIGMA,
@@ -69,7 +72,6 @@ from identifiability.workflows.answers import (
     answer_next,
     answer_quality,
     answer_trust,
-    bias_columns,
     grade_of,
     note,
     sentence,
@@ -84,14 +86,12 @@ from identifiability.workflows.commands import (
     on_file,
     source_name,
 )
-from identifiability.workflows.opening import state_provenance
+from identifiability.workflows.opening import Recordings, state_provenance
 from identifiability.workflows.predict import Predicts, settled
-from identifiability.workflows.session import Opening
 
 if TYPE_CHECKING:
     from xarray import DataTree
 
-    from identifiability.estimation.rollouts import Rollouts
     from identifiability.workflows.commanded import Moved
 
 #: Parameters and logs that a sentence names.
@@ -101,15 +101,203 @@ NAMED = 3
 WORSE = "no model predicts motion that it has not seen better than a constant torque would"
 
 
+# A model that was fitted and judged.
+
+
+#: Keys of models that answer for one release; null in JSON.
+GONE = (
+    *("error_joints", "error_joints_validation", "error_joints_validation_se"),
+    *("worse_at", "physical_margin"),
+)
+
+
+@frozen(kw_only=True)
+class ModelResult:
+    """A model that was fitted and judged.
+
+    Its errors are those of the values to use (`recommended`): what is said, written and predicted
+    with is the same.
+
+    Attributes
+    ----------
+    submodel : Submodel
+    estimate : Estimate
+    fit : Fit
+        The estimate with what is not known of it, term by term.
+    verdicts : tuple of Verdict
+    infeasible : tuple of str
+        Parameters with a sign that physics forbids, the paper's test.
+    physical : PhysicalResult or None
+        Whether a real robot has these parameters, and the nearest that has; None of a model of a
+        path that is not to be used.
+    fitted, unseen : Prediction
+        Of torque along the fitted logs and along unseen motion: by the estimate, and, where it was
+        asked for, by the nearest real robot and by what robot files hold of it alone, one of the
+        robot's own format and one of the other.
+    spread : float
+        Relative standard error of the difference of its error on folds to the best model's.
+    """
+
+    submodel: Submodel
+    estimate: Estimate
+    fit: Fit
+    verdicts: tuple[Verdict, ...]
+    infeasible: tuple[str, ...]
+    physical: PhysicalResult | None
+    fitted: Prediction
+    unseen: Prediction
+    spread: float
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self.submodel.name
+
+    @cached_property
+    def real(self) -> Submodel | None:
+        """The model as the nearest real robot has it, if its values are those to use.
+
+        They are unless the estimate is surely better on folds and unseen motion does not refute
+        that, by more than its standard error: one motion does not tell what extrapolates. What its
+        bodies cannot do without although the model leaves it out is held. None where they cannot
+        have alike what the model ties.
+        """
+        real, M = self.physical, self.submodel.M
+        if real is None or not (real.as_good or self.unseen.surely_better(1, 0)):
+            return None
+        apart = real.base - M @ real.value
+        fixed = np.where(M.any(axis=1), self.submodel.fixed, apart)
+        reach = NEARLY * np.abs(real.base).max(initial=0.0)
+        return replace(self.submodel, fixed=fixed) if np.abs(apart - fixed).max() <= reach else None
+
+    @property
+    def physical_used(self) -> bool:
+        """Whether the values to use are those of the nearest real robot."""
+        return self.real is not None
+
+    @property
+    def recommended(self) -> Array:
+        """Values to predict with, (k,): physically consistent ones where they are as good."""
+        real = self.physical
+        return real.value if real is not None and self.physical_used else self.estimate.value
+
+    @cached_property
+    def used(self) -> tuple[Prediction, Prediction]:
+        """By the values to use alone: along the fitted logs, and along unseen motion."""
+        at = [int(self.physical_used)]
+        return self.fitted.select(at), self.unseen.select(at)
+
+    @property
+    def error_ra(self) -> float:
+        """ε_RA of the values to use, on the logs that were fitted."""
+        return float(self.fitted.relative_error()[int(self.physical_used)])
+
+    @property
+    def error_ra_validation(self) -> float:
+        """The same on unseen motion."""
+        return float(self.unseen.relative_error()[int(self.physical_used)])
+
+    def unseen_by(self, which: int) -> float:
+        """Return ε_RA on unseen motion of the estimate (0), the real robot (1), files (2, 3)."""
+        every = self.unseen.relative_error()
+        return float(every[which]) if which < len(every) else float("nan")
+
+    @property
+    def error_se(self) -> float:
+        """Standard error of the difference of its unseen ε_RA to the best model's."""
+        return self.spread * self.error_ra_validation
+
+    @property
+    def paper_identified(self) -> int:
+        """How many parameters pass the 10× rule."""
+        return int(self.estimate.paper_rule.sum())
+
+    @property
+    def feasible(self) -> bool:
+        """Whether a real robot has these parameters: bodies with mass, friction that brakes."""
+        return not self.infeasible and (self.physical is None or self.physical.feasible)
+
+    @property
+    def contradicted(self) -> str:
+        """What has for certain a sign that physics forbids, for after "because", if any has."""
+        sure = [v for v in self.verdicts if Flag.IN_DOUBT in v.flags and v.interval95[1] < 0]
+        wrong = [v.name for v in sure if v.name in self.infeasible]
+        return f"{listing(wrong, 4)} would have a sign that physics forbids" if wrong else ""
+
+    @property
+    def unjudged(self) -> str:
+        """Why none of its parameters is judged; nothing if some are."""
+        reasons = [v.reason for v in self.verdicts if Flag.NOT_JUDGED in v.flags]
+        return reasons[0] if reasons and len(reasons) >= self.estimate.determined.sum() else ""
+
+    def count(self, kind: Class | Flag) -> int:
+        """Return how many parameters got a verdict, or a flag."""
+        return sum(kind in (v.verdict, *v.flags) for v in self.verdicts)
+
+    def withdraw(self, why: str) -> Self:
+        """Return the model with no parameter believed, for one reason."""
+        return replace(self, verdicts=withdraw(self.verdicts, why))
+
+    def row(self) -> dict[str, Any]:
+        """Return the model as one row of the ladder."""
+        return {
+            "name": self.name,
+            "description": self.submodel.description,
+            "parameters": len(self.submodel),
+            "paper_identified": self.paper_identified,
+            "identifiable": self.count(Class.IDENTIFIABLE),
+            "not_judged": self.count(Flag.NOT_JUDGED),
+            "error_ra": self.error_ra,
+            "error_ra_validation": self.error_ra_validation,
+            "error_ra_validation_se": self.error_se,
+            "error_ra_free": self.unseen_by(0),
+            "error_ra_physical": self.unseen_by(1),
+            "infeasible": list(self.infeasible),
+            "feasible": self.feasible,
+            "signs_possible": not self.infeasible,
+            "condition": self.estimate.condition,
+            **dict.fromkeys(GONE),
+        }
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return its parameters as rows: verdicts, and the values that are used of them."""
+        pairs = zip(self.verdicts, self.recommended.tolist(), self.meanings, strict=True)
+        return [{**v.to_row(), "used": x, "used_stands_for": text} for v, x, text in pairs]
+
+    @property
+    def meanings(self) -> tuple[str, ...]:
+        """What each value to use stands for, where it surely is not what the name says; else "".
+
+        A reduced model's parameters take over some of what it leaves out, and of what is missing
+        beside all base parameters: its values are such combinations, and labels are not.
+        """
+        beside = self.fit.alternatives
+        told = []
+        for k, (v, value) in enumerate(zip(self.verdicts, self.recommended, strict=True)):
+            text = v.stands_for
+            if beside is not None and beside.named[k]:
+                text = f"{text or v.name} and a share of {beside.names[k]}"
+            far = abs(value - v.value) > REACH * v.sigma_robust
+            told.append(text if far and self.estimate.determined[k] else "")
+        return tuple(told)
+
+
 # What analyze and prune answer alike about the model to use of a ladder.
 
 
 @frozen(kw_only=True)
-class Laddered(Result, Opening, Predicts):
+class Laddered(OfStructure, Result, Predicts):
     """A ladder of models, of which one is to be used.
 
     Attributes
     ----------
+    structure : Structure
+    samples, validation : tuple of Dataset
+        Logs that are fitted, and that are held out.
+    hints : tuple of str
+        What seems to be wrong with robot file and logs, for the user to check.
+    recordings : Recordings
+        What they were prepared from.
     models : tuple of ModelResult
         The unpruned one first.
     information : Information
@@ -118,37 +306,32 @@ class Laddered(Result, Opening, Predicts):
         The model to use.
     everywhere : Prediction or None
         By the values to use along unseen motion, where joints stand, too; None where none does.
-    method, seed
-        As asked for.
     source : LadderSource or None
         Where the models came from.
     settings : mapping
-        Other options that decided the numbers.
+        Options that decided the numbers.
     nothing : str
         Why no verdict is believed, for after "because"; empty where they are.
     missing : Alternatives
         What may be missing beside the unpruned model.
-    moved : Moved or None
-        How far rollouts of the nearest real robot are off, of logs of commands.
     late : (w, b)
         By how much base parameters move by errors that all samples of a log share.
-    rolled : Rollouts or None
-        On which torque of commands was calibrated: delays and their errors.
     """
 
+    structure: Structure
+    samples: tuple[Dataset, ...]
+    validation: tuple[Dataset, ...]
+    hints: tuple[str, ...]
+    recordings: Recordings
     models: tuple[ModelResult, ...]
     information: Information
     selected: int
-    everywhere: Prediction | None = None
-    method: str
-    seed: int
+    everywhere: Prediction | None
     source: LadderSource | None = None
-    settings: Mapping[str, object] = field(default_factory=dict)
-    nothing: str = ""
-    missing: Alternatives = NO_ALTERNATIVES
-    moved: Moved | None = None
+    settings: Mapping[str, Any]
+    nothing: str
+    missing: Alternatives
     late: Array
-    rolled: Rollouts | None = None
 
     @property
     def chosen(self) -> ModelResult:
@@ -182,45 +365,44 @@ class Laddered(Result, Opening, Predicts):
     @property
     def commands_next(self) -> list[tuple[str, str]]:
         """At most three lines for the terminal, the most useful first."""
-        robot, verb = source_name(self.robot), self.schema.split("/")[1]
-        verb = "prune" if verb == "pruning" else "analyze"
-        names, how = given_paths(self.samples), self.settings.get("preparation")
-        logs, held = name_logs(self.robot, names, how=how), held_back(self.validation)
+        robot, verb = source_name(self.robot), "prune" if "pruning" in self.schema else "analyze"
+        names, how = given_paths(self.samples), self.settings["preparation"]
+        logs = name_logs(self.robot, names, how=how)
         if self.nothing:
             return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
         chosen, given = self.chosen, ladder_option(self.robot, self.source)
-        again = f"identifiability {verb} {robot} {logs}{held}{given}"
-        text = "Find out what the model misses:"
-        find = f"identifiability diagnose {robot} {logs}{held} --report missing.html"
+        of = f"{robot} {logs}{held_back(self.validation)}"
+        again = f"identifiability {verb} {of}{given}"
+        find = f"identifiability diagnose {of}"
         if verb == "prune":
-            find = find.replace(" --report", " --model {file} --report")
-            find = on_file(self, "model", "pruned.toml", f"{again} --out", find)
-        missing, out = (text, find), []
-        suspect = bool(self.missing.functions or chosen.contradicted)
-        if suspect or grade_of(chosen.error_ra_validation) != "very-good":
-            out.append(missing)
+            find = on_file(
+                self, "model", "pruned.toml", f"{again} --out", f"{find} --model {{file}}"
+            )
+        missing = [("Find out what the model misses:", f"{find} --report missing.html")]
+        out = []
         if verb == "analyze" and chosen.count(Class.IDENTIFIABLE) < len(chosen.submodel):
             text = "Drop what noise decides, and keep a model that a real robot can have:"
-            more = f"{given} --report pruned.html --json prune.json"
-            out.append((text, f"identifiability prune {robot} {logs}{held}{more}"))
+            line = f"identifiability prune {of}{given} --report pruned.html --json prune.json"
             begun = name_logs(self.robot, names, "--start-from", how)
-            line = f"identifiability excite {robot} {begun} --out next.json"
-            out.append(("Or measure what these logs leave open:", line))
+            more = f"identifiability excite {robot} {begun} --out next.json"
+            out = [(text, line), ("Or measure what these logs leave open:", more)]
         text, name = name_export(self.robot, *self.exported)
-        unseen = name_logs(self.robot, given_paths(self.validation or self.samples))
-        what = "Predict torque, of this log or another:"
-        uses = {text: f"export {robot} {{file}} --out {name}"}
-        uses |= {what: f"predict {robot} {{file}} {unseen} --out torque.csv"}
-        for what, use in uses.items():
-            line = f"identifiability {use}"
-            out.append((what, on_file(self, "json", f"{verb}.json", f"{again} --json", line)))
-        return [*out, *([] if missing in out else [missing])][:3]
+        line = f"identifiability export {robot} {{file}} --out {name}"
+        out.append((text, on_file(self, "json", f"{verb}.json", f"{again} --json", line)))
+        suspect = bool(self.missing.functions or chosen.contradicted)
+        first = suspect or grade_of(chosen.error_ra_validation) != "very-good"
+        return ([*missing, *out] if first else [*out, *missing])[:3]
 
     @cached_property
     def provenance(self) -> dict[str, str]:
-        """Versions, seed, options, and hashes of the inputs."""
-        logs, options = (*self.samples, *self.validation), {"method": self.method, **self.settings}
-        return state_provenance(self.robot, logs, self.seed, self.source, options)
+        """Versions, options, and hashes of the inputs."""
+        logs, options = (*self.samples, *self.validation), self.settings
+        return state_provenance(self.robot, logs, options["seed"], self.source, options)
+
+    @cached_property
+    def moved(self) -> Moved | None:
+        """How far rollouts of the nearest real robot are off, of logs of commands."""
+        return self.recordings.measure_rollouts(self.robot, self.real_robot["parameters"])
 
     @cached_property
     def fit(self) -> predict.Fit:
@@ -318,37 +500,34 @@ class Laddered(Result, Opening, Predicts):
         real = self.real_robot
         return "" if self.nothing else state_mass(self.robot, real["parameters"], real["cad_prior"])
 
-    @property
-    def doubt(self) -> str:
-        """Why nothing is believed, in one sentence; empty where it is."""
-        return f"Nothing is identifiable, because {self.nothing}." if self.nothing else ""
-
     def answers(self) -> tuple[Answer, ...]:
         """Return what to use, how good it is, whether to trust it, what to do next."""
-        chosen = self.chosen
         return (
             after_mass(self._answer_use(), self.mass_warning),
             self._answer_quality(),
-            answer_trust(
-                self.cautions(),
-                self.doubt or chosen.unjudged,
-                chosen.count(Class.IDENTIFIABLE),
-                len(chosen.submodel),
-                self.missing.statement,
-            ),
+            self._answer_trust(),
             answer_next(self.commands_next),
         )
 
+    def _answer_trust(self) -> Answer:
+        """Return whether the result may be trusted."""
+        found, doubt = self.chosen.count(Class.IDENTIFIABLE), self.chosen.unjudged
+        if self.nothing:
+            doubt = f"Nothing is identifiable, because {self.nothing}."
+        size, missing = len(self.chosen.submodel), self.missing.statement
+        return answer_trust(self.cautions(), doubt, found, size, missing)
+
     @property
     def statement(self) -> str:
-        """The answer in plain words, behind a wrong mass, with what is odd."""
-        use, quality = self._answer_use(), self._answer_quality()
-        told = self.doubt or f"{use.short} {use.text} {quality.short} {quality.text}"
-        tilt = self.robot.tilt
-        about = "" if tilt is None else f"In this model gravity {tilt.text}."
-        moved = "" if self.moved is None else self.moved.statement
-        parts = self.mass_warning, self.weight, told, moved, about, *self.hints
-        return " ".join(filter(None, parts))
+        """The answers in plain words, behind a wrong mass, with what is odd."""
+        told, tilt = [self._answer_trust()], self.robot.tilt
+        parts = [told[0].text]
+        if not self.nothing:
+            told = [self._answer_use(), self._answer_quality(), *told]
+            parts = [f"{a.short} {a.text}" for a in told]
+        parts += [] if tilt is None else [f"In this model gravity {tilt.text}."]
+        parts += [] if self.moved is None else [self.moved.statement]
+        return " ".join(filter(None, (self.mass_warning, self.weight, *parts, *self.hints)))
 
     @property
     def weight(self) -> str:
@@ -370,10 +549,11 @@ class Laddered(Result, Opening, Predicts):
 
     def _answer_quality(self) -> Answer:
         """Return how well the values to use predict, and beside it what that leaves out."""
-        each, kind = self.held_out.joint_error()[:, 0], self.validation_kind
-        more = "" if self.nothing else " ".join(filter(None, (self._beside(), self._in_file())))
+        each, more = self.held_out.joint_error()[:, 0], [f"Measured on {self.validation_kind}."]
+        if not self.nothing:
+            more += [self._beside(), self._in_file()]
         error = self.chosen.error_ra_validation
-        return answer_quality(error, self.robot.joints, each, kind, more)
+        return answer_quality(error, self.robot.joints, each, " ".join(filter(None, more)))
 
     @property
     def left_out(self) -> dict[str, float]:
@@ -425,17 +605,17 @@ class Laddered(Result, Opening, Predicts):
 
     def cautions(self) -> tuple[Note, ...]:
         """Return what is to be kept in mind, gravest first."""
-        kinds = {"commands": "commands", "reading": "read"}
-        notes = [note(kinds.get(getattr(h, "key", ""), "hint"), hint=h) for h in self.hints]
-        if self.nothing:
-            notes.append(note("nothing", why=f"{self.nothing[0].upper()}{self.nothing[1:]}"))
-        notes += self._notes()
         order = {"warning": 0, "note": 1, "good": 2}
-        return tuple(sorted(notes, key=lambda n: order[n.level]))
+        return tuple(sorted(self._notes(), key=lambda n: order[n.level]))
 
     def _notes(self) -> Iterator[Note]:
         """Say what physics, the motion, its samples and the fit speak against."""
         chosen, base, kept = self.chosen, self.base, self.full.estimate.kept
+        kinds = {"commands": "commands", "reading": "read"}
+        for hint in self.hints:
+            yield note(kinds.get(getattr(hint, "key", ""), "hint"), hint=hint)
+        if self.nothing:
+            yield note("nothing", why=f"{self.nothing[0].upper()}{self.nothing[1:]}")
         for found in of_key(self.findings, "unclosed", "singular"):
             yield note(found.key, log=found.subject, text=found)
         if not np.isfinite(chosen.error_ra_validation):
@@ -513,7 +693,7 @@ class Laddered(Result, Opening, Predicts):
             "preparation": {
                 s.path or s.name: list(s.notes) for s in (*self.samples, *self.validation)
             },
-            "method": self.method,
+            "method": self.settings["method"],
             "estimator": used.estimate.estimator.name,
             "provenance": self.provenance,
         }
@@ -575,10 +755,6 @@ class Analysis(Laddered):
         physically feasible ones first.
     belief : Belief or None
         Posteriors of the selected model, where they were asked for.
-    thresholds
-        As asked for.
-    recordings : tuple of Log
-        What the fitted logs were prepared from.
     folds : Folds or None
         What is predicted from the rest of the fitted logs; None where nothing was fitted.
     """
@@ -586,15 +762,13 @@ class Analysis(Laddered):
     schema: ClassVar[str] = "identifiability/analysis/1"
 
     belief: Belief | None = None
-    thresholds: Thresholds = field(default_factory=Thresholds)
-    recordings: tuple[Log, ...] = ()
     folds: Folds | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
         base, chosen = self.base, self.chosen
         return super().to_dict() | {
-            "posterior": None if self.belief is None else belief_dict(chosen, self.belief),
+            "posterior": belief_dict(chosen.submodel.columns, self.belief),
             "structure": {
                 "parameters": len(base.parameters),
                 "rank": base.rank,
@@ -620,7 +794,7 @@ class Analysis(Laddered):
             If there is no such posterior, or no package to hold it.
         """
         check_choice("posterior", posterior, get_args(Which))
-        return build_datatree(self.belief, self.chosen, posterior, self.provenance)
+        return build_datatree(self.belief, self.chosen.submodel, posterior, self.provenance)
 
     @property
     def validation_kind(self) -> str:
@@ -637,7 +811,7 @@ class Analysis(Laddered):
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
         believed = () if self.belief is None else (Believable(), POSTERIOR_RULES)
-        return (self.thresholds, ESTIMATION_RULES, *believed)
+        return (Thresholds(), ESTIMATION_RULES, *believed)
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models, the errors by joint and by log, the parameters of the model to use."""
@@ -645,29 +819,18 @@ class Analysis(Laddered):
         return (models, *error_tables(self), parameter_table(self, self.chosen))
 
     def _answer_use(self) -> Answer:
-        chosen, base, full = self.chosen, self.base, self.full
+        chosen, base = self.chosen, self.base
         question = "What do the logs determine, and which model to use?"
         size = f"Of {len(base.parameters)} parameters {base.rank} can be told apart by any motion."
         if self.nothing:
             return Answer(question, "Nothing, and none.", size, "vermilion")
         title, count = model_title(chosen), f"{len(chosen.submodel)} parameters"
-        found = f"{chosen.count(Class.IDENTIFIABLE)} of {count} identifiable"
-        short = f"{title[0].upper()}{title[1:]}: {found}."
+        short = f"{title[0].upper()}{title[1:]}: {found_cell(chosen).text} of {count} identifiable."
         if chosen.unjudged:
             short = f"Nothing is judged in {title} of {count}."
-        if chosen is not full:
-            size += f" The unpruned {model_title(full)} keeps all {len(full.submodel)} of them"
-            size += "." if full.unjudged else f", {full.count(Class.IDENTIFIABLE)} identifiable."
-        told = [size, self._reduced(), say_unjudged(chosen)]
-        kept = full.estimate.kept
-        if not (chosen.unjudged or any(m.count(Class.IDENTIFIABLE) for m in self.models)):
-            few = f"The motion excites only {len(kept)} of these, and noise hides them."
-            told.append(few if len(kept) < base.rank else "Noise hides all of them.")
-        if self.missing.functions:
-            missing = self.missing.statement
-            told.append(f"That holds only if nothing is missing: {missing}: diagnose.")
-        text = " ".join(filter(None, (*told, state_physics(chosen))))
-        return Answer(question, short, text, "blue" if chosen.feasible else "amber")
+        told = size, self._reduced(), say_unjudged(chosen), state_physics(chosen)
+        tone = "blue" if chosen.feasible else "amber"
+        return Answer(question, short, " ".join(filter(None, told)), tone)
 
 
 def say_unjudged(chosen: ModelResult) -> str:
@@ -812,7 +975,6 @@ def parameter_table(analysis: Laddered, result: ModelResult) -> Table:
             detail=True,
         ),
         Column("σ is of", get=_terms_cell, detail=True),
-        *bias_columns(result.verdicts),
         Column("used", "number", in_model, detail=not any(result.meanings)),
         Column("robot file", "number", lambda v: stated_text(stated[v.name], v.sigma_robust)),
         Column("share of torque", "bar", share),

@@ -1,32 +1,64 @@
-"""The main job: robot and logs in, one verdict per parameter and a model to use out."""
+"""The main job: robot and logs in, one verdict per parameter and a model to use out.
+
+Models are fitted, each with the nearest real robot (`settle_robot`); what noise, other motion and
+what is left out leave open is completed (`complete_fit`), every parameter is judged
+(`decide_model`), and one model is selected.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+import scipy
 
 from identifiability.effects.base import move_mounting
-from identifiability.estimation.estimate import Kind, Method, find_estimator, settle_noise
-from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
+from identifiability.estimation.estimate import (
+    Kind,
+    Method,
+    find_estimator,
+    fit_whole,
+    settle_noise,
+)
+from identifiability.estimation.estimator import (
+    Estimate,
+    Estimator,
+    dependence,
+    forbidden_signs,
+    leave_open,
+)
+from identifiability.estimation.evidence import Evidence, Folds, HeldOut, Score, near_best
+from identifiability.estimation.fit import Fit, find_left_out
+from identifiability.estimation.groups import Alternatives
+from identifiability.estimation.noise import Noise
+from identifiability.estimation.prediction import Prediction, Task, predict, predict_all, widening
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.torque_errors import Turns
+from identifiability.estimation.verdict import Flag, Verdict, judge, narrow
 from identifiability.foundation.engines import Engine, one_thread
-from identifiability.foundation.errors import ModelError
+from identifiability.foundation.errors import LogError, ModelError, listing
 from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import NotNegative, Replicates, Seed, checked, settle_count
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.instruments import noise_again
-from identifiability.logs.prepare.preparation import SettledPreparation, settle_cutoff
+from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Band
-from identifiability.physical.fitted_model import FittedModel
+from identifiability.physical.cad_prior import WEAK, WEIGHTS, combine_with_file
+from identifiability.physical.feasibility import (
+    PhysicalResult,
+    certify_model,
+    choose_prior,
+    find_nearest,
+    leave_undecided,
+)
+from identifiability.physical.fitted_model import FittedModel, LeastSquares
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import (
@@ -38,18 +70,145 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.analyze.assessment import (
-    ModelResult,
-    Settled,
-    assess_ladder,
-    fit_ladder,
-    select_model,
-    tell_with_file,
-)
 from identifiability.workflows.analyze.belief import Belief, form_belief, refine_verdicts
-from identifiability.workflows.analyze.result import Analysis, compare_logs, doubt
+from identifiability.workflows.analyze.result import Analysis, ModelResult, compare_logs, doubt
 from identifiability.workflows.opening import Logs, Progress, quiet, running, share
 from identifiability.workflows.session import Session, Weighed, find_missing, settle_prior
+
+# Models are fitted, and the real robot nearest to each is sought.
+
+
+@frozen
+class Settled:
+    """A fitted model with the nearest real robot, and what both predict in turns.
+
+    Attributes
+    ----------
+    model : FittedModel
+    robot : PhysicalResult
+    free, real : Score or None
+        Of the estimated values and of the nearest real robot, on folds; None where there are none.
+    crossed : (F, b, 2)
+        Base parameters of both, found from each fold's rest.
+    """
+
+    model: FittedModel
+    robot: PhysicalResult
+    free: Score | None
+    real: Score | None
+    crossed: Array
+
+    @property
+    def values(self) -> Array:
+        """Base parameters (b, 4): as estimated, and of the nearest real robot.
+
+        Then what a robot file holds of the latter: of its own format, and of the other.
+        """
+        free = self.model.submodel.expand(self.model.estimate.value)
+        return np.column_stack([free, self.robot.base, *self.robot.in_files])
+
+    @property
+    def turned(self) -> Array:
+        """The same found from each fold's rest, (F, b, 4); files lack as much as of the whole."""
+        lacking = self.values[:, 2:] - self.values[:, 1:2]
+        return np.concatenate([self.crossed, self.crossed[:, :, 1:] + lacking], axis=2)
+
+
+def fit_ladder(
+    structure: Structure,
+    submodels: Sequence[Submodel],
+    information: Information,
+    estimator: Estimator,
+    cad_weight: float | None,
+) -> tuple[list[Settled], Folds, str]:
+    """Fit models with their real robots; return also the folds, and why they choose nothing.
+
+    Parameters
+    ----------
+    cad_weight : float or None
+        Of the prior around the robot file; by default predictions choose it (`choose_prior`).
+    """
+    held_out, short = hold_folds(information, estimator)
+    found: list[Settled] = []
+    for submodel in submodels:  # a smaller one asks for no heavier prior than the unpruned
+        model = FittedModel.of(structure, submodel, information, estimator)
+        heaviest = found[0].robot.cad_weight if found else np.inf
+        found.append(settle_robot(model, held_out, cad_weight, heaviest, choose=not short))
+    return found, held_out.folds, short
+
+
+def leave_ladder(
+    structure: Structure,
+    submodels: Sequence[Submodel],
+    information: Information,
+    estimator: Estimator,
+    silence: str,
+) -> list[Settled]:
+    """Return models of which nothing is fitted, because there is nothing to explain."""
+    none, found = np.empty((0, information.size, 2)), []
+    for submodel in submodels:
+        part = submodel.reduce(information)
+        what = structure, submodel, information, part, leave_open(part, estimator)
+        robot = leave_undecided(structure, submodel, silence)
+        found.append(Settled(FittedModel(*what), robot, None, None, none))
+    return found
+
+
+def hold_folds(information: Information, estimator: Estimator) -> tuple[HeldOut, str]:
+    """Return folds of the fitted logs; those of logs too short for a choice, and why they are."""
+    fit = estimator.fit(information)
+    noise = Noise.of(fit.variance, fit.times)
+    try:
+        return HeldOut.of(information, noise), ""
+    except LogError as error:
+        short = (
+            "Whether values of a robot that can exist predict as well, and how strongly the robot "
+            f"file's bodies pull, could not be asked: {error}"
+        )
+        return HeldOut.of(information, noise, Folds.short(information)), short
+
+
+def settle_robot(
+    model: FittedModel,
+    held_out: HeldOut,
+    cad_weight: float | None,
+    heaviest: float = np.inf,
+    *,
+    choose: bool = True,
+    certified: Sequence[Any] = (),
+) -> Settled:
+    """Return the nearest real robot of a model, and what both predict in turns.
+
+    Parameters
+    ----------
+    model : FittedModel
+    held_out : HeldOut
+        Folds of what was fitted.
+    cad_weight : float or None
+        As in `fit_ladder`.
+    heaviest : float
+        Weight that is tried.
+    choose : bool
+        Whether folds may choose; else the prior is weak, unless it is given.
+    certified : (Certificate or None, str), optional
+        What `certify_model` says of it, where that is known.
+    """
+    submodel, fit = model.submodel, model.estimate
+    free = held_out.refit(fit, submodel.M, submodel.fixed)
+    score = held_out.score(free)
+    weight = WEAK if cad_weight is None and not choose else cad_weight
+    tried = [w for w in WEIGHTS if w <= heaviest] if weight is None else [weight or WEIGHTS[-1]]
+    chosen = choose_prior(model, held_out, score, tried)
+    if weight is None:
+        weight = WEAK if chosen is None else chosen.weight
+    robot = find_nearest(model, weight)
+    certificate, said = certified or certify_model(model)
+    robot = replace(robot, certificate=certificate, sentence=said + robot.sentence)
+    if chosen is None:
+        return Settled(model, robot, score, None, np.stack([free, np.full_like(free, np.nan)], 2))
+    if choose:
+        robot = replace(robot, as_good=chosen.as_good)
+    return Settled(model, robot, score, chosen.score, np.stack([free, chosen.values], 2))
 
 
 @frozen
@@ -77,25 +236,28 @@ class SharedErrors:
     @classmethod
     def of(cls, session: Session, rows: Weighed) -> SharedErrors:
         """Return them for samples that are fitted."""
-        opening, how = rows.opening, session.how
-        if opening.silence:
-            return cls(rows.alike, {}, rows.estimator)
-        delay, bias = list[Information](), tuple[Information, ...]()
-        for logs in session.recordings.later:
+        opening, how, others = rows.opening, session.how, dict[str, tuple[Information, ...]]()
+
+        def gather(samples: Sequence[Dataset]) -> Information:
+            return gather_information(opening.structure.regression(samples))
+
+        delay = []
+        for logs in () if opening.silence else session.recordings.later:
             samples = list(opening.samples)
             for k, log in logs.items():
                 own, moved = samples[k], prepare_log(opening.robot, log, how)
                 if moved.tau.shape == own.tau.shape:
                     samples[k] = replace(own, tau=moved.tau)
-            delay.append(gather_information(opening.structure.regression(samples)))
-        band = how.band if isinstance(how, SettledPreparation) else None
+            delay.append(gather(samples))
+        if delay:
+            others["delay"] = tuple(delay)
+        band = how.band if isinstance(how, SettledPreparation) and not opening.silence else None
         loud = band is not None and band.noise > LOG_RULES.noise_share
         if loud and not (rows.estimator.instruments or session.recordings.commanded):
             pairs = zip(session.recordings.fitted, opening.samples, strict=True)
-            samples = [_noisier(opening.robot, log, own, how) for log, own in pairs]
-            bias = (gather_information(opening.structure.regression(samples)),)
-        each = {"delay": tuple(delay), "bias": bias}
-        return cls(rows.alike, {name: x for name, x in each.items() if x}, rows.estimator)
+            noisier = [_noisier(opening.robot, log, own, how) for log, own in pairs]
+            others["bias"] = (gather(noisier),)
+        return cls(rows.alike, others, rows.estimator)
 
     def move(self, submodel: Submodel) -> dict[str, Array]:
         """Return by how much each of them moves the values of a model, (w, k)."""
@@ -119,28 +281,211 @@ def _noisier(robot: Robot, log: Log, own: Dataset, how: Preparation) -> Dataset:
     return replace(own, motion=moved.motion) if alike else own
 
 
+# What is judged of each.
+
+
+def complete_fit(
+    model: FittedModel,
+    rng: np.random.Generator,
+    replicates: int,
+    full: Estimate | None,
+    missing: Alternatives,
+    late: Callable[[Submodel], Mapping[str, Array]] | None = None,
+    real: PhysicalResult | None = None,
+) -> Fit:
+    """Return a fit with all that its model leaves open, and what it leaves out.
+
+    Parameters
+    ----------
+    model : FittedModel
+    rng : numpy.random.Generator
+    replicates : int
+        Of the bootstrap.
+    full : Estimate or None
+        Of all base parameters.
+    missing : Alternatives
+        What may be missing beside these.
+    late : callable(Submodel), optional
+        What errors that all samples share do to the values of a model, by name.
+    real : PhysicalResult, optional
+        The nearest real robot: it may be right, too, where it predicts as well.
+    """
+    estimate = model.estimate
+    fit = Fit.of(model.information, estimate, rng, replicates)
+    shared = {**fit.shared, **(late(model.submodel) if late else {})}
+    if real is not None and real.as_good and real.nearest is not None:
+        apart = model.to_x @ real.nearest.phi - estimate.value
+        shared["prior"] = np.where(estimate.determined, apart, 0.0)[None]
+    return replace(
+        fit,
+        shared=shared,
+        left_out=find_left_out(model.structure, model.submodel, model.whole, estimate, full),
+        alternatives=missing.of_labels(model.submodel, estimate),
+    )
+
+
+def decide_model(
+    model: FittedModel, fit: Fit, torque: float
+) -> tuple[tuple[Verdict, ...], tuple[str, ...]]:
+    """Return the verdicts on a model, and its parameters with a sign that physics forbids.
+
+    Parameters
+    ----------
+    model : FittedModel
+    fit : Fit
+    torque : float [N·m or N]
+        Root mean square of the measured torque.
+    """
+    submodel, part = model.submodel, model.information
+    apart = model.structure.nominal_base - submodel.fixed
+    stated = np.linalg.lstsq(submodel.M, apart, rcond=None)[0]
+    aliases = _aliases(part, model.estimate, submodel)
+    forbidden = forbidden_signs(part, model.estimate, submodel.nonnegative)
+    verdicts = judge(fit, submodel.labels, submodel.units, torque, aliases, forbidden, stated)
+    return verdicts, tuple(np.array(submodel.columns, object)[forbidden])
+
+
+def assess_ladder(
+    settled: Sequence[Settled],
+    fitted: Prediction,
+    unseen: Prediction,
+    judged: Sequence[Evidence],
+    rng: np.random.Generator,
+    replicates: int,
+    missing: Alternatives,
+    late: Callable[[Submodel], Mapping[str, Array]] | None = None,
+) -> tuple[ModelResult, ...]:
+    """Return the results of all m models.
+
+    Parameters
+    ----------
+    settled : sequence of Settled
+    fitted, unseen : Prediction
+        By the four accounts of each (`Settled.values`), on the logs that were fitted and on others.
+    judged : sequence of Evidence
+        Of each model against the best, on folds; empty where nothing was fitted.
+    rng, replicates, missing, late
+        As of `complete_fit`.
+    """
+    torque, first = float(np.sqrt(np.mean(fitted.rms**2))), settled[0].model
+    full = fit_whole(first.estimate.estimator, first.whole) if first.estimate.kept else None
+    what, results = (rng, replicates, full, missing, late), []
+    for k, one in enumerate(settled):
+        model, at = one.model, range(4 * k, 4 * k + 4)
+        fit = complete_fit(model, *what, one.robot)
+        verdicts, infeasible = decide_model(model, fit, torque)
+        result = ModelResult(
+            submodel=model.submodel,
+            estimate=model.estimate,
+            fit=fit,
+            verdicts=verdicts,
+            infeasible=infeasible,
+            physical=one.robot,
+            fitted=fitted.select(at),
+            unseen=unseen.select(at),
+            spread=judged[k].error.se if judged else float("nan"),
+        )
+        results.append(result)
+    return tuple(results)
+
+
+Judged = TypeVar("Judged", bound=ModelResult)
+
+
+def tell_with_file(model: FittedModel, result: Judged, share: float) -> tuple[Judged, str]:
+    """Return a result whose verdicts say what the file's bodies add, and what logs say of these.
+
+    What logs determine stays; what they leave open may be narrowed by bodies within a share of the
+    file's.
+
+    Parameters
+    ----------
+    model : FittedModel
+    result : ModelResult
+    share : float
+        0 for none.
+    """
+    robot, fit, rules = model.structure.robot, model.estimate, Thresholds()
+    if not (share or robot.prior or robot.said.prior_share) or not fit.kept:
+        return result, ""
+    data = LeastSquares.likelihood(model.information, fit)
+    noise = max(widening(model.information, fit, result.fit), 1.0) * data.variance
+    # What all samples share lies along directions of its own; the rest is noise of every row.
+    along = data.R @ result.fit.together.T
+    L = np.linalg.cholesky(noise * np.eye(len(data.R)) + along @ along.T)
+    rows, aim = (scipy.linalg.solve_triangular(L, x, lower=True) for x in (data.R, data.z))
+    outside, rest = (x / np.sqrt(noise) for x in model.left_out)
+    A, b = np.vstack([rows @ model.to_x, outside]), np.concatenate([aim, rest])
+    try:
+        both = combine_with_file(model.structure, A, b, model.to_x, share)
+    except ValueError:  # bodies that no prior can be around are said elsewhere
+        return result, ""
+    verdicts = list(result.verdicts)
+    for k, (v, mean, sd) in enumerate(zip(verdicts, both.mean, both.sd, strict=True)):
+        if v.open and sd**2 < rules.constraint_variance * v.sigma_robust**2:
+            low, high = float(mean - REACH * sd), float(mean + REACH * sd)
+            text = (
+                f"Who believes {both.words} is left with {low:.3g} … {high:.3g} (95 %); the file "
+                "narrows it, not the log."
+            )
+            verdicts[k] = narrow(v, Flag.BY_PRIOR, text, (low, high))
+    return replace(result, verdicts=tuple(verdicts)), both.hint
+
+
+def _aliases(information: Information, fit: Estimate, submodel: Submodel) -> tuple[str, ...]:
+    """Return, for each undetermined parameter, what this motion cannot tell it from."""
+    out = [""] * len(submodel)
+    dropped = [c for c in range(len(submodel)) if c not in set(fit.kept)]
+    leans = dependence(information, fit.kept, fit.weights)
+    for k in np.flatnonzero(~fit.determined):
+        own, rest = (fit.kept, dropped) if k in fit.kept else (dropped, fit.kept)
+        at = own.index(int(k))
+        row = np.abs(leans[at] if k in fit.kept else leans[:, at])
+        others = [submodel.columns[rest[i]] for i in np.argsort(-row) if row[i] > NEARLY]
+        out[k] = (
+            f"This motion determines only its combination with {listing(others, 4)}."
+            if others
+            else "This motion never makes it act on the torque."
+        )
+    return tuple(out)
+
+
+def select_model(results: Sequence[ModelResult], near: np.ndarray) -> int:
+    """Return the smallest of the models that may stand for the best, possible ones first.
+
+    Folds of the fitted logs choose (`evidence.near_best`); logs that are held out do not.
+
+    Of those that they leave, models come last of which the data call something identifiable that
+    physics forbids, and models that a real robot can have first, then those without forbidden
+    signs.
+
+    Parameters
+    ----------
+    results : sequence of m ModelResult
+    near : (m,) bool
+    """
+    error = np.array([r.error_ra_validation for r in results])
+    if not np.isfinite(error).any():
+        return len(results) - 1
+
+    def rank(k: int) -> tuple[bool, bool, bool, int, float]:
+        r = results[k]
+        impossible = bool(r.contradicted), not r.feasible, bool(r.infeasible)
+        return *impossible, len(r.submodel), float(error[k])
+
+    return min(np.flatnonzero(near).tolist(), key=rank)
+
+
 # What is said beside the models: a cut-off that is wrong, and what the fit says of its logs.
 
 
 def say_band(how: Preparation | None) -> tuple[str, ...]:
     """Return what to say of the cut-off for all logs: does it cut the motion, let noise in?"""
     band = how.band if isinstance(how, SettledPreparation) else None
-    if band is None:
-        return ()
-    return (*_say_cut(band, ["the logs"]), *_say_noise(band))
+    return () if band is None else (*_say_cut(band), *_say_noise(band))
 
 
-def say_unseen(session: Session) -> tuple[str, ...]:
-    """Return what to say of a cut-off in the band of held-out motion alone."""
-    how, logs = session.how, session.recordings.held_out
-    both = (how, settle_cutoff(session.structure.robot, logs, how))
-    own, seen = (x.band if isinstance(x, SettledPreparation) else None for x in both)
-    if own is None or seen is None or _say_cut(own, []):
-        return ()
-    return _say_cut(seen, [log.name for log in logs])
-
-
-def _say_cut(band: Band, whose: Sequence[str]) -> tuple[str, ...]:
+def _say_cut(band: Band) -> tuple[str, ...]:
     """Return what to say of a cut-off in the band of the motion, if it is there."""
     # A cut-off below so many times the band of the motion cuts into it.
     if band.cutoff >= 2.0 * band.bandwidth:
@@ -150,7 +495,7 @@ def _say_cut(band: Band, whose: Sequence[str]) -> tuple[str, ...]:
     numbers = {"least": least, "rate": least / LOG_RULES.cutoff_highest}
     reach = {"cutoff": band.cutoff, "bandwidth": band.bandwidth}
     remedy = phrase("cutoff_low", remedy, **numbers)
-    return (Finding("cutoff_low", whose=list(whose), remedy=remedy, **reach),)
+    return (Finding("cutoff_low", whose=["the logs"], remedy=remedy, **reach),)
 
 
 def _say_noise(band: Band) -> tuple[str, ...]:
@@ -172,12 +517,11 @@ def say_of_fit(session: Session, samples: Sequence[Dataset], result: ModelResult
     sure = {v.name: v.value for v in result.verdicts if v.sure}
     entry = move_mounting(session.structure.robot, sure)
     said, disagree = compare_logs(samples, result)
-    found = [Finding("imu_moved", entry=entry)] if entry else []
-    return [*found, said] if disagree else [*found]
+    return [*([Finding("imu_moved", entry=entry)] if entry else []), *([said] if disagree else [])]
 
 
 def predict_everywhere(
-    session: Session, rows: Weighed, own: Settled, which: int, turns: Turns | None
+    session: Session, rows: Weighed, own: Settled, which: int, turns: Folds | None
 ) -> Prediction | None:
     """Return torque along unseen motion where joints stand, too; None where none does.
 
@@ -188,13 +532,12 @@ def predict_everywhere(
     own : Settled
     which : int
         Of its accounts.
-    turns : Turns or None
+    turns : Folds or None
         Which fold's predicts a sample, where no logs are held out.
     """
     opening, known = rows.opening, session.recordings
-    samples, logs = opening.samples, known.fitted
-    if opening.validation:
-        samples, logs = opening.validation, known.held_out
+    samples = opening.validation or opening.samples
+    logs = known.held_out if opening.validation else known.fitted
     stand = any((s.survey.rows < s.survey.outputs).any() for s in samples)
     hidden = opening.robot.base is not None or any(x.unmeasured is not None for x in logs)
     if opening.silence or hidden or not stand:
@@ -288,22 +631,17 @@ def analyze(
             session = Session.read(structure, logs, validate, preparation, say, runner)
             commanded = session.recordings.commanded
             share_, cad_prior = settle_prior(prior, cad_prior, commanded)
-            session = session.follow_fitted(streams[0], base, estimator, cad_prior)
-            given, (session, opening) = session, session.settle()
-            entry, other = source.settle(commanded=commanded), opening.alternative
+            given = session.follow_fitted(streams[0], base, estimator, cad_prior)
+            (session, opening), entry = given.settle(), source.settle(commanded=commanded)
             try:
                 submodels = build_comparison(entry, opening.structure)
-            except ModelError:
-                if other is None:
-                    raise
-                # Its models are of parameters that there are under the model as it was given.
-                session, opening = given, given.open(seek=False)
-                opening = replace(
-                    opening, hints=(Finding("alternative", text=other.statement), *opening.hints)
-                )
+            except ModelError:  # its models are of parameters of the model as it was given
+                session, opening = given, given.open()
                 submodels = build_comparison(entry, opening.structure)
             rows = session.weigh(opening, base, estimator)
             settings = {
+                "method": base.name,
+                "seed": seed,
                 "estimator": estimator,
                 "replicates": draws,
                 "posterior": posterior,
@@ -311,13 +649,8 @@ def analyze(
                 "prior": share_,
                 "preparation": preparation or Preparation(),
             }
-            how = {"method": base.name, "seed": seed, "settings": settings}
-            told = streams[1], draws, cad_prior, share_, how
-            found = _conclude(session, rows, submodels, *told)
-        moved = session.recordings.measure_rollouts(
-            session.structure.robot, found.real_robot["parameters"]
-        )
-        found = replace(found, source=source, moved=moved)
+            found = _conclude(session, rows, submodels, streams[1], settings)
+        found = replace(found, source=source)
         return believe(found, streams[2], say, share_) if posterior else found
 
 
@@ -327,16 +660,15 @@ def believe(found: Analysis, rng: np.random.Generator, say: Progress, within: fl
     Where there is nothing to explain nothing is sampled: the posterior of a robot that never moved
     is the prior along a handful of exact equations, which no chain walks.
     """
-    silence = found.silence or found.misread
-    if silence:
-        return replace(found, belief=Belief(None, None, None, silence))
-    chosen, at = found.chosen, found.selected
-    part = chosen.submodel.reduce(found.information)
-    what = found.structure, chosen.submodel, found.information, part, chosen.estimate
+    if found.nothing:
+        return replace(found, belief=Belief(None, None, None, found.nothing))
+    chosen, whole = found.chosen, found.information
+    part = chosen.submodel.reduce(whole)
+    model = FittedModel(found.structure, chosen.submodel, whole, part, chosen.estimate)
     sampling = share(say, "sampling the posterior", 0.9, 0.99)
-    belief = form_belief(FittedModel(*what), rng, share=within, progress=sampling)
+    belief = form_belief(model, rng, share=within, progress=sampling)
     models = list(found.models)
-    models[at] = replace(chosen, verdicts=refine_verdicts(chosen, belief))
+    models[found.selected] = replace(chosen, verdicts=refine_verdicts(chosen.verdicts, belief))
     hints = tuple(filter(None, (*found.hints, belief.hint)))
     return replace(found, models=tuple(models), belief=belief, hints=hints)
 
@@ -346,75 +678,59 @@ def _conclude(
     rows: Weighed,
     submodels: Sequence[Submodel],
     rng: np.random.Generator,
-    draws: int,
-    cad_prior: float | None,
-    within: float,
-    how: Mapping[str, Any],
+    settings: Mapping[str, Any],
 ) -> Analysis:
-    """Fit the models, predict torque by them, judge every parameter and choose one model.
-
-    Parameters
-    ----------
-    session : Session
-    rows : Weighed
-    submodels : sequence of Submodel
-    rng : numpy.random.Generator
-    draws : int
-        Of the bootstrap.
-    cad_prior : float or None
-    within : float
-        Share within which bodies are the file's, 0 for none.
-    how : mapping
-        As asked for.
-    """
+    """Fit the models, predict torque by them, judge every parameter and choose one model."""
     say, engine, opening = session.say, session.engine, rows.opening
     say("fitting models", 0.6)
-    shared, estimator = SharedErrors.of(session, rows), rows.estimator
-    if not opening.silence:
-        estimator = settle_noise(estimator, rows.information)
-    ladder = fit_ladder(
-        opening.structure, submodels, rows.information, estimator, cad_prior, opening.silence
-    )
-    tasks = [Task(ladder.values[None])]
-    if not opening.validation and not opening.silence:
-        tasks.append(ladder.in_turns())
+    late, whole = SharedErrors.of(session, rows), rows.information
+    what = opening.structure, submodels, whole
+    near, judged, folds, turns, short = np.ones(len(submodels), bool), [], None, None, ""
+    if opening.silence:
+        settled = leave_ladder(*what, rows.estimator, opening.silence)
+    else:
+        estimator = settle_noise(rows.estimator, whole)
+        settled, folds, short = fit_ladder(*what, estimator, settings["cad_prior"])
+        scores = [one.free for one in settled if one.free is not None]
+        best = max(scores, key=lambda score: float(score.density.sum()))
+        near, judged = near_best(scores), [Evidence.of(score, best) for score in scores]
+    values = np.concatenate([one.values for one in settled], axis=1)
+    tasks = [Task(values[None])]
+    if folds is not None and not opening.validation:
+        turns = folds
+        tasks.append(Task(np.concatenate([one.turned for one in settled], axis=2), turns))
     predicting = share(say, "predicting torque", 0.65, 0.9)
     fitted, *others = predict_all(opening.regression, tasks, engine=engine, progress=predicting)
     if opening.unseen is not None:
-        others = [predict(opening.unseen, ladder.values, engine=engine)]
-    unseen, recordings = (others or [fitted])[0], session.recordings
-    thresholds, missing = Thresholds(), find_missing(opening)
-    what = ladder.settled, fitted, unseen, thresholds, rng, draws, missing
-    results = assess_ladder(*what, late=shared.move, judged=ladder.judged)
-    at = select_model(results, ladder.near)
+        others = [predict(opening.unseen, values, engine=engine)]
+    unseen, missing = (others or [fitted])[0], find_missing(opening)
+    given = rng, settings["replicates"], missing, late.move
+    results = assess_ladder(settled, fitted, unseen, judged, *given)
+    at = select_model(results, near)
     both = [
-        tell_with_file(own.model, one, within, thresholds)
-        for own, one in zip(ladder.settled, results, strict=True)
+        tell_with_file(own.model, one, settings["prior"])
+        for own, one in zip(settled, results, strict=True)
     ]
     results, contradicted = tuple(one for one, _ in both), both[at][1]
     results, nothing = doubt(opening.silence or opening.misread, results, at)
-    used = ladder.settled[at], int(results[at].physical_used)
-    hints = [*opening.hints, rows.burst, contradicted, ladder.short]
-    hints += () if recordings.commanded else (*say_band(session.how), *say_unseen(session))
+    hints = [*opening.hints, rows.burst, contradicted, short]
+    hints += () if session.recordings.commanded else say_band(session.how)
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest
         hints += say_of_fit(session, opening.samples, results[at])
-    whole = ladder.settled[0].model.submodel
+    used, full = int(results[at].physical_used), settled[0].model.submodel
     return Analysis(
         structure=opening.structure,
         samples=opening.samples,
         validation=opening.validation,
         hints=tuple(filter(None, hints)),
-        alternative=opening.alternative,
-        information=rows.information,
-        folds=ladder.folds,
+        information=whole,
+        folds=folds,
         models=results,
         selected=at,
-        everywhere=predict_everywhere(session, rows, *used, tasks[-1].turns),
-        **how,
-        thresholds=thresholds,
+        everywhere=predict_everywhere(session, rows, settled[at], used, turns),
+        settings=settings,
         nothing=nothing,
-        recordings=recordings.fitted,
+        recordings=session.recordings,
         missing=missing,
-        rolled=recordings.rolled,
-        late=shared.together(whole) @ whole.M.T,
+        late=late.together(full) @ full.M.T,
     )

@@ -93,7 +93,7 @@ def measure_false_names(
 
     The model is fitted beside the effects that a diagnosis names, which are left out.
     """
-    robot, logs = analysis.robot, in_memory(analysis.recordings)
+    robot, logs = analysis.robot, in_memory(analysis.recordings.fitted)
     how: Any = analysis.settings["preparation"]
     judge = partial(diagnose, robot, preparation=how, quick=True)
     found = judge(logs, model=analysis.effects, seed=seed)

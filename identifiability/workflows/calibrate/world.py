@@ -19,6 +19,7 @@ from identifiability.estimation.fit import Fit, body_scatter, find_left_out
 from identifiability.estimation.noise import JointRuns, Noise, Runs, find_runs, fit_residual_noise
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, judge
+from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import LEVEL, REACH, Share, clustered_share, each_share
 from identifiability.foundation.rules import Tolerance
@@ -35,7 +36,7 @@ from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.assessment import ModelResult
+from identifiability.workflows.analyze.result import ModelResult
 from identifiability.workflows.opening import in_memory
 
 # Simulated experiments with known truth, fitted and judged; and what many of them come to.
@@ -358,10 +359,6 @@ def _with(log: Log, channels: Array) -> Log:
 # possible.
 
 
-#: Residual variances below this share of the torque's are rounding.
-ROUNDING: Tolerance = 1e-12
-
-
 _TO_THETA = np.linalg.pinv(BASIS.reshape(10, 16))
 
 
@@ -401,7 +398,7 @@ class TrueRobots:
         span, others = _free(result.submodel, full, of_others, structure.G @ bodies)
         noise = full.estimate.variance * np.maximum(full.estimate.times, 1.0)
         torque = analysis.information.torque.sum() / max(analysis.information.rows, 1)
-        factor = analysis.information.factor(1.0 / np.maximum(noise, ROUNDING * torque + 1e-300))
+        factor = analysis.information.factor(1.0 / np.maximum(noise, TINY * torque + 1e-300))
         R = factor[:, :-1]
         left = factor[:, -1] - R @ (structure.G @ bodies + others)
         moved = scatter > 0
@@ -527,7 +524,7 @@ class World:
             Of the bootstrap in each.
         rng : numpy.random.Generator
         """
-        samples, logs = in_memory(analysis.samples), in_memory(analysis.recordings)
+        samples, logs = in_memory(analysis.samples), in_memory(analysis.recordings.fitted)
         how: Any = analysis.settings["preparation"]
         motion = tuple(
             MotionErrors.of(analysis.robot, s, raw, how)
@@ -537,7 +534,6 @@ class World:
             analysis.structure.regression([m.samples for m in motion]),
             result.submodel,
             method=result.estimate.estimator,
-            thresholds=analysis.thresholds,
             replicates=refits,
             structure=analysis.structure,
         )

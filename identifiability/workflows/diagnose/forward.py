@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 
 from identifiability.effects import find_family
-from identifiability.estimation.torque_errors import DRAWN_STRETCHES, change_interval
+from identifiability.estimation.prediction import DRAWN_STRETCHES, change_interval
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
 from identifiability.foundation.rounding import percent

@@ -19,6 +19,7 @@ from identifiability.effects import Part, Placed, find_family, title_of
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
 from identifiability.foundation.output import write_json
@@ -36,7 +37,6 @@ from identifiability.workflows.diagnose.problem import prepare_rows
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.excite import Excitation, find_limits
 from identifiability.workflows.excite.criteria import (
-    IDLE,
     Ask,
     Discrimination,
     Known,
@@ -236,7 +236,7 @@ class Bench:
         values = np.array([by_name[one.name] for one in Placed([named]).parameters(d.robot)])
         size = float(values @ known.G[np.ix_(own, own)] @ values)
         length = np.sqrt(np.diag(known.G))
-        length = np.where(length > IDLE * length.max(), length, np.inf)
+        length = np.where(length > TINY * length.max(), length, np.inf)
         asks = []
         for shapes in others:
             middle = shapes[len(shapes) // 2]

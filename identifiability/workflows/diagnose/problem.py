@@ -15,8 +15,7 @@ from scipy.stats import rankdata
 from identifiability.effects.functions import has_session
 from identifiability.estimation.differences import Known
 from identifiability.estimation.groups import Excerpt
-from identifiability.estimation.prediction import Prediction
-from identifiability.estimation.torque_errors import change_interval
+from identifiability.estimation.prediction import Prediction, change_interval
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array

@@ -36,15 +36,8 @@ from identifiability.regression.reduction import LadderEntry, ModelEntry, full_m
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.workflows.analyze.assessment import hold_folds, settle_robot
-from identifiability.workflows.answers import (
-    after_mass,
-    answer_next,
-    state_error,
-    state_joints,
-    tone_of,
-    with_hints,
-)
+from identifiability.workflows.analyze.workflow import hold_folds, settle_robot
+from identifiability.workflows.answers import after_mass, answer_next, answer_quality, with_hints
 from identifiability.workflows.commands import (
     given_paths,
     held_back,
@@ -418,7 +411,7 @@ class Diagnosis(Result, Setting, Predicts):
     def error_frame(self) -> pd.DataFrame:
         """Return the errors of each joint on unseen motion before and after.
 
-        Over the joint's own scale (`torque_errors.joint_errors`), and in N or N·m (`rms`), of the
+        Over the joint's own scale (`Prediction.joint_error`), and in N or N·m (`rms`), of the
         torque that was fitted, low-passed with the columns where these were.
         """
         found = self.gap.prediction
@@ -596,25 +589,22 @@ def _what(d: Diagnosis) -> Answer:
 
 
 def _gap(d: Diagnosis) -> Answer:
-    question, each = "How much of the gap does it explain?", d.gap.prediction.joint_error()[:, -1]
-    joints = state_joints(d.robot.joints, each, d.held_after)
+    question = "How much of the gap does it explain?"
     if not d.effects:
         short = f"The error on unseen motion stays at {percent(d.held_before)}."
-        return Answer(question, short, f"Measured on {d.verified_on}. {joints}".strip())
+        return Answer(question, short, f"Measured on {d.verified_on}.")
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
     short = f"The error goes from {percent(d.held_before)} to {percent(d.held_after)}"
     short += f" (95 %: {' … '.join(ends)} points)."
-    text = f"All joints together on {d.verified_on}, which was not fitted. {joints}".strip()
+    text = f"All joints together on {d.verified_on}, which was not fitted."
     return Answer(question, short, text, "green" if d.interval[1] < 0 else "amber")
 
 
 def _left(d: Diagnosis) -> Answer:
     error = d.held_after if d.effects else d.held_before
     question = "How good is the model then?"
-    if not np.isfinite(error):
-        return Answer(question, "There is no error to tell.", d.unexplained, "grey")
-    judged, short, spread = state_error(error, d.robot.joints, d.error_frame()["after"].to_numpy())
-    return Answer(question, short, f"{spread}{d.unexplained}", tone_of(judged))
+    each = d.error_frame()["after"].to_numpy()
+    return answer_quality(error, d.robot.joints, each, d.unexplained, question)
 
 
 #: Places that the headline lists of each effect.

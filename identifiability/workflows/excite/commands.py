@@ -28,20 +28,20 @@ from identifiability.logs.commands import acting
 from identifiability.robot import Robot, RobotLike
 from identifiability.simulation.motion import write_command_bag
 from identifiability.simulation.rollout import NO_SERVO, CommandedRobot
-from identifiability.workflows.excite.limits import Clearance, Limits, LimitsLike, find_limits
-from identifiability.workflows.excite.rules import RULES
+from identifiability.workflows.excite.limits import (
+    CLEARANCE,
+    INNER,
+    Clearance,
+    Limits,
+    LimitsLike,
+    find_limits,
+)
 
-#: Share of its range that a joint swings at most, and of the limits that are used.
+#: Share of its range that a joint swings at most.
 SWING: Tolerance = 0.3
-USED: Tolerance = 0.9
 
-#: Sines of each joint, and their band [Hz]; the chirp goes through the same.
-SINES = 6
+#: Band of the sines of each joint [Hz]; the chirp goes through the same.
 BAND: tuple[Tolerance, Tolerance] = (0.1, 3.0)
-
-#: Between steps [s], and over which signals begin and end [s].
-HOLDS: tuple[Tolerance, Tolerance] = (0.4, 1.2)
-EASED: Tolerance = 0.5
 
 #: How often signals are made smaller, and poses at which collisions are looked for.
 TRIED, POSES = 30, 300
@@ -152,7 +152,7 @@ def excite_commands(
     middle = np.clip(home, known.low + SWING * span, known.high - SWING * span)
     t = np.arange(round(duration * rate) + 1) / rate
     signals, edge = _signals(t, len(home), rng), _eased(t, t[0], t[-1])
-    sizes, scaled = np.full((3, len(home)), USED * SWING) * span, scale == 1.0
+    sizes, scaled = np.full((3, len(home)), INNER * SWING) * span, scale == 1.0
     watched, why = Clearance.of(robot)
     machine = CommandedRobot(robot, {})
     with one_thread("blas"):
@@ -162,10 +162,10 @@ def excite_commands(
             positions, torque = _follow(machine, t, targets)
             worst = _shares(robot, known, t, positions, torque)
             least = 1.0 if watched is None else _gap(robot, watched, positions)
-            if worst.max() <= USED and least > 0 and not scaled:
+            if worst.max() <= INNER and least > 0 and not scaled:
                 sizes, scaled = scale * sizes, True
                 continue
-            if worst.max() <= USED and least > 0:
+            if worst.max() <= INNER and least > 0:
                 return Commands(
                     robot=robot,
                     limits=known,
@@ -175,7 +175,7 @@ def excite_commands(
                     unwatched=why,
                 )
             thirds = np.array_split(worst, 3)
-            over = np.array([part.max(0) for part in thirds]) / USED
+            over = np.array([part.max(0) for part in thirds]) / INNER
             sizes = sizes * np.clip(np.where(over > 1, 0.95 / over, 1.0), 0.5, 1.0)
             sizes = sizes * (1.0 if least > 0 else 0.8)
     k = int(np.argmax(worst.max(0)))
@@ -191,12 +191,13 @@ def _signals(t: Array, n: int, rng: np.random.Generator) -> Array:
     ends = np.linspace(t[0], t[-1], 4)
     out = np.zeros((3, len(t), n))
     for k in range(n):
-        for f in np.exp(rng.uniform(np.log(BAND[0]), np.log(BAND[1]), SINES)):
-            out[0, :, k] += np.sin(2 * np.pi * (f * t + rng.uniform())) / np.sqrt(2 * SINES)
+        for f in np.exp(rng.uniform(np.log(BAND[0]), np.log(BAND[1]), 6)):
+            out[0, :, k] += np.sin(2 * np.pi * (f * t + rng.uniform())) / np.sqrt(2 * 6)
         own = t - ends[1]
         rise = (BAND[1] - BAND[0]) / (ends[2] - ends[1])
         out[1, :, k] = np.sin(2 * np.pi * ((BAND[0] + 0.5 * rise * own) * own + rng.uniform()))
-        at = np.cumsum(rng.uniform(*HOLDS, int((ends[3] - ends[2]) / HOLDS[0]) + 2)) + ends[2]
+        # A step is held between .4 and 1.2 s.
+        at = np.cumsum(rng.uniform(0.4, 1.2, int((ends[3] - ends[2]) / 0.4) + 2)) + ends[2]
         levels = rng.uniform(-1, 1, len(at) + 1)
         out[2, :, k] = levels[np.searchsorted(at, t, side="right")]
     for s in range(3):
@@ -206,7 +207,7 @@ def _signals(t: Array, n: int, rng: np.random.Generator) -> Array:
 
 def _eased(t: Array, first: float, last: float) -> Array:
     """Return a window (N,) that is 0 outside and rises and falls smoothly."""
-    rise = np.clip((t - first) / EASED, 0, 1) * np.clip((last - t) / EASED, 0, 1)
+    rise = np.clip(2 * (t - first), 0, 1) * np.clip(2 * (last - t), 0, 1)
     eased: Array = 0.5 - 0.5 * np.cos(np.pi * rise)
     return eased
 
@@ -244,4 +245,4 @@ def _gap(robot: Robot, watched: Clearance, q: Array) -> float:
     rows = np.unique(np.linspace(0, len(q) - 1, POSES).astype(int))
     poses = np.tile(robot.home, (len(rows), 1))
     poses[:, [robot.tree.single[joint].iq for joint in robot.joints]] = np.nan_to_num(q[rows])
-    return float(watched.gaps(poses).min()) - RULES.clearance
+    return float(watched.gaps(poses).min()) - 2 * CLEARANCE

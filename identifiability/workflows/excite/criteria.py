@@ -14,8 +14,8 @@ import numpy as np
 from identifiability.effects import Effect, Part, Placed, default_effects, find_effect
 from identifiability.estimation.estimate import estimate
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
+from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array, find_named
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.regression.gather import gather_information
@@ -31,12 +31,6 @@ from identifiability.robot import Robot
 # are to be told apart; `Discrimination` for effects of known size, from rivals or from the model.
 # Each gives a cost that is to be made small, batched over candidates, and the figure that a reader
 # knows it by.
-
-
-#: Scaled eigenvalues of a Gram matrix below this are rounding.
-FLOOR: Tolerance = 1e-14
-#: Columns shorter than this share of the longest never act.
-IDLE: Tolerance = 1e-12
 
 
 @frozen
@@ -127,7 +121,7 @@ class Discrimination:
         size, rest = length[:, ask.own] * ask.values, np.append(np.arange(self.model), other)
         S, base = unit[:, ask.own][:, :, ask.own], unit[:, rest][:, :, rest]
         cross = unit[:, rest][:, :, ask.own]
-        S = S - cross.transpose(0, 2, 1) @ np.linalg.solve(base + 1e-12 * np.eye(len(rest)), cross)
+        S = S - cross.transpose(0, 2, 1) @ np.linalg.solve(base + TINY * np.eye(len(rest)), cross)
         squares: Array = np.maximum(np.einsum("mi,mij,mj->m", size, S, size), 0.0)
         return squares
 
@@ -143,7 +137,7 @@ def scaled(G: Array) -> tuple[Array, Array]:
     Columns that never act are zero, with length one.
     """
     length = np.sqrt(np.maximum(np.diagonal(G, axis1=1, axis2=2), 0.0))
-    acts = length > IDLE * length.max(1, keepdims=True, initial=0.0)
+    acts = length > TINY * length.max(1, keepdims=True, initial=0.0)
     safe = np.where(acts, length, 1.0)
     unit = np.where(acts[:, :, None] & acts[:, None, :], G, 0.0)
     return unit / (safe[:, :, None] * safe[:, None, :]), safe
@@ -152,7 +146,7 @@ def scaled(G: Array) -> tuple[Array, Array]:
 def _log_det(G: Array) -> Array:
     """Return log-determinants of scaled Gram matrices (m, k, k); 0 × 0 ones have 0."""
     values = np.linalg.eigvalsh(G) if G.shape[1] else np.ones((len(G), 1))
-    total: Array = np.log(np.maximum(values, FLOOR)).sum(1)
+    total: Array = np.log(np.maximum(values, TINY)).sum(1)
     return total
 
 
@@ -268,7 +262,7 @@ def gather_known(question: Question, samples: Sequence[Dataset], planned: int) -
     information = gather_information(regression)
     fit = estimate(information)
     noise = fit.variance * fit.times  # that an average over many samples has
-    weights = 1.0 / np.maximum(noise, 1e-12 * float(noise.max()) or 1.0)
+    weights = 1.0 / np.maximum(noise, TINY * float(noise.max()) or 1.0)
     R = information.factor(weights)[:k, :k]
     paths = tuple(s.path or s.name for s in samples)
     return Known(R.T @ R, weights, information.samples / len(samples), paths)

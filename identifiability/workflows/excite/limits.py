@@ -31,7 +31,6 @@ from identifiability.robot.files import body_of, read_geometry
 from identifiability.robot.rules import RULES as ROBOT_RULES
 from identifiability.robot.sidecar import LimitEntry
 from identifiability.simulation.motion import usual_limits
-from identifiability.workflows.excite.rules import RULES
 
 # `Limits`: how far, how fast and how hard the joints may move.
 #
@@ -165,6 +164,10 @@ def _read(given: Mapping[str, Any] | str | Path | None) -> tuple[str, LimitsFile
 # How near bodies of a robot that are not joined come to each other along a motion.
 
 
+#: Distance that bodies keep which are not joined [m].
+CLEARANCE: Tolerance = 0.005
+
+
 @dataclass(frozen=True)
 class Clearance:
     """The shapes of a robot's file, and the pairs of them that may not touch.
@@ -195,14 +198,14 @@ class Clearance:
         near = [
             (pair.first, pair.second)
             for pair, found in zip(shapes.collisionPairs, data.distanceResults, strict=True)
-            if found.min_distance < RULES.clearance
+            if found.min_distance < 2 * CLEARANCE
         ]
         for pair in near:
             shapes.removeCollisionPair(pin.CollisionPair(*pair))
         names = [" and ".join(sorted(body_of(objects[k]) for k in pair)) for pair in near]
         said = (
             f"At home {listing(dict.fromkeys(names), 4)} are nearer than "
-            f"{1000 * RULES.clearance:g} mm already (as drawn), so collisions of these are not "
+            f"{2000 * CLEARANCE:g} mm already (as drawn), so collisions of these are not "
             "watched."
         )
         watched = Clearance(robot, shapes) if len(shapes.collisionPairs) else None
@@ -221,7 +224,7 @@ class Clearance:
 
 def nearness(gaps: Array) -> Array:
     """Return what each sample costs: nothing from twice the margin on, 1 at contact."""
-    near: Array = np.maximum(1.0 - np.asarray(gaps) / (2 * RULES.clearance), 0.0) ** 2
+    near: Array = np.maximum(1.0 - np.asarray(gaps) / (4 * CLEARANCE), 0.0) ** 2
     return near
 
 

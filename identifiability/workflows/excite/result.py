@@ -16,12 +16,12 @@ import pandas as pd
 
 from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.errors import ClosureError, LogError, listing
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import MOST_SAMPLES
 from identifiability.foundation.output import csv_text, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import digits, exact, format_count, format_number, percent
-from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.robot import Robot, complete_motion
@@ -29,8 +29,7 @@ from identifiability.simulation.motion import PrescribedMotion, Trajectory, writ
 from identifiability.workflows.answers import answer_next
 from identifiability.workflows.commands import name_logs, on_file, source_name
 from identifiability.workflows.excite.criteria import Criterion, LogDet
-from identifiability.workflows.excite.limits import Clearance, Drive, Limits, survey
-from identifiability.workflows.excite.rules import RULES
+from identifiability.workflows.excite.limits import CLEARANCE, Clearance, Drive, Limits, survey
 
 # From a periodic motion to what a controller plays: from rest, into the periods, back to rest.
 #
@@ -39,13 +38,6 @@ from identifiability.workflows.excite.rules import RULES
 # derivatives (a quintic). The position is then always between middle and full motion, so limits of
 # position are kept; the rise is made so long that those of speed and acceleration are kept as
 # well.
-
-
-#: Lengths of the rise that are tried, in periods.
-RISES: tuple[Tolerance, Tolerance, Tolerance, Tolerance, Tolerance] = (0.25, 0.5, 1.0, 2.0, 4.0)
-
-#: What rounding and the harmonics between samples may add to a limit.
-SLACK: Tolerance = 1.01
 
 
 def _windowed(path: Trajectory, rise: float, rate: float, periods: int) -> PrescribedMotion:
@@ -79,7 +71,7 @@ def _keeps(
     """Return whether a motion keeps every limit, of loops and workspace too, and bodies apart."""
     fast = np.abs(motion.dq).max(0) / limits.speed
     hard = np.abs(motion.ddq).max(0) / limits.acceleration
-    if max(fast.max(), hard.max()) > SLACK:
+    if max(fast.max(), hard.max()) > 1 + NEARLY:
         return False
     try:
         whole = complete_motion(robot, motion.t, motion.q, motion.dq, motion.ddq)
@@ -89,7 +81,7 @@ def _keeps(
     space = survey(robot, limits, whole, len(motion.t), 1, step, drive)
     if not space.kept(limits.closure_bound)[0]:
         return False
-    return watched is None or float(watched.gaps(whole.q).min()) >= RULES.clearance / 2
+    return watched is None or float(watched.gaps(whole.q).min()) >= CLEARANCE
 
 
 # `Excitation`: a motion to measure, what it is good for, and what it keeps.
@@ -223,15 +215,15 @@ class Excitation(Result):
             If it would have too many samples, or no lead-in keeps the limits.
         """
         path, limits = self.trajectory, self.limits
-        longest = path.period * (periods + 2 * RISES[-1])
+        longest = path.period * (periods + 2 * 4)
         if longest * rate > MOST_SAMPLES:
             raise LogError(
                 f"{longest:g} s at {rate:g} Hz are more than {MOST_SAMPLES:,} samples; give a "
                 "lower rate or fewer periods."
             )
         drive, (watched, _) = Drive.of(self.robot, limits), Clearance.of(self.robot)
-        for rise in RISES:
-            motion = _windowed(path, rise * path.period, rate, periods)
+        for rise in path.period * 2.0 ** np.arange(-2, 3):  # up to four periods
+            motion = _windowed(path, rise, rate, periods)
             if _keeps(self.robot, motion, limits, drive, watched):
                 return motion
         raise LogError(
@@ -297,10 +289,6 @@ class Excitation(Result):
         """Return what the motion tells, whether the robot may play it, what next."""
         return _worth(self), _safe(self), answer_next(_next_commands(self))
 
-    def decided_by(self) -> tuple[RuleTable, ...]:
-        """Return the numbers by which it was decided, the verb's own first."""
-        return (RULES,)
-
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""
         caption = "What each joint does, and may do [SI units]"
@@ -353,7 +341,7 @@ def _motion_frame(joints: tuple[str, ...], motion: PrescribedMotion) -> pd.DataF
 
 def _worth(result: Excitation) -> Answer:
     gain = result.gain[np.isfinite(result.gain)]
-    better = int((gain < RULES.better).sum())
+    better = int((gain < 1).sum())
     short = (
         f"{better} of {format_count(len(result.gain), 'parameter')} are known better than from "
         f"{result.beside}."

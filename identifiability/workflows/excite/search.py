@@ -20,6 +20,7 @@ from identifiability.robot import Motion, complete_motion
 from identifiability.simulation.motion import Trajectory
 from identifiability.workflows.excite.criteria import Known, Question
 from identifiability.workflows.excite.limits import (
+    CLEARANCE,
     Clearance,
     Drive,
     Limits,
@@ -27,7 +28,6 @@ from identifiability.workflows.excite.limits import (
     nearness,
     survey,
 )
-from identifiability.workflows.excite.rules import RULES
 
 # Candidate motions: what a series keeps by construction, what it does, and what it costs.
 #
@@ -44,7 +44,6 @@ from identifiability.workflows.excite.rules import RULES
 #: Times a harmonic at which peaks are looked for. A trigonometric polynomial of degree H exceeds
 #: its values at M even points by at most 1/cos(πH/M) [Ehlich 1964]: 0.3 % here.
 FINENESS = 40
-OVERSHOOT = float(1 / np.cos(np.pi / FINENESS))
 
 
 #: Cost of each sample at which bodies touch that are not joined, and the step of its gradient, over
@@ -103,15 +102,11 @@ class Series:
             amplitude = _from_rest(amplitude)
         q, v, a = self._motion(np.zeros((m, n)), amplitude, FINENESS * H)
         top, bottom = q.max(1), q.min(1)
-        half = 0.5 * OVERSHOOT * (top - bottom)
-        used = np.max(
-            [
-                half / limits.half_range,
-                OVERSHOOT * np.abs(v).max(1) / limits.speed,
-                OVERSHOOT * np.abs(a).max(1) / limits.acceleration,
-            ],
-            axis=0,
-        )
+        over = 1 / np.cos(np.pi / FINENESS)
+        half = 0.5 * over * (top - bottom)
+        fast, hard = over * np.abs(v).max(1), over * np.abs(a).max(1)
+        shares = half / limits.half_range, fast / limits.speed, hard / limits.acceleration
+        used = np.max(shares, axis=0)
         scale = 1.0 / np.maximum(used, 1.0)
         room = np.maximum(limits.half_range - scale * half, 0.0)
         centre = limits.middle + np.tanh(x[:, 2 * n * H :]) * room
@@ -202,7 +197,7 @@ class Objective:
             return float(cost[0]), slope
         gaps = self.gaps(x[None], self.samples)
         # Bodies farther apart than so many clearances do not come near each other by that.
-        near = gaps[0] < 3.0 * RULES.clearance
+        near = gaps[0] < 6 * CLEARANCE
         total = TOUCHING * float(nearness(gaps).sum())
         if near.any():
             moved = self.gaps(x + NUDGE * np.eye(len(x)), self.samples, near)

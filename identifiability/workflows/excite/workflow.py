@@ -23,7 +23,6 @@ from identifiability.foundation.options import (
     checked,
     counted,
 )
-from identifiability.foundation.rules import Tolerance
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.regression.reduction import ModelLike, free_again, unused_ladder
@@ -35,18 +34,11 @@ from identifiability.workflows.excite.criteria import (
     pose_question,
     scaled,
 )
-from identifiability.workflows.excite.limits import LimitsLike, Workspace, find_limits
+from identifiability.workflows.excite.limits import CLEARANCE, LimitsLike, Workspace, find_limits
 from identifiability.workflows.excite.result import Excitation, Merit
-from identifiability.workflows.excite.rules import RULES
 from identifiability.workflows.excite.search import OPEN, Objective, Search, Series, search
 from identifiability.workflows.opening import Logs, Progress, quiet, state_provenance
 from identifiability.workflows.session import Session
-
-#: Length of a period [s], by default.
-PERIOD: Tolerance = 7.5
-
-#: Motions that a search looks at.
-EVALUATIONS = 15_000
 
 
 @checked
@@ -63,7 +55,7 @@ def excite(
     start_from: Logs | None = None,
     separate: Names | None = None,
     preparation: Preparation | None = None,
-    evaluations: Count = EVALUATIONS,
+    evaluations: Count = 15_000,
     seed: Seed = 0,
     progress: Progress | None = None,
     engine: Engine | None = None,
@@ -129,7 +121,7 @@ def excite(
         question = pose_question(robot, model, parameters, separate)
         logs, wrong = _start(question, start_from, preparation, engine)
         hints = (*wrong, *free_again(model), *unused_ladder(robot, model))
-        series = Series(bounds, duration or PERIOD, harmonics, at_rest)
+        series = Series(bounds, duration or 7.5, harmonics, at_rest)
         options = {"evaluations": evaluations, "preparation": preparation or Preparation()}
         found = find_motion(
             question,
@@ -238,13 +230,13 @@ def _best(
     for x in [*(x for _, x in found.found), *found.draws[order]]:
         G, space = objective.look(x, samples)
         gap = float(objective.gaps(x, samples).min())
-        if space.kept(objective.limits.closure_bound)[0] and gap >= RULES.clearance / 2:
+        if space.kept(objective.limits.closure_bound)[0] and gap >= CLEARANCE:
             return x, G[0], space, gap
     robot, limits = objective.question.structure.robot, objective.limits
     raise ClosureError(
         f"No motion of {robot.name} was found whose loops close everywhere with a condition number "
         f"below {limits.closure_bound:g}, whose drives can do it and whose bodies keep "
-        f"{500 * RULES.clearance:g} mm from each other; give narrower limits of the joints about "
+        f"{1000 * CLEARANCE:g} mm from each other; give narrower limits of the joints about "
         f"its home position {robot.describe_home()}, or a longer motion."
     )
 

@@ -35,7 +35,6 @@ from identifiability.foundation.output import check_ending, temporary_folder, wr
 from identifiability.foundation.result import shown
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Preparation
 from identifiability.physical.cad_prior import state_mass
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.regression.regression import Model, Regression
@@ -373,7 +372,7 @@ class Exported:
                 f"{self.robot.name} is of another format than the robot's own file: it has no "
                 "geometry, so nothing is seen and nothing collides."
             )
-        parts.append(state_missing(self.missing))
+        parts += state_missing(self.missing)
         return " ".join(filter(None, parts))
 
     def _repr_html_(self) -> str:
@@ -479,7 +478,7 @@ def export(
         anew=kind is not None and kind != file_kinds(robot)[0],
         known=() if kind is None else tuple(k.text for k in robot.known_torque),
         gravity="" if robot.tilt is None else robot.tilt.text,
-        missing=tuple(f.text for f in content.missing_functions),
+        missing=content.missing,
         commanded="" if content.rollout is None else content.rollout.statement,
     )
 
@@ -533,7 +532,7 @@ def judge_files(robot: Robot, written: Written, logs: Logs, fit: FitEntry | None
     fit : FitEntry or None
         Which says how logs become motion.
     """
-    how = None if fit is None else Preparation(**fit.preparation.model_dump())
+    how = None if fit is None else fit.preparation
     paths = [(robot.path, robot.sidecar, True), (written.robot, written.sidecar, True)]
     paths += [(written.robot, written.sidecar, False)] if written.sidecar else []
     errors = []

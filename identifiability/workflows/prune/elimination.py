@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 
 from identifiability.estimation.estimate import Method, estimate
-from identifiability.estimation.estimator import Estimate, combine, noise_scale
+from identifiability.estimation.estimator import Estimate, noise_scale
 from identifiability.estimation.evidence import (
     LEVELS,
     Folds,
@@ -29,7 +29,6 @@ from identifiability.estimation.evidence import (
     least_noise,
     may_stand,
 )
-from identifiability.estimation.gaussian import nested_density
 from identifiability.foundation.linalg import unit_coordinates
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
@@ -42,12 +41,7 @@ from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
 # Every model is the full one under linear constraints (a column zero, two columns equal); its fits
 # to everything and to each fold's rest are the estimator's own (`evidence.Refits`). The
 # coordinates are those in which the full information is the unit matrix: nothing is lost by
-# squaring. Models of a path are nested, so one triangular factor a fold scores them all
-# (`gaussian.nested_density`).
-
-
-#: Instruments see nothing of a direction below this share of what they see best.
-UNSEEN: Tolerance = 1e-10
+# squaring. Models of a path are nested, so one triangular factor a fold fits them all.
 
 
 @frozen
@@ -90,8 +84,8 @@ class WhitenedRegression:
         Variance of noise of weight 1: the errors of y of the full fit.
     tests : Information
         About y and what the full fit leaves of the torque: what each fold predicts.
-    gram : (F, k + 1, k + 1)
-        What densities are of: all of it, whitened, or what instruments see of it.
+    noise : (n,) [torque²]
+        σ² κ of each joint.
     variation : (n,) [torque²]
         Of the torque of each joint about its mean: the scale of its errors.
     folds : Folds
@@ -103,7 +97,7 @@ class WhitenedRegression:
     inverse: Array
     unit: float
     tests: Information
-    gram: Array
+    noise: Array
     variation: Array
     folds: Folds
     refits: Refits
@@ -124,19 +118,11 @@ class WhitenedRegression:
         free = np.array([len(partition) for partition in partitions])
         delta = self.refits.along(turn, free)
         values = (self.refits.centre + delta) @ self.inverse.T
-        steps = zip(path, self._score(delta[:, 1:], turn, free), values, strict=True)
-        return [Step(p, score, value, move) for (move, p), score, value in steps]
-
-    def _score(self, delta: Array, turn: Array, free: np.ndarray) -> list[Score]:
-        """Return what models predict whose fits to the rests are off the full one, (M, F, k)."""
-        left = np.concatenate([-delta, np.ones((*delta.shape[:2], 1))], 2)
+        left = np.concatenate([-delta[:, 1:], np.ones((len(free), self.folds.count, 1))], 2)
         squares = self.tests.squares_of_blocks(left)
-        precision = self.refits.grams[1:] / self.unit
-        density = nested_density(self.gram, precision, delta, turn, free)
-        return [
-            Score(d, s, self.variation, self.folds.ratio)
-            for d, s in zip(density, squares, strict=True)
-        ]
+        about = self.noise, self.variation, self.folds.ratio
+        steps = zip(path, squares, values, strict=True)
+        return [Step(p, Score(own, *about), value, move) for (move, p), own, value in steps]
 
 
 def whiten_regression(
@@ -151,7 +137,7 @@ def whiten_regression(
     full : Estimate
         Of these; its estimator refits those that it kept, with its weights of the actuators.
     variation : (n,), optional [(N·m)² or N²]
-        Of the torque of each joint about its mean (`torque_errors.joint_weights`); by default the
+        Of the torque of each joint about its mean; by default the
         torque's sum of squares.
 
     Raises
@@ -177,34 +163,11 @@ def whiten_regression(
         inverse=np.eye(len(columns))[:, kept] @ turned,
         unit=max(noise_scale(information, full.weights, full.times, full.rss), floor),
         tests=tests,
-        gram=_see(information, full, R, tests),
+        noise=np.maximum(full.variance * full.times, floor),
         variation=information.torque if variation is None else variation,
         folds=folds,
         refits=Refits.of(information, full, R, folds.train),
     )
-
-
-def _see(information: Information, full: Estimate, R: Array, tests: Information) -> Array:
-    """Return what densities are of, ``[Y, e]ᵀ [Y, e]`` of each fold, (F, k + 1, k + 1).
-
-    Noise in the motion is in columns and errors alike: a model that fits it would predict the log's
-    torque better and the robot's worse. Where there are instruments, all is projected on what they
-    see: they have no part in it.
-    """
-    k, one = information.size, np.eye(information.size + 1)
-    weights = 1.0 / np.maximum(full.variance * full.times, least_noise(information))
-    if not (full.estimator.instruments and information.instrumented):
-        return tests.products(weights, one, one)
-    T = combine(information, full.weights).left.reshape(2, k, k)
-    left = np.vstack([*(R[:k, :k] @ T), np.zeros((1, k))])
-    both = np.hstack([left, np.vstack([np.zeros((k, k + 1)), one])])
-    out = []
-    for own in tests.joint.products(weights, left, both):
-        values, vectors = np.linalg.eigh(own[:, :k])
-        good = values > UNSEEN * values.max(initial=0.0)
-        half = (vectors[:, good] / np.sqrt(values[good])).T @ own[:, k:]
-        out.append(half.T @ half)
-    return np.stack(out)
 
 
 # Which move is the cheapest.

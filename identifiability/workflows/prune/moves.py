@@ -17,6 +17,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from identifiability.foundation.errors import listing
+from identifiability.foundation.linalg import RANK_TOLERANCE
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -357,10 +358,6 @@ def body_shapes(mirrors: list[Mirror]) -> Array:
 # friction.
 
 
-#: Entries of ``G N`` below this share of their row's terms are zero.
-TINY: Tolerance = 1e-8
-
-
 def propose_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     """Return the moves that the robot suggests about some base parameters.
 
@@ -419,7 +416,7 @@ def zero_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
             continue
         shape = body_shapes(mirrors)
         reach, size = _confine(structure, [((k,), shape) for k in bodies])
-        gone = (size > 0) & (np.abs(reach).max(1, initial=0.0) <= TINY * size)
+        gone = (size > 0) & (np.abs(reach).max(1, initial=0.0) <= RANK_TOLERANCE * size)
         vanished = [n for n, g in zip(structure.base.names, gone, strict=True) if g]
         names = tuple(n for n in vanished if n in known and n not in seen)
         seen.update(names)
@@ -434,10 +431,16 @@ def tie_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     sets = find_equal_bodies(structure.robot)
     reach, size = _confine(structure, [(bodies, np.eye(len(GROUPED_KINDS))) for bodies in sets])
     known, moves = set(columns), []
-    left = np.flatnonzero(np.abs(reach).max(1, initial=0.0) > TINY * size).tolist() if sets else []
+    left = (
+        np.flatnonzero(np.abs(reach).max(1, initial=0.0) > RANK_TOLERANCE * size).tolist()
+        if sets
+        else []
+    )
     while left:
         first = left[0]
-        equal = [k for k in left if np.abs(reach[k] - reach[first]).max() < TINY * size[first]]
+        equal = [
+            k for k in left if np.abs(reach[k] - reach[first]).max() < RANK_TOLERANCE * size[first]
+        ]
         left = [k for k in left if k not in equal]
         names = tuple(structure.base.names[k] for k in equal)
         if len(names) > 1 and set(names) <= known:

@@ -27,9 +27,9 @@ from identifiability.regression.reduction import (
     ladder_text,
     model_entry,
 )
-from identifiability.workflows.analyze.assessment import ModelResult
 from identifiability.workflows.analyze.result import (
     Laddered,
+    ModelResult,
     error_tables,
     found_cell,
     say_unjudged,
@@ -190,7 +190,7 @@ class Ladder(Laddered):
             "ladder": self.model_text,
             "effects": list(self.effects),
             "criterion": "identifiable",  # there were others
-            "seed": self.seed,
+            "seed": self.settings["seed"],
         }
 
     def write_model(self, path: str | Path) -> Path:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -16,24 +15,13 @@ from identifiability.estimation.estimate import (
     settle_noise,
 )
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.estimation.evidence import (
-    Evidence,
-    HeldOut,
-    Mixture,
-    mix_labels,
-    near_best,
-    weigh_models,
-)
-from identifiability.estimation.fit import Fit
+from identifiability.estimation.evidence import Evidence, HeldOut, near_best, weigh_models
 from identifiability.estimation.groups import Alternatives
 from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Prediction, Task, predict_all
-from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.torque_errors import take_turns
 from identifiability.foundation.engines import Engine, Steps, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.findings import of_key
-from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
     Names,
     NotNegative,
@@ -43,7 +31,6 @@ from identifiability.foundation.options import (
     settle_count,
 )
 from identifiability.foundation.rounding import percent
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import find_signal
@@ -61,20 +48,17 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.analyze.assessment import (
-    Settled,
-    complete_fit,
-    decide_model,
-    impossible_signs,
-    settle_robot,
-    tell_with_file,
-)
 from identifiability.workflows.analyze.result import WORSE
 from identifiability.workflows.analyze.workflow import (
+    Settled,
     SharedErrors,
+    complete_fit,
+    decide_model,
     predict_everywhere,
     say_band,
     say_of_fit,
+    settle_robot,
+    tell_with_file,
 )
 from identifiability.workflows.opening import Logs, Progress, quiet, running, share
 from identifiability.workflows.prune.elimination import (
@@ -199,22 +183,22 @@ def prune(
                 progress=share(say, "measuring errors", 0.5, 1.0),
             )
         hints = _hint(session, rows, measured, measured.models[selected])
-        found = Ladder(
+        return Ladder(
             structure=session.structure,
             samples=opening.samples,
             validation=opening.validation,
             hints=tuple(filter(None, (*hints, thinned, *unused_ladder(robot, ladder)))),
+            recordings=session.recordings,
             information=rows.information,
             start=start,
             selected=selected,
             least=best_step(search.steps),
             refused=search.refused,
-            rolled=session.recordings.rolled,
             late=question.shared.together(full_model(session.structure.base)),
-            method=base.name,
-            seed=seed,
             source=source,
             settings={
+                "method": base.name,
+                "seed": seed,
                 "estimator": estimator,
                 "forbid": list(forbid),
                 "force": list(force),
@@ -228,10 +212,6 @@ def prune(
             nothing=measured.nothing,
             missing=measured.missing,
         )
-        moved = session.recordings.measure_rollouts(
-            session.structure.robot, found.real_robot["parameters"]
-        )
-        return replace(found, moved=moved)
 
 
 def _hint(
@@ -244,7 +224,6 @@ def _hint(
         *other,  # under which all is said
         measured.contradicted,
         state_foreign(measured.models[0]) if opening.validation else "",
-        "" if measured.nothing else state_disagreement(chosen),
         rows.burst,
         *(hint for hint in opening.hints if hint not in other),
         *(() if session.recordings.commanded else say_band(session.how)),
@@ -283,11 +262,8 @@ def _choose(question: Question, search: Search, cad_prior: float | None) -> tupl
         if certificate is not None and certificate.feasible:
             break
     found = []
-    for k, model, certificate, said in tried[:1] + tried[1:][-1:]:
-        one = settle_robot(model, held_out, cad_prior)
-        told = said + one.robot.sentence
-        robot = replace(one.robot, certificate=certificate, sentence=told)
-        found.append((k, replace(one, robot=robot)))
+    for k, model, *certified in tried[:1] + tried[1:][-1:]:
+        found.append((k, settle_robot(model, held_out, cad_prior, certified=certified)))
     (_, first), (_, last) = found[0], found[-1]
     pair = [x.real for x in (last, first) if x.real is not None]
     alike = len(pair) > 1 and near_best(pair)[0]
@@ -295,10 +271,6 @@ def _choose(question: Question, search: Search, cad_prior: float | None) -> tupl
 
 
 # The models of the path, measured.
-
-
-#: Coefficients of a label below this are rounding.
-ROUNDING: Tolerance = 1e-9
 
 
 @frozen
@@ -394,7 +366,7 @@ def measure_models(
     fits = [(model.submodel, model.estimate) for model in map(question.fit, steps)]
     values = np.stack([submodel.expand(fit.value) for submodel, fit in fits], 1)
     # Stretches (or logs) are predicted by models fitted to the others.
-    start, turns = question.start, take_turns(rows.information, search.whitened.folds.test)
+    start, turns = question.start, search.whitened.folds
     rests = start.fixed[:, None] + start.M @ np.stack([s.values[1:] for s in steps], 2)
     along = [Task(np.column_stack([values, settled.values])[None], kept=False)]
     both = np.concatenate([rests, settled.turned], axis=2)
@@ -403,15 +375,16 @@ def measure_models(
     unseen = crossed
     if opening.unseen is not None:
         (unseen,) = predict_all(opening.unseen, along, engine=engine)
-    missing, thresholds = find_missing(opening), Thresholds()
+    missing = find_missing(opening)
     weights, first = np.zeros(len(steps)), first_allowed(steps)
     weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
     best, models = steps[best_step(steps)].score, list[PrunedModel]()
     torque = float(np.sqrt(np.mean(fitted.rms**2)))
     for k, (step, known) in enumerate(zip(steps, fits, strict=True)):
         model, real = question.recall(*known), settled.robot if k == chosen else None
-        fit = Fit.of(model.information, model.estimate, rng, replicates)
-        fit = complete_fit(model, fit, question.full, missing, question.shared.move, real)
+        own = rng, replicates, question.full, missing, question.shared.move
+        fit = complete_fit(model, *own, real=real)
+        verdicts, infeasible = decide_model(model, fit, torque)
         judged = Evidence.of(step.score, best)
         at = range(len(steps), len(steps) + 4) if k == chosen else [k]
         models.append(
@@ -420,8 +393,8 @@ def measure_models(
                 submodel=known[0],
                 estimate=known[1],
                 fit=fit,
-                verdicts=decide_model(model, fit, torque, thresholds),
-                infeasible=impossible_signs(model),
+                verdicts=verdicts,
+                infeasible=infeasible,
                 physical=real,
                 fitted=fitted.select(at),
                 unseen=unseen.select(at),
@@ -433,16 +406,12 @@ def measure_models(
             )
         )
     model, result = question.recall(*fits[chosen]), models[chosen]
-    mixed = replace(result.fit, models=_mix(models, weights, chosen))
-    verdicts = decide_model(model, mixed, torque, thresholds)
-    result = replace(result, fit=mixed, verdicts=verdicts)
     better = len(result) and result.error_ra_unseen < crossed.constant_error()
     nothing, hint = opening.misread or (result.contradicted if better else WORSE), ""
-    models[chosen] = result
     if nothing:
         models = [pruned.withdraw(nothing) for pruned in models]
     else:
-        models[chosen], hint = tell_with_file(model, result, within, thresholds)
+        models[chosen], hint = tell_with_file(model, result, within)
     used, where = int(result.physical_used), None if opening.validation else turns
     everywhere = predict_everywhere(session, rows, settled, used, where)
     return Measured(
@@ -452,32 +421,6 @@ def measure_models(
         missing=missing,
         contradicted=hint,
     )
-
-
-def _mix(models: Sequence[PrunedModel], weights: Array, chosen: int) -> Mixture:
-    """Return what all models of the path say of the labels of one, as they are told."""
-    own = models[chosen].submodel
-    inverse = np.linalg.pinv(own.M)
-    # Models of less weight than this share of the heaviest's are no part of a mixture.
-    heavy = np.flatnonzero(weights > 1e-3 * weights.max())
-    values, sigmas = [], []
-    for model in (models[k] for k in heavy.tolist()):
-        L, fit = inverse @ model.submodel.M, model.estimate
-        L[np.abs(L) < ROUNDING] = 0.0
-        values.append(inverse @ (model.submodel.expand(fit.value) - own.fixed))
-        sigmas.append(_spread_labels(L, fit, model.fit.robust))
-    return mix_labels(weights[heavy], np.array(values), np.array(sigmas))
-
-
-def _spread_labels(L: Array, fit: Estimate, robust: Array) -> Array:
-    """Return standard deviations of combinations L x of a fit's values, (r,)."""
-    open_ = ~(np.isfinite(robust) & np.isfinite(fit.sigma) & (fit.sigma > 0))
-    wider = np.where(open_, 0.0, robust) / np.where(open_, 1.0, fit.sigma)
-    covariance = np.where(np.isfinite(fit.covariance), fit.covariance, 0.0)
-    covariance = wider[:, None] * covariance * wider
-    sigma = np.sqrt(np.maximum(np.einsum("ra,ab,rb->r", L, covariance, L), 0.0))
-    lost: Array = np.where((L[:, open_] != 0).any(1), np.inf, sigma)
-    return lost
 
 
 def state_foreign(full: PrunedModel) -> str:
@@ -490,15 +433,4 @@ def state_foreign(full: PrunedModel) -> str:
         f"The unpruned model predicts the logs held out worse ({percent(error)}) than a constant "
         f"torque would ({percent(constant)}), and unseen stretches of the fitted ones to "
         f"{percent(own)}: are they of the same robot, with the same units and signs?"
-    )
-
-
-def state_disagreement(chosen: PrunedModel) -> str:
-    """Return what models that predict alike disagree on, in one sentence."""
-    moved = [v.name for v in chosen.verdicts if v.disputed]
-    if not moved:
-        return ""
-    return (
-        f"Models that predict alike disagree on {listing(moved, 6)}: values and intervals are "
-        "those of all of them together, each by its weight."
     )

@@ -17,7 +17,6 @@ from identifiability.foundation.errors import LogError, OutputError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.options import Expected, FilePath, checked
 from identifiability.foundation.output import check_writable, write_together
-from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.logs.formats.reader import check_there
 from identifiability.robot import Robot
@@ -81,9 +80,6 @@ class Study:
         logs = [*self.fitted, *filter(None, [self.held_back])]
         told = phrase("study", "logs" if self.has_logs else "alone", logs=logs, runs=[*RUNS])
         return f"{self.folder} is a study of {self.robot}, {told}. Begin with: {self.next_line}"
-
-    def _repr_html_(self) -> str:
-        return shown(self.statement)
 
 
 @checked

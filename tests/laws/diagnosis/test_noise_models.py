@@ -9,7 +9,6 @@ from identifiability.estimation.noise import (
     BOUND,
     JointRuns,
     RestrictedLikelihood,
-    autocovariance,
     fit_residual_noise,
     levinson,
     span_columns,
@@ -18,6 +17,18 @@ from identifiability.estimation.noise import (
 
 PACF = np.array([0.6, -0.3])
 RUNS = [(0, 25), (25, 27), (27, 70)]
+
+
+def autocovariance(pacf, most):
+    """Return autocovariances at lags 0 … most for unit innovations, by the recursion."""
+    predictors, variances = levinson(pacf)
+    out = [variances[0]]
+    for k in range(1, most + 1):
+        if k > len(pacf):
+            out.append(predictors[-1] @ out[: -len(pacf) - 1 : -1] if len(pacf) else 0.0)
+        else:  # the last partial autocorrelation of an order gives the next lag [Levinson 1947]
+            out.append(pacf[k - 1] * variances[k - 1] + predictors[k - 1] @ out[:0:-1])
+    return np.array(out)
 
 
 def covariance(pacf, runs, floor=0.0):

@@ -1,6 +1,6 @@
 """What bodies that can exist, or the prior, add to a verdict, from numbers alone."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -43,13 +43,6 @@ def standard():
     )  # fmt: skip
 
 
-@dataclass
-class Judged:
-    """What a refinement asks of a model."""
-
-    verdicts: tuple
-
-
 def refined(
     kind=Class.SIGN_ONLY,
     *,
@@ -58,7 +51,6 @@ def refined(
     data=1.0,
     robust=1.0,
     reasons=(),
-    rules=None,
     flags=(),
     prior_sensitivity=0.0,
 ):
@@ -66,7 +58,7 @@ def refined(
         signs=None, physical=summary(sd, reasons, prior_sensitivity), standard=standard(),
         model_prior_sd=np.array([prior]), model_data_sd=np.array([data]),
     )  # fmt: skip
-    (found,) = refine_verdicts(Judged((verdict(kind, robust, flags),)), belief, rules)
+    (found,) = refine_verdicts((verdict(kind, robust, flags),), belief)
     return found
 
 
@@ -121,7 +113,7 @@ def test_a_posterior_that_may_not_be_shown_adds_nothing():
     before = verdict(Class.SIGN_ONLY)
     assert refined(reasons=["It moved too little."]) == before
     for missing in (replace_belief(physical=None), replace_belief(standard=None)):
-        assert refine_verdicts(Judged((before,)), missing) == (before,)
+        assert refine_verdicts((before,), missing) == (before,)
 
 
 def replace_belief(**change):

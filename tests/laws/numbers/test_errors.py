@@ -6,9 +6,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.estimation.evidence import choose_folds
-from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
-from identifiability.estimation.torque_errors import ErrorSums, Layout, Turns, take_turns
+from identifiability.estimation.evidence import Folds, choose_folds
+from identifiability.estimation.prediction import (
+    ErrorSums,
+    Layout,
+    Prediction,
+    Task,
+    predict,
+    predict_all,
+)
 from identifiability.regression.regression import Chunk
 
 from .made import gather
@@ -70,13 +76,17 @@ def test_some_models_can_be_looked_at_alone(two_logs):
 def test_sums_of_parts_are_those_of_the_whole():
     rng = np.random.default_rng(3)
     tau, predicted = rng.normal(size=(90, 2)), rng.normal(size=(90, 2, 3))
-    layout = Layout.of([60, 30], np.array([tau[:60].sum(0), tau[60:].sum(0)]), np.ones(2, bool))
-    whole = ErrorSums.of(layout, 0, tau[:60], predicted[:60])
-    whole += ErrorSums.of(layout, 1, tau[60:], predicted[60:])
-    parts = ErrorSums.of(layout, 0, tau[:0], predicted[:0])
+    torque, data = np.array([tau[:60].sum(0), tau[60:].sum(0)]), np.ones(tau.shape, bool)
+    layout = Layout.of([60, 30], torque, np.ones(2, bool), np.repeat([[60], [30]], 2, 1))
+
+    def of(log, rows):
+        return ErrorSums.of(layout, log, tau[rows], predicted[rows], data[rows])
+
+    whole = of(0, slice(60)) + of(1, slice(60, 90))
+    parts = of(0, slice(0))
     for log, start, stop, offset in ((1, 0, 30, 60), (0, 37, 60, 0), (0, 0, 37, 0)):
         rows = slice(offset + start, offset + stop)
-        parts += ErrorSums.of(layout, log, tau[rows], predicted[rows])
+        parts += of(log, rows)
     for name, value in vars(whole).items():
         np.testing.assert_allclose(getattr(parts, name), value, rtol=1e-12)
 
@@ -109,11 +119,12 @@ def test_what_is_left_out_of_a_fold_is_the_fold_and_nothing_else():
 
 def test_turns_change_between_the_last_sample_of_a_block_and_the_first_of_the_next():
     _, every = information(16, 24, size=8)
-    turns = take_turns(every, np.array([0, 1, 2, 0, 1]))
+    test = np.array([0, 1, 2, 0, 1])
+    folds = Folds(test, test != np.arange(3)[:, None], np.cumsum(every.counts), 0.5)
     expected = np.repeat([0, 1, 2, 0, 1], 8)
-    np.testing.assert_array_equal(turns.of(0, 40), expected)
+    np.testing.assert_array_equal(folds.at(0, 40), expected)
     for start, stop in ((7, 9), (8, 8), (15, 17), (39, 40)):
-        np.testing.assert_array_equal(turns.of(start, stop), expected[start:stop])
+        np.testing.assert_array_equal(folds.at(start, stop), expected[start:stop])
 
 
 class Rows:
@@ -167,9 +178,9 @@ def test_every_sample_is_predicted_by_the_fit_that_has_not_seen_it_over_several_
     W, tau = rng.normal(size=(80, 2, 3)), rng.normal(size=(80, 2))
     fold = np.repeat(np.arange(10) % 3, 8)  # block k of all logs is predicted by fit k mod 3
     values = rng.normal(size=(3, 3, 2))
-    turns = Turns(np.arange(8, 81, 8), np.arange(10) % 3)
+    folds = Folds(fold[::8], fold[::8] != np.arange(3)[:, None], np.arange(8, 81, 8), 0.5)
     whole, plain = predict_all(
-        Rows(W, tau, logs), [Task(values, turns), Task(values[:1], kept=False)]
+        Rows(W, tau, logs), [Task(values, folds), Task(values[:1], kept=False)]
     )
     expected = np.einsum("tak,tkm->tam", W, values[fold])
     np.testing.assert_allclose(whole.predicted, expected, rtol=1e-12)

@@ -12,11 +12,10 @@ from identifiability.estimation.fit import column_noise, column_rms, merge_block
 from identifiability.estimation.groups import NO_ALTERNATIVES
 from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Prediction
-from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, Flag
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import Submodel
-from identifiability.workflows.analyze.assessment import Settled, assess_ladder, select_model
+from identifiability.workflows.analyze.workflow import Settled, assess_ladder, select_model
 
 from .made import gather
 
@@ -29,7 +28,7 @@ class Judged:
     error_ra_validation: float
     spread: float = 0.0
     feasible: bool = True
-    signs_possible: bool = True
+    infeasible: tuple[str, ...] = ()
     contradicted: str = ""
 
     @property
@@ -50,18 +49,18 @@ def test_the_smallest_model_that_folds_leave_is_used():
 
 
 def test_of_models_that_predict_as_well_one_that_a_real_robot_can_have_comes_first():
-    models = [Judged(9, 0.1), Judged(5, 0.101, 0.01, False), Judged(3, 0.102, 0.01, False, False)]
+    models = [Judged(9, 0.1), Judged(5, 0.101, 0.01, False), Judged(3, 0.102, 0.01, False, ("m",))]
     assert choose(models) == 0
     models[0].feasible = False
     assert choose(models) == 1  # no forbidden sign, though no real robot
-    models[0].signs_possible = models[1].signs_possible = False
+    models[0].infeasible = models[1].infeasible = ("m",)
     assert choose(models) == 2
 
 
 def test_a_model_that_is_sure_of_something_impossible_comes_last():
     models = [Judged(9, 0.1), Judged(5, 0.1, 0.01, contradicted="m would be negative")]
     assert choose(models) == 0
-    models[0].feasible = models[0].signs_possible = False
+    models[0].feasible, models[0].infeasible = False, ("m",)
     assert choose(models) == 0
     models[0].contradicted = "so would another"
     assert choose(models) == 1
@@ -148,8 +147,7 @@ def ladder():
     rng, physics = np.random.default_rng(0), [Physics(0.1), Physics(-0.1)]
     pairs = zip(models, physics, strict=True)
     settled = [Settled(model, real, None, None, np.empty(0)) for model, real in pairs]
-    what = settled, *made, Thresholds(), rng, 50, NO_ALTERNATIVES
-    results = assess_ladder(*what, judged=judged)
+    results = assess_ladder(settled, *made, judged, rng, 50, NO_ALTERNATIVES)
     return W, tau, every, fits, made, results
 
 
@@ -192,10 +190,8 @@ def test_signs_that_physics_forbids_are_named_and_make_a_model_impossible(ladder
     results = ladder[-1]
     assert results[0].estimate.value[2] < -0.25  # of c and d together: neither's sign is known
     assert results[0].infeasible == ("b",)
-    assert not results[0].signs_possible
     assert not results[0].feasible
     assert results[1].infeasible == ()
-    assert results[1].signs_possible
     assert not results[1].feasible  # the certificate says so
 
 
