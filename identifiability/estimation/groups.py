@@ -35,6 +35,7 @@ from identifiability.estimation.mixed_model import (
     whitened_information,
 )
 from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, Runs, rich_noise
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import ROUNDOFF, triangular_factor
 from identifiability.foundation.names import INERTIAL_KINDS, Array
@@ -113,6 +114,8 @@ def fit_loads(structure: Structure, X: Array, y: Array, data: np.ndarray) -> Rob
 EXCERPT = (6_000, 6, 1_000)
 #: Families of bodies, with typical values of their kinds.
 BODIES = {"rigid_body": LOAD, "payload": {f"payload_{kind}": x for kind, x in LOAD.items()}}
+#: Names at most beside which the noise of a joint is measured.
+NAMED = 3
 #: Blocks of rows over which gains on unseen motion are summed.
 BLOCKS = 10
 
@@ -274,32 +277,54 @@ class Missing:
 
     @cached_property
     def _beside_noise(self) -> list[tuple[bool, list[int]]]:
-        """Columns that noise is measured beside, what must not be left out first.
+        """Columns of smooth functions, beside which noise is measured, unnamed ones first.
 
-        These are smooth functions, and what none of them has: what passive joints, or the way that
-        led to a state, add to the torque. How logs of a session differ says nothing of the memory
-        within them, and is of the model.
+        How logs of a session differ says nothing of the memory within them, and is of the model.
         """
-        passive = {axis.name for axis in self.seen.robot.passive_axes}
         found: dict[tuple[str, str], list[Candidate]] = defaultdict(list)
         for c in self.candidates:
-            if c.family.flexible or c.family.remembers or c.place in passive:
+            if c.family.flexible:
                 found[c.group].append(c)
         out = []
         for own in sorted(
             found.values(), key=lambda x: (not x[0].family.unnamed, x[0].family.rank)
         ):
             family = own[0].family
-            if family.flexible and not family.separate:
+            if not family.separate:
                 own = [max(own, key=lambda c: len(c.columns))]  # noqa: PLW2901 - the finest
             out.append((family.against == "session", [k for c in own for k in c.columns]))
         return out
 
-    def joint_noise(self, joint: int, runs: Runs) -> JointNoise:
-        """Return the noise of a joint in some stretches."""
+    def beside(self, likely: Sequence[Term]) -> Missing:
+        """Return the same with the noise beside what is nearly named, too, the likeliest first.
+
+        Functions have a price that a name need not pay, and have not what passive joints, or the
+        way that led to a state, add: noise measured without would have it for its own.
+        """
+        named: dict[int, list[list[int]]] = defaultdict(list)
+        for t in likely:
+            near = t.odds >= RULES.name - RULES.rival and t.group.place != EVERYWHERE
+            if near and not self.sets[t.key][0][0].family.unnamed:
+                columns = (t.columns - self.fixed).tolist()
+                for j in {j for j, k in self.entries if k in columns}:
+                    named[j].append(columns)
+        if not named:
+            return self
+        noise, runs = list(self.noise), self.seen.runs.each
+        for j, columns in named.items():
+            noise[j] = self.joint_noise(j, runs[j], columns[:NAMED])
+        other = replace(self, given=tuple(noise))
+        same = ("entries", "acting", "scale", "sets", "groups")
+        vars(other).update({name: vars(self)[name] for name in same if name in vars(self)})
+        return other
+
+    def joint_noise(
+        self, joint: int, runs: Runs, named: Sequence[Sequence[int]] = ()
+    ) -> JointNoise:
+        """Return the noise of a joint in some stretches, beside columns of names, too."""
         X, random = self.seen.X[:, joint], list[Array]()
         model = [X[:, X.any(0)]]
-        for session, columns in self._beside_noise:
+        for session, columns in [*((False, x) for x in named), *self._beside_noise]:
             own = [self.entries[joint, k] for k in columns if (joint, k) in self.entries]
             if own:
                 (model if session else random).append(np.stack(own, 1))

@@ -258,12 +258,15 @@ class MixedModel:
         for g in asked:
             at = slice(stop, stop := stop + len(g.members))
             each = rises[at]
+            narrow = widths[at][:, None] == widths[at].min()
             if g.positive:  # shapes of one curve may cancel: its sign is that of the likeliest
-                narrow = (widths[at] == widths[at].min())[:, None]
                 likeliest = int(np.argmax(np.where(narrow, each, -np.inf).max(1)))
                 each = each + np.where(narrow, signs[at], signs[at][likeliest])
             member, size = np.unravel_index(int(np.argmax(each)), each.shape)
-            odds = float(logsumexp(each) - np.log(each.size) - g.price)
+            # Half of the prior is for all shapes at once.
+            share = np.where(narrow, 1 / narrow.sum(), 1 / max((~narrow).sum(), 1))
+            share /= (1 + (~narrow).any()) * len(self.sizes)
+            odds = float(logsumexp(each, b=share) - g.price)
             out.append(Term(g, int(member), float(self.sizes[size] ** 2), odds))
         # What is as likely stands as it came, whatever rounding says.
         return sorted(out, key=lambda t: -round(t.odds, 6))

@@ -231,6 +231,10 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
     missing = Missing(candidates, fitted.seen, root, families=frozenset(asked))
     model = missing.model()
     before = tuple(model.gains())
+    again = missing.beside(before)
+    if again is not missing:
+        missing, model = again, again.model()
+        before = tuple(model.gains())
     found = Naming(
         setting=setting,
         fitted=fitted,
