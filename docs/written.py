@@ -7,7 +7,6 @@ numbers from the tables of the rooms.
 
 from __future__ import annotations
 
-import ast
 import inspect
 import io
 import re
@@ -288,36 +287,6 @@ def write_rules() -> str:
     return "\n".join(out)
 
 
-def tolerances() -> Iterator[tuple[str, str, str]]:
-    """Yield name, value and meaning of every `Tolerance`: its text stands above it."""
-    for path in sorted((DOCS.parent / "identifiability").rglob("*.py")):
-        lines = path.read_text(encoding="utf-8").splitlines()
-        for node in ast.parse("\n".join(lines)).body:
-            if not isinstance(node, ast.AnnAssign) or node.value is None:
-                continue
-            if ast.unparse(node.annotation) != "Tolerance":
-                continue
-            above = node.lineno - 2
-            while lines[above] and not lines[above].startswith("#"):  # one text of several numbers
-                above -= 1
-            first = above
-            while lines[first - 1].startswith("#"):
-                first -= 1
-            said = " ".join(line.lstrip("#: ") for line in lines[first : above + 1])
-            value = ast.unparse(node.value).replace("**", "^").replace("*", "·")
-            yield ast.unparse(node.target), value, said
-
-
-def write_tolerances() -> str:
-    """Return the numbers of algorithms, by their file."""
-    out = [TOLERANCES, "| number | value | meaning |", "|---|---|---|"]
-    out += [
-        f"| {' | '.join(map(_cell, (f'`{name}`', value, said)))} |"
-        for name, value, said in tolerances()
-    ]
-    return "\n".join(out)
-
-
 def write_studies() -> str:
     """Return one line a study, from the registry."""
     studies = runpy.run_path(str(DOCS.parent / "studies" / "registry.py"))["STUDIES"]
@@ -380,11 +349,6 @@ reason given; *by hand*, a developer's judgement and nothing more; or the study 
 changes no name, no verdict and no error by more than 2 % when it is halved and doubled is a
 constant where it is used.
 """
-TOLERANCES = """## Numbers of algorithms
-
-Steps, widths, roundings and what is taken where nothing is stated: they are meant to say how an
-answer is found, and not which.
-"""
 
 
 def pages() -> dict[Path, str]:
@@ -401,7 +365,7 @@ def pages() -> dict[Path, str]:
         "messages": (MESSAGES, write_messages()),
         "log-words": (LOG_WORDS, write_words()),
         "studies": (STUDIES, write_studies()),
-        "rules": (NUMBERS, write_rules(), write_tolerances()),
+        "rules": (NUMBERS, write_rules()),
     }
     return {
         **{

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
         Preparation as Preparation,
         prepare_log as prepare_log,
     )
-    from identifiability.regression.gather import gather_information as gather_information
+    from identifiability.regression.information import gather_information as gather_information
     from identifiability.regression.information import Information as Information
     from identifiability.regression.regression import Model as Model, Regression as Regression
     from identifiability.regression.structure import (
@@ -91,8 +91,7 @@ _HOMES = {
         "logs": ("Log",),
         "logs.prepare": ("Dataset", "Preparation", "prepare_log"),
         "regression.structure": ("BaseParameters", "find_base_parameters"),
-        "regression.gather": ("gather_information",),
-        "regression.information": ("Information",),
+        "regression.information": ("Information", "gather_information"),
         "regression.regression": ("Model", "Regression"),
         "report": ("plot",),
         "robot": ("Motion", "Robot"),

@@ -24,10 +24,10 @@ from shared import study_parser
 from identifiability.estimation.estimate import find_estimator, weigh_outliers
 from identifiability.estimation.noise import Noise as Remembering
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import REACH, holm
+from identifiability.foundation.numbers import REACH
 from identifiability.foundation.output import write_json
 from identifiability.logs.prepare import prepare_log
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import Submodel
 from identifiability.report import Picture, Prose, Section, check_cell, frame_table, write_page
 from identifiability.report.drawing import (
@@ -239,7 +239,7 @@ def measure_noises(trials: int, seed: int) -> pd.DataFrame:
                 held = np.abs(value - truth) <= REACH * sigma
                 sd = value.std(0, ddof=1)
                 z, wide = np.abs(value) / sd, sd / np.abs(value) > 0.01 * e.thresholds.sigma_percent
-                certain = np.array([holm(2 * ndtr(-x)) < e.thresholds.sign_level for x in z])
+                certain = np.array([2 * len(x) * ndtr(-x) < e.thresholds.sign_level for x in z])
                 oracle, given = certain & ~wide, np.array([o.identifiable for o in out])
                 rows.append(
                     {

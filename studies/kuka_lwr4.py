@@ -28,7 +28,7 @@ from identifiability.foundation.output import write_json
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import Submodel, build_ladder, ladder_model, read_ladder
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot

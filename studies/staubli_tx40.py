@@ -27,7 +27,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_json
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import ladder_model, read_ladder
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import BaseParameters

@@ -11,7 +11,7 @@ from identifiability.estimation.fit import scatter_scores
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot

@@ -30,9 +30,9 @@ def test_faults_that_the_laws_know_are_noticed_and_unknown_ones_named():
         command = [sys.executable, SCRIPT, "--only", named, "--jobs", "1"]
         return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
 
-    done = run("verdict: Holm's steps may fall")
+    done = run("verdict: the white deviation decides")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "dies      verdict: Holm's steps may fall\n" in done.stdout
+    assert "dies      verdict: the white deviation decides\n" in done.stdout
     assert ", 0 survive, 0 unexplained" in done.stdout
     none = run("no such mutant")
     assert (none.returncode, none.stdout) == (1, "no mutant has such a name\n")

@@ -124,7 +124,9 @@ class Folds:
     @staticmethod
     def short(information: Information) -> Folds:
         """Return folds of logs that are too short for a choice: what they err is stated only."""
-        test = choose_folds(information.log, LEVELS.fewest)
+        test, count = information.log, len(information.log)
+        if not test.max(initial=0):
+            test = (np.arange(count) * min(LEVELS.fewest, count)) // count
         train = test != np.arange(test.max() + 1)[:, None]
         return Folds(test, train, np.cumsum(information.counts), 1.0 / max(test.max(), 1))
 
@@ -175,20 +177,6 @@ class Folds:
             row[near & (log == log[own[0]])] = False
         tested = np.array([counts[test == f].sum() for f in range(len(train))])
         return Folds(test, train, ends, float(np.mean(tested / np.maximum(train @ counts, 1))))
-
-
-def choose_folds(log: np.ndarray, most: int = LEVELS.fewest) -> np.ndarray:
-    """Return the fold of each block or sample: whole logs where there are several, else stretches.
-
-    Parameters
-    ----------
-    log : (B,) int
-        Which log it comes from.
-    most : int
-        Stretches.
-    """
-    count = len(log)
-    return log if log.max(initial=0) > 0 else (np.arange(count) * min(most, count)) // count
 
 
 def _divide(lengths: np.ndarray, memory: float) -> np.ndarray:

@@ -18,7 +18,7 @@ from identifiability.estimation.groups import LabelAlternatives
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import ROUNDOFF, sandwich, unit_coordinates
 from identifiability.foundation.names import GROUPED_KINDS, Array
-from identifiability.foundation.numbers import ENDS, LEVEL, REACH, holm
+from identifiability.foundation.numbers import ENDS, LEVEL, REACH
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
@@ -217,7 +217,7 @@ def count_freedom(information: Information, fit: Estimate) -> Array:
 #
 # What a model leaves out is no noise while one motion lasts: it moves the values by as much in
 # every stretch of a log, and by something else in the next log. So the values of each log by itself
-# are compared, a parameter at a time [Holm 1979]. Two or three logs say next to nothing
+# are compared, a parameter at a time [Bonferroni]. Two or three logs say next to nothing
 # about one parameter's excess, so it is one ratio of variance for each kind of parameter (bodies,
 # each friction, offsets …): model errors, like noise, move most what a motion shows least.
 
@@ -303,7 +303,7 @@ def compare_motions(information: Information, fit: Estimate, time: float) -> Mot
     which, values, sd, dof = (np.array(x) for x in zip(*found, strict=True))
     sd = np.where(fit.determined & (sd > 0), sd, np.inf)
     own, p, free = _differ(values, sd, dof)
-    p = holm(p)
+    p = np.minimum(len(p) * p, 1.0)
     # One ratio of variance, where logs surely differ, for each kind of parameter.
     kinds = np.array([name.rsplit(".", 1)[-1] for name in fit.columns])
     kinds = np.where(np.isin(kinds, GROUPED_KINDS), "bodies", kinds)
@@ -349,10 +349,6 @@ def _differ(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:
 # A file can be further from the robot than that, and the logs can leave out what no file states.
 # The unpruned model knows: where its own interval for a label does not reach that of the model, σ
 # grows until it does, and the verdict says so.
-
-
-#: Least share of σ that makes a sentence name a member of what a number stands for.
-LEAST: Tolerance = 0.1
 
 
 _M = GROUPED_KINDS.index("m")
@@ -513,7 +509,7 @@ def _combination(name: str, members: Sequence[str], coefficients: Array, size: A
     share = np.abs(coefficients) * size
     order = np.argsort(-share, kind="stable")
     # Members of what a number stands for that a sentence names.
-    shown = [j for j in order[:3] if share[j] > LEAST * np.linalg.norm(share)]
+    shown = [j for j in order[:3] if share[j] > Thresholds.negligible_share * np.linalg.norm(share)]
     if not shown:
         return ""
     text = name

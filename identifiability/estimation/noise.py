@@ -527,14 +527,22 @@ class Noise:
         return out * [own.sigma for own in self.joints]
 
 
-def span_columns(X: Array, most: int) -> Array:
-    """Return an orthonormal basis (N, k) of columns: so many directions that stand out at most."""
+def principal_columns(X: Array) -> tuple[Array, Array]:
+    """Return right-angled columns (N, k) of unit columns X, the longest first, and their squares.
+
+    Of the products: the singular value decomposition of some columns does not converge.
+    """
     length = np.linalg.norm(X, axis=0)
     unit = X[:, length > 0] / length[length > 0]
-    # Of the products: the singular value decomposition of some columns does not converge.
     squares, vectors = np.linalg.eigh(unit.T @ unit)
-    first = max(int((squares <= RULES.column_short**2).sum()), len(squares) - most)
-    basis: Array = (unit @ (vectors[:, first:] / np.sqrt(squares[first:])))[:, ::-1]
+    kept = np.flatnonzero(squares > THIN)[::-1]
+    return unit @ vectors[:, kept], squares[kept]
+
+
+def span_columns(X: Array, most: int) -> Array:
+    """Return an orthonormal basis (N, k) of columns: so many directions that stand out at most."""
+    columns, squares = principal_columns(X)
+    basis: Array = (columns / np.sqrt(squares))[:, :most]
     return basis
 
 
@@ -559,7 +567,7 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
     basis = span_columns(X, most)
     # As many columns as rows would leave nothing, and no noise.
     parts, room = list[Array](), 2 * most - basis.shape[1]
-    for part in map(_principal, random):
+    for part in (np.sqrt(len(y)) * principal_columns(Z)[0] for Z in random):
         if 0 < part.shape[1] <= room:
             parts.append(part)
             room -= part.shape[1]
@@ -608,15 +616,6 @@ def _settle(
     own = prior_of(values)
     price = 2.0 * RULES.smooth_price * np.sum(values < none) + len(best) * np.log(problem.rows)
     return problem.with_prior(own).deviance(best) + float(price), best, own
-
-
-def _principal(Z: Array) -> Array:
-    """Return columns of one covariance with Z (N, k), without those that are next to nothing."""
-    rms = np.sqrt(np.mean(Z**2, axis=0))
-    unit = Z[:, rms > 0] / rms[rms > 0]
-    squares, vectors = np.linalg.eigh(unit.T @ unit)
-    kept: Array = unit @ vectors[:, squares > THIN * squares.max(initial=0.0)]
-    return kept
 
 
 def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> Noise:

@@ -56,9 +56,6 @@ class Rules(RuleTable):
     columns_most: Annotated[
         float, "columns of the noise-free part, as a share of rows, by hand"
     ] = 0.45
-    column_short: Annotated[
-        float, "shorter directions of unit columns are left to the noise, by hand"
-    ] = 1e-3
     name: Annotated[float, "log odds that name what a model lacks, on fitted rows, derived"] = 1.0
     keep: Annotated[float, "and its gain on unseen rows that keeps it, derived"] = 2.0
     simpler: Annotated[float, "nats within which fewer columns go first, derived"] = 3.0

@@ -244,7 +244,7 @@ def judge(
         z = np.where(e.determined & (sigma > 0), np.abs(value) / sigma, 0.0)
         z = np.where(e.determined & (sigma == 0) & (value != 0), np.inf, z)
     certain = 2 * ndtr(-z) < rules.sign_level
-    paper, least = e.paper_rule, float(e.sigma_percent.min(initial=np.inf))
+    paper = e.paper_rule
     terms, robust, share = fit.terms, fit.robust, fit.column_rms / max(torque, 1e-300)
     drawn = np.full(len(value), np.nan) if fit.bootstrap is None else fit.bootstrap.sd
     out, moved = [], _bias(fit, robust)
@@ -268,8 +268,11 @@ def judge(
             flags, reason = (Flag.IN_DOUBT,), _say_missing(fit, k, clean, percent)
         if e.determined[k] and not {Flag.NOT_JUDGED, Flag.NEGLIGIBLE} & set(flags):
             reason += _condition(fit, k, float(robust[k]))
-        if Flag.NOT_JUDGED not in flags:
-            reason += _compare(kind, bool(paper[k]), float(e.sigma_percent[k]), least)
+        if Flag.NOT_JUDGED not in flags and paper[k] != (kind is Class.IDENTIFIABLE):
+            rule = "passes" if paper[k] else "rejects"
+            reason += (
+                f" The {RULES.paper_factor:g}× rule, which knows no autocorrelation, {rule} it."
+            )
         out.append(
             Verdict(
                 name=name,
@@ -358,19 +361,4 @@ def _condition(fit: Fit, k: int, robust: float) -> str:
     return (
         f" In this model it stands for {left.stands_for[k]}, known to ±{percent_digits(own)} %; "
         "the rest of the uncertainty is what the model leaves out."
-    )
-
-
-def _compare(kind: Class, paper: bool, percent: float, least: float) -> str:
-    """Return why the paper's rule says otherwise, if it does."""
-    if paper == (kind is Class.IDENTIFIABLE):
-        return ""
-    does, than, why = "rejects", ">", " only because another parameter is known much better."
-    if paper:
-        does, than = "passes", "<"
-        why = ": that rule is relative to the best parameter of the model and knows no "
-        why += "autocorrelation."
-    return (
-        f" The {RULES.paper_factor:g}× rule {does} it (white-noise σ {percent_digits(percent)} % "
-        f"{than} {RULES.paper_factor:g} × {percent_digits(least)} %){why}"
     )

@@ -1,7 +1,6 @@
 """Numbers beside how uncertain they are, in sentences and as shares of simulated experiments.
 
-Binomial intervals hold for shares whose trials are independent, clustered ones where they are not;
-p-values of many tests at once are Holm's.
+Binomial intervals hold for shares whose trials are independent, clustered ones where they are not.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ import math
 import numpy as np
 import scipy
 
-from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 
 # Shares counted in simulated experiments, with the Monte-Carlo error of the count.
@@ -122,16 +120,3 @@ def measured(value: float, half: float, unit: str = "") -> str:
         places = max(0, 1 - math.floor(math.log10(half)))
     value, half = round(value, places) + 0.0, round(half, places)
     return f"{value:.{places}f}{f' {unit}' if unit else ''} ± {half:.{places}f}"
-
-
-# p-values of many tests at once [Holm 1979].
-
-
-def holm(p: Array) -> Array:
-    """Return p-values adjusted for their number by Holm's step-down method."""
-    order = np.argsort(p)
-    m = len(p)
-    stepped = np.maximum.accumulate((m - np.arange(m)) * p[order])
-    adjusted = np.empty(m)
-    adjusted[order] = np.minimum(stepped, 1.0)
-    return adjusted

@@ -5,27 +5,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields, replace
-from functools import cached_property, partial
-from typing import Any
+from functools import cached_property, partial, reduce
+from itertools import groupby
+from operator import add, attrgetter
+from typing import Annotated, Any
 
 import numpy as np
 from scipy.linalg import block_diag, solve_triangular
+from scipy.linalg.blas import dtrmm
 
+from identifiability.foundation.engines import Engine, Steps
 from identifiability.foundation.linalg import NEARLY, few_at_once, triangular_factor
 from identifiability.foundation.names import Array
+from identifiability.foundation.options import at_least, checked
 from identifiability.foundation.values import frozen, remember
+from identifiability.logs.prepare.dataset import Dataset
+from identifiability.regression.regression import Chunk, LogPart, Regression, map_parts
 
 # `ActuatorBlocks`: what the rows of one actuator say, over the columns that it can see.
 #
 # In a tree the torque of a joint depends on the bodies that it moves alone, so most entries of a
 # Gram matrix over all columns would be zeros; and a block of few samples is smaller as rows than
 # as their Gram matrix.
-
-
-#: Grams of all actuators are held up to this size [bytes].
-MOST_BYTES = 2**25
 
 
 @frozen
@@ -131,18 +134,6 @@ class ActuatorBlocks:
         root = np.sqrt(weights)
         blocks = (weights if self.squared else root)[:, None, None] * self.blocks
         return replace(self, blocks=blocks, sums=root[:, None] * self.sums)
-
-    def merge(self, at: np.ndarray) -> ActuatorBlocks:
-        """Return blocks that each hold those from one of `at` up to the next."""
-        r, sums = self.blocks.shape[2], np.add.reduceat(self.sums, at, axis=0)
-        if self.squared:
-            blocks = np.add.reduceat(self.blocks, at, axis=0)
-        else:
-            blocks = hold_blocks(self.blocks.reshape(-1, r), at * self.blocks.shape[1])
-        merged = replace(self, blocks=blocks, sums=sums)
-        if "root" in vars(self):
-            vars(merged)["root"] = self.root
-        return merged
 
     def summed(self, members: Array) -> ActuatorBlocks:
         """Return a block for each row of members (F, B): blocks counted so often, added up."""
@@ -487,38 +478,6 @@ class Information:
         found: Array = self.remember(w.tobytes(), partial(self._factor, w)).copy()
         return found
 
-    def _factor(self, weights: Array) -> Array:
-        if self._grams is not None:
-            before, root, grams = self._grams
-            ratio = weights / before
-            # Up to which ratio of weights to those of a factor another one is made of
-            # Gram matrices in the coordinates of the former.
-            if ratio.min() > 0 and ratio.max() < 1e4 * ratio.min():
-                return np.asarray(np.linalg.cholesky(np.tensordot(ratio, grams, 1)).T @ root)
-        return self._factor_rows(weights)
-
-    @cached_property
-    def _grams(self) -> tuple[Array, Array, Array] | None:
-        """Weights over torque, their factor, and each actuator's Gram matrix in its coordinates.
-
-        There these add up to the unit matrix, so that with weights that are not all too different
-        nothing is lost by squaring, and another factor costs next to nothing. The weights are
-        always the same, so that a factor does not depend on what was asked before.
-        """
-        bytes_ = 8 * self.actuators * (self.size + 1) ** 2
-        if bytes_ > MOST_BYTES or not (self.torque > 0).all():
-            return None
-        weights = 1.0 / self.torque
-        root = self._factor_rows(weights)
-        if (np.abs(np.diag(root)) <= NEARLY * np.linalg.norm(root, axis=0)).any():
-            return None
-        grams = np.empty((self.actuators, *root.shape))
-        for gram, weight, (columns, F) in zip(grams, weights, self._factors, strict=True):
-            rows = _spread(np.sqrt(weight) * F, columns, self.size)
-            Z = solve_triangular(root, rows.T, trans=1, check_finite=False)
-            gram[:] = Z @ Z.T
-        return weights, root, grams
-
     @cached_property
     def _factors(self) -> list[tuple[np.ndarray, Array]]:
         """Columns W (v,) that each actuator can see, and a triangular factor (…, v + 1) of them."""
@@ -528,7 +487,7 @@ class Information:
             found.append((columns, triangular_factor(part.root @ own)))
         return found
 
-    def _factor_rows(self, weights: Array) -> Array:
+    def _factor(self, weights: Array) -> Array:
         """Return a factor of weighted rows."""
         every = zip(np.sqrt(weights), self._factors, strict=True)
         rows = [w * _spread(F, columns, self.size) for w, (columns, F) in every]
@@ -596,13 +555,15 @@ class Information:
 
     def merge(self, at: np.ndarray) -> Information:
         """Return blocks that each hold those from one of `at` up to the next."""
-        parts = tuple(part.merge(at) for part in self.parts)
-        counts = np.add.reduceat(self.counts, at)
-        data = np.add.reduceat(self.data, at, axis=0)
-        merged = replace(self, parts=parts, counts=counts, data=data, log=self.log[at])
-        for one, like in ((merged, self), *([(merged.joint, self.joint)] * self.instrumented)):
-            # Sums over all are the same.
-            vars(one).update(_made=like._made, _factors=like._factors, _grams=like._grams)
+        count = len(self.counts)
+        if len(at) == count:
+            return self
+        owner = np.searchsorted(at, np.arange(count), "right") - 1
+        what = {"counts": np.add.reduceat(self.counts, at), "log": self.log[at]}
+        what["data"] = np.add.reduceat(self.data, at, axis=0)
+        merged = replace(self.summed(owner == np.arange(len(at))[:, None]), **what)
+        for own, part in zip(merged.parts, self.parts, strict=True):  # sums over all are the same
+            vars(own)["root"] = part.root
         return merged
 
     def __add__(self, other: Information) -> Information:
@@ -625,3 +586,179 @@ def _spread(F: Array, columns: np.ndarray, size: int) -> Array:
     wide = np.zeros((len(F), size + 1))
     wide[:, [*columns, size]] = F
     return wide
+
+
+# Gathered from a regression, chunk by chunk, here or on workers.
+
+
+#: Blocks of time a log is divided into at most; the bootstrap draws whole blocks.
+BLOCKS = 256
+#: Blocks that would take more [bytes] are fewer, down to so many: robots of many joints.
+LARGEST, FEWEST = 2**30, 32
+
+
+@checked
+def gather_information(
+    regression: Regression,
+    blocks: Annotated[int, at_least(1)] = BLOCKS,
+    *,
+    engine: Engine | None = None,
+    progress: Steps | None = None,
+) -> Information:
+    """Compress a regression.
+
+    Parameters
+    ----------
+    regression : Regression
+    blocks : int
+        Blocks of time over all logs, at most; each holds consecutive samples of one log, and none
+        reaches across a long gap.
+    engine : Engine, optional
+        Where stretches of long logs are worked on; here without.
+    progress : callable(int, int), optional
+    """
+    names = tuple(p.name for p in regression.parameters)
+    factors = _survey(regression)
+    room = LARGEST // (8 * max(sum(len(R) ** 2 for R in factors), 1))
+    size = max(1, -(-regression.outputs // min(blocks, max(room, FEWEST))))
+    edges = [_block_edges(samples, size) for samples in regression.samples]
+    count, longest = sum(map(len, edges)), min(size, max(s.outputs for s in regression.samples))
+    while True:
+        seen = np.array([R[:, :-1].any(0) for R in factors])
+        bases = [choose_basis(R, np.flatnonzero(s)) for R, s in zip(factors, seen, strict=True)]
+        gather = partial(_gather_part, seen=seen, bases=bases, edges=edges)
+        missed = np.zeros(seen.shape)
+        held = [np.zeros((count, min(longest, len(S)), len(S))) for S in bases]
+        sums = [np.zeros((count, len(S))) for S in bases]
+        counts, logs = np.zeros(count, int), np.zeros(count, int)
+        data = np.zeros((count, len(bases)), int)
+        todo = list(regression.parts())
+        for part in todo:
+            if part.remote:  # what is kept is not sent about
+                part.keep([])
+        pieces = _pieces(todo, map_parts(gather, todo, engine, progress), missed)
+        for b, piece in enumerate(_join(pieces)):
+            logs[b], counts[b], data[b] = piece.at[0], piece.count, piece.data
+            for a, (one, total) in enumerate(zip(piece.held, piece.sums, strict=True)):
+                fill(held[a][b], one)
+                sums[a][b] = total
+        if not missed.any():
+            break
+        # In the subsample these columns did not act.
+        lengths = [np.diag(np.append(np.sqrt(squares), 0.0)) for squares in missed]
+        factors = [np.vstack(pair) for pair in zip(factors, lengths, strict=True)]
+    found = zip(seen, bases, held, sums, strict=True)
+    parts = tuple(ActuatorBlocks(np.flatnonzero(s), *rest) for s, *rest in found)
+    has = regression.instruments is not None
+    return Information(names, parts, counts, data, logs, has)
+
+
+def _block_edges(samples: Dataset, size: int) -> Array:
+    """Return where blocks of a log begin; none reaches across a long gap."""
+    ends = (*samples.starts[1:], samples.outputs)
+    pairs = zip(samples.starts, ends, strict=True)
+    return np.concatenate([np.arange(a, b, size) for a, b in pairs])
+
+
+@frozen
+class _Piece:
+    """Samples of one block: log and number of the block, what is held by actuator, how many.
+
+    `sums` are those of the rows, by actuator, and `data` how many of these count (n,).
+    """
+
+    at: tuple[int, int]
+    held: list[Array]
+    sums: list[Array]
+    count: int
+    data: np.ndarray
+
+    def __add__(self, later: _Piece) -> _Piece:
+        pairs = zip(self.held, later.held, strict=True)
+        held = [merge_kept(one, other) for one, other in pairs]
+        sums = [one + other for one, other in zip(self.sums, later.sums, strict=True)]
+        return _Piece(self.at, held, sums, self.count + later.count, self.data + later.data)
+
+
+def _join(pieces: Iterable[_Piece]) -> Iterator[_Piece]:
+    """Yield blocks of consecutive pieces, one at a time: all of them may be large."""
+    for _, same in groupby(pieces, attrgetter("at")):
+        yield reduce(add, same)
+
+
+#: Blocks of a part, squared lengths (n, k) of columns that were not expected, and what is kept of
+#: it where it was gone through elsewhere.
+_Found = tuple[Iterable[_Piece], Array, list[Chunk]]
+
+
+def _pieces(parts: Sequence[LogPart], found: Iterable[_Found], missed: Array) -> Iterator[_Piece]:
+    for part, (pieces, unseen, kept) in zip(parts, found, strict=True):
+        yield from pieces
+        missed += unseen
+        if part.remote:
+            part.keep(kept)
+
+
+def _gather_part(
+    part: LogPart, seen: np.ndarray, bases: Sequence[Array], edges: Sequence[Array]
+) -> _Found:
+    """Return the blocks of a part, and what columns not in `seen` are.
+
+    Both are whole once the blocks were gone through, which are made one at a time.
+    """
+    missed = np.zeros(seen.shape)
+    into = [(np.flatnonzero(s), invert_basis(S)) for s, S in zip(seen, bases, strict=True)]
+
+    def pieces() -> Iterator[_Piece]:
+        for chunk in part.chunks():
+            W, tau, moves, start = chunk.wide, chunk.tau, chunk.data, chunk.start
+            if not seen.all():
+                missed[~seen] += np.einsum("nak,nak->ak", W, W)[~seen]
+            rows = [np.column_stack([W[:, a, c], tau[:, a]]) for a, (c, _) in enumerate(into)]
+            # A triangular factor takes half of a product's time.
+            Z = [
+                dtrmm(1.0, inv, x, side=1, overwrite_b=1)
+                for x, (_, inv) in zip(rows, into, strict=True)
+            ]
+            at, own_edges = 0, edges[chunk.log]
+            while at < len(tau):
+                block = int(np.searchsorted(own_edges, start + at, "right")) - 1
+                end = own_edges[block + 1] if block + 1 < len(own_edges) else np.inf
+                stop = int(min(len(tau), end - start))
+                own = [rows[at:stop] for rows in Z]
+                sums, data = [rows.sum(0) for rows in own], moves[at:stop].sum(0)
+                found = [hold(rows) for rows in own]
+                yield _Piece((chunk.log, block), found, sums, stop - at, data)
+                at = stop
+
+    blocks = _join(pieces())
+    if not part.remote:
+        return blocks, missed, []
+    return list(blocks), missed, part.kept or []
+
+
+def _survey(regression: Regression) -> list[Array]:
+    """Return a factor (…, k + 1) of evenly spaced rows of each actuator.
+
+    Where not all are taken, they are so before any decimation: a basis need not be exact.
+    """
+    n = len(regression.robot.actuated)
+    width = len(regression.parameters) * (1 if regression.instruments is None else 2)
+    # Rows of the subsample that the bases are made of, at least.
+    # Samples of that subsample for every column, at least.
+    wanted = max(4096 // n, 4 * (width + 1))
+    step = max(1, sum(s.survey.kept for s in regression.samples) // wanted)
+    factors = [np.zeros((0, width + 1))] * n
+    # Of few samples these are all: their columns are kept for the pass that is to come.
+    few = regression if step == 1 else regression.thin(step)
+    for part in few.parts(whole=True):
+        for chunk in part.chunks():
+            wide = chunk.wide
+            for a in range(n):
+                own = np.column_stack([wide[:, a], chunk.tau[:, a]])
+                rows = np.vstack([factors[a], own])
+                acts = rows.any(0)
+                R = triangular_factor(rows[:, acts])
+                factors[a] = np.zeros((len(R), width + 1))
+                factors[a][:, acts] = R
+    return factors

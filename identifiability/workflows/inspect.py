@@ -613,9 +613,10 @@ def _content(result: Inspection) -> Answer:
 
 def _most(result: Inspection) -> Answer:
     base, columns = result.base, join(result.columns, 9)
-    short = f"{format_count(base.rank, 'base parameter')} of {len(base.parameters)}."
-    text = f"The others act only together with these, or never. A log must have: {columns}."
-    return Answer("How much can logs tell at most?", short, text, "blue")
+    short = f"{len(result.columns)} columns: {columns}."
+    size = f"{format_count(base.rank, 'base parameter')} of {len(base.parameters)}"
+    text = f"They tell {size} at most; the others act only together with these, or never."
+    return Answer("What must a log have?", short, text, "blue")
 
 
 def _open(result: Inspection) -> Answer:

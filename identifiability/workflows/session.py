@@ -45,8 +45,7 @@ from identifiability.physical.fitted_model import FittedModel
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.quality import MeasuredLogs, find_always, find_oddities
 from identifiability.quality.registry import Does, check
-from identifiability.regression.gather import gather_information
-from identifiability.regression.information import Information
+from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import full_model
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure

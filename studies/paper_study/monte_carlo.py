@@ -15,8 +15,7 @@ from identifiability.estimation.prediction import Prediction, predict
 from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.names import Array
 from identifiability.logs.prepare import Dataset
-from identifiability.regression.gather import gather_information
-from identifiability.regression.information import Information
+from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import Regression
 from identifiability.robot import Motion

@@ -8,8 +8,7 @@ from identifiability.estimation.estimate import estimate
 from identifiability.estimation.estimator import Estimate
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.regression.gather import gather_information
-from identifiability.regression.information import Information
+from identifiability.regression.information import Information, gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot

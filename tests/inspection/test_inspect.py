@@ -5,10 +5,8 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
 from identifiability import Inspection, Robot, inspect
-from identifiability.cli import app
 from identifiability.foundation.errors import LogError, OutputError
 from identifiability.logs import Log
 from identifiability.report.results import build_page, render_page
@@ -107,15 +105,11 @@ def test_a_good_log_is_told_as_it_is(run):
         assert joint.speed == pytest.approx(fastest, rel=0.05)
 
 
-def test_gaps_and_saturation_are_those_that_were_put_in(run):
-    tau = run.tau[:, 0]
-    top = np.quantile(tau, 0.8)
-    frame = run.to_frame().assign(**{"shoulder.tau": np.minimum(tau, top)})
-    found = inspect("two-link", frame.drop(index=range(600, 605)))
+def test_gaps_are_those_that_were_put_in(run):
+    found = inspect("two-link", run.to_frame().drop(index=range(600, 605)))
     (record,) = found.records
     assert (record.clock["gaps"], record.clock["lost"]) == (1, 5)
     assert record.clock["longest"] == pytest.approx(6 * (run.t[1] - run.t[0]))
-    assert any("stops at an extreme value" in hint for hint in found.hints)
 
 
 def test_what_cannot_be_prepared_is_a_result_and_what_cannot_be_read_is_refused(run):
@@ -152,16 +146,3 @@ def test_the_result_is_a_table_json_and_a_page(run, tmp_path):
     html = found.write_report(tmp_path / "x.html").read_text()
     assert html.count("data-trace=") == 4
     assert ">nan<" not in html
-
-
-def test_the_command_needs_no_logs(tmp_path, run):
-    template, log, page = (tmp_path / n for n in ("t.csv", "run.csv", "p.html"))
-    said = CliRunner().invoke(app, ["inspect", "two-link", "--template", str(template)])
-    assert said.exit_code == 0, said.output
-    assert "actuated" in said.output
-    assert template.read_text().splitlines()[0] == "t,shoulder.q,shoulder.tau,elbow.q,elbow.tau"
-    run.write(log)
-    said = CliRunner().invoke(app, ["inspect", "two-link", str(log), "--report", str(page)])
-    assert said.exit_code == 0, said.output
-    assert "nothing is odd" in " ".join(said.output.split())
-    assert page.is_file()

@@ -5,8 +5,7 @@ import pytest
 
 from identifiability.estimation.estimate import estimate
 from identifiability.logs.prepare import prepare_log
-from identifiability.regression.gather import gather_information
-from identifiability.regression.information import Information
+from identifiability.regression.information import Information, gather_information
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import find_base_parameters
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability.logs.prepare import prepare_log
-from identifiability.regression.gather import gather_information
-from identifiability.regression.information import Information
+from identifiability.regression.information import Information, gather_information
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import find_base_parameters
 

@@ -8,7 +8,7 @@ import pytest
 from identifiability.effects.inertia import RigidBody
 from identifiability.estimation.prediction import predict
 from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.regression import CHUNK, Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot

@@ -8,7 +8,7 @@ import pytest
 
 from identifiability.estimation.estimate import estimate
 from identifiability.logs.prepare import prepare_log
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import build_ladder, read_ladder
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, find_base_parameters

@@ -8,7 +8,7 @@ from identifiability.estimation.estimate import estimate
 from identifiability.estimation.fit import Fit
 from identifiability.estimation.prediction import measure_spread, predict
 from identifiability.logs.prepare import prepare_log
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 

@@ -9,7 +9,7 @@ from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines import Serial
 from identifiability.logs import Log
 from identifiability.logs.prepare.dataset import prepare_log
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
 

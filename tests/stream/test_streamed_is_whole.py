@@ -8,7 +8,7 @@ from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines import Serial
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import find_base_parameters
 from identifiability.robot import Robot
@@ -101,15 +101,6 @@ def test_gaps_in_logs_with_derivatives(decimate, sizes, frame_of, saved):
     frame = frame.drop(index=[*range(690, 703), *range(1399, 1401), 2800, 4444]).reset_index()
     whole, parts = both("two-link", saved(frame), Preparation(decimate=decimate))
     assert_same(whole, parts)
-
-
-def test_a_given_period(sizes, frame_of, saved):
-    frame = frame_of("two-link", periods=4, derivatives=False)
-    period = float(frame["t"].iloc[1000])
-    rng = np.random.default_rng(0)
-    for column in [c for c in frame if c.endswith(".q")]:
-        frame[column] += 1e-4 * rng.standard_normal(len(frame))
-    assert_same(*both("two-link", saved(frame), Preparation("fourier", period=period)))
 
 
 def test_only_long_files_are_streamed(sizes, frame_of, saved, monkeypatch):

@@ -30,7 +30,7 @@ from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.signals import sampling_step
 from identifiability.regression.columns import list_candidates
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.simulation import Trajectory
 from identifiability.workflows.diagnose.problem import prepare_rows

@@ -31,7 +31,7 @@ from identifiability.logs.prepare import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.columns import Refusal
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure

@@ -26,7 +26,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.physical.cad_prior import share_weight
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import (
     USUAL_EFFECTS,
     ModelLike,

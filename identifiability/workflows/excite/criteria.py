@@ -18,7 +18,7 @@ from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array, find_named
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choose_model
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import BaseParameters, Structure

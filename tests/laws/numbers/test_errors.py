@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.estimation.evidence import Folds, choose_folds
+from identifiability.estimation.evidence import Folds
 from identifiability.estimation.prediction import (
     ErrorSums,
     Layout,
@@ -102,15 +102,15 @@ def information(*logs, size=8):
 
 
 def test_several_logs_are_left_out_one_by_one_and_one_in_five_stretches():
-    np.testing.assert_array_equal(choose_folds(information(16, 24)[1].log), [0, 0, 1, 1, 1])
-    folds = choose_folds(information(160)[1].log)
+    np.testing.assert_array_equal(Folds.short(information(16, 24)[1]).test, [0, 0, 1, 1, 1])
+    folds = Folds.short(information(160)[1]).test
     np.testing.assert_array_equal(folds, np.repeat(np.arange(5), 4))
-    np.testing.assert_array_equal(choose_folds(information(24)[1].log), [0, 1, 2])
+    np.testing.assert_array_equal(Folds.short(information(24)[1]).test, [0, 1, 2])
 
 
 def test_what_is_left_out_of_a_fold_is_the_fold_and_nothing_else():
     _, every = information(16, 24, 16)
-    rest = every.take(choose_folds(every.log) != 1)
+    rest = every.take(every.log != 1)
     np.testing.assert_array_equal(rest.log, [0, 0, 2, 2])
     for part, all_ in zip(rest.parts, every.parts, strict=True):
         np.testing.assert_array_equal(part.blocks, all_.blocks[[0, 1, 5, 6]])

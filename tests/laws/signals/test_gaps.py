@@ -16,7 +16,7 @@ from identifiability.logs.prepare import Preparation, dataset, prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.signals import has_gap
 from identifiability.logs.spectrum import bandwidth_of_windows, noise_level
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import find_base_parameters
 from identifiability.robot import Robot
