@@ -368,8 +368,8 @@ def explained_share(x: Array, r: Array) -> float:
 # What is fitted, what verifies, how much of it.
 #
 # An error that was minimised is no evidence: the motion on which the gap is quoted is not fitted.
-# Whole logs are kept apart where there are enough; else a log is divided in two. A diagnosis asks
-# few rows many questions, so long logs
+# Whole logs are kept apart where there are enough; else a log is divided, with a pause
+# that nobody looks at. A diagnosis asks few rows many questions, so long logs
 # are looked at in evenly spaced stretches.
 
 
@@ -378,6 +378,8 @@ PART = ", part "
 #: Share of the only log that verifies, and samples that this part must have.
 LAST: Tolerance = 0.25
 SHORTEST = 100
+#: Share of either part that is left out where the log is divided: noise has a memory.
+PAUSE: Tolerance = 0.05
 #: Samples after decimation that a diagnosis looks at in one log, and in all that are fitted; more
 #: are thinned to stretches.
 MOST_SAMPLES, MOST_IN_ALL = 6000, 8000
@@ -426,11 +428,10 @@ def _one_log(log: Log) -> Roles:
             f"part and verify them on another; give a log of at least {fewest:.0f} samples, or a "
             "second one."
         )
-    end = round((1 - LAST) * len(log))
-    fit, verify = (
-        log.cut(0, end, f"{log.name}{PART}1"),
-        log.cut(end, len(log), f"{log.name}{PART}2"),
-    )
+    end = (1 - LAST) * len(log)
+    start = end + PAUSE * (len(log) - end)
+    fit = log.cut(0, int((1 - PAUSE) * end), f"{log.name}{PART}1")
+    verify = log.cut(int(np.ceil(start)), len(log), f"{log.name}{PART}2")
     verified_on = f"the last {100 * LAST:.0f} % of {log.name}, set aside"
     return (fit,), (verify,), verified_on
 
