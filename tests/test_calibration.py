@@ -10,11 +10,8 @@ from typer.testing import CliRunner
 
 from identifiability import analyze
 from identifiability.cli import app
-from identifiability.estimation.estimate import estimate
 from identifiability.estimation.noise import JointRuns, Noise, fit_residual_noise
 from identifiability.foundation.numbers import REACH
-from identifiability.regression.regression import Model, Regression
-from identifiability.regression.structure import find_base_parameters
 from identifiability.workflows.calibrate.world import Experiment, World, count_outcomes
 
 from .posterior.ranking import build_target, calibrate_posterior
@@ -72,19 +69,6 @@ def test_robust_intervals_hold_the_truth_where_white_ones_do_not(analysis, red):
     assert cell.coverage - white > 0.25
     assert cell.called > 0
     assert cell.wrong.value < 0.02
-
-
-def test_an_outcome_without_noise_gives_the_truth_back(analysis):
-    regression = Regression(
-        analysis.robot, Model.of(*analysis.effects), analysis.samples, analysis.base.kept
-    )
-    submodel = analysis.models[3].submodel
-    experiment = Experiment.of(regression, submodel)
-    truth = np.arange(1.0, 13.0)
-    tau = experiment.W @ submodel.expand(truth)
-    information = submodel.reduce(experiment.gather(tau, experiment.W))
-    np.testing.assert_allclose(estimate(information, "ols").value, truth, rtol=1e-9)
-    assert find_base_parameters(analysis.robot, Model.of(*analysis.effects)).rank == 37
 
 
 @pytest.mark.pictures

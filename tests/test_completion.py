@@ -20,13 +20,6 @@ def run(*words: str, **environment: str) -> str:
     return out.stdout
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_a_shell_gets_its_script(shell):
-    script = run("--show-completion", shell, _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1")
-    assert "identifiability" in script
-    assert f"complete_{shell}" in script
-
-
 @pytest.mark.parametrize(
     ("typed", "offered"),
     [

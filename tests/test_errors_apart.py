@@ -1,14 +1,11 @@
 """One number hides small joints and single logs: their errors are told apart."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from identifiability import analyze
-from identifiability.cli.common import print_result
-from identifiability.foundation.rounding import error_text
 from identifiability.simulation import Noise
 
 
@@ -53,24 +50,7 @@ def test_the_joint_and_the_log_that_are_off_stand_out(result):
     assert frame["bad"] > 3 * frame["good"]
 
 
-def test_json_has_them_by_joint_and_log(result, tmp_path):
-    errors = json.loads(result.to_json(tmp_path / "a.json").read_text())["errors"]
-    assert [e["joint"] for e in errors["joints"]] == list(result.robot.joints)
-    assert [e["log"] for e in errors["logs"]] == ["good", "bad", "unseen"]
-    assert errors["logs"][2]["error"] is None
-    assert errors["joints"][0]["error_validation"] == result.error_frame().error_validation[0]
-
-
 def test_without_held_out_logs_each_log_has_its_turn(logs):
     frame = analyze("two-link", logs[:2], replicates=10).error_frame()
     assert list(frame.name[frame.of == "log"]) == ["good", "bad"]
     assert frame.error_validation.notna().all()
-
-
-def test_the_terminal_lists_them(result, capsys):
-    print_result(result)
-    text = capsys.readouterr().out
-    for name in (*result.robot.joints, "good", "bad", "unseen"):
-        assert name in text
-    worst = result.error_frame().set_index("name").error["bad"]
-    assert error_text(worst) in text

@@ -1,13 +1,10 @@
 """What is noticed and done bears a key; the ledger says which rows it was done to."""
 
-import json
 import pickle
 
 import pytest
-from typer.testing import CliRunner
 
 from identifiability import analyze, inspect
-from identifiability.cli import app
 from identifiability.foundation.findings import Finding, Level, ledger, of_key, phrase
 
 
@@ -45,16 +42,3 @@ def test_the_ledger_is_a_table_of_what_was_done(spoilt):
     assert ledger(["plain"]) == ()
     every = inspect("two-link", spoilt).ledger()[0]
     assert len(every.rows) >= len(table.rows)
-
-
-def test_page_terminal_and_json_show_it(spoilt, tmp_path):
-    spoilt.to_csv(tmp_path / "log.csv", index=False)
-    out = [tmp_path / name for name in ("a.json", "a.html")]
-    run = ["analyze", "-v", "two-link", str(tmp_path / "log.csv"), "--quick", "--json", str(out[0])]
-    done = CliRunner().invoke(app, [*run, "--report", str(out[1])])
-    assert done.exit_code == 0, done.output
-    assert "What was done with the logs" in done.output
-    told = json.loads(out[0].read_text())["findings"]
-    (spikes,) = (x for x in told if x["key"] == "spikes")
-    assert (spikes["rows"], spikes["columns"], spikes["level"]) == (2, ["elbow.tau"], "hint")
-    assert "replaced by their neighbours" in out[1].read_text()

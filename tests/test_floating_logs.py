@@ -6,17 +6,11 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
-from identifiability.foundation.errors import LogError, RobotError
+from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.prepare.dataset import prepare_log
-from identifiability.quality import MeasuredLogs
-from identifiability.regression.regression import Model
-from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.simulation.motion import find_motion
 from identifiability.workflows.analyze import analyze
-from identifiability.workflows.excite import excite
 
 BODY = """<mujoco model="body"><option timestep="0.001" integrator="RK4"/><worldbody>
 <body name="body" pos="0 0 1"><freejoint name="free"/>
@@ -219,28 +213,3 @@ def walker(tmp_path, contacts):
     path.write_text(text)
     path.with_suffix(".toml").write_text(contacts)
     return Robot.load(path)
-
-
-def looked_at(robot, frame):
-    log = read(robot, frame)
-    structure = Structure.of(robot, Model.of("rigid_body"))
-    return MeasuredLogs(structure, (log,), (prepare_log(robot, log),))
-
-
-def test_what_does_not_know_bases_that_move_says_so(body, tmp_path):
-    with pytest.raises(
-        RobotError, match="floats, and designing a motion of robots that float is not supported"
-    ):
-        excite(body)
-    with pytest.raises(RobotError, match="simulation of robots that float is"):
-        find_motion(body, "random", None, np.random.default_rng(0))
-    with pytest.raises(RobotError, match="put it on a stand"):
-        body.save(tmp_path / "other.urdf")
-    robot = walker(tmp_path, "")
-    assert repr(body) == "<Robot body: 0 of 0 joints have motors and its base floats, body.xml>"
-    stands = Robot.load(robot.path, base="fixed")
-    assert stands.joints == robot.motor_joints
-    assert stands.sha256 != robot.sha256
-    saved = Robot.load(stands.save(tmp_path / "saved.xml"))
-    assert saved.base is None
-    assert Robot.load(robot.save(tmp_path / "moves.xml")).joints == robot.joints

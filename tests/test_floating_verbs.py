@@ -34,15 +34,6 @@ def pushed(tmp_path_factory):
     return found, found.to_json(tmp_path_factory.mktemp("cart") / "result.json")
 
 
-def test_a_body_in_a_hand_tells_its_ten_parameters():
-    found = analyze("free-body", shipped_folder() / "free-body/logs/run1.csv", replicates=50)
-    assert "Body in a hand weighs 2.5 ±" in found.statement
-    told = found.to_frame()
-    assert len(told) == 10
-    low, high = np.array(told["interval95"].tolist()).T
-    assert ((low <= told["nominal"]) & (told["nominal"] <= high)).sum() >= 9
-
-
 def test_an_arm_on_a_cart_that_is_pushed_says_what_it_says_bolted_down(pushed):
     stands = Robot.load("cart-arm", base="fixed")
     bolted = analyze(stands, log("cart-arm", "bolted.csv"), replicates=50).to_frame()

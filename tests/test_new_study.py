@@ -101,12 +101,6 @@ def test_nothing_is_written_over_and_nothing_is_left_of_what_fails(tmp_path):
     assert not (tmp_path / "none").exists()
 
 
-def test_the_sample_logs_are_small():
-    logs = [*shipped_folder().glob("*/logs/*.csv")]
-    assert len(logs) >= 7
-    assert sum(path.stat().st_size for path in logs) < 2_100_000
-
-
 def test_a_robot_in_the_folder_where_one_works_has_the_folders_name(tmp_path, monkeypatch):
     monkeypatch.chdir(new_study(tmp_path / "study").folder)
     assert Robot.load("robot.urdf").name == "study"

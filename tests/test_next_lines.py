@@ -174,17 +174,6 @@ def test_a_terminal_shows_no_number_column_or_next_line_that_the_page_has_not(
     assert told == [html.unescape(line) for line in copied[:1]]
 
 
-@pytest.mark.everything
-def test_the_lines_of_the_demo_work_in_its_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    lines = proposed(call(["demo", "--folder", "look"]), tmp_path / "look" / "demo.html")
-    assert {p.name for p in (tmp_path / "look").iterdir()} >= {"601.csv", "595.csv", "demo.html"}
-    for line in lines:
-        for part in line.split(" && "):
-            monkeypatch.chdir(tmp_path if "look/" in part else tmp_path / "look")
-            call(shlex.split(part)[1:])
-
-
 @pytest.mark.parametrize(
     "own", [[], pytest.param(["a.csv", "b.csv"], marks=pytest.mark.everything)]
 )

@@ -1,6 +1,5 @@
 """Logs that are too short, or filtered too low, for any verdict: every output says so."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,41 +7,8 @@ import pytest
 
 from identifiability import analyze
 from identifiability.estimation.verdict import Class
-from identifiability.logs.prepare import Preparation
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate
-
-#: Too few blocks of time are left.
-LOW = Preparation(cutoff=1.0)
-
-
-@pytest.fixture(scope="module")
-def slow(simulated_session):
-    """A function (robot, motion) -> log without derivatives, for a cut-off below its motion."""
-    return lambda name, motion="a": replace(
-        simulated_session(name, motion, 0, Noise(torque=0.02)), dq=None, ddq=None
-    )
-
-
-@pytest.fixture(scope="module")
-def analysis(slow):
-    return analyze("two-link", slow("two-link"), preparation=LOW, replicates=50)
-
-
-def test_table_json_statement_and_page_say_the_same(analysis, tmp_path):
-    frame = analysis.to_frame()
-    assert ["not judged"] in list(frame["flags"])
-    assert "not judged" in set(frame.verdict_before)
-    assert "identifiable" not in set(frame.verdict)
-    content = json.loads(analysis.to_json(tmp_path / "a.json").read_text())
-    assert [m["identifiable"] for m in content["models"]] == [0] * len(analysis.models)
-    assert all(m["not_judged"] for m in content["models"])
-    assert analysis.statement.startswith("Nothing is")
-    assert "What is known all the same" in analysis.statement
-    assert "validation error" in analysis.statement
-    page = analysis.write_report(tmp_path / "a.html").read_text()
-    assert "No parameter is judged." in page
-    assert "not judged" in page
 
 
 @pytest.mark.parametrize("size", [pytest.param(0.0, marks=pytest.mark.everything), 1e-3])

@@ -146,16 +146,3 @@ def test_preparation_and_workers_reach_the_library(verb, monkeypatch):
     assert how.cutoff == 7.0
     assert type(seen["engine"]).__name__ == "Processes"
     assert arguments_of(verb, monkeypatch).get("preparation") is None
-
-
-@pytest.mark.parametrize(
-    ("words", "kept"),
-    [
-        ([], False),
-        (["--fixed", "exact"], True),
-        (["--fixed", "0"], 0.0),
-        (["--fixed", "0.1"], 0.1),
-    ],
-)
-def test_each_way_to_keep_values_is_one_argument_of_the_library(words, kept, monkeypatch):
-    assert arguments_of("diagnose", monkeypatch, *words).get("fixed") == kept

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from inspect import signature
-
 import numpy as np
 import pandas as pd
 import pytest
-from typer.main import get_command
 from typer.testing import CliRunner
 
-from identifiability import Model, analyze, calibrate, diagnose, prune, simulate
+from identifiability import Model, simulate
 from identifiability.cli import app
 from identifiability.regression.reduction import DEFAULT_EFFECTS as FULL
 from identifiability.regression.reduction import USUAL_EFFECTS as USUAL
@@ -38,28 +35,6 @@ def test_a_seed_from_python_is_the_seed_of_the_command(robot, tmp_path):
     ours = simulate(robot, motion, noise="torque=0.1", seed=3).to_frame()
     np.testing.assert_allclose(pd.read_csv(tmp_path / "3.csv"), ours, rtol=1e-12)
     assert not np.allclose(pd.read_csv(tmp_path / "4.csv"), ours)
-
-
-#: What judging verbs have in common, by how it is called.
-SHARED = {
-    "replicates": None,
-    "quick": False,
-    "seed": 0,
-    "progress": None,
-    "engine": None,
-    "preparation": None,
-}
-
-
-@pytest.mark.parametrize("verb", [analyze, prune, diagnose, calibrate])
-def test_the_same_words_have_the_same_defaults(verb):
-    known = signature(verb).parameters
-    # The analysis that is calibrated has a preparation; log odds need no repetitions.
-    other = {calibrate: "preparation", diagnose: "replicates"}.get(verb)
-    words = SHARED.keys() - {other}
-    assert {word: known[word].default for word in words} == {word: SHARED[word] for word in words}
-    options = {p.name for p in get_command(app).commands[verb.__name__].params}
-    assert {"replicates", "quick", "seed"} - {other} <= options
 
 
 def test_one_ladder_holds_the_models_of_all_verbs(robot):

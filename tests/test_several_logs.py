@@ -57,11 +57,3 @@ def test_the_interval_holds_the_values_of_both(equal, mixed):
     assert low < before.value < high
     assert low < before.value + 0.3 < high
     assert after.sigma_robust > 5 * before.sigma_robust
-
-
-def test_json_and_page_say_it(mixed, tmp_path):
-    said = compare_logs(mixed.samples, mixed.chosen)[0]
-    assert mixed.to_dict()["several_logs"] == {"statement": said}
-    page = mixed.write_report(tmp_path / "page.html").read_text()
-    assert "Would another motion say the same?" in page
-    assert said in page

@@ -581,8 +581,6 @@ class Derived:
 
     derivatives: Derivatives = "auto"
     cutoff: Positive | None = None
-    period: Positive | None = None
-    harmonics: Count = 5
     decimate: Count | None = None
 
     def preparation(self) -> Preparation | None:

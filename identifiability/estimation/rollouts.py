@@ -53,12 +53,6 @@ COARSE: Tolerance = 2.5 * STEP
 #: Where a third of a log is so long, the search begins on that: steps there cost a third [s].
 ENOUGH: Tolerance = 2.0
 
-#: Frequencies [rad/s] and damping ratios of a servo and what it moves, among which the search for
-#: gains begins; then factors about the best.
-FREQUENCIES = np.geomspace(2.0, 250.0, 9)
-RATIOS: tuple[Tolerance, ...] = (0.3, 1.0, 3.0)
-NEARER: tuple[Tolerance, ...] = (0.6, 1.0, 1.7)
-
 #: A step is taken again, more damped, so often; and the search ends where one promises less than
 #: these shares of the error and of what noise makes of one number (σ²), or after so many
 #: derivatives.
@@ -256,9 +250,11 @@ def _start(robot: Robot, servo: Servo, log: Log) -> tuple[Servo, dict[str, Array
     inertia, numbers = machine.inertia(log.q.mean(0)), machine.numbers()
     late = servo.delay or 0.0
     fastest = 1.0 / signals.sampling_step(log.t)
-    grid = [(w, z) for w in FREQUENCIES[fastest > FREQUENCIES] for z in RATIOS]
+    # Frequencies [rad/s] and damping ratios of a servo and what it moves, then factors about them.
+    grid = [(w, z) for w in np.geomspace(2, 250, 9) if w < fastest for z in (0.3, 1.0, 3.0)]
+    nearer = [(a, b) for a in (0.6, 1.0, 1.7) for b in (0.6, 1.0, 1.7)]
     w, z = np.sqrt(guess.kp / inertia), np.ones(len(inertia))
-    for factors in (grid, [(a, b) for a in NEARER for b in NEARER], [(1.0, 1.0)]):
+    for factors in (grid, nearer, [(1.0, 1.0)]):
         tries = []
         for a, b in factors:
             v, d = (a, b) if factors is grid else (a * w, b * z)

@@ -84,7 +84,7 @@ Names = Annotated[Sequence[str], Expected("a list of names")]
 Effects = Names
 
 #: Choices that a command line offers without the rooms that know what they mean.
-Derivatives = Literal["auto", "given", "butterworth", "fourier"]
+Derivatives = Literal["auto", "given", "butterworth"]
 EngineName = Literal["serial", "processes", "dask"]
 EstimatorKind = Literal["auto", "ls", "iv"]
 ExportFormat = Literal["mjcf", "urdf", "json", "isaaclab"]

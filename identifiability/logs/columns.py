@@ -763,7 +763,7 @@ def _find_unit(t: Array, source: str) -> tuple[str, str]:
         If it may be more than one.
     """
     step = float(np.median(np.diff(t)))
-    if step <= RULES.slowest_step:
+    if step <= RULES.steps[1]:
         return "", ""
     fits = [u for u, size in TIME_UNITS.items() if RULES.steps[0] <= step * size <= RULES.steps[1]]
     dated = [u for u in fits if RULES.epoch[0] < t[0] * TIME_UNITS[u] < RULES.epoch[1]]

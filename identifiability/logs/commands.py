@@ -132,18 +132,18 @@ def check_commands(log: Log) -> None:
     most = max(1, round(0.5 / signals.sampling_step(log.t)))
     for k, joint in enumerate(log.joints):
         command, moved = log.q_ref[:, k], float(log.q[:, k].std())
-        if max(moved, float(command.std())) < RULES.command_still:
+        if max(moved, float(command.std())) < RULES.small:
             continue
         own = _follows(command, log.q[:, k], most)
-        ratio = float(command.std()) / max(moved, RULES.command_still)
-        degrees = RULES.command_degrees[0] < ratio < RULES.command_degrees[1]
-        if own > RULES.command_followed and not degrees:
+        ratio = float(command.std()) / max(moved, RULES.small)
+        degrees = 0.5 < np.radians(ratio) < 2.0
+        if own > 0.5 and not degrees:
             continue
         near = [_follows(command, x, most) for x in log.q.T]
         best = int(np.argmax(near))
-        other = best != k and near[best] > RULES.command_followed
+        other = best != k and near[best] > 0.5
         meant = f"; '{log.joints[best]}' does" if other else ""
-        if own > RULES.command_followed:
+        if own > 0.5:
             meant = "; it looks like degrees"
         raise LogError(
             f"{log.name}: '{joint}' does not follow its command{meant}: say which column is its "

@@ -60,10 +60,7 @@ def check_units(robot: Robot, windows: Sequence[Log]) -> None:
 def looks_like_degrees(q: Array, low: float, high: float) -> bool:
     """Return whether positions (N,) fit limits [rad] in degrees, and not in rad by whole turns."""
     middle = round((float(np.median(q)) - 0.5 * (low + high)) / (2 * np.pi)) * 2 * np.pi
-    if (
-        not np.isfinite(middle)
-        or np.mean((q - middle < low) | (q - middle > high)) < RULES.positions_odd
-    ):
+    if not np.isfinite(middle) or np.mean((q - middle < low) | (q - middle > high)) < RULES.small:
         return False
     return _fits(q, low, high, 180 / np.pi)
 
@@ -72,7 +69,7 @@ def _fits(q: Array, low: float, high: float, factor: float) -> bool:
     """Return whether positions (N,) do not fit limits as they are, but divided by a factor do."""
     if not np.isfinite(high - low) or np.mean((q < low) | (q > high)) <= 0.5:
         return False
-    return bool(np.mean((q >= low * factor) & (q <= high * factor)) > 1 - RULES.positions_odd)
+    return bool(np.mean((q >= low * factor) & (q <= high * factor)) > 1 - RULES.small)
 
 
 def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
@@ -172,7 +169,7 @@ def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float] | None:
     None if the motion does not stand out from the noise.
     """
     dt = np.diff(t)
-    whole = dt < RULES.gap_kept * np.median(dt)
+    whole = dt < RULES.gap * np.median(dt)
     given = np.cumsum(np.where(whole, np.diff(x), 0.0))
     integral = np.cumsum(np.where(whole, 0.5 * (rate[1:] + rate[:-1]) * dt, 0.0))
     # An offset of the rate is a drift of its integral, which says nothing of its shape.

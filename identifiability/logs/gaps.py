@@ -94,7 +94,7 @@ def find_stale(x: Array, steps: Array) -> np.ndarray:
     first, last = np.flatnonzero(edges == 1) + 1, np.flatnonzero(edges == -1)
     for a, b in zip(first.tolist(), last.tolist(), strict=True):
         # Rows a … b hold what row a - 1 holds.
-        if b - a >= RULES.repeats_longest or a < 2 or b + 1 >= len(x):
+        if b - a >= RULES.lost or a < 2 or b + 1 >= len(x):
             continue
         after, before = x[b + 1] - x[b], x[a - 1] - x[a - 2]
         # Across a run of repeated values a joint moves by at least so many steps of its

@@ -30,7 +30,7 @@ from identifiability.logs.checks import CHANNELS, COMMANDS, Clock, find_channels
 from identifiability.logs.columns import Naming, as_times, propose_locks
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import stack_arrays
-from identifiability.logs.reading import MixedRatesError, Reading
+from identifiability.logs.reading import Reading
 from identifiability.logs.spikes import Spike, Wraps, find_spikes, find_wraps
 from identifiability.logs.tables import Table, is_long, parsing, scan_file, write_table
 
@@ -288,7 +288,7 @@ class Log:
         if is_long(Path(path)):
             try:
                 return Log.scan(path, conventions)
-            except MixedRatesError:
+            except LogError:  # columns at rates of their own are brought together in memory alone
                 if is_long(Path(path), tables.MOST):
                     raise
         return Log.read(path, conventions)

@@ -53,7 +53,7 @@ def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
     known = {name: np.isfinite(x) for name, x in values.items() if name != "t"}
     if len(values["t"]) < RULES.fewest or (np.diff(values["t"]) < 0).any():
         return dict(values), ""
-    empty = any((~rows).mean() > RULES.rows_lacking for rows in known.values())
+    empty = any((~rows).mean() > RULES.unexplained for rows in known.values())
     if not empty:
         held = {name: _fresh(rows) for name, rows in _by_channel(values).items()}
         known = {name: held[name.rpartition(".")[2]] for name in known}
@@ -132,8 +132,8 @@ def _tell(known: Mapping[str, np.ndarray], slowest: str, left: list[str], *, hel
 
 def put_on_clock(
     t: Array, raw_t: Array, columns: Mapping[str, Array], discrete: Sequence[str]
-) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """Return columns about a base at times t (N,), and what was done, half a sentence each.
+) -> dict[str, Array]:
+    """Return columns about a base at times t (N,).
 
     Flags are held until they change. All else is interpolated between its own samples, which are
     fewer than rows where cells are empty or values are written again until new ones come.
@@ -148,26 +148,16 @@ def put_on_clock(
         Those that are flags.
     """
     out: dict[str, Array] = {}
-    notes = []
-    stems = {key: key.rpartition(".")[0] or key for key in columns}
-    for stem in dict.fromkeys(stems.values()):
-        own = [key for key in columns if stems[key] == stem]
-        x = np.stack([raw_t, *(columns[key] for key in own)], 1)
-        x = x[np.isfinite(x).all(1)]
-        flags = {*own} & {*discrete}
-        if len(x) and not flags:
-            x = x[_fresh(x[:, 1:])]
-        gone = 0
-        for key, column in zip(own, x[:, 1:].T if len(x) else (), strict=False):
-            if flags:
-                out[key] = column[(np.searchsorted(x[:, 0], t, side="right") - 1).clip(0)]
-                continue
-            found = _resample(x[:, 0], column, t, key)
-            gone = int(np.isnan(found).sum())
-            out[key] = np.where(np.isnan(found), np.interp(t, x[:, 0], column), found)
-        if gone:
-            notes.append(f"of the base '{stem}' was missing in {gone} rows and interpolated there")
-    return out, tuple(notes)
+    for key, column in columns.items():
+        known = np.isfinite(column)
+        if key in discrete and known.any():
+            last = np.searchsorted(raw_t[known], t, side="right") - 1
+            out[key] = column[known][last.clip(0)]
+        elif known.any():
+            if known.all():
+                known = _fresh(column[:, None])
+            out[key] = np.interp(t, raw_t[known], column[known])
+    return out
 
 
 # `Reading`: the first reading of a table, piece by piece: what is what, and whether it can be.
@@ -177,10 +167,6 @@ def _gaps(x: Array) -> int:
     """Return the number of stretches in which a column (N,) is missing."""
     gone = np.isnan(x).astype(int)
     return int(gone[:1].sum() + (np.diff(gone) > 0).sum())
-
-
-class MixedRatesError(LogError):
-    """Columns come at rates of their own, which only a log in memory can be read with."""
 
 
 def with_index(frame: pd.DataFrame) -> pd.DataFrame:
@@ -362,13 +348,13 @@ class Reading:
         for name, (low, high) in self._held.items():
             joint, at = name.removesuffix(".q"), 0.5 * (low + high)
             held = self.known.locked[joint]
-            if high - low > RULES.locked_play:
+            if high - low > RULES.small:
                 raise LogError(
                     f"{self.source}: the joint '{joint}' is locked, but '{name}' moves by "
                     f"{high - low:.3g} ({low:.4g} … {high:.4g}); take the lock out, or give a "
                     "stretch of the log in which it stands still."
                 )
-            if abs(at - held) > RULES.locked_play:
+            if abs(at - held) > RULES.small:
                 notes.append(
                     f"'{joint}' stands at {at:.4g} and is locked at {held:.4g}: lock it there, "
                     f"--lock {joint}={at:.4g}"
@@ -387,11 +373,8 @@ class Reading:
         times = np.concatenate(self._kept["t"]) if self._beside else np.empty(0)
         if self.keep:
             self._unify()
-        elif self._is_mixed():
-            raise MixedRatesError(
-                f"{self.source} has columns at rates of their own and is too long to be held in "
-                "memory: give stretches of it, or a table with the same rows for all columns."
-            )
+        elif unify_rates({c: kept[0] for c, kept in self._kept.items() if kept})[1]:
+            raise LogError(Finding("long.rates", self.source))
         gaps = [c for c, x in self.numbers.items() if c.endswith(".q_ref") and not x.usable]
         for column in gaps:  # before the first command there is none
             del self.numbers[column], self._kept[column]
@@ -415,16 +398,8 @@ class Reading:
         if self.known.base is not None:
             raw = {key: np.concatenate(x) for key, x in self._beside.items()}
             flags = [c.flag for c in self.known.base.contacts]
-            self.beside = RawBase(values["t"], *put_on_clock(values["t"], times, raw, flags))
+            self.beside = RawBase(values["t"], put_on_clock(values["t"], times, raw, flags))
         return values
-
-    def _is_mixed(self) -> bool:
-        """Whether cells are empty, or values come again, as between messages of other rates."""
-        if not all(x.clean for x in self.numbers.values()):
-            return False
-        if any(x.bad > RULES.rows_lacking * x.rows for x in self.numbers.values()):
-            return True
-        return bool(unify_rates({c: kept[0] for c, kept in self._kept.items() if kept})[1])
 
     def _unify(self) -> None:
         """Bring columns at rates of their own to the same times, if all that is wrong is that."""

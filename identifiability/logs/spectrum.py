@@ -248,8 +248,8 @@ def choose_band(
         power = np.sum([s.noise_in_acceleration(at) for s in spectra], axis=0)
         return float((power[counts] / signal[counts]).max(initial=0.0))
 
-    tried = np.geomspace(RULES.cutoff_lowered * most, 0.5 * highest / RULES.cutoff_highest, 129)
-    loud = np.flatnonzero([noise(at) > RULES.noise_share for at in tried])
+    tried = np.geomspace(0.5 * most, 0.5 * highest / RULES.cutoff_highest, 129)
+    loud = np.flatnonzero([noise(at) > RULES.small for at in tried])
     limit = float(tried[max(loud[0] - 1, 0)] if len(loud) else tried[-1])
     if cutoff is not None:
         return Band(cutoff, cutoff, band, limit, noise(cutoff), "", joints, rate)
@@ -258,10 +258,10 @@ def choose_band(
         reason = f"the least there is, the motion's band is {band:.2g} Hz"
     if limit < chosen:
         chosen, own = limit, noise(limit)
-        which = "above, noise has more than" if own <= RULES.noise_share else "although noise has"
+        which = "above, noise has more than" if own <= RULES.small else "although noise has"
         reason = (
             f"{chosen / max(band, 1e-3):.2g} × the motion's band of {band:.3g} Hz, {which} "
-            f"{percent(max(own, RULES.noise_share), 2)} of the acceleration's power"
+            f"{percent(max(own, RULES.small), 2)} of the acceleration's power"
         )
     if highest < chosen:
         chosen, reason = (
@@ -316,7 +316,7 @@ def resolution(x: Array) -> Array:
     for k, own in enumerate(steps.T):
         own = own[own > ROUNDOFF * np.ptp(x[:, k])]  # noqa: PLW2901 - what moved
         least = own.min(initial=np.inf)
-        if len(own) and np.all(np.abs(own / least - np.rint(own / least)) < RULES.even):
+        if len(own) and np.all(np.abs(own / least - np.rint(own / least)) < RULES.negligible):
             found[k] = least
     return found
 

@@ -113,12 +113,12 @@ def _find(x: Array, *, first: bool, last: bool) -> list[Spike]:
     height = np.maximum(above, below)
     size = int(np.clip(len(x) // TAIL_SHARE, TAIL_LEAST, TAIL_MOST))
     least = max(
-        RULES.spike_steps * float(step),
-        RULES.spike_around * float(rough[rough > 0].min(initial=np.inf) if rough.any() else 0.0),
-        RULES.spike_tail * float(np.sort(height)[-1 - size] if len(x) > size else 0.0),
+        RULES.gap * float(step),
+        RULES.spike * float(rough[rough > 0].min(initial=np.inf) if rough.any() else 0.0),
+        RULES.spike * float(np.sort(height)[-1 - size] if len(x) > size else 0.0),
     )
     far = np.flatnonzero(height > least).tolist()
-    found = [k for k in far if height[k] > RULES.spike_around * _usual(height, k)]
+    found = [k for k in far if height[k] > RULES.spike * _usual(height, k)]
     # Consecutive samples on one side make one spike. Beside a high one, a right sample stands in a
     # hole that its neighbours do not show.
     wrong: set[int] = set()
@@ -248,7 +248,7 @@ class WrapFinder:
             return None
         steps = np.concatenate(self._steps)
         turns = -TURN * np.sign(steps)
-        if (np.abs(steps + turns) > RULES.spike_steps * self._usual + ROUNDOFF).any():
+        if (np.abs(steps + turns) > RULES.gap * self._usual + ROUNDOFF).any():
             return None
         return Wraps(np.concatenate(self._rows), turns)
 

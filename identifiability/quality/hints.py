@@ -68,7 +68,8 @@ def measure_factors(logs: MeasuredLogs) -> Array:
     size, units = np.sqrt(np.mean(logs.predicted**2, 0)), np.array(logs.robot.torque_units)
     offset = np.ones((len(logs.torque), 1))
     for k in range(len(factors)):
-        if size[k] >= 0.02 * size[units == units[k]].max() > 0:  # else masses do not show
+        # Else the masses of the file do not show.
+        if size[k] >= 0.02 * size[units == units[k]].max() > 0:
             factors[k] = _slope(logs.predicted[:, k], logs.torque[:, k], logs.ordinary(k))
         if np.isnan(factors[k]) and np.isfinite(logs.stated[:, k]).all():
             factors[k] = _slope(logs.stated[:, k], logs.torque[:, k], offset)
@@ -79,7 +80,7 @@ def _slope(predicted: Array, measured: Array, known: Array) -> float:
     """Return the slope of measured on predicted torque, (N,) each; NaN where it does not show."""
     p, m = without(predicted, known), without(measured, known)
     length, varies = float(np.linalg.norm(p)), float(np.linalg.norm(predicted - predicted.mean()))
-    # What is known explains most of it, or the one hardly follows the other.
+    # What is known explains most of it, or the one hardly follows the other (correlation).
     hidden = length <= 0.3 * varies or p @ m < 0.7 * length * np.linalg.norm(m)
     return np.nan if hidden or not m.any() else float(p @ m) / length**2
 
@@ -107,7 +108,8 @@ def find_exchanged(logs: MeasuredLogs) -> list[Finding]:
         return []
     plain: Meant = ([*range(n)], np.ones(n), [*range(n)], np.ones(n), "")
     given = _error(logs, plain)
-    if given <= 0.1:  # the unpruned model explains the log
+    # The unpruned model explains the log up to this relative error.
+    if given <= 0.1:
         return []
     errors = [(_error(logs, meant), meant[-1]) for meant in _meant(logs, plain)]
     least, says = min(errors, key=lambda pair: pair[0])

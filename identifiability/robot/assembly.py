@@ -350,11 +350,7 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     if not len(dependent) and not robot.equations:
         return robot
     robot = stretch_home(replace(robot, home=_follow_couplings(robot)))
-    posed = stated.posed or bool(set(extra.home) & set(robot.passive))
-    robot = _close_home(robot, stated=posed)
     count = closure.count_independent(robot) if robot.equations else 0
-    if count < len(dependent):
-        _refuse_loose(robot, count)
     if count > len(dependent):
         raise RobotError(
             f"{robot.path}: the loops give {count} independent equations for {len(dependent)} "
@@ -363,6 +359,10 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
             f'sidecar: actuated = ["{names[0]}", …] (or give the lengths and angles of redundant '
             "loops all their digits)."
         )
+    posed = stated.posed or bool(set(extra.home) & set(robot.passive))
+    robot = _close_home(robot, stated=posed)
+    if count < len(dependent):
+        _refuse_loose(robot, count)
     A = newton(robot, robot.home[None]).A[:, :, robot.dependent]
     if len(dependent) and not invert(A)[1][0] * ROUNDOFF < 1:
         raise RobotError(
@@ -587,13 +587,10 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ..
     imu = extra.imu or ImuEntry()
     contacts = []
     for entry in extra.contacts:
-        point, _ = _find_frame(path, "contacts", entry.frame, entry.point, stated)
+        own = entry.model_dump(include={"kind", "flag", "threshold", "margin", "schedule"})
+        own["point"], _ = _find_frame(path, "contacts", entry.frame, entry.point, stated)
         radius = stated.radii.get(entry.frame, 0.0) if entry.radius is None else entry.radius
-        schedule = None if entry.schedule is None else tuple(entry.schedule)
-        contacts.append(
-            Contact(entry.frame, point, entry.kind, radius, entry.flag, entry.threshold, schedule,
-                    entry.margin)
-        )  # fmt: skip
+        contacts.append(Contact(entry.frame, radius=radius, **own))
     names = [c.name for c in contacts]
     if len(set(names)) < len(names):
         raise RobotError(f"The sidecar of {path}: [[contacts]] are {listing(names)}; each once.")
@@ -605,12 +602,8 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ..
     R = pin.rpy.rpyToMatrix(np.array(imu.rotation, float)).T
     place, acc, gyro = (np.array(x, float) for x in (imu.place, imu.acc_bias, imu.gyro_bias))
     mount = Imu(R, place, acc, gyro, tuple(dict.fromkeys(imu.fit)))
-    touched: dict[str, Any] = {
-        "contacts": tuple(contacts),
-        "wrenches": tuple(wrenches),
-        "imu": mount,
-    }
-    return replace(stated.base, body=bodies[0], **touched)
+    base = replace(stated.base, body=bodies[0], imu=mount)
+    return replace(base, contacts=tuple(contacts), wrenches=tuple(wrenches))
 
 
 def _find_frame(

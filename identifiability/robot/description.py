@@ -396,7 +396,7 @@ class Tilt:
     @property
     def text(self) -> str:
         """Where gravity points, after "gravity"."""
-        x, y, z = (f"{c + 0.0:.3f}".replace("-", "−") for c in self.direction.round(3))
+        x, y, z = (f"{c:.3f}".replace("-", "−") for c in self.direction.round(3) + 0.0)
         return (
             f"points along ({x}, {y}, {z}) in the world of the robot file, {self.degrees:.3g}° "
             "from the direction that the file states"

@@ -200,13 +200,8 @@ def _six_joints() -> Any:
     return joint
 
 
-#: What links and joints of legs are called, and a root link that is the ground.
-_LEG = re.compile(
-    r"(?i)(?<![a-z])(?:leg|hip|thigh|knee|calf|shank|shin|ankle|foot|feet|toe|haa|hfe|kfe)s?"
-    r"(?:yaw|roll|pitch)?"
-    r"(?![a-z])"
-)
-GROUND = ("world", "map", "ground", "earth")
+#: What links and joints of legs are called.
+_LEG = re.compile(r"(?i)leg|hip|thigh|knee|calf|shank|shin|ankle|foot|haa|hfe|kfe")
 
 
 def _ask_for_base(path: Path, model: Any) -> None:
@@ -216,22 +211,16 @@ def _ask_for_base(path: Path, model: Any) -> None:
     ------
     RobotError
     """
-    bodies = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
-    first = [k for k in range(1, model.njoints) if model.parents[k] == 0]
-    names = {body_names(model)[k - 1]: model.names[k] for k in first}
-    legs = [
-        body
-        for body, joint in names.items()
-        if _LEG.search(re.sub(r"([a-z])([A-Z])", r"\1 \2", f"{joint} {body}"))
-    ]
-    if len(legs) < 2 or not model.inertias[0].mass or bodies[0] in GROUND:
-        return
-    raise RobotError(
-        f"{path}: its root link '{bodies[0]}' hangs on nothing and carries the legs "
-        f"{listing(legs, 4)}, so it may walk; if it was bolted down or hung up while it was "
-        f'measured, write base = "fixed" into {path.with_suffix(".toml").name} beside it, and '
-        'base = "floating" if it stood on its own feet.'
-    )
+    root = next(f.name for f in model.frames if f.type == pin.FrameType.BODY)
+    pairs = zip(model.names[1:], body_names(model), [*model.parents][1:], strict=True)
+    legs = [body for joint, body, above in pairs if not above and _LEG.search(f"{joint} {body}")]
+    if len(legs) > 1 and model.inertias[0].mass:
+        raise RobotError(
+            f"{path}: its root link '{root}' hangs on nothing and carries the legs "
+            f"{listing(legs, 4)}, so it may walk; if it was bolted down or hung up while it was "
+            f'measured, write base = "fixed" into {path.with_suffix(".toml").name} beside it, and '
+            'base = "floating" if it stood on its own feet.'
+        )
 
 
 def plain_urdf(root: ET.Element, name: str) -> str:

@@ -61,7 +61,7 @@ class Contact:
     radius: float = 0.0
     flag: str = ""
     threshold: float = 0.5
-    schedule: tuple[tuple[float, float], ...] | None = None
+    schedule: Sequence[tuple[float, float]] | None = None
     margin: float = 0.02
 
     @property

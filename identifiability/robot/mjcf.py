@@ -425,9 +425,10 @@ def _ties(m: Any, extra: Sidecar) -> list[set[int]]:
     body = {m.body(b).name: b for b in range(m.nbody)}
     pairs = [(body.get(x.body1, 0), body.get(x.body2, 0)) for x in extra.loops or ()]
     found = [_trees(m, _OBJ.mjOBJ_BODY, pair) for pair in pairs]
-    on = m.eq_active0 > 0
-    ends = zip(m.eq_objtype[on], m.eq_obj1id[on], m.eq_obj2id[on], strict=True)
-    found += [_trees(m, _OBJ(kind), pair) for kind, *pair in ends]
+    kinds = {int(_EQ.mjEQ_JOINT): _OBJ.mjOBJ_JOINT, int(_EQ.mjEQ_TENDON): _OBJ.mjOBJ_TENDON}
+    for k in np.flatnonzero(m.eq_active0).tolist():
+        kind = kinds.get(int(m.eq_type[k]), _OBJ(m.eq_objtype[k]))
+        found += [_trees(m, kind, (m.eq_obj1id[k], m.eq_obj2id[k]))]
     return found + [_trees(m, _OBJ.mjOBJ_TENDON, [t]) for t in range(m.ntendon)]
 
 

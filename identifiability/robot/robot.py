@@ -464,20 +464,13 @@ class Robot(Description):
     def _repr_html_(self) -> str:
         import pandas as pd  # noqa: PLC0415 - heavy, and a robot does not need it
 
-        driven, leads = set(self.joints), {c.joint for c in self.couplings}
-        rows = [
-            {
-                "joint": name,
-                "is": "actuated" if name in driven else "coupled" if name in leads else "passive",
-                "kind": "slides" if self.is_prismatic(k) else "turns",
-                "moves": self.bodies[k] if len(self.bodies) == len(self.dofs) else "",
-            }
-            for k, name in enumerate(self.dofs)
-        ]
-        rows += [{"joint": n, "is": f"locked at {x:.4g}"} for n, x in self.locked.items()]
+        driven = set(self.joints)
+        roles = ["actuated" if name in driven else "passive" for name in self.dofs]
+        rows = [*zip(self.dofs, roles, strict=True)]
+        rows += [(name, f"locked at {at:.4g}") for name, at in self.locked.items()]
         mass = sum(self.nominal[f"{body}.m"] for body in self.bodies)
         said = f"{repr(self)[1:-1]}. Its {len(self.bodies)} moving bodies weigh {mass:.4g} kg."
-        return shown(said, pd.DataFrame(rows).fillna(""))
+        return shown(said, pd.DataFrame(rows, columns=["joint", "is"]))
 
 
 #: A robot, or where it is read from.

@@ -143,18 +143,16 @@ def state_delay(delays: Array, names: Sequence[str]) -> str:
     names : sequence of str
         Of the logs.
     """
-    late = 1e3 * np.asarray(delays)
+    late = dict(zip(names, (1e3 * np.asarray(delays)).tolist(), strict=True))
     parts = []
-    for side, those in (("after", late >= 0), ("before", late < 0)):
-        if those.any():
-            each = [f"{abs(x):.2g}" for x in late[those]]
-            own = [n for n, one in zip(names, those, strict=True) if one]
-            where = "" if len(own) == len(names) else f" of {listing(own, 4)}"
-            parts.append(f"{listing(list(dict.fromkeys(each)), 4)} ms {side} their rows{where}")
-    text = f"commands act {' and '.join(parts)}"
-    if (late < 0).any():
-        text += " (the log's positions are that much late, or a command was sent between two rows)"
-    return text
+    for side, own in (
+        ("after", [n for n, x in late.items() if x >= 0]),
+        ("before", [n for n, x in late.items() if x < 0]),
+    ):
+        each = listing(list(dict.fromkeys(f"{abs(late[n]):.2g}" for n in own)), 4)
+        where = "" if len(own) == len(late) else f" of {listing(own, 4)}"
+        parts += [f"{each} ms {side} their rows{where}"] if own else []
+    return f"commands act {' and '.join(parts)}"
 
 
 def read_servo(

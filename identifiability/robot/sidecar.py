@@ -108,15 +108,9 @@ class KnownTorque(BaseModel):
     @property
     def text(self) -> str:
         """What it is, in a few words."""
-        if self.table:
-            return (
-                f"along {self.along} by a table of {len(self.table)} points from "
-                f"{self.span[0]:.4g} to {self.span[1]:.4g}, straight lines between them"
-            )
-        within = ""
-        if np.isfinite(self.span).any():
-            within = f" from {self.span[0]:.4g} to {self.span[1]:.4g}"
-        return f"along {self.along} by a polynomial of degree {len(self.polynomial) - 1}{within}"
+        of = f"polynomial of degree {len(self.polynomial) - 1}"
+        how = f"table of {len(self.table)} points" if self.table else of
+        return f"along {self.along} by a {how} from {self.span[0]:.4g} to {self.span[1]:.4g}"
 
 
 Triple = tuple[float, float, float]

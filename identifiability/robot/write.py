@@ -312,8 +312,6 @@ def write_robot(
         write_axes(top, robot, joints)
         write_gravity(top, robot.gravity)
         if offsets:
-            pass
-
             write_offsets(top, robot.path, offsets)
         servo = robot.servo
         told = servo is not None and (servo.source in (SIDECAR, FOUND))

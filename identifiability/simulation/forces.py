@@ -363,7 +363,7 @@ def _chosen(names: Sequence[str], hidden: Hidden, robot: Robot) -> list[int]:
 
 def _record(move: PrescribedMotion, tau: Array, k: int, name: str) -> Array:
     """Return what a late, leaking or drifting record adds to joint k, (N,)."""
-    seams = np.flatnonzero(np.diff(move.t) >= PAUSE) + 1
+    seams = np.flatnonzero(np.diff(move.t) > 0.5 * PAUSE) + 1
     if name in ("time_delay", "clock_error"):
         slope = np.concatenate([np.gradient(part) for part in np.split(tau[:, k], seams)])
         return slope if name == "clock_error" else -slope

@@ -22,7 +22,6 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum, choose_band
 from identifiability.logs.tables import read_table
 from identifiability.robot import Robot
@@ -284,7 +283,7 @@ def _from_file(robot: Robot, source: str) -> PrescribedMotion:
     q = CubicSpline(log.t, log.q)(t)
     cutoff = choose_band([Spectrum.of([q], dt)]).outputs
     longest = int(np.argmax(gaps))
-    if gaps[longest] > LOG_RULES.gap_bridged / cutoff:
+    if gaps[longest] > 0.5 / cutoff:
         raise LogError(
             f"{log.name} has a gap of {gaps[longest]:.2g} s after t = {log.t[longest]:.4g} s; "
             "velocity and acceleration cannot be computed across it: split the log there."

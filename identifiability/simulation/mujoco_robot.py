@@ -18,6 +18,7 @@ from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
+from identifiability.robot.description import Coupling
 from identifiability.robot.files import release_root
 from identifiability.robot.floating import BASE_JOINTS
 from identifiability.robot.locate import drop_repeated, read_markup
@@ -234,27 +235,25 @@ def find_cables(model: Any, robot: Robot) -> list[StraightCable]:
 class JointCoupling:
     """A joint that is a constant and polynomials of others, by names of the robot file."""
 
-    joint: str
-    constant: float
-    terms: tuple[tuple[str, Polynomial], ...]
+    of: Coupling
 
     def apart(self, model: Any, data: Any) -> tuple[Array, Array]:
         """Return what it is violated by, (1,), and its derivative (1, nv)."""
-        row, follows = np.zeros((1, model.nv)), model.joint(self.joint)
+        row, follows = np.zeros((1, model.nv)), model.joint(self.of.joint)
         row[0, follows.dofadr[0]] = 1.0
-        error = data.qpos[follows.qposadr[0]] - self.constant
-        for name, poly in self.terms:
-            of = model.joint(name)
-            error -= poly(data.qpos[of.qposadr[0]])
-            row[0, of.dofadr[0]] -= poly.deriv()(data.qpos[of.qposadr[0]])
+        error = data.qpos[follows.qposadr[0]] - self.of.constant
+        for name, powers in self.of.terms.items():
+            led, poly = model.joint(name), Polynomial(powers)
+            error -= poly(data.qpos[led.qposadr[0]])
+            row[0, led.dofadr[0]] -= poly.deriv()(data.qpos[led.qposadr[0]])
         return np.array([error]), row
 
     def rate(self, model: Any, data: Any) -> Array:
         """Return the time derivative of that derivative, (1, nv)."""
         row = np.zeros((1, model.nv))
-        for name, poly in self.terms:
+        for name, powers in self.of.terms.items():
             dof, at = model.joint(name).dofadr[0], model.joint(name).qposadr[0]
-            row[0, dof] -= poly.deriv(2)(data.qpos[at]) * data.qvel[dof]
+            row[0, dof] -= Polynomial(powers).deriv(2)(data.qpos[at]) * data.qvel[dof]
         return row
 
 
@@ -325,12 +324,7 @@ class MujocoRobot:
         #: Locked joints are in the file; prescribed to stand still, they need not be welded.
         self.locked = np.array([self.places[j][0] for j in robot.locked], int)
         self.passive = np.setdiff1d(np.arange(self.size), [*self.actuated, *self.locked])
-        couplings = [
-            JointCoupling(
-                c.joint, c.constant, tuple((j, Polynomial(p)) for j, p in c.terms.items())
-            )
-            for c in robot.couplings
-        ]
+        couplings = [JointCoupling(c) for c in robot.couplings]
         #: What ties the coordinates together, straight tendons last.
         self.ties: list[Any] = [*find_closures(self.model, robot), *couplings, *self.cables]
         self._A = np.zeros((0, self.size))

@@ -37,7 +37,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import check_commands, of_commands, servo_log
-from identifiability.logs.contradictions import check_units, looks_like_degrees
+from identifiability.logs.contradictions import check_units
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.physical.cad_prior import thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
@@ -214,7 +214,7 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     share, names = share_missed(found.errors, logs), [log.name for log in logs]
     k = int(np.argmax(share))
     if contradicted(share):
-        told = {"kp": robot.servo.kp[k], "kv": robot.servo.kv[k], "unit": doubt_unit(robot, logs)}
+        told = {"kp": robot.servo.kp[k], "kv": robot.servo.kv[k]}
         joint, source = robot.joints[k], robot.servo.source
         raise LogError(
             Finding("servos.contradicted", source, names=names, joint=joint, share=share[k], **told)
@@ -222,19 +222,6 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     (lost,) = np.nonzero(share > ESTIMATION_RULES.rollout_contradicted)
     each = [f"'{robot.joints[j]}' ({100 * share[j]:.0f} %)" for j in lost]
     return f"{phrase('rollouts', 'lost', joints=each)} " if each else ""
-
-
-def doubt_unit(robot: Robot, logs: Sequence[Log]) -> str:
-    """Return which joints' positions are within the file's limits in degrees alone, as a clause."""
-    odd = [
-        joint
-        for k, joint in enumerate(robot.joints)
-        if not robot.is_prismatic(int(robot.actuated[k]))
-        and any(looks_like_degrees(log.q[:, k], *robot.limits[k]) for log in logs)
-    ]
-    return (
-        phrase("servos.unit", "says", joints=[f"'{j}'" for j in odd], first=odd[0]) if odd else ""
-    )
 
 
 def refuse_scale(structure: Structure, logs: Sequence[Log], how: Preparation) -> None:
@@ -273,8 +260,7 @@ def refuse_scale(structure: Structure, logs: Sequence[Log], how: Preparation) ->
     if many > 5.0:
         told = {"names": [log.name for log in logs], "file": robot.path.name, "many": many}
         gains = {"joint": robot.joints[0], "kp": servo.kp[0], "kv": servo.kv[0]}
-        unit = doubt_unit(robot, logs)
-        raise LogError(Finding("servos.scale", servo.source, **told, **gains, unit=unit))
+        raise LogError(Finding("servos.scale", servo.source, **told, **gains))
 
 
 @frozen

@@ -20,7 +20,7 @@ from identifiability.robot import Robot
 from identifiability.robot.locate import find_sidecar, shipped_folder
 
 #: What of a preparation an option says; others are only said from Python.
-OPTIONS = ("derivatives", "cutoff", "period", "harmonics", "decimate")
+OPTIONS = ("derivatives", "cutoff", "decimate")
 
 
 def source_name(robot: Robot) -> str:

@@ -43,11 +43,12 @@ from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Answer, Table
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
+from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import rough_percent
-from identifiability.foundation.rules import RuleTable, Tolerance
+from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
@@ -211,14 +212,6 @@ def _on_one_clock(
 # How small a change would be found.
 
 
-#: What is less than this share is the same; values that hang together are known by rounding where
-#: their correlation is within the next of one.
-SAME: Tolerance = 1e-6
-WHITE: Tolerance = 1e-12
-#: Standard deviation that a share has of which nothing is known.
-WIDE: Tolerance = 1e3
-
-
 def found_from(found: Differences, terms: Terms) -> dict[str, float]:
     """Return by which share friction of each joint must change to be found nine times in ten."""
     model, out = found.model, dict[str, float]()
@@ -227,7 +220,7 @@ def found_from(found: Differences, terms: Terms) -> dict[str, float]:
         if len(own) != 1 or pattern or not found.rows.causes[own[0]].relative:
             continue
         beside = [t for t in terms if not set(own) & set(found.said[t.key][1][0])]
-        solved = model.solve((*beside, Term(group, 0, WIDE**2, 0.0)))
+        solved = model.solve((*beside, Term(group, 0, np.inf, 0.0)))
         sd = float(np.sqrt(solved.covariance[-1, -1]))
         ratio = (model.sizes / sd) ** 2
         rise = 0.5 * (z**2 * ratio / (1.0 + ratio) - np.log1p(ratio))
@@ -391,7 +384,7 @@ def is_result(side: Any) -> bool:
 
 def _compare_results(robot: Robot, before: Any, after: Any) -> Comparison:
     one, other = (find_fit(side, robot) for side in (before, after))
-    if (one.names, one.submodel.labels) != (other.names, other.submodel.labels):
+    if one.structure.base.names != other.structure.base.names:
         raise IdentifiabilityError(
             f"The results have different models, '{one.submodel.name}' and "
             f"'{other.submodel.name}': analyze both with one (--ladder model.toml)."
@@ -416,12 +409,19 @@ def rows_of_results(one: Fit, other: Fit) -> LogRows:
 
     What of a change is in values that either fit does not know, or in none, is left out.
     """
-    structure, submodel = one.structure, one.submodel
-    known = np.flatnonzero(np.minimum(np.diag(one.covariance), np.diag(other.covariance)) > 0)
-    covariance = (one.covariance + other.covariance)[np.ix_(known, known)]
+    structure, fits = one.structure, (one, other)
+    M, values = one.submodel.M, [f.values for f in fits]
+    covariances = [f.covariance for f in fits]
+    if (one.names, one.submodel.labels) != (other.names, other.submodel.labels):
+        # What either model leaves out is not known of its base parameters.
+        M, values = np.eye(len(one.base)), [f.base for f in fits]
+        covariances = [f.base_covariance for f in fits]
+    known = np.flatnonzero(np.minimum(*map(np.diag, covariances)) > 0)
+    covariance = (covariances[0] + covariances[1])[np.ix_(known, known)]
     size = np.sqrt(np.diag(covariance))
-    alike = covariance / np.outer(size, size) + WHITE * np.eye(len(size))
-    whiten = np.linalg.inv(np.linalg.cholesky(alike)) / size
+    spread, turn = np.linalg.eigh(covariance / np.outer(size, size))
+    sure = spread > ROUNDOFF * spread.max(initial=0.0)
+    whiten = (turn[:, sure] / np.sqrt(spread[sure])).T / size
     motion = random_motion(structure.robot, np.random.default_rng(0))
     X = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
     torque = X @ one.base
@@ -433,14 +433,14 @@ def rows_of_results(one: Fit, other: Fit) -> LogRows:
     for c in (*every, gain):
         acts = [c.torque.get(j, np.zeros((len(X), len(c.names)))) for j in range(len(rms))]
         columns = np.stack(acts, axis=1).reshape(len(flat), -1)
-        found = np.linalg.lstsq(flat @ submodel.M, columns, rcond=SAME)[0]
-        lost = np.linalg.norm(columns - flat @ submodel.M @ found) > SAME * np.linalg.norm(columns)
+        found = np.linalg.lstsq(flat @ M, columns, rcond=NEARLY)[0]
+        lost = np.linalg.norm(columns - flat @ M @ found) > NEARLY * np.linalg.norm(columns)
         own = {} if lost else {0: whiten @ found[known]}
         causes.append(replace(c, torque=own, size=c.scale(rms)))
     count = len(whiten)
     return LogRows(
         X=np.zeros((count, 1, len(one.base))),
-        y=(whiten @ (other.values - one.values)[known])[:, None],
+        y=(whiten @ (values[1] - values[0])[known])[:, None],
         size=np.ones(1),
         runs=JointRuns((((0, count),),)),
         log=np.ones(count, int),

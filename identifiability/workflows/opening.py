@@ -233,7 +233,7 @@ def _refuse_silent(logs: Sequence[Log]) -> None:
     if len(gone) < len(logs) or len({log.joints for log in known}) > 1:
         return
     q, lost = np.concatenate([log.q for log in known]), np.concatenate(gone).all(0)
-    stays = np.ptp(q, axis=0) <= LOG_RULES.locked_play
+    stays = np.ptp(q, axis=0) <= LOG_RULES.small
     at = dict(zip(known[0].joints, np.median(q, axis=0), strict=True))
     silent = {j: at[j] for j, none in zip(at, lost & stays, strict=True) if none}
     if 0 < len(silent) < len(known[0].joints):

@@ -609,7 +609,7 @@ def _unknown_gains(robot: Robot) -> Fit:
 def _tell_noise(logs: Sequence[Log], how: Preparation) -> list[str]:
     """Return what noise of the motion does to the load, where it does."""
     band = how.band if isinstance(how, SettledPreparation) else None
-    if band is None or band.noise <= LOG_RULES.noise_share:
+    if band is None or band.noise <= LOG_RULES.small:
         return []
     loud = [x.name for x in logs if not {"dq", "ddq"} <= set(x.channels)]
     return [sentence(WORDS_OF, "noise", logs=listing(loud, 4))] if loud else []

@@ -15,7 +15,7 @@ from scipy import signal
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.foundation.names import Array
-from identifiability.logs import fourier
+from identifiability.logs import signals
 from identifiability.logs.prepare import Dataset
 from identifiability.robot import complete_motion
 from paper_study.command import Options
@@ -79,7 +79,7 @@ def process(
 ) -> Dataset:
     """Turn the periods of a record into 750 points of motion and force."""
     period = len(record.t) * CONTROL_STEP
-    series = fourier.fit_fourier(record.t, record.q.mean(0), period, harmonics)
+    series = signals.fit_fourier(record.t, record.q.mean(0), period, harmonics)
     motion = complete_motion(subject.robot, record.t, *series.motion(record.t))
     force = filter_periodic(record.force.mean(0), cutoff)
     return as_samples(f"stand-in {record.trajectory}", motion, force)

@@ -5,10 +5,8 @@ import pytest
 
 from identifiability import analyze, prune
 from identifiability.logs import Log
-from identifiability.logs.conventions import Conventions
 from identifiability.quality.mends import mend_log
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.opening import read_recordings
 
 ROW = 301  # counted from 1
 
@@ -108,13 +106,3 @@ def test_a_long_file_is_mended_alike_wherever_it_is_read(frame, tmp_path, form):
     cut = mended.cut(295, 800, "cut")
     np.testing.assert_array_equal(cut.rows(0, 505).q, whole.q[295:800])
     assert np.abs(whole.tau).max() < 1e3
-
-
-def test_recordings_are_mended_before_copies_are_looked_for(frame):
-    spoilt, named = spoil(frame, "torque times 1000")
-    given = read_recordings(
-        [Log.from_frame(spoilt, "a"), Log.from_frame(frame, "b")], (), Conventions()
-    )
-    assert named in given.hints[0]
-    assert "b repeats rows" in given.hints[1]
-    assert np.abs(given.fitted[0].tau).max() < 100 * np.abs(frame["elbow.tau"]).max()

@@ -74,10 +74,9 @@ def prepare_two_link(frame, **how):
 @pytest.mark.parametrize(
     ("how", "sentence"),
     [
-        ({"derivatives": "fourrier"}, "not 'fourrier', did you mean 'fourier'"),
+        ({"derivatives": "butterwort"}, "not 'butterwort', did you mean 'butterworth'"),
         ({"cutoff": 1e-9}, r"cut-off 1e-09 Hz does not lie between one over the length"),
         ({"decimate": 60}, "too short to be decimated by 60: of its 200 samples fewer than 20"),
-        ({"derivatives": "fourier", "period": 1e9}, r"The period 1e\+09 s does not fit"),
     ],
 )
 def test_preparations_that_cannot_be_are_refused(how, sentence, bare):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
-from identifiability.logs import Log, fourier
+from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model
@@ -27,8 +27,8 @@ def test_the_period_is_the_right_fraction_of_the_duration(periods, rng):
     t = 0.01 * np.arange(200 * periods)
     q = shape.motion(t)[0]
     noisy = q + 1e-3 * rng.standard_normal(q.shape)
-    assert fourier.find_period(t, q, 3) == pytest.approx(2.0)
-    assert fourier.find_period(t, noisy, 3) == pytest.approx(2.0)
+    assert signals.find_period(t, q, 3) == pytest.approx(2.0)
+    assert signals.find_period(t, noisy, 3) == pytest.approx(2.0)
 
 
 @pytest.fixture

@@ -65,9 +65,9 @@ def arm():
     return record("six-dof-arm")
 
 
-@pytest.mark.parametrize("joint", [0, 3, 5])
 @pytest.mark.parametrize(
-    ("factor", "says"), [(-1.0, "seems to have the wrong sign"), (1e-3, "is 0.00"), (20.0, "is ")]
+    ("joint", "factor", "says"),
+    [(0, -1.0, "seems to have the wrong sign"), (3, 1e-3, "is 0.00"), (5, 20.0, "is ")],
 )
 def test_a_torque_of_another_sign_or_unit_is_found(arm, joint, factor, says):
     robot, log = arm
@@ -80,7 +80,7 @@ def test_a_torque_of_another_sign_or_unit_is_found(arm, joint, factor, says):
     assert not found.keeps_columns
 
 
-@pytest.mark.parametrize("first", [0, 4])
+@pytest.mark.parametrize("first", [4])
 def test_exchanged_torque_is_found(arm, first):
     robot, log = arm
     order = np.arange(6)
@@ -89,8 +89,7 @@ def test_exchanged_torque_is_found(arm, first):
     assert found.order.tolist() == order.tolist()
 
 
-@pytest.mark.parametrize("name", ["two-link", "six-dof-arm"])
-@pytest.mark.parametrize("masses", [1.0, 3.0])
+@pytest.mark.parametrize(("name", "masses"), [("two-link", 1.0), ("six-dof-arm", 3.0)])
 def test_effort_without_weight_is_found_whatever_masses_the_file_has(name, masses):
     robot, log = record(name, masses=masses)
     truth = robot.with_values({n: masses * x for n, x in robot.nominal.items()})
@@ -99,7 +98,7 @@ def test_effort_without_weight_is_found_whatever_masses_the_file_has(name, masse
     assert not found.structure(Structure.of(robot, MODEL)).robot.gravity.any()
 
 
-@pytest.mark.parametrize("masses", [1.0, 1.3])
+@pytest.mark.parametrize("masses", [1.3])
 def test_weight_that_one_joint_lacks_is_found_and_the_file_s_is_added(masses):
     robot, log = record("six-dof-arm", masses=masses)
     truth = robot.with_values({n: masses * x for n, x in robot.nominal.items()})
@@ -111,7 +110,7 @@ def test_weight_that_one_joint_lacks_is_found_and_the_file_s_is_added(masses):
     np.testing.assert_allclose(added[:, 1], weight(robot, log)[:, 1])
 
 
-@pytest.mark.parametrize(("joint", "samples"), [(1, 4), (4, -3), (2, 10)])
+@pytest.mark.parametrize(("joint", "samples"), [(4, -3), (2, 10)])
 def test_a_late_torque_is_found_to_a_sample(arm, joint, samples):
     robot, log = arm
     tau = log.tau.copy()
@@ -122,8 +121,7 @@ def test_a_late_torque_is_found_to_a_sample(arm, joint, samples):
     assert ("late" if samples > 0 else "early") in found.says
 
 
-@pytest.mark.parametrize("degrees", [30.0, 90.0, 180.0])
-@pytest.mark.parametrize("masses", [1.0, 2.0])
+@pytest.mark.parametrize(("degrees", "masses"), [(30.0, 2.0), (180.0, 1.0)])
 def test_gravity_elsewhere_is_found_whatever_masses_the_file_has(degrees, masses):
     robot, log = record("six-dof-arm", masses=masses)
     first, second = horizontal_axes(robot.gravity)
@@ -135,16 +133,20 @@ def test_gravity_elsewhere_is_found_whatever_masses_the_file_has(degrees, masses
     assert structure.model.names == (*MODEL.names, "gravity_tilt")
 
 
-@pytest.mark.parametrize("masses", [1.0, 3.0, 1 / 3, 10.0])
-@pytest.mark.parametrize("name", ["two-link", "six-dof-arm", "3-rps"])
+@pytest.mark.parametrize(
+    ("name", "masses"),
+    [("two-link", 1.0), ("six-dof-arm", 1 / 3), ("3-rps", 10.0), ("3-rps", 1.0)],
+)
 def test_no_other_model_is_chosen_where_masses_alone_are_the_file_s_no_more(name, masses):
     for seed in range(6 if masses == 1.0 else 2):
         robot, log = record(name, seed=10 + seed, masses=masses, additive=0.05, correlation=0.95)
         assert look(robot, log) is None
 
 
-@pytest.mark.parametrize("name", ["3-rps", "six-dof-arm"])
-@pytest.mark.parametrize("effect", ["stribeck_friction", "hysteresis", "position_friction"])
+@pytest.mark.parametrize(
+    ("effect", "name"),
+    [("stribeck_friction", "3-rps"), ("hysteresis", "six-dof-arm"), ("position_friction", "3-rps")],
+)
 def test_what_is_missing_anyway_votes_for_no_other_model(name, effect):
     robot, rng = Robot.load(name), np.random.default_rng(3)
     campaign = Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(2)])

@@ -7,7 +7,6 @@ import pytest
 
 from identifiability.effects import (
     FAMILIES,
-    Effect,
     Family,
     Shaped,
     find_effect,
@@ -16,15 +15,12 @@ from identifiability.effects import (
     register,
 )
 from identifiability.foundation.errors import ModelError
-from identifiability.foundation.names import Parameter
-from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.robot import Robot
 from identifiability.simulation import shipped_trajectory, simulate
-from identifiability.workflows.diagnose import diagnose
 
 
 def hidden_part(robot, text):
@@ -78,42 +74,6 @@ def test_every_joint_of_every_robot_has_candidates_or_a_reason(robot):
 def test_an_unknown_family_is_named_with_its_near_match():
     with pytest.raises(ModelError, match="'stribek_friction', did you mean 'stribeck_friction'"):
         find_families(["stribek_friction"])
-
-
-class Cubic(Effect):
-    """A study's own effect: drag with the third power of speed."""
-
-    name = "cubic_drag"
-    equation = "τ = Fz q̇³"
-
-    def parameters(self, robot):
-        return tuple(Parameter(j, "Fz", "N·m·s³/rad³", self.name) for j in robot.joints)
-
-    def fill(self, robot, motion, out):
-        for k in range(len(robot.joints)):
-            out[:, k, k] = motion.actuated_v[:, k] ** 3
-
-
-@pytest.fixture
-def cubic():
-    yield register(Family(Cubic(), "cubic drag"))
-    forget("cubic_drag")
-
-
-def test_a_family_that_a_study_registers_is_named(cubic, logs_of, named):
-    logs = []
-    for log in logs_of("two-link"):
-        move = prepare_log(Robot.load("two-link"), log, Preparation(keep_rest=True)).motion
-        tau = log.tau.copy()
-        tau[:, 1] += 0.02 * move.actuated_v[:, 1] ** 3
-        logs.append(
-            Log.from_frame(Log(log.name, log.joints, log.t, log.q, tau, None, None, "").to_frame())
-        )
-    d = diagnose("two-link", logs[:4], logs[4:])
-    assert named(d) == [("cubic_drag", ("elbow",))]
-    assert d.statement.startswith("What is missing? Cubic drag")
-    with pytest.raises(ModelError, match="effect 'cubic_drag' already"):
-        register(cubic)
 
 
 class Cogging(Shaped):

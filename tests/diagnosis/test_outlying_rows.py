@@ -20,7 +20,7 @@ def study(tmp_path_factory):
         (7, 1.0),
         pytest.param(30, 1.0, marks=pytest.mark.everything),
         pytest.param(7, 3.0, marks=pytest.mark.everything),
-        (30, 3.0),
+        pytest.param(30, 3.0, marks=pytest.mark.everything),
     ],
 )
 def test_a_burst_leaves_the_study_its_name_and_its_error(rows, size, study):

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from identifiability.foundation.engines import Processes, Resumed, Serial, choose_engine
+from identifiability.foundation.engines import Processes, Serial, choose_engine
 from identifiability.foundation.errors import EngineError, IdentifiabilityError, LogError
 
 
@@ -68,15 +68,6 @@ def test_a_caller_that_wants_no_more_ends_the_work(two):
 def test_options_that_contradict_each_other_are_one_sentence(options, sentence):
     with pytest.raises(IdentifiabilityError, match=sentence.replace("?", r"\?")):
         choose_engine(**options)
-
-
-def test_options_choose_the_engine(tmp_path):
-    assert isinstance(choose_engine(), Processes)
-    assert isinstance(choose_engine("serial"), Serial)
-    assert choose_engine(workers=3).workers == 3
-    kept = choose_engine("serial", resume=tmp_path / "work")
-    assert isinstance(kept, Resumed)
-    assert isinstance(kept.engine, Serial)
 
 
 def test_processes_that_nobody_asked_for_start_once_that_pays(monkeypatch, work):

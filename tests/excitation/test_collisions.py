@@ -121,11 +121,3 @@ def test_where_there_are_no_shapes_that_is_said(tmp_path):
     mesh = '<collision><geometry><mesh filename="away.stl"/></geometry></collision>'
     path.write_text(urdf(["", mesh, "", mesh]))
     assert "cannot be read" in Clearance.of(Robot.load(path))[1]
-
-
-def test_pairs_that_touch_at_home_are_named_and_left_out(tmp_path):
-    path = tmp_path / "arm.urdf"
-    path.write_text(urdf([BLOCK.replace("0.15 0 0", "0.5 0 0"), *SHAPES[1:]]))
-    watched, said = Clearance.of(Robot.load(path))
-    assert len(watched.geometry.collisionPairs) == 2
-    assert "l0 and l2 are nearer than 10 mm already" in said

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,8 +9,6 @@ from typer.testing import CliRunner
 
 from identifiability.cli import app
 from identifiability.workflows.excite import excite_commands
-
-SHIPPED = Path(__file__).resolve().parents[2] / "models"
 
 
 @pytest.fixture(scope="module")

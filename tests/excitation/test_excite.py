@@ -138,14 +138,6 @@ def test_a_bound_on_the_closure_is_kept_or_refused(find, monkeypatch):
         find(robot, **short)
 
 
-def test_loops_that_cannot_close_are_refused_in_one_sentence(find):
-    robot = Robot.load("3-rps")
-    apart = {f"slider{k}": {"q": [low, low + 0.01]} for k, low in ((1, 0.1), (2, 0.1), (3, 3.0))}
-    with pytest.raises(ClosureError, match="give narrower limits") as error:
-        find(robot, limits=apart, evaluations=1, harmonics=1, samples=20)
-    assert "\n" not in str(error.value)
-
-
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [

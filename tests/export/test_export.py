@@ -39,12 +39,6 @@ def test_the_exported_robot_predicts_what_the_feasible_estimate_predicts(exporte
     assert (np.abs(tau - fitted) <= 0.01 * sigma + 1e-9 * np.abs(fitted).max()).all()
 
 
-def test_every_exported_body_is_real(exported):
-    from identifiability.physical.feasibility import find_impossible_bodies
-
-    assert not find_impossible_bodies(Robot.load(exported[1]))
-
-
 def test_the_feasible_estimate_is_near_the_data_and_the_file(exported):
     result, _ = exported
     for model in result.models[1:]:

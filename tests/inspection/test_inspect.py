@@ -5,10 +5,8 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
 from identifiability import Inspection, Robot, inspect
-from identifiability.cli import app
 from identifiability.foundation.errors import LogError, OutputError
 from identifiability.logs import Log
 from identifiability.report.results import build_page, render_page
@@ -148,16 +146,3 @@ def test_the_result_is_a_table_json_and_a_page(run, tmp_path):
     html = found.write_report(tmp_path / "x.html").read_text()
     assert html.count("data-trace=") == 4
     assert ">nan<" not in html
-
-
-def test_the_command_needs_no_logs(tmp_path, run):
-    template, log, page = (tmp_path / n for n in ("t.csv", "run.csv", "p.html"))
-    said = CliRunner().invoke(app, ["inspect", "two-link", "--template", str(template)])
-    assert said.exit_code == 0, said.output
-    assert "5 columns: t, shoulder.q" in said.output
-    assert template.read_text().splitlines()[0] == "t,shoulder.q,shoulder.tau,elbow.q,elbow.tau"
-    run.write(log)
-    said = CliRunner().invoke(app, ["inspect", "two-link", str(log), "--report", str(page)])
-    assert said.exit_code == 0, said.output
-    assert "nothing is odd" in " ".join(said.output.split())
-    assert page.is_file()

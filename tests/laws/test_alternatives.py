@@ -58,7 +58,7 @@ def test_slow_noise_is_no_effect(logs, rho):
     for seed in range(3):
         found = analyze("two-link", logs(rho, seed), replicates=20)
         assert found.missing.functions == ()
-        assert "only if nothing is missing" not in found.statement
+        assert "Only if nothing is missing" not in found.statement
 
 
 def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, tmp_path):
@@ -74,7 +74,7 @@ def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, 
     exported = export("two-link", tmp_path / "result.json", tmp_path / "fitted.xml")
     assert f"{name} is missing in its model" in exported.statement
     assert answer_first(found).answers[2].text.startswith(f"{name} (log odds ")
-    assert "only if nothing is missing" in found.statement
+    assert "Only if nothing is missing" in found.statement
     assert "identifiability diagnose" in found.next()[0][1]
     assert found.to_dict()["missing_functions"][0]["joint"] == "elbow"
     few = {"replicates": 20, "refits": 40, "names": 0}

@@ -29,8 +29,9 @@ def test_stated_numbers_end_at_a_hundredth_of_sigma_or_after_six_digits(rng, sca
 def test_a_stated_result_is_the_same_in_python_and_in_its_file(analysis, tmp_path):
     told = json.loads(analysis.to_json(tmp_path / "result.json").read_text(encoding="utf-8"))
     frame = analysis.to_frame()
+    values = frame.set_index("name")["value"]
     for row, verdict in zip(told["parameters"], analysis.chosen.verdicts, strict=True):
-        assert analysis[row["name"]]["value"] == row["value"]
+        assert values[row["name"]] == row["value"]
         assert abs(row["value"] - verdict.value) <= verdict.sigma / 200
     assert frame["sigma"].tolist() == [row["sigma"] for row in told["parameters"]]
 

@@ -10,7 +10,6 @@ from identifiability.cli import app
 from identifiability.effects.nominal import has_masses
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import RobotError
-from identifiability.robot import complete_motion
 from identifiability.robot.table import write_table
 
 PI = np.pi
@@ -133,34 +132,6 @@ def test_masses_are_those_of_the_table_in_the_frame_of_the_link(tmp_path):
     assert robot.nominal["link2.Ixy"] == pytest.approx(0.002 - 2.0 * x * y)
     assert robot.nominal["link2.Ixz"] == pytest.approx(-0.001 - 2.0 * x * z)
     assert robot.nominal["link2.Iyz"] == pytest.approx(0.003 - 2.0 * y * z)
-
-
-@pytest.mark.parametrize("gravity", [(0.0, 0.0, -9.81), (0.0, 9.81, 0.0), (0.0, 0.0, 9.81)])
-def test_torques_are_those_of_the_book(gravity, tmp_path):
-    """Two links in a plane, by the closed form of the books [Siciliano 2009, Sec. 7.3.2]."""
-    a, c, m, inertia = 0.5, 0.3, (2.0, 1.5), (0.02, 0.03)
-    links = [
-        {"name": f"l{k}", "joint": f"j{k}", "a": a, "mass": m[k], "centre": [c - a, 0, 0],
-         "inertia": {"xx": 0.5 * inertia[k], "yy": inertia[k], "zz": inertia[k]}}
-        for k in range(2)
-    ]  # fmt: skip
-    table = {"convention": "standard", "gravity": gravity, "links": links}
-    robot = Robot.from_dh(table, tmp_path / "arm.urdf")
-    rng = np.random.default_rng(1)
-    q, v, acc = rng.normal(size=(3, 6, 2))
-    motion = complete_motion(robot, np.arange(6.0), q, v, acc)
-    model = Model.of("rigid_body")
-    nominal = [robot.nominal[p.name] for p in model.parameters(robot)]
-    s2, c2 = np.sin(q[:, 1]), np.cos(q[:, 1])
-    both = inertia[1] + m[1] * (c**2 + a * c * c2)
-    first = sum(inertia) + m[0] * c**2 + m[1] * (a**2 + c**2 + 2 * a * c * c2)
-    own, h = inertia[1] + m[1] * c**2, m[1] * a * c * s2
-    along = [gravity[0] * np.sin(x) - gravity[1] * np.cos(x) for x in (q[:, 0], q.sum(1))]
-    tau_1 = first * acc[:, 0] + both * acc[:, 1] - h * (2 * v[:, 0] * v[:, 1] + v[:, 1] ** 2)
-    tau_1 = tau_1 + (m[0] * c + m[1] * a) * along[0] + m[1] * c * along[1]
-    tau_2 = both * acc[:, 0] + own * acc[:, 1] + h * v[:, 0] ** 2 + m[1] * c * along[1]
-    found = model.regressor(robot, motion) @ nominal
-    np.testing.assert_allclose(found, np.stack([tau_1, tau_2], axis=1), atol=1e-9)
 
 
 def test_what_the_table_leaves_open_is_said(tmp_path):

@@ -3,8 +3,6 @@
 They stand beside `ROBOTS` of the other tests, which run every law on every robot.
 """
 
-import tomllib
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,6 @@ from identifiability import (
     Model,
     Regression,
     Robot,
-    diagnose,
     estimate,
     find_base_parameters,
     gather_information,
@@ -20,15 +17,13 @@ from identifiability import (
     simulate,
 )
 from identifiability.effects import default_effects
-from identifiability.foundation.documents import toml_text
 from identifiability.regression.reduction import ladder_path, read_ladder
 from identifiability.robot import complete_motion
-from identifiability.simulation import Campaign, Noise, PrescribedMotion, shipped_trajectory
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
 
 ARMS = ("dvrk-mtm", "dvrk-psm")
 EVERY = (*ARMS, "scara", "differential-wrist")
 BASICS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
-NOISE = Noise(additive=0.05, correlation=0.9, encoder=1e-5)
 
 
 def model_of(robot):
@@ -106,26 +101,3 @@ def test_the_values_of_the_files_come_back_from_torque_without_noise(name):
     np.testing.assert_allclose(fit.value, truth, rtol=1e-5, atol=1e-8)
     friction = [n for n in base.names if n.endswith(".Fc")]
     assert len(friction) >= len(robot.joints)
-
-
-@pytest.fixture
-def without_cable(tmp_path):
-    """The master arm whose sidecar says nothing of its cable."""
-    robot = Robot.load("dvrk-mtm")
-    said = tomllib.loads(robot.sidecar.read_text(encoding="utf-8"))
-    del said["known_torque"]
-    (tmp_path / "bare.toml").write_text(toml_text(said), encoding="utf-8")
-    return Robot.load("dvrk-mtm", sidecar=tmp_path / "bare.toml")
-
-
-def logs_with_cable(seed):
-    robot = Robot.load("dvrk-mtm")
-    campaign = Campaign.of(robot, [shipped_trajectory(robot, x) for x in "abcd"])
-    return campaign.logs(noise=NOISE, rng=np.random.default_rng(seed))
-
-
-@pytest.mark.everything
-def test_a_cable_that_is_not_given_is_named(without_cable):
-    logs, model = logs_with_cable(0), model_of(without_cable)
-    found = diagnose(without_cable, logs[:3], logs[3], model=model, seed=0, forward=False)
-    assert [(e.name, e.joints) for e in found.effects] == [("position_torque", ("m4",))]

@@ -75,12 +75,6 @@ def test_a_joint_may_follow_what_the_sidecar_says_where_the_file_names_none(load
     assert load("</robot>", hand, 'locked = ["wrist"]\n').passive == ()
 
 
-def test_a_body_that_floats_alone_has_six_joints_and_no_motor(load):
-    robot = load("revolute", "floating")
-    assert len(robot.joints) == 6
-    assert robot.motor_joints == ()
-
-
 #: Public files that are refused, and what the sentence says.
 REFUSED = {
     "alex_psyonic_hands.urdf": "mimics 'index_q1', which is none",

@@ -10,14 +10,9 @@ PATTERNS = """
 "*.Fv" = 0.3
 "elbow.Fv" = 0.7
 "link?.payload_m" = 0.1
-[prior]
-"link*.m*" = {mean = 1.0, sd = 0.5}
-"link2.m" = {mean = 2.0, sd = 0.2}
 [shapes]
 "*.stribeck_friction" = 0.05
 "s*.stribeck_friction" = 0.06
-[reference]
-"link?.m" = 3.0
 [limits]
 "*" = {v = 2}
 shoulder = {v = 1}
@@ -30,21 +25,9 @@ WRITTEN_OUT = """
 "elbow.Fv" = 0.7
 "link1.payload_m" = 0.1
 "link2.payload_m" = 0.1
-[prior]
-"link1.m" = {mean = 1.0, sd = 0.5}
-"link1.mx" = {mean = 1.0, sd = 0.5}
-"link1.my" = {mean = 1.0, sd = 0.5}
-"link1.mz" = {mean = 1.0, sd = 0.5}
-"link2.m" = {mean = 2.0, sd = 0.2}
-"link2.mx" = {mean = 1.0, sd = 0.5}
-"link2.my" = {mean = 1.0, sd = 0.5}
-"link2.mz" = {mean = 1.0, sd = 0.5}
 [shapes]
 "shoulder.stribeck_friction" = 0.06
 "elbow.stribeck_friction" = 0.05
-[reference]
-"link1.m" = 3.0
-"link2.m" = 3.0
 [limits]
 shoulder = {v = 1}
 elbow = {v = 2}
@@ -55,7 +38,7 @@ tie = {"link.my" = ["link1.my", "link2.my"]}
 
 def test_patterns_are_the_names_that_fit_them(load_text):
     ours, theirs = (load_text(arm(), sidecar=s) for s in (PATTERNS, WRITTEN_OUT))
-    for what in ("nominal", "prior", "shapes", "reference", "ties"):
+    for what in ("nominal", "shapes", "ties"):
         assert getattr(ours, what) == getattr(theirs, what), what
     assert ours.speed_limits.tolist() == theirs.speed_limits.tolist() == [1.0, 2.0]
 

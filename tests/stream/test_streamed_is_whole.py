@@ -103,15 +103,6 @@ def test_gaps_in_logs_with_derivatives(decimate, sizes, frame_of, saved):
     assert_same(whole, parts)
 
 
-def test_a_given_period(sizes, frame_of, saved):
-    frame = frame_of("two-link", periods=4, derivatives=False)
-    period = float(frame["t"].iloc[1000])
-    rng = np.random.default_rng(0)
-    for column in [c for c in frame if c.endswith(".q")]:
-        frame[column] += 1e-4 * rng.standard_normal(len(frame))
-    assert_same(*both("two-link", saved(frame), Preparation("fourier", period=period)))
-
-
 def test_only_long_files_are_streamed(sizes, frame_of, saved, monkeypatch):
     from identifiability.logs import tables
 

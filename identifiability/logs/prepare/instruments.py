@@ -2,10 +2,9 @@
 
 Noise in the motion biases least squares. Instruments are the same columns along a second record of
 the motion, the first that exists of: a Fourier series that explains all that was measured of it but
-its noise; repetitions of it, in its own log or in others; the smoothed motion, where velocity and
-acceleration were measured with noise of their own; the motion that was commanded. Positions
-alone that are none of these have none. No simulator and no data sheet is asked: noise is what
-remains of differences of high order.
+its noise; repetitions of it in other logs; the smoothed motion, where velocity and acceleration
+were measured with noise of their own. Positions alone that are none of these have none. No
+simulator and no data sheet is asked: noise is what remains of differences of high order.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
-from identifiability.logs import Log, fourier, signals
+from identifiability.logs import Log, signals
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.prepare.preparation import joint_log
 from identifiability.logs.rules import RULES
@@ -91,11 +90,11 @@ def _find_record(
     found = found or _find_repetitions(log, samples, others)
     if found is None and samples.cutoff is None and len(channels) == 3:
         found = _smooth(log, channels)
-    return found or _follow_command(log, samples.cutoff)
+    return found
 
 
 def _negligible(noise: Array, x: Array) -> bool:
-    return bool(np.all(noise <= RULES.noise_negligible * x.std(0)))
+    return bool(np.all(noise <= RULES.negligible * x.std(0)))
 
 
 def complete_along(robot: Robot, measured: Motion, other: Sequence[Array] | Array) -> Motion | None:
@@ -115,7 +114,7 @@ def complete_along(robot: Robot, measured: Motion, other: Sequence[Array] | Arra
         found = complete_motion(robot, measured.t, q, dq, ddq, measured.touch)
     except ClosureError:
         return None
-    if len(found) < (1.0 - RULES.loops_open) * len(measured):
+    if len(found) < (1.0 - RULES.small) * len(measured):
         return None
     same = ("t", "kept", "smooth_v")
     mixed: dict[str, Any] = {k: x.copy() for k, x in measured.each.items() if k not in same}
@@ -173,7 +172,7 @@ def _again(own: Motion, other: Motion) -> tuple[float, Array] | None:
             return None
         record = np.where(good[:, None], curve(at).transpose(1, 0, 2), known)
         later += align(own.actuated_q[good], own.actuated_v[good], record[0, good])
-    same = agrees(own.actuated_q[good], record[0, good], RULES.again_near)
+    same = agrees(own.actuated_q[good], record[0, good], 0.05)
     return (later, record) if same and good.mean() >= RULES.nearly_all else None
 
 
@@ -205,7 +204,7 @@ def _on_grid(motion: Motion, step: float, moves: np.ndarray) -> tuple[float, Arr
     return float(motion.t[0]), even - even.mean(0)
 
 
-# A Fourier series of all that was measured, the smoothed motion, and the commanded one.
+# A Fourier series of all that was measured, and the smoothed motion.
 
 
 def _fit_series(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> SecondRecord | None:
@@ -214,12 +213,14 @@ def _fit_series(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> 
     step = -(-len(t) // ENOUGH)
     # Harmonics that are tried.
     for harmonics in (5, 10, 20, 40):
-        if 2 * RULES.series_samples * harmonics > len(t):
+        # The shortest period of a harmonic has four samples.
+        if 8 * harmonics > len(t):
             break
-        period = fourier.find_period(t[::step], channels[0][::step], harmonics)
-        if RULES.series_samples * harmonics * signals.sampling_step(t) > period:
+        period = signals.find_period(t[::step], channels[0][::step], harmonics)
+        # The same of the period that was found.
+        if 4 * harmonics * signals.sampling_step(t) > period:
             continue
-        fit = fourier.fit_fourier(t, channels[0], period, harmonics, *channels[1:], noise=noise)
+        fit = signals.fit_fourier(t, channels[0], period, harmonics, *channels[1:], noise=noise)
         motion = fit.motion(t)
         pairs = zip(channels, motion, noise, strict=False)
         if not all(_explained(x - y, x, level) for x, y, level in pairs):
@@ -234,7 +235,7 @@ def _fit_series(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> 
 
 def _explained(rest: Array, x: Array, noise: Array) -> bool:
     """Return whether what is left of signals is no more than their noise."""
-    allowed = RULES.noise_explained * noise + NEARLY * x.std(0)
+    allowed = np.sqrt(LOUDER) * noise + NEARLY * x.std(0)
     return bool(np.all(np.sqrt(np.mean(rest**2, axis=0)) <= allowed))
 
 
@@ -249,41 +250,12 @@ def _smooth(log: Log, channels: Sequence[Array]) -> SecondRecord | None:
     return smooth, "the instruments' motion is the measured one smoothed"
 
 
-def _follow_command(log: Log, cutoff: float | None) -> SecondRecord | None:
-    """Return the commanded motion, delayed as the robot follows; None where it is of no use.
-
-    A command that the robot does not follow, or that shares noise with the measured positions, is
-    of no use, nor is one with gaps.
-    """
-    if log.q_ref is None or cutoff is None or signals.has_gap(log.t).any():
-        return None
-    q, dq, ddq = _derive(log.q_ref, log, cutoff)
-    later = 0.0
-    for _ in range(ROUNDS):
-        later += align(_delay(log.t, q, later), _delay(log.t, dq, later), log.q)
-    motion = [_delay(log.t, x, later) for x in (q, dq, ddq)]
-    # An instrument differs from the motion by no more of how much it varies (rms), and comes no
-    # earlier or later than this [s].
-    if abs(later) > 0.2 or not agrees(log.q, motion[0], 0.3) or shares_noise(log.q, log.q_ref):
-        return None
-    note = (
-        f"the instruments' motion is the commanded one, "
-        f"{'delayed' if later >= 0 else 'advanced'} by {1e3 * abs(later):.3g} ms"
-    )
-    return motion, note
-
-
 def _derive(q: Array, log: Log, cutoff: float | None) -> tuple[Array, Array, Array]:
     """Return positions, low-passed and differentiated as those of a log."""
     dt = signals.sampling_step(log.t)
     q = q if cutoff is None else signals.lowpass(q, dt, cutoff)
     dq = signals.differentiate(q, dt)
     return q, dq, signals.differentiate(dq, dt)
-
-
-def _delay(t: Array, x: Array, later: float) -> Array:
-    """Return signals x (N, n) as they were so much earlier [s]."""
-    return np.stack([np.interp(t - later, t, column) for column in x.T], 1)
 
 
 # The noise of a motion once more.

@@ -18,14 +18,14 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Count, Derivatives, Positive, check_fields
-from identifiability.foundation.rounding import format_count, percent
+from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log, fourier, signals
+from identifiability.logs import Log, signals
 from identifiability.logs.base import ACC, GYRO
 from identifiability.logs.commands import of_commands
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.gaps import Gaps, Grid, StaleRule, fill
-from identifiability.logs.log import join_logs, too_long
+from identifiability.logs.log import join_logs
 from identifiability.logs.rules import RULES
 from identifiability.logs.spectrum import (
     ORDER,
@@ -75,7 +75,7 @@ class Smoothing:
         """
         level = np.sqrt(np.mean([noise_level(x) ** 2 for x in windows], axis=0))
         size = np.sqrt(np.mean([x.var(0) for x in windows], axis=0))
-        noisy = level > RULES.noise_negligible * size
+        noisy = level > RULES.negligible * size
         if not noisy.any():
             return None
         band = float(Spectrum.of(windows, dt, 1).bandwidths().max(initial=0.0))
@@ -253,10 +253,6 @@ class Plan:
         Sampling step.
     cutoff : float or None [Hz]
         Low-pass of computed derivatives; None where there is none.
-    series : FourierFit or None
-        Motion as a Fourier series, in time since `start`.
-    start : float [s]
-        First time of the log.
     dwells : DwellRule or None
         When a joint's torque is no data because it stands; None takes all.
     factor : int
@@ -277,8 +273,6 @@ class Plan:
 
     step: float
     cutoff: float | None
-    series: fourier.FourierFit | None
-    start: float
     dwells: DwellRule | None
     factor: int
     notes: tuple[str, ...]
@@ -347,16 +341,13 @@ class Plan:
         """
         if log.base is not None:
             return self._derive_floating(log, origin)
-        if self.cutoff is None and self.series is None:
+        if self.cutoff is None:
             assert log.dq is not None
             assert log.ddq is not None
             return log.q, log.dq, log.ddq
-        if self.series is not None:
-            q, dq, ddq = self.series.motion(log.t - self.start)
-        else:
-            stretches = self.stretches(len(log), origin)
-            parts = [self._filter(log.rows(a, b), origin + a) for a, b in stretches]
-            q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
+        stretches = self.stretches(len(log), origin)
+        parts = [self._filter(log.rows(a, b), origin + a) for a, b in stretches]
+        q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
         moves = ~signals.never_moves(log.q.min(0), log.q.max(0))
         return q, np.where(moves, dq, 0.0), np.where(moves, ddq, 0.0)
 
@@ -533,16 +524,16 @@ class Windows:
 def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
     """Return a plan that bridges short gaps and splits the log at others, and says so."""
     least = 1
-    bridged = RULES.gap_bridged / RULES.cutoff_lowest
-    longest = max(bridged, RULES.gap_kept * plan.step)  # measured derivatives need no filter
+    bridged = 0.5 / RULES.cutoff_lowest
+    longest = max(bridged, RULES.lost * plan.step)  # measured derivatives need no filter
     if plan.band is not None:
-        longest = RULES.gap_bridged / plan.band
+        longest = 0.5 / plan.band
         gaps.check(samples)
         # Fewest samples between two gaps that are used.
         least = max(4, int(np.ceil(1.0 / (plan.band * plan.step))))
     grid = gaps.divide(longest, least)
     uneven = []
-    if plan.cutoff is not None and abs(gaps.drift) > RULES.clock_rounded:
+    if plan.cutoff is not None and abs(gaps.drift) > RULES.small:
         uneven = [
             f"{gaps.name} is sampled unevenly: the mean step is {percent(gaps.drift, 2)} off the "
             f"usual {gaps.step:.3g} s, and what is differentiated errs by as much: give samples at "
@@ -570,9 +561,6 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
 # parts with the result that it would have as a whole.
 
 
-#: What a Fourier series is fitted to.
-WORDS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
-
 #: So few samples do not tell noise from the motion.
 SHORT = 4 * ORDER
 
@@ -583,17 +571,12 @@ class Preparation:
 
     Attributes
     ----------
-    derivatives : {"auto", "given", "butterworth", "fourier"}
+    derivatives : {"auto", "given", "butterworth"}
         Velocity and acceleration: ``auto`` takes the log's own where it has them, else computes
         them by Butterworth.
     cutoff : float or None [Hz]
         Low-pass for computed derivatives [Hz]; by default it is chosen for all logs together, from
         the noise and the bandwidth of the motion.
-    period : float or None [s]
-        Period of periodic motion [s], for the Fourier fit; by default the whole fraction of the
-        duration that fits best.
-    harmonics : int
-        Harmonics of the Fourier fit.
     decimate : int or None
         Parallel filter of torque and regressor, of which every k-th sample is kept; by default the
         band up to `outputs` where derivatives are computed by Butterworth, else everything.
@@ -609,8 +592,6 @@ class Preparation:
 
     derivatives: Derivatives = "auto"
     cutoff: Positive | None = None
-    period: Positive | None = None
-    harmonics: Count = 5
     decimate: Count | None = None
     outputs: Positive | None = None
     keep_rest: bool = False
@@ -682,7 +663,7 @@ def _choose_band(robot: Robot, logs: Sequence[Windows], cutoff: float | None) ->
     """Return the band of what is differentiated."""
     spectra: list[Spectrum] = []
     for raw in logs:
-        windows = [joint_log(robot, w) for w in raw.even(RULES.gap_bridged / RULES.cutoff_lowest)]
+        windows = [joint_log(robot, w) for w in raw.even(0.5 / RULES.cutoff_lowest)]
         source, order = ([w.q for w in windows], 2)
         if windows[0].dq is not None:
             source, order = [w.dq for w in windows if w.dq is not None], 1
@@ -712,7 +693,7 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
     if filtered and how.cutoff is None:
         how = _settle(robot, [raw], how)
     plan = _plan_motion(robot, log, raw, how)
-    if plan.cutoff is None and plan.series is None:
+    if plan.cutoff is None:
         plan = replace(plan, smoothing=_choose_smoothing(windows, plan.step))
     if stale is not None:
         notes += [stale.note] if stale.note else []
@@ -748,27 +729,25 @@ def _find_stays(robot: Robot, log: Log, raw: Windows, how: Preparation) -> Stays
 
 def _plan_motion(robot: Robot, log: Log, raw: Windows, how: Preparation) -> Plan:
     """Return how the motion of a log is derived, gap by gap."""
-    return plan_gaps(_plan_derivatives(robot, log, raw.gaps, how), raw.gaps, len(log))
+    return plan_gaps(_plan_derivatives(log, raw.gaps, how), raw.gaps, len(log))
 
 
-def _plan_derivatives(robot: Robot, log: Log, gaps: Gaps, how: Preparation) -> Plan:
+def _plan_derivatives(log: Log, gaps: Gaps, how: Preparation) -> Plan:
     have = {"dq", "ddq"} <= set(log.channels)
     if how.derivatives == "given" and not have:
         raise LogError(
             f"{log.name} does not have '<joint>.dq' and '<joint>.ddq' for every joint; add them, "
             "or let the derivatives be computed (derivatives = auto)."
         )
-    plan = Plan(gaps.step, None, None, float(log.clock.first), None, 1, ())
+    plan = Plan(gaps.step, None, None, 1, ())
     if have and how.derivatives in ("auto", "given"):
         return replace(plan, notes=("velocity and acceleration are the log's own",))
-    if how.derivatives == "fourier":
-        return _plan_series(robot, log, plan, how)
     return _plan_filter(log, gaps, plan, how)
 
 
 def _plan_filter(log: Log, gaps: Gaps, plan: Plan, how: Preparation) -> Plan:
     dt, jitter, cutoff = gaps.step, "", how.cutoff
-    if gaps.jitter > RULES.clock_rounded:
+    if gaps.jitter > RULES.small:
         jitter = f" (time stamps jitter by {100 * gaps.jitter:.0f} % of a step; taken as even)"
     assert cutoff is not None
     if how.outputs is not None:  # chosen for logs of which some are sampled faster
@@ -789,34 +768,6 @@ def _plan_filter(log: Log, gaps: Gaps, plan: Plan, how: Preparation) -> Plan:
         f"4th-order Butterworth low-pass at {cutoff:.3g} Hz{kept}{reason}{jitter}"
     )
     return replace(plan, step=dt, cutoff=cutoff, band=outputs, notes=(note,))
-
-
-def _plan_series(robot: Robot, log: Log, plan: Plan, how: Preparation) -> Plan:
-    count = 2 * how.harmonics + 1
-    if 2 * count > len(log):
-        raise LogError(
-            f"{log.name} has {format_count(len(log), 'sample')}, too few for the "
-            f"{count} coefficients of {how.harmonics} harmonics; give fewer harmonics."
-        )
-    low, high = 4 * how.harmonics * plan.step, 2 * (log.clock.last - log.clock.first)
-    if how.period is not None and not low <= how.period <= high:
-        raise LogError(
-            f"The period {how.period:g} s does not fit {log.name}: with {how.harmonics} harmonics "
-            f"it must lie between {low:.4g} s (its sampling) and {high:.4g} s (its length)."
-        )
-    if how.period is None and log.long:
-        raise too_long(log.name)
-    own = joint_log(robot, join_logs([window for _, window in log.windows()]))
-    period = how.period or fourier.find_period(own.t - plan.start, own.q, how.harmonics)
-    fit = fourier.fit_fourier(own.t - plan.start, own.q, period, how.harmonics, own.dq, own.ddq)
-    left = float(np.sqrt(np.mean((fit.motion(own.t - plan.start)[0] - own.q) ** 2)))
-    words = [WORDS[c] for c in ("q", "dq", "ddq") if c in log.channels]
-    fitted = " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
-    note = (
-        f"{fitted} were fitted by a Fourier series of {how.harmonics} harmonics with period "
-        f"{period:.6g} s (rms residual {left:.2g}) and differentiated analytically"
-    )
-    return replace(plan, series=fit, notes=(note,))
 
 
 def _choose_smoothing(windows: Sequence[Log], dt: float) -> Smoothing | None:

@@ -251,7 +251,7 @@ class SharedErrors:
         if delay:
             others["delay"] = tuple(delay)
         band = how.band if isinstance(how, SettledPreparation) and not opening.silence else None
-        loud = band is not None and band.noise > LOG_RULES.noise_share
+        loud = band is not None and band.noise > LOG_RULES.small
         if loud and not (rows.estimator.instruments or session.recordings.commanded):
             pairs = zip(session.recordings.fitted, opening.samples, strict=True)
             noisier = [_noisier(opening.robot, log, own, how) for log, own in pairs]
@@ -489,7 +489,7 @@ def _say_cut(band: Band) -> tuple[str, ...]:
     # A cut-off below so many times the band of the motion cuts into it.
     if band.cutoff >= 2.0 * band.bandwidth:
         return ()
-    least = LOG_RULES.cutoff_lowered * LOG_RULES.cutoff_wide * band.bandwidth
+    least = 0.5 * LOG_RULES.cutoff_wide * band.bandwidth
     remedy = "higher" if least <= LOG_RULES.cutoff_highest * band.rate else "faster"
     numbers = {"least": least, "rate": least / LOG_RULES.cutoff_highest}
     reach = {"cutoff": band.cutoff, "bandwidth": band.bandwidth}

@@ -24,7 +24,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import LEVEL, REACH, Share, clustered_share, each_share
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log, fourier
+from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.instruments import add_instrument, complete_along
 from identifiability.logs.prepare.preparation import Plan, joint_log, make_plan
@@ -304,10 +304,6 @@ class MotionErrors:
         """Return the log with new errors and its samples, at the same times."""
         e = self.sd * rng.standard_normal(self.sd.shape)
         log, noise, plan = _with(self.log, _channels(self.log) + e), _with(self.log, e), self.plan
-        if plan.series is not None:
-            t, series = noise.t - plan.start, plan.series
-            fit = fourier.fit_fourier(t, noise.q, series.period, series.harmonics)
-            plan = replace(plan, series=fit)
         motion, moved = self.samples.motion, np.stack(plan.derive(noise))
         moved[:, motion.kept] += motion.actuated_q, motion.actuated_v, motion.actuated_a
         motion = complete_along(robot, motion, [*moved]) or motion

@@ -174,7 +174,7 @@ def _starts(
     found = []
     for samples in unseen:
         kept, start = samples.motion.kept, 0
-        if abs(signals.sampling_step(samples.motion.t) / dt - 1) > LOG_RULES.clock_rounded:
+        if abs(signals.sampling_step(samples.motion.t) / dt - 1) > LOG_RULES.small:
             continue  # one step size for all
         while start + steps < len(kept):
             lasts = np.diff(samples.motion.t[start : start + steps + 1]).max()

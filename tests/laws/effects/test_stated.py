@@ -82,7 +82,7 @@ def test_a_forbidden_level_is_told_by_analyze_and_prune_and_no_real_robot_has_it
     ladder.write_text(LADDER)
     found = analyze("two-link", pushed, ladder=ladder, replicates=0)
     assert found.missing.functions == ()
-    level = found["elbow.Fz"]["value"]
+    level = next(r["value"] for r in found.chosen.rows() if r["name"] == "elbow.Fz")
     assert level == pytest.approx(-0.05, abs=0.002)
     nearest = found.chosen.physical.parameters()["elbow.Fz"]
     if drag is Either:

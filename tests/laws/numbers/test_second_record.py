@@ -1,6 +1,5 @@
 """The second record of a motion: which there is, and whether its errors are its own."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -177,20 +176,6 @@ def test_another_motion_is_no_repetition(robot):
     log = positions_only(log)
     samples = prepare_log(robot, log)
     assert add_instrument(robot, log, samples, [prepare_log(robot, other)]) is None
-
-
-def test_the_command_is_followed_with_its_delay_unless_it_is_a_copy(robot):
-    log, exact = noisy(robot, periodic=False, level=0.1)
-    late = np.stack([np.interp(log.t - 0.03, log.t, x) for x in exact[0].T], 1)
-    q = late + (log.q - exact[0])
-    log = positions_only(log, q=q, q_ref=1.03 * exact[0])
-    samples = record(robot, log, Preparation(cutoff=10.0, keep_rest=True))
-    (delay,) = re.findall(r"commanded .* delayed by (\S+) ms", samples.notes[-1])
-    assert float(delay) == pytest.approx(30, abs=1)
-    copied = replace(log, q_ref=log.q)
-    assert record(robot, copied, Preparation(cutoff=10.0)) is None
-    elsewhere = replace(log, q_ref=log.q_ref[::-1])
-    assert record(robot, elsewhere, Preparation(cutoff=10.0)) is None
 
 
 @pytest.mark.parametrize("read", [Log.read, Log.scan])

@@ -115,14 +115,6 @@ def test_derivatives_are_those_of_the_motion_inside_a_log(two):
         assert inside.max() < 2e-3 * np.abs(x).max()
 
 
-def test_a_fourier_series_of_the_log_starts_at_its_first_time(two):
-    t = 0.01 * np.arange(1000) + 77.0
-    how = Preparation(derivatives="fourier", period=10.0, harmonics=11, keep_rest=True)
-    m = prepare_log(two, log_of(t), how).motion
-    for found, x in zip((m.actuated_q, m.actuated_v, m.actuated_a), wave(t), strict=True):
-        np.testing.assert_allclose(found, x, atol=1e-6 * np.abs(x).max())
-
-
 def test_the_survey_of_two_parts_is_that_of_both(two):
     m = complete_motion(two, 0.01 * np.arange(50), *wave(0.01 * np.arange(50)))
     m = replace(m, dropped=np.array([3, 4, 5, 6, 7, 8, 30]), near_singular=np.array([9, 40]),

@@ -59,12 +59,12 @@ def test_noise_lowers_the_cut_off_to_where_it_has_its_share(sd, order):
     found = band(x, rate, order)
     signal = 0.5 * (0.5 * (2 * np.pi) ** 2) ** 2
     m = 2 * order
-    power = LOG_RULES.noise_share * signal * (m + 1) / (2 * sd**2 / rate * (2 * np.pi) ** m)
+    power = LOG_RULES.small * signal * (m + 1) / (2 * sd**2 / rate * (2 * np.pi) ** m)
     limit = power ** (1 / (m + 1))
     assert found.bandwidth == pytest.approx(1.0, abs=0.06)
     assert found.limit == pytest.approx(limit, rel=0.1)
     assert found.outputs == pytest.approx(min(limit, 10.0), rel=0.1)
-    assert found.noise <= LOG_RULES.noise_share * 1.001
+    assert found.noise <= LOG_RULES.small * 1.001
     assert ("noise has more than" in found.reason) == (limit < 10)
 
 
