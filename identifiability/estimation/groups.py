@@ -349,13 +349,19 @@ class Missing:
         rows = of or self.seen
         entries = self.entries if of is None else rows.entries(self.candidates)
         p, width = self.fixed, len(self.scale)
-        columns, blocks = [], []
-        for j, acting in enumerate(self.acting):
-            model = np.flatnonzero(self.seen.X[:, j].any(0))
-            columns.append(np.concatenate([model, p + acting, [p + width]]))
+        model = [np.flatnonzero(x.any(0)) for x in self.seen.X.swapaxes(0, 1)]
+        columns = [
+            np.concatenate([own, p + acting, [p + width]])
+            for own, acting in zip(model, self.acting, strict=True)
+        ]
+
+        def of_joint(j: int) -> Array:
             none = np.zeros(len(rows.y))
-            Z = [entries.get((j, k), none) for k in acting.tolist()]
-            blocks.append(np.column_stack([rows.X[:, j, model], *Z, rows.y[:, j]]))
+            Z = [entries.get((j, k), none) for k in self.acting[j].tolist()]
+            return np.column_stack([rows.X[:, j, model[j]], *Z, rows.y[:, j]])
+
+        # One joint after the other: in rows of a base that floats every column acts.
+        blocks = map(of_joint, range(len(columns)))
         usual = np.ceil(np.linspace(0, len(rows.y), BLOCKS + 1)).astype(int).tolist()
         return whitened_information(columns, blocks, noise or self.noise, rows.runs, edges or usual)
 
@@ -602,7 +608,7 @@ def find_alternatives(
     missing = Missing.of(plain, families, structure.present)
     if not len(missing.seen.y) or not missing.groups:
         return NO_ALTERNATIVES
-    model = missing.model()
+    model = missing.model(missing.products(edges=[0, len(missing.seen.y)]))
     terms = model.search()
     if terms and record is not None:
         second = Missing.of(replace(plain, samples=record), families, structure.present)

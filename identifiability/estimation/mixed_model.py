@@ -13,7 +13,7 @@ costs the same however many rows there were.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import field
 from functools import cached_property
 from itertools import pairwise
@@ -35,7 +35,7 @@ SIZES = np.geomspace(1e-4, 1.0, 40)
 
 def whitened_information(
     columns: Sequence[np.ndarray],
-    rows: Sequence[Array],
+    rows: Iterable[Array],
     noise: ARNoise,
     runs: JointRuns,
     edges: Sequence[int],
@@ -46,7 +46,7 @@ def whitened_information(
     ----------
     columns : sequence of (k,) int
         That act in each joint, rising; the last of all is the torque.
-    rows : sequence of (N, k)
+    rows : iterable of (N, k)
         Of each joint, the torque last.
     noise : ARNoise
     runs : JointRuns
