@@ -26,7 +26,6 @@ from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import LOAD, Excerpt, Missing, describe_term, place_of
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
-    RIDGE,
     Group,
     MixedModel,
     Term,
@@ -618,7 +617,7 @@ def pooled_values(X: Array, y: Array, M: Array, fixed: Array) -> Array:
     aim = ((y - X @ fixed) * weight).ravel()
     length = np.linalg.norm(rows, axis=0)
     length = np.where(length > 0, length, 1.0)
-    base: Array = fixed + M @ (np.linalg.lstsq(rows / length, aim, rcond=RIDGE)[0] / length)
+    base: Array = fixed + M @ (np.linalg.lstsq(rows / length, aim, rcond=ROUNDOFF)[0] / length)
     return base
 
 

@@ -225,7 +225,7 @@ def found_from(found: Differences, terms: Terms) -> dict[str, float]:
         ratio = (model.sizes / sd) ** 2
         rise = 0.5 * (z**2 * ratio / (1.0 + ratio) - np.log1p(ratio))
         odds = np.log(np.mean(np.exp(rise), axis=1)) - group.price
-        needed = float(z[int(np.argmax(odds >= model.name)), 0])
+        needed = float(z[int(np.argmax(odds >= RULES.name)), 0])
         # Standard deviations above what is needed at which nine of ten are found.
         share = (needed + 1.28) * sd
         out[group.place] = min(out.get(group.place, share), share)
