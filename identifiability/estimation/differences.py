@@ -19,13 +19,13 @@ from itertools import pairwise
 
 import numpy as np
 import pandas as pd
+from scipy.special import logsumexp
 
 from identifiability.effects import FAMILIES, find_families, title_of
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import LOAD, Excerpt, Missing, describe_term, place_of
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
-    RIDGE,
     Group,
     MixedModel,
     Term,
@@ -39,7 +39,6 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.numbers import REACH, measured
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.structure import Structure
@@ -47,8 +46,9 @@ from identifiability.robot import Robot
 from identifiability.robot.kinematics import WORLD
 from identifiability.robot.robot import last_bodies
 
-#: Standard deviation of the drift of friction in a log, relative to it: 3 % between two logs.
-DRIFT: Tolerance = 0.021
+#: Standard deviations of the drift of friction in a log that are tried, relative to it; the most is
+#: 3 % between two logs.
+DRIFTS = 0.021 * np.geomspace(1.0, 0.03, 4)
 #: Sizes that a change may have, relative to the friction, or to the torque of its joint.
 CHANGES = np.geomspace(0.01, 1.0, 20)
 #: Parameters of a load, those that its weight tells first.
@@ -341,6 +341,12 @@ class LogModel(MixedModel):
         scale = self.scale[s.columns]
         return s.columns, s.value / scale, s.covariance / np.outer(scale, scale)
 
+    @property
+    def likelihood(self) -> float:
+        """Of the rows, whether nothing changed or one of the groups."""
+        odds = [t.odds for t in self.gains()]
+        return self.solve().log_likelihood + float(logsumexp([0.0, *odds]))
+
     def widened(self, terms: Terms, at: np.ndarray) -> tuple[Array, Array]:
         """Return some of the fixed values (k,) and their covariance, with the doubt of one more.
 
@@ -493,16 +499,20 @@ class Differences:
         held, may = np.split(np.concatenate(unit), [drift])
         fixed = np.arange(p + drift)
         diagonal = np.diag(both.between(fixed, fixed))
-        prior = np.concatenate([known.precision, (held / DRIFT) ** 2])
-        return LogModel(
-            products=both,
-            fixed=len(fixed),
-            groups=tuple(group for group, _ in self.said.values()),
-            scale=np.concatenate([np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), may, more]),
-            # What does not act is no value.
-            prior=np.diag(prior + np.where(diagonal > 0, 0.0, np.finfo(float).eps)),
-            sizes=CHANGES,
-        )
+        none = np.where(diagonal > 0, 0.0, np.finfo(float).eps)  # what does not act is no value
+        tried = [
+            LogModel(
+                products=both,
+                fixed=len(fixed),
+                groups=tuple(group for group, _ in self.said.values()),
+                scale=np.concatenate([np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), may, more]),
+                prior=np.diag(none + np.concatenate([known.precision, (held / size) ** 2])),
+                sizes=CHANGES,
+            )
+            for size in DRIFTS
+        ]
+        likely = [m.likelihood - drift * np.log(x) for m, x in zip(tried, DRIFTS, strict=True)]
+        return tried[int(np.argmax(likely))]
 
     def _products(self, joint: int, own: Array, acts: np.ndarray, first: Sequence[int]) -> Array:
         """Return products of whitened rows of a joint by block, of columns that act in it.
@@ -607,7 +617,7 @@ def pooled_values(X: Array, y: Array, M: Array, fixed: Array) -> Array:
     aim = ((y - X @ fixed) * weight).ravel()
     length = np.linalg.norm(rows, axis=0)
     length = np.where(length > 0, length, 1.0)
-    base: Array = fixed + M @ (np.linalg.lstsq(rows / length, aim, rcond=RIDGE)[0] / length)
+    base: Array = fixed + M @ (np.linalg.lstsq(rows / length, aim, rcond=ROUNDOFF)[0] / length)
     return base
 
 

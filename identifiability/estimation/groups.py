@@ -12,7 +12,7 @@ friction; a fit of the model has them all.
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -37,7 +37,7 @@ from identifiability.estimation.mixed_model import (
 from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, Runs, rich_noise
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.errors import listing
-from identifiability.foundation.linalg import triangular_factor
+from identifiability.foundation.linalg import ROUNDOFF, triangular_factor
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -58,12 +58,8 @@ from identifiability.regression.regression import Chunk, Regression, choose_with
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
-#: Share of the torque's square below which a fit leaves rounding.
-EXACT: Tolerance = 1e-12
 #: Share by which a body is taken to differ from its file.
 SHARE: Tolerance = 0.5
-#: Share of the usual mass that a body is taken to have at least.
-LEAST: Tolerance = 0.1
 #: What a compact load of 1 kg has of each inertial parameter, by its radius [m].
 RADIUS: Tolerance = 0.1
 LOAD = {kind: RADIUS ** min(k, 1 + (k > 3)) for k, kind in enumerate(INERTIAL_KINDS)}
@@ -88,34 +84,29 @@ def fit_loads(structure: Structure, X: Array, y: Array, data: np.ndarray) -> Rob
     loaded = any(e.name in FAMILIES and FAMILIES[e.name].loaded for e in structure.model.effects)
     if robot.reference or loaded or not has_masses(robot):
         return robot
-    stated = structure.nominal_base
-    squares, target, total = np.zeros((len(stated), len(stated))), np.zeros(len(stated)), 0.0
-    for j, own in enumerate(data.T):
-        A, torque = X[own, j], y[own, j]
-        size = float(torque @ torque)
-        if size > 0:
-            R = triangular_factor(np.column_stack([A, torque - A @ stated]))
-            rest = float(np.sum(R[len(stated) :, -1] ** 2))
-            weight = len(torque) / max(rest, EXACT * size)
-            squares += weight * R[:, :-1].T @ R[:, :-1]
-            target += weight * R[:, :-1].T @ R[:, -1]
-            total += weight * size
-    stated_values = reference_values(robot)
-    bodies = (f"{body}.{kind}" for body in robot.bodies for kind in INERTIAL_KINDS)
-    values = {name: stated_values.get(name, 0.0) for name in bodies}
-    masses = {body: abs(values[f"{body}.m"]) for body in robot.bodies}
-    usual = sum(masses.values()) / len(masses)
+    left = (y - X @ structure.nominal_base) * data
+    each = zip(X.transpose(1, 0, 2), left.T, strict=True)
+    factors = [triangular_factor(np.column_stack([A, own])) for A, own in each]
+    rest = np.array([np.sum(R[X.shape[2] :, -1] ** 2) for R in factors])
+    size = (y**2).sum(0)
+    rest = np.maximum(rest, ROUNDOFF * np.where(size > 0, size, 1.0))
+    weight = np.sqrt(data.sum(0) / rest)
+    rows = (X * weight[:, None]).reshape(-1, X.shape[2])
+    target = base.G.T @ (rows.T @ (left * weight).ravel())
+    squares = base.G.T @ (rows.T @ rows) @ base.G
     # Rotors and friction are as logs say, bodies as near to the file as they let them.
-    whole = base.G.T @ squares @ base.G
-    length = np.diag(whole)
-    sd = np.sqrt(np.where(length > 0, total / np.where(length > 0, length, 1.0), 1.0))
+    length, own = np.diag(squares), reference_values(robot)
+    total = float(((y * weight) ** 2).sum())
+    sd = np.sqrt(np.divide(total, length, where=length > 0, out=np.ones(len(length))))
     for k, p in enumerate(base.parameters):
-        if p.owner in masses and p.kind in LOAD:
-            sd[k] = SHARE * max(masses[p.owner], LEAST * usual) * LOAD[p.kind]
-    unit = whole * np.outer(sd, sd) + np.eye(len(sd))
-    change = sd * np.linalg.solve(unit, sd * (base.G.T @ target))
+        if p.owner in robot.bodies and p.kind in LOAD:
+            sd[k] = SHARE * abs(own.get(f"{p.owner}.m", 0.0)) * LOAD[p.kind]
+    unit = squares * np.outer(sd, sd) + np.eye(len(sd))
+    change = sd * np.linalg.solve(unit, sd * target)
+    bodies = (f"{body}.{kind}" for body in robot.bodies for kind in INERTIAL_KINDS)
+    values = {name: own.get(name, 0.0) for name in bodies}
     for p, x in zip(base.parameters, change.tolist(), strict=True):
-        values[p.name] = stated_values.get(p.name, 0.0) + x
+        values[p.name] = own.get(p.name, 0.0) + x
     return replace(robot, reference=values)
 
 
@@ -222,12 +213,15 @@ class Missing:
         standard deviation.
     given : ARNoise or None
         The noise, where it is known.
+    families : collection of str or None
+        Those that may be named; all where it is None.
     """
 
     candidates: tuple[Candidate, ...]
     seen: Excerpt
     root: Array = field(default_factory=lambda: np.empty((0, 0)))
     given: ARNoise | None = None
+    families: Collection[str] | None = None
 
     @staticmethod
     def of(regression: Regression, families: Sequence[Family], present: Present) -> Missing:
@@ -277,75 +271,64 @@ class Missing:
 
     @cached_property
     def noise(self) -> ARNoise:
-        """Noise beside all smooth functions that may be missing."""
-        if self.given is not None:
-            return self.given
-        runs = self.seen.runs.each
-        return tuple(self.joint_noise(j, own) for j, own in enumerate(runs))
+        """Noise beside all that may be missing and would hide in it."""
+        runs = enumerate(self.seen.runs.each)
+        return self.given or tuple(self.joint_noise(j, own) for j, own in runs)
 
     @cached_property
-    def _smooth(self) -> list[Candidate]:
-        """One candidate of each smooth function, what must not be left out first."""
+    def _beside_noise(self) -> list[tuple[bool, list[int]]]:
+        """Columns of smooth functions, beside which noise is measured, unnamed ones first.
+
+        How logs of a session differ says nothing of the memory within them, and is of the model.
+        """
         found: dict[tuple[str, str], list[Candidate]] = defaultdict(list)
         for c in self.candidates:
             if c.family.flexible:
                 found[c.group].append(c)
-        whole = [
-            replace(own[0], columns=sum((c.columns for c in own), ()))
-            if own[0].family.separate
-            else max(own, key=lambda c: len(c.columns))
-            for own in found.values()
-        ]
-        return sorted(whole, key=lambda c: (not c.family.unnamed, c.family.rank))
-
-    def joint_noise(
-        self, joint: int, runs: Runs, named: Sequence[Sequence[int]] = ()
-    ) -> JointNoise:
-        """Return the noise of a joint in some stretches, beside columns of names, too.
-
-        How logs of a session differ says nothing of its memory within them.
-        """
-        X = self.seen.X[:, joint]
-        session = [
-            x
-            for c in self._smooth
-            if c.family.against == "session"
-            for x in self._acting_in(joint, c.columns)
-        ]
-        smooth = [c.columns for c in self._smooth if c.family.against != "session"]
-        random = [self._acting_in(joint, columns) for columns in (*named, *smooth)]
-        blocks = [np.column_stack([X[:, X.any(0)], *session])]
-        blocks += [np.stack(x, 1) for x in random if x]
-        return rich_noise(blocks, self.seen.y[:, joint], runs)
-
-    def _acting_in(self, joint: int, columns: Sequence[int]) -> list[Array]:
-        return [self.entries[joint, k] for k in columns if (joint, k) in self.entries]
+        out = []
+        for own in sorted(
+            found.values(), key=lambda x: (not x[0].family.unnamed, x[0].family.rank)
+        ):
+            family = own[0].family
+            if not family.separate:
+                own = [max(own, key=lambda c: len(c.columns))]  # noqa: PLW2901 - the finest
+            out.append((family.against == "session", [k for c in own for k in c.columns]))
+        return out
 
     def beside(self, likely: Sequence[Term]) -> Missing:
         """Return the same with the noise beside what is nearly named, too, the likeliest first.
 
-        No function has what passive joints, or the way that led to a state, add to the torque:
-        noise that was measured without that would have it for its own, and hide it.
+        Functions have a price that a name need not pay, and have not what passive joints, or the
+        way that led to a state, add: noise measured without would have it for its own.
         """
-        near = RULES.name - RULES.rival
         named: dict[int, list[list[int]]] = defaultdict(list)
         for t in likely:
-            family = self.sets[t.key][0][0].family
-            if family.unnamed or t.group.place == EVERYWHERE or t.odds < near:
-                continue
-            columns = (t.columns - self.fixed).tolist()
-            for j in {j for j, k in self.entries if k in columns}:
-                named[j] += [columns] * (len(named[j]) < NAMED)
+            near = t.odds >= RULES.name - RULES.rival and t.group.place != EVERYWHERE
+            if near and not self.sets[t.key][0][0].family.unnamed:
+                columns = (t.columns - self.fixed).tolist()
+                for j in {j for j, k in self.entries if k in columns}:
+                    named[j].append(columns)
         if not named:
             return self
-        noise = [
-            self.joint_noise(j, self.seen.runs.each[j], named[j]) if named[j] else own
-            for j, own in enumerate(self.noise)
-        ]
+        noise, runs = list(self.noise), self.seen.runs.each
+        for j, columns in named.items():
+            noise[j] = self.joint_noise(j, runs[j], columns[:NAMED])
         other = replace(self, given=tuple(noise))
         same = ("entries", "acting", "scale", "sets", "groups")
         vars(other).update({name: vars(self)[name] for name in same if name in vars(self)})
         return other
+
+    def joint_noise(
+        self, joint: int, runs: Runs, named: Sequence[Sequence[int]] = ()
+    ) -> JointNoise:
+        """Return the noise of a joint in some stretches, beside columns of names, too."""
+        X, random = self.seen.X[:, joint], list[Array]()
+        model = [X[:, X.any(0)]]
+        for session, columns in [*((False, x) for x in named), *self._beside_noise]:
+            own = [self.entries[joint, k] for k in columns if (joint, k) in self.entries]
+            if own:
+                (model if session else random).append(np.stack(own, 1))
+        return rich_noise([np.column_stack(model), *random], self.seen.y[:, joint], runs)
 
     def products(
         self,
@@ -366,13 +349,19 @@ class Missing:
         rows = of or self.seen
         entries = self.entries if of is None else rows.entries(self.candidates)
         p, width = self.fixed, len(self.scale)
-        columns, blocks = [], []
-        for j, acting in enumerate(self.acting):
-            model = np.flatnonzero(self.seen.X[:, j].any(0))
-            columns.append(np.concatenate([model, p + acting, [p + width]]))
+        model = [np.flatnonzero(x.any(0)) for x in self.seen.X.swapaxes(0, 1)]
+        columns = [
+            np.concatenate([own, p + acting, [p + width]])
+            for own, acting in zip(model, self.acting, strict=True)
+        ]
+
+        def of_joint(j: int) -> Array:
             none = np.zeros(len(rows.y))
-            Z = [entries.get((j, k), none) for k in acting.tolist()]
-            blocks.append(np.column_stack([rows.X[:, j, model], *Z, rows.y[:, j]]))
+            Z = [entries.get((j, k), none) for k in self.acting[j].tolist()]
+            return np.column_stack([rows.X[:, j, model[j]], *Z, rows.y[:, j]])
+
+        # One joint after the other: in rows of a base that floats every column acts.
+        blocks = map(of_joint, range(len(columns)))
         usual = np.ceil(np.linspace(0, len(rows.y), BLOCKS + 1)).astype(int).tolist()
         return whitened_information(columns, blocks, noise or self.noise, rows.runs, edges or usual)
 
@@ -396,9 +385,12 @@ class Missing:
     @cached_property
     def groups(self) -> tuple[Group, ...]:
         """Groups of the candidates, each with its price."""
-        places = Counter(name for name, _ in self.sets)
+        may = self.families
+        asked = [key for key in self.sets if may is None or key[0] in may]
+        places = Counter(name for name, _ in asked)
         out = []
-        for (name, place), sets in self.sets.items():
+        for name, place in asked:
+            sets = self.sets[name, place]
             price = float(np.log(len(places)) + np.log(places[name]))
             positive = all(c.positive for some in sets for c in some)
             out.append(Group(name, place, _members(sets, self.fixed), price, positive))
@@ -459,8 +451,6 @@ def _members(sets: Sequence[Sequence[Candidate]], first: int) -> tuple[np.ndarra
 # is named is taken off the labels, and of the others one more may be there all the same.
 
 
-#: A direction of unit columns that is shorter than the root of this is none.
-THIN: Tolerance = 1e-10
 #: Groups that a sentence says; a table has them all.
 TOLD = 2
 
@@ -488,15 +478,15 @@ class Share:
         Among the u columns of all.
     value : (k,)
         Of its columns.
-    covariance : (k, k)
-        Of its error.
+    root : (q, k)
+        Of the covariance ``rootᵀ root`` of its error.
     """
 
     term: Term
     weight: float
     columns: np.ndarray
     value: Array
-    covariance: Array
+    root: Array
 
 
 @frozen
@@ -529,11 +519,8 @@ class Alternatives:
         if not self.named:
             return ""
         order = sorted(self.named, key=lambda t: -t.odds)
-        told = [f"{describe_term(t)} (log odds {t.odds:.3g})" for t in order[:TOLD]]
-        more = len(order) - TOLD
-        told += [f"{more} more"] if more > 0 else []
-        one = len(order) == 1
-        return f"{listing(told)} {'seems' if one else 'seem'} to be missing"
+        told = listing([f"{describe_term(t)} (log odds {t.odds:.3g})" for t in order], TOLD)
+        return f"{told} {'seems' if len(order) == 1 else 'seem'} to be missing"
 
     def to_list(self) -> list[dict[str, Any]]:
         """Return what is named as a JSON result has it."""
@@ -556,24 +543,20 @@ class Alternatives:
         XX = M.T @ np.einsum("a,akl->kl", w, self.XX) @ M
         XB = M.T @ np.einsum("a,aku->ku", w, self.XB)
         size = np.sqrt(np.maximum(np.diag(XX), 1e-300))
-        T = np.linalg.lstsq(XX / np.outer(size, size), XB / size[:, None], rcond=THIN)[0]
+        T = np.linalg.lstsq(XX / np.outer(size, size), XB / size[:, None], rcond=ROUNDOFF)[0]
         T /= size[:, None]
-        shift, variance = np.zeros(len(submodel)), np.zeros(len(submodel))
-        each = np.zeros((len(self.shares), len(kept)))
-        sure = np.zeros(len(self.shares), bool)
-        for k, s in enumerate(self.shares):
-            own = T[:, s.columns]
-            moved, error = own @ s.value, np.einsum("ku,uv,kv->k", own, s.covariance, own)
-            sure[k] = k < len(self.named)
-            each[k] = s.weight * (moved**2 + error)
-            if sure[k]:
-                shift[kept] += moved
-            variance[kept] += np.maximum(s.weight * (error + (0.0 if sure[k] else moved**2)), 0.0)
+        own = [(T[:, s.columns], s) for s in self.shares]
+        moved = np.array([A @ s.value for A, s in own])
+        error = np.array([((A @ s.root.T) ** 2).sum(1) for A, s in own])
+        weight = np.array([[s.weight] for s in self.shares])
+        sure = np.arange(len(own)) < len(self.named)
+        each, open_ = weight * (moved**2 + error), weight * (error + moved**2 * ~sure[:, None])
+        shift, sigma = np.zeros(len(submodel)), np.zeros(len(submodel))
+        shift[kept], sigma[kept] = moved[sure].sum(0), np.sqrt(open_.sum(0))
         names, named = [""] * len(submodel), np.zeros(len(submodel), bool)
-        for row, column in enumerate(kept):
-            most = int(np.argmax(each[:, row]))
+        for column, most in zip(kept, each.argmax(0).tolist(), strict=True):
             names[column], named[column] = describe_term(self.shares[most].term), sure[most]
-        return LabelAlternatives(shift, np.sqrt(variance), tuple(names), named)
+        return LabelAlternatives(shift, sigma, tuple(names), named)
 
 
 @frozen
@@ -625,7 +608,7 @@ def find_alternatives(
     missing = Missing.of(plain, families, structure.present)
     if not len(missing.seen.y) or not missing.groups:
         return NO_ALTERNATIVES
-    model = missing.model()
+    model = missing.model(missing.products(edges=[0, len(missing.seen.y)]))
     terms = model.search()
     if terms and record is not None:
         second = Missing.of(replace(plain, samples=record), families, structure.present)
@@ -637,25 +620,18 @@ def find_alternatives(
 
 
 def _conclude(missing: Missing, model: MixedModel, terms: Terms) -> Alternatives:
-    groups = [(t, 1.0) for t in terms] + model.alternatives(terms)
-    used = np.unique(np.concatenate([np.empty(0, int), *(t.columns for t, _ in groups)]))
-    place, p, rows = {int(k): i for i, k in enumerate(used)}, missing.fixed, missing.seen
-    shares = []
-    for k, (t, weight) in enumerate(groups):
-        beside = terms if k < len(terms) else (*terms, t)
-        s = model.solve(beside)
-        first = model.fixed + sum(x.size for x in beside[:k] if k < len(terms))
-        at = np.arange(first, first + t.size) if k < len(terms) else np.arange(-t.size, 0)
-        unit = model.scale[t.columns]
-        value, covariance = s.value[at] / unit, s.root[:, at].T @ s.root[:, at]
-        own = np.array([place[int(c)] for c in t.columns], int)
-        shares.append(Share(t, weight, own, value, covariance / np.outer(unit, unit)))
-    n = rows.y.shape[1]
-    XX, XB = np.zeros((n, p, p)), np.zeros((n, p, len(used)))
-    for j in range(n):
-        X = rows.X[:, j]
-        XX[j] = X.T @ X
-        for (joint, column), x in missing.entries.items():
-            if joint == j and column + p in place:
-                XB[j][:, place[column + p]] = X.T @ x
-    return Alternatives(terms, tuple(shares), XX, XB)
+    groups = [(t, 1.0, terms) for t in terms]
+    groups += [(t, weight, (*terms, t)) for t, weight in model.alternatives(terms)]
+    used = np.unique(np.concatenate([np.empty(0, int), *(t.columns for t, *_ in groups)]))
+    shares, rows = [], missing.seen
+    for t, weight, beside in groups:
+        s, unit = model.solve(beside), model.scale[t.columns]
+        at = np.isin(s.columns, t.columns)
+        own = np.searchsorted(used, t.columns)
+        shares.append(Share(t, weight, own, s.value[at] / unit, s.root[:, at] / unit))
+    XX, XB, none = [], [], np.zeros(len(rows.y))
+    for j, X in enumerate(rows.X.transpose(1, 2, 0)):
+        Z = [missing.entries.get((j, k), none) for k in (used - missing.fixed).tolist()]
+        XX.append(X @ X.T)
+        XB.append(X @ np.reshape(Z, (-1, len(none))).T)
+    return Alternatives(terms, tuple(shares), np.array(XX), np.array(XB))

@@ -13,7 +13,7 @@ costs the same however many rows there were.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import field
 from functools import cached_property
 from itertools import pairwise
@@ -24,20 +24,18 @@ from scipy.special import log_ndtr, logsumexp, softmax
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.noise import THIN, ARNoise, JointRuns, whiten
 from identifiability.estimation.rules import RULES
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import ActuatorBlocks, Information
 
 #: Sizes that a group may have, relative to the torque of its joint: uniform in the logarithm.
 SIZES = np.geomspace(1e-4, 1.0, 40)
-#: Share of a diagonal that keeps a factor positive.
-RIDGE: Tolerance = 1e-10
 
 
 def whitened_information(
     columns: Sequence[np.ndarray],
-    rows: Sequence[Array],
+    rows: Iterable[Array],
     noise: ARNoise,
     runs: JointRuns,
     edges: Sequence[int],
@@ -48,7 +46,7 @@ def whitened_information(
     ----------
     columns : sequence of (k,) int
         That act in each joint, rising; the last of all is the torque.
-    rows : sequence of (N, k)
+    rows : iterable of (N, k)
         Of each joint, the torque last.
     noise : ARNoise
     runs : JointRuns
@@ -174,8 +172,6 @@ class MixedModel:
     prior : (p, p)
         What is known of the fixed columns' values without the rows: the inverse of a covariance
         about zero; none where it is empty.
-    name, keep : float
-        Log odds from which on a group is named, and gain on unseen rows from which on it is kept.
     sizes : (s,)
         That a group may have, each as likely.
     """
@@ -185,8 +181,6 @@ class MixedModel:
     groups: tuple[Group, ...]
     scale: Array
     prior: Array = field(default_factory=lambda: np.empty((0, 0)))
-    name: float = RULES.name
-    keep: float = RULES.keep
     sizes: Array = field(default_factory=lambda: SIZES)
 
     @cached_property
@@ -218,7 +212,7 @@ class MixedModel:
         """
         sizes = np.concatenate([np.full(t.size, t.variance) for t in terms] or [np.empty(0)])
         first = self.fixed
-        P = P + RIDGE * np.diag(np.maximum(np.diag(P), 1e-300))
+        P = P + ROUNDOFF * np.diag(np.maximum(np.diag(P), 1e-300))
         P[range(first, len(P)), range(first, len(P))] += 1.0 / sizes
         if self.prior.size:
             P[:first, :first] += self.prior / np.outer(self.scale[:first], self.scale[:first])
@@ -254,51 +248,57 @@ class MixedModel:
         every = np.arange(self.products.size)
         along = s.root @ self._between(s.columns, every)
         left = self.target - along.T @ s.half
-        flat = [(k, i, at) for k, g in enumerate(asked) for i, at in enumerate(g.members)]
-        rise: dict[tuple[int, int], tuple[Array, Array]] = {}
-        for width in sorted({len(at) for _, _, at in flat}):
-            own = [x for x in flat if len(x[2]) == width]
-            found = self._rise(np.array([at for _, _, at in own]), along, left)
-            rise |= {(k, i): (a, b) for (k, i, _), a, b in zip(own, *found, strict=True)}
-        out = []
-        for k, g in enumerate(asked):
-            each, signs = (np.array([rise[k, i][n] for i in range(len(g.members))]) for n in (0, 1))
-            if g.positive:
-                sizes = np.array([len(at) for at in g.members])
-                # Shapes of one curve may cancel: its sign is that of the one that is nearest to it.
-                single = np.where(sizes == sizes.min(), each.max(1), -np.inf)
-                signs[sizes > sizes.min()] = signs[int(np.argmax(single))]
-                each = each + signs
-            weights = member_weights(g)
-            odds = float(
-                logsumexp(each + np.log(weights)[:, None]) - np.log(len(self.sizes)) - g.price
-            )
+        sets = [at for g in asked for at in g.members]
+        widths = np.array([len(at) for at in sets])
+        rises, signs = np.zeros((2, len(sets), len(self.sizes)))
+        for width in np.unique(widths):
+            own = np.flatnonzero(widths == width)
+            rises[own], signs[own] = self._rise(np.array([sets[k] for k in own]), along, left)
+        out, stop = [], 0
+        for g in asked:
+            at = slice(stop, stop := stop + len(g.members))
+            each = rises[at]
+            narrow = widths[at][:, None] == widths[at].min()
+            if g.positive:  # shapes of one curve may cancel: its sign is that of the likeliest
+                likeliest = int(np.argmax(np.where(narrow, each, -np.inf).max(1)))
+                each = each + np.where(narrow, signs[at], signs[at][likeliest])
             member, size = np.unravel_index(int(np.argmax(each)), each.shape)
+            # Half of the prior is for all shapes at once.
+            share = np.where(narrow, 1 / narrow.sum(), 1 / max((~narrow).sum(), 1))
+            share /= (1 + (~narrow).any()) * len(self.sizes)
+            odds = float(logsumexp(each, b=share) - g.price)
             out.append(Term(g, int(member), float(self.sizes[size] ** 2), odds))
         # What is as likely stands as it came, whatever rounding says.
         return sorted(out, key=lambda t: -round(t.odds, 6))
-
-    def information(self, terms: Terms, columns: np.ndarray) -> Array:
-        """Return what rows say of columns (k,) beside the model with some terms, (k, k)."""
-        s = self.solve(terms)
-        return s.beside(self._between(columns, columns), self._between(s.columns, columns))
 
     def _rise(self, sets: np.ndarray, along: Array, left: Array) -> tuple[Array, Array]:
         """Return the rise of the log-likelihood by sets of columns (s, k), and what signs add.
 
         Both by size, (s, sizes).
+
+        Parameters
+        ----------
+        sets : (s, k) int
+        along, left : (c, m), (m,)
+            What of all columns is along the model, and their products with what it leaves.
         """
-        part = along[:, sets]
-        scale = self.scale[sets]
+        part, scale = along[:, sets], self.scale[sets]
         S = self.products.within(sets) / (scale[:, :, None] * scale[:, None, :])
-        outside = S.copy()
-        outside -= np.einsum("csk,csl->skl", part, part, optimize=True)
-        return rise_of(S, outside, left[sets], self.sizes)
+        outside = S - np.einsum("csk,csl->skl", part, part, optimize=True)
+        e, U = np.linalg.eigh(0.5 * (outside + outside.transpose(0, 2, 1)))
+        told = e > THIN * np.einsum("skk->sk", S).max(1)[:, None]
+        e, z = (np.where(told, x, 0.0) for x in (e, np.einsum("skl,sk->sl", U, left[sets])))
+        v = self.sizes[:, None] ** 2
+        shrunk = v / (1.0 + v * e[:, None])
+        rise = 0.5 * (z[:, None] ** 2 * shrunk + np.log(shrunk / v)).sum(2)
+        towards = U.sum(1)[:, None]
+        mean, variance = (towards * z[:, None] * shrunk).sum(2), (towards**2 * shrunk).sum(2)
+        return rise, np.log(2.0) + log_ndtr(mean / np.sqrt(variance))
 
     def settle(self, terms: Terms) -> Terms:
         """Return terms with the member, size and odds that each has beside the others."""
         for k in range(len(terms)):
-            (again,) = self.gains(terms[:k] + terms[k + 1 :], [terms[k].group])
+            (again,) = self.gains(_without(terms, k), [terms[k].group])
             terms = (*terms[:k], again, *terms[k + 1 :])
         return terms
 
@@ -311,15 +311,15 @@ class MixedModel:
         terms: Terms = ()
         gone: set[tuple[str, str]] = set()
         while len(terms) < most:
-            found = [t for t in self.gains(terms) if t.key not in gone and t.odds >= self.name]
+            found = [t for t in self.gains(terms) if t.key not in gone and t.odds >= RULES.name]
             if not found:
                 break
             near = [t for t in found if t.odds > found[0].odds - RULES.simpler]
             terms = self.settle((*terms, min(near, key=lambda t: (t.size, -t.odds))))
-            while terms and min(t.odds for t in terms) < self.name:
+            while terms and min(t.odds for t in terms) < RULES.name:
                 least = min(range(len(terms)), key=lambda k: terms[k].odds)
                 gone.add(terms[least].key)
-                terms = self.settle(terms[:least] + terms[least + 1 :])
+                terms = self.settle(_without(terms, least))
         return terms
 
     def evidence(self, terms: Terms, unseen: Information, truth: Terms | None = None) -> Array:
@@ -356,16 +356,17 @@ class MixedModel:
         """
         kept, tried = terms, {t.key for t in terms}
         while kept:
-            margins = [self._margin(kept, k, unseen) for k in range(len(kept))]
+            margins = self._margins(kept, unseen)
             worst = int(np.argmin(margins))
             if margins[worst] >= 0:
-                return kept
+                break
             rest = _without(kept, worst)
             others = [r for r in self.rivals(kept, worst) if r.key not in tried]
             tried |= {r.key for r in others}
-            found = [(self._margin((*rest, r), len(rest), unseen), r) for r in others]
-            margin, best = max(found, key=lambda x: x[0], default=(-np.inf, None))
-            kept = rest if best is None or margin < 0 else self.settle((*rest, best))
+            stand = [self._margins((*rest, r), unseen)[-1] for r in others]
+            kept = rest
+            if max(stand, default=-1.0) >= 0:
+                kept = self.settle((*rest, others[int(np.argmax(stand))]))
         return kept
 
     def news(self, terms: Terms, unseen: Information, truth: Terms | None = None) -> list[Array]:
@@ -374,21 +375,19 @@ class MixedModel:
         rest = (_without(terms, k) for k in range(len(terms)))
         return [full - self.evidence(other, unseen, truth) for other in rest]
 
-    def _margin(self, terms: Terms, k: int, unseen: Information) -> float:
-        """Return by how much unseen rows let a term stand [nat]; below zero it does not.
+    def _margins(self, terms: Terms, unseen: Information) -> list[float]:
+        """Return by how much unseen rows let each term stand [nat]; below zero it does not.
 
         Fitted and unseen rows together must name it, and unseen ones must say at least half of
         what they would if it were true, or more than their scatter between blocks.
         """
-        own, others = terms[k], _without(terms, k)
-        gain, expected = (
-            self.evidence(terms, unseen, truth) - self.evidence(others, unseen, truth)
-            for truth in (None, terms)
-        )
-        scatter = np.sqrt(len(gain)) * np.std(gain, ddof=1) if len(gain) > 1 else 0.0
-        needed = min(max(self.keep, float(scatter)), 0.5 * float(expected.sum()))
-        both = own.odds + float(gain.sum()) - self.name - self.keep
-        return min(own.odds - self.name, both, float(gain.sum()) - needed)
+        out, true = [], self.news(terms, unseen, terms)
+        for own, each, expected in zip(terms, self.news(terms, unseen), true, strict=True):
+            gain, scatter = float(each.sum()), float(np.sqrt(len(each)) * np.std(each))
+            needed = min(max(RULES.keep, scatter), 0.5 * float(expected.sum()))
+            over = own.odds - RULES.name
+            out.append(min(over, over + gain - RULES.keep, gain - needed))
+        return out
 
     def rivals(self, terms: Terms, which: int) -> list[Term]:
         """Return what would do as well in the place of a term: "A or B", the likeliest first."""
@@ -407,45 +406,5 @@ class MixedModel:
         return list(zip(found, weights, strict=True))
 
 
-def rise_of(S: Array, outside: Array, left: Array, sizes: Array = SIZES) -> tuple[Array, Array]:
-    """Return the rise of the log-likelihood by sets of columns, and what signs add, by size.
-
-    Parameters
-    ----------
-    S, outside : (s, k, k)
-        Their products, and what of them is outside the model.
-    left : (s, k)
-        Their products with what the model leaves of the torque.
-    sizes : (s,)
-        Of the values.
-
-    Returns
-    -------
-    rise, sign : (s, sizes)
-    """
-    e, U = np.linalg.eigh(0.5 * (outside + outside.transpose(0, 2, 1)))
-    most = np.einsum("skk->sk", S).max(1)
-    told = e > THIN * most[:, None]
-    e = np.where(told, e, 0.0)
-    z = np.where(told, np.einsum("skl,sk->sl", U, left), 0.0)
-    towards = U.sum(1)
-    v = sizes[:, None] ** 2
-    shrink = 1.0 + v * e[:, None, :]
-    rise = 0.5 * (z[:, None, :] ** 2 * v / shrink - np.log(shrink)).sum(2)
-    mean = (towards[:, None, :] * z[:, None, :] * v / shrink).sum(2)
-    sd = np.sqrt((towards[:, None, :] ** 2 * v / shrink).sum(2))
-    return rise, np.log(2.0) + log_ndtr(mean / np.maximum(sd, 1e-300))
-
-
 def _without(terms: Terms, k: int) -> Terms:
     return terms[:k] + terms[k + 1 :]
-
-
-def member_weights(group: Group) -> Array:
-    """Return the prior probability of each member of a group: half of it for all at once."""
-    every = len(set(np.concatenate(group.members).tolist()))
-    whole = np.array([len(at) == every for at in group.members])
-    if whole.all() or not whole.any():
-        return np.full(len(whole), 1.0 / len(whole))
-    share: Array = np.where(whole, 0.5 / whole.sum(), 0.5 / (~whole).sum())
-    return share

@@ -212,6 +212,7 @@ def _play(speed: Array, position: Array, load: Array) -> Array:
     for k, (step, turned) in enumerate(zip(steps, np.diff(np.sign(speed), prepend=0), strict=True)):
         way = 0.0 if turned else way + step
         since[k] = way
+    # Of the range, as a belt or a cable has it.
     lost: Array = -load * (since < 0.02 * np.ptp(position))
     return lost
 

@@ -11,9 +11,9 @@ cannot tell it from other masses.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import combinations, pairwise, product
 
 import numpy as np
@@ -115,14 +115,6 @@ class Alternative:
         """Columns of another unit, (n,) bool."""
         return np.asarray(np.abs(self.factor) != 1.0)
 
-    @property
-    def apart(self) -> Alternative:
-        """With a column of another unit as if its joint had next to nothing in common.
-
-        What is missing there is explained so, too, and of a unit nothing is known then.
-        """
-        return replace(self, factor=self.factor * np.abs(self.factor))
-
     def structure(self, given: Structure) -> Structure:
         """Return the model under its gravity: a direction is a tilt about it, which is fitted."""
         robot, g = given.robot, self.gravity
@@ -156,47 +148,38 @@ def find_alternative(logs: MeasuredLogs) -> Alternative | None:
     rows = _Rows(logs)
     if not rows.enough:
         return None
-    given = rows.fit(rows.plain)
+    plain = rows.fit(rows.plain)
     found: list[tuple[float, Alternative]] = []
     for a in rows.propose():
         left = rows.fit(a)
-        error = float(np.sqrt(np.exp(2 * left).sum() / np.exp(2 * given).sum()))
-        gain = round(float((given - left).sum()) / EVEN)
+        error = float(np.sqrt(np.exp(2 * left).sum() / np.exp(2 * plain).sum()))
+        gain = round(float((plain - left).sum()) / EVEN)
         if gain > 0 and error <= RULES.alternative_error:
             found.append((gain, replace(a, error=error)))
     # Of what is as good the first is taken.
     first = sorted(found, key=lambda x: -x[0])[:JUDGED]
     judged = [rows.refine(a) for _, a in first]
-    rivals = [rows.plain, *(a.apart for a in judged if a.scaled.any())]
     if not judged:
         return None
-    each = np.array(rows.judge([*rivals, *judged]))
+    given, *each = rows.judge([rows.plain, *judged])
     price = 0.5 * np.log(rows.data.sum())
-    odds = each[len(rivals) :] - price * np.array([a.free for a in judged])
+    odds = np.array(each) - given - price * np.array([a.free for a in judged])
     best = int(np.argmax(odds > odds.max() - 1.0))
-    nats = float(odds[best] - each[: len(rivals)].max())
+    nats = float(odds[best])
     return replace(judged[best], nats=nats) if nats >= RULES.alternative_nats else None
 
 
 class _Rows:
-    """Rows of the fitted logs, of which columns are known under any gravity.
-
-    Where a joint dwells they are there as well: of a column that is another joint's they are data.
-    """
+    """Rows of the fitted logs, of which columns are known under any gravity."""
 
     def __init__(self, logs: MeasuredLogs) -> None:
         self.structure, self.robot, self.weighs = logs.structure, logs.robot, logs.weighs
         n, b = len(logs.joints), len(self.structure.base.kept)
         most = max(min(ROWS[0], NUMBERS // (4 * n * max(b, 1))), ROWS[1])
         self._most = most, ROWS[1], most // ROWS[1]
-        some = [s for s in logs.samples if not (s.long or s.weight.all())]
-        self.samples = tuple(
-            replace(s, weight=np.ones_like(s.weight)) if s in some else s for s in logs.samples
-        )
+        self.samples = logs.samples
         self.seen = self._look(self.robot)
         self.data = self.seen.data
-        if some:
-            self.data = Excerpt.of(self.structure.regression(logs.samples), self._most).data
         #: What makes columns (N, n, b) of these parts: 1, and gravity where there is any.
         self.parts = self.seen.X[..., None]
         g, size = self.robot.gravity, float(np.linalg.norm(self.robot.gravity))
@@ -278,36 +261,26 @@ class _Rows:
 
     def _directions(self) -> Iterator[Alternative]:
         """Yield the direction of gravity that fits lead to, if it is far from the file's."""
-
-        def squares(left: Array) -> float:  # wide where logs of them are narrow
-            return float(np.log(np.exp(2.0 * left).sum()))
+        size = float(np.linalg.norm(self.robot.gravity))
+        up = self.robot.gravity / size
 
         def along(direction: Array) -> Alternative:
             unit = direction / np.linalg.norm(direction)
             return replace(self.plain, gravity=size * unit, free=2)
 
-        def left(aim: Callable[[Array], float], axes: Array, best: Array, x: Array) -> float:
-            return aim(self.fit(along(best + axes @ x)))
+        def left(direction: Array) -> float:
+            return float(np.log(np.exp(2.0 * self.fit(along(direction))).sum()))
 
-        size = float(np.linalg.norm(self.robot.gravity))
-        up = self.robot.gravity / size
         world = np.column_stack([*horizontal_axes(up), up])
         every: list[Array] = [world @ d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)]
-        best: Array = every[int(np.argmin([squares(self.fit(along(d))) for d in every]))]
-        for width, aim in ((0.3, squares), (0.03, np.sum)):
-            axes = np.column_stack(horizontal_axes(best / np.linalg.norm(best)))
-            simplex = width * np.vstack([np.zeros(2), np.eye(2)])
-            found = minimize(
-                partial(left, aim, axes, best),
-                simplex[0],
-                method="Nelder-Mead",
-                options={"maxfev": 40, "initial_simplex": simplex},
-            )
-            best = along(best + axes @ found.x).gravity / size
-            # Where weight acts along a slide alone, negative masses would fall upwards as well.
-            down = best - 2.0 * min(float(best @ up), 0.0) * up
-            if squares(self.fit(along(down))) <= squares(self.fit(along(best))) + EVEN:
-                best = down
+        best = min(every, key=left)
+        axes = np.column_stack(horizontal_axes(best / np.linalg.norm(best)))
+        simplex = 0.3 * np.vstack([np.zeros(2), np.eye(2)])
+        tried = {"maxfev": 80, "initial_simplex": simplex}
+        found = minimize(
+            lambda x: left(best + axes @ x), simplex[0], method="Nelder-Mead", options=tried
+        )
+        best = along(best + axes @ found.x).gravity / size
         tilt = self.robot.turned(along(best).gravity).tilt
         if tilt is not None and best @ up < np.cos(np.radians(RULES.tilt_large)):
             do = "Write it into the robot file, or export it"

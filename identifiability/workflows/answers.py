@@ -156,13 +156,13 @@ def answer_trust(
     """
     question = "May I trust it?"
     if doubt:
-        return Answer(question, "No.", f"{doubt[0].upper()}{doubt[1:]}", "vermilion")
+        return Answer(question, f"No: {doubt}", "", "vermilion")
     grave = [n.title.rstrip(".") for n in notes if n.level == "warning"]
     found_text = f"{found} of {format_count(size, 'value')} are identifiable"
     if missing:
         more = "".join(f" Read below: “{g}”." for g in dict.fromkeys(grave))
-        text = f"{missing[0].upper()}{missing[1:]}: diagnose. {found_text}.{more}"
-        return Answer(question, "Only if nothing is missing.", text, "amber")
+        short = f"Only if nothing is missing, and {missing}."
+        return Answer(question, short, f"{found_text}.{more}", "amber")
     if not grave:
         return Answer(
             question,

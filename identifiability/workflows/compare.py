@@ -225,7 +225,7 @@ def found_from(found: Differences, terms: Terms) -> dict[str, float]:
         ratio = (model.sizes / sd) ** 2
         rise = 0.5 * (z**2 * ratio / (1.0 + ratio) - np.log1p(ratio))
         odds = np.log(np.mean(np.exp(rise), axis=1)) - group.price
-        needed = float(z[int(np.argmax(odds >= model.name)), 0])
+        needed = float(z[int(np.argmax(odds >= RULES.name)), 0])
         # Standard deviations above what is needed at which nine of ten are found.
         share = (needed + 1.28) * sd
         out[group.place] = min(out.get(group.place, share), share)
@@ -297,7 +297,12 @@ class Comparison(OfStructure, Result):
         why += [sentence("comparison.how", "odds")]
         tone = "green" if self.kind == "pairs" else "amber"
         trust = Answer("May I trust it?", short, " ".join(why), tone)
-        return changed, _least(self), trust, answer_next(_next_commands(self))
+        order = sorted(self.found_from, key=self.found_from.__getitem__)
+        ends = dict.fromkeys((*order[:1], *order[-1:]))
+        told = " to ".join(f"{rough_percent(self.found_from[j])} ({j})" for j in ends)
+        short = f"Friction that changes by {told}, nine times in ten." if told else "Not known."
+        least = Answer("How small a change would have been found?", short, tone="blue")
+        return changed, least, trust, answer_next(_next_commands(self))
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
@@ -409,15 +414,9 @@ def rows_of_results(one: Fit, other: Fit) -> LogRows:
 
     What of a change is in values that either fit does not know, or in none, is left out.
     """
-    structure, fits = one.structure, (one, other)
-    M, values = one.submodel.M, [f.values for f in fits]
-    covariances = [f.covariance for f in fits]
-    if (one.names, one.submodel.labels) != (other.names, other.submodel.labels):
-        # What either model leaves out is not known of its base parameters.
-        M, values = np.eye(len(one.base)), [f.base for f in fits]
-        covariances = [f.base_covariance for f in fits]
-    known = np.flatnonzero(np.minimum(*map(np.diag, covariances)) > 0)
-    covariance = (covariances[0] + covariances[1])[np.ix_(known, known)]
+    structure, first, second = one.structure, one.base_covariance, other.base_covariance
+    known = np.flatnonzero(np.minimum(np.diag(first), np.diag(second)) > 0)
+    covariance = (first + second)[np.ix_(known, known)]
     size = np.sqrt(np.diag(covariance))
     spread, turn = np.linalg.eigh(covariance / np.outer(size, size))
     sure = spread > ROUNDOFF * spread.max(initial=0.0)
@@ -433,14 +432,14 @@ def rows_of_results(one: Fit, other: Fit) -> LogRows:
     for c in (*every, gain):
         acts = [c.torque.get(j, np.zeros((len(X), len(c.names)))) for j in range(len(rms))]
         columns = np.stack(acts, axis=1).reshape(len(flat), -1)
-        found = np.linalg.lstsq(flat @ M, columns, rcond=NEARLY)[0]
-        lost = np.linalg.norm(columns - flat @ M @ found) > NEARLY * np.linalg.norm(columns)
+        found = np.linalg.lstsq(flat, columns, rcond=NEARLY)[0]
+        lost = np.linalg.norm(columns - flat @ found) > NEARLY * np.linalg.norm(columns)
         own = {} if lost else {0: whiten @ found[known]}
         causes.append(replace(c, torque=own, size=c.scale(rms)))
     count = len(whiten)
     return LogRows(
         X=np.zeros((count, 1, len(one.base))),
-        y=(whiten @ (values[1] - values[0])[known])[:, None],
+        y=(whiten @ (other.base - one.base)[known])[:, None],
         size=np.ones(1),
         runs=JointRuns((((0, count),),)),
         log=np.ones(count, int),
@@ -509,16 +508,6 @@ def _conclude(
         found_from=found_from(found, terms),
         **said,
     )
-
-
-def _least(result: Comparison) -> Answer:
-    question, known = "How small a change would have been found?", result.found_from
-    if not known:
-        return Answer(question, "That is not known.")
-    order = sorted(known, key=known.__getitem__)
-    ends = [f"{rough_percent(known[j])} ({j})" for j in dict.fromkeys((order[0], order[-1]))]
-    short = f"Friction that changes by {' to '.join(ends)}, nine times in ten."
-    return Answer(question, short, tone="blue")
 
 
 def _next_commands(result: Comparison) -> list[tuple[str, str]]:

@@ -35,6 +35,7 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import listing
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
 from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, Positive, checked
@@ -71,12 +72,9 @@ from identifiability.workflows.session import Session
 # `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
 
 
-#: A load may have so many times the torque of its joints before anything is known of it,
-OPEN: Tolerance = 1e3
-#: and a direction whose torque may be so many times that afterwards is not told.
+#: A direction whose torque may be so many times that of its joints is not told; beforehand a load
+#: may have a hundred times that.
 UNTOLD: Tolerance = 10.0
-#: A parameter is not told if so much of it lies along directions that are not.
-TOUCHED: Tolerance = 1e-3
 #: Its words.
 WORDS_OF = "payload.how"
 #: Where each of `GROUPED_KINDS` stands among `KINDS`.
@@ -125,7 +123,7 @@ def with_values(found: Differences, cause: Cause) -> tuple[Differences, np.ndarr
     own = Known(
         base=np.append(known.base, np.zeros(k)),
         directions=block_diag(known.directions, np.eye(k)),
-        precision=np.append(known.precision, (cause.scale(rows.size) / OPEN) ** 2),
+        precision=np.append(known.precision, (cause.scale(rows.size) / (100 * UNTOLD)) ** 2),
     )
     rows = replace(rows, X=np.concatenate([rows.X, columns], axis=2))
     return replace(found, rows=rows, known=own), len(known.precision) + np.arange(k)
@@ -252,26 +250,26 @@ def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Q
     ).T
     half = REACH * np.sqrt(np.einsum("qi,ij,qj->q", slopes, found.covariance, slopes))
     along = np.abs(slopes * TYPICAL @ found.unknown).max(1, initial=0.0)
-    open_ = along > TOUCHED * np.linalg.norm(slopes * TYPICAL, axis=1)
+    open_ = along > NEARLY * np.linalg.norm(slopes * TYPICAL, axis=1)
     half = np.where(open_, np.inf, half)
     low, high = values - half, values + half
-    heavy = low[0] > 0
-    low[[0, 4, 5, 6]] = np.maximum(low[[0, 4, 5, 6]], 0.0)
-    most = 0.5 * high[6:3:-1]  # of a product of inertia: half of the moment about the third axis
-    low[7:], high[7:] = np.maximum(low[7:], -most), np.minimum(high[7:], most)
+    positive = np.isin(np.arange(len(values)), (0, 4, 5, 6))
+    lost = np.isinf(half)
+    unsure = np.where(positive, low <= 0, half > length) & (np.arange(len(values)) < 7)
+    low = np.where(positive, np.maximum(low, 0.0), low)
     out = []
     for k, (name, unit) in enumerate(QUANTITIES.items()):
         why = ""
-        if low[k] <= 0 and k in (0, 4, 5, 6):
-            why = f"at most {high[k]:.3g} {unit}"
-        elif half[k] > length and k in (1, 2, 3):
-            why = f"less certain than ± {length:.2g} m"
-        elif low[k] == -high[k]:
-            why = "no more than its moments allow by themselves"
-        if not np.isfinite(half[k]):
+        if lost[k]:
             why = "this motion does not tell it"
-        elif not heavy and k:
+        elif k and unsure[0]:
             why = "no mass is told"
+        elif unsure[k]:
+            why = (
+                f"at most {high[k]:.3g} {unit}"
+                if positive[k]
+                else f"less certain than ± {length:.2g} m"
+            )
         out.append(Quantity(name, unit, float(values[k]), float(low[k]), float(high[k]), why))
     return tuple(out)
 
@@ -302,28 +300,26 @@ def find_gains(
     theta : (10,)
         In the order of `KINDS`.
     """
-    out = []
-    robot, known = structure.robot, found.known
+    out, robot = [], structure.robot
+    base = pooled_values(seen.X, seen.y, found.known.directions, found.known.base)
+    rows = LogRows.of(structure, seen, base, (place,))
+    acts = {c.kind: c.torque for c in reversed(rows.causes)}.get("load", {})
     for j, joint in enumerate(robot.joints):
-        base = pooled_values(seen.X[:, [j]], seen.y[:, [j]], known.directions, known.base)
-        rows = LogRows.of(structure, seen, base, (place,))
         x, sd = np.nan, np.inf
-        load, *causes = rows.causes
-        if load.kind == "load" and j in load.torque:
+        if j in acts:
             # Torque that was read by a gain is that of the load by this over the right one.
-            torque = (robot.torque.at("gain", joint) or 1.0) * load.torque[j] @ theta[:, None]
+            torque = (robot.torque.at("gain", joint) or 1.0) * acts[j] @ theta[:, None]
             unit = Cause("gain", "torque gain", joint, ("gain",), ("1",), {0: torque})
-            friction = (c for c in causes if c.kind == "friction" and j in c.torque)
-            rows = LogRows(
+            friction = (c for c in rows.causes if c.kind == "friction" and j in c.torque)
+            one = replace(
+                rows,
                 X=rows.X[:, [j]],
                 y=rows.y[:, [j]],
                 size=rows.size[[j]],
                 runs=JointRuns((rows.runs.each[j],)),
-                log=rows.log,
-                less=rows.less,
                 causes=tuple(replace(c, torque={0: c.torque[j]}) for c in friction),
             )
-            own, (at,) = with_values(replace(found, rows=rows, lacks=None, shared=1.0), unit)
+            own, (at,) = with_values(replace(found, rows=one, lacks=None, shared=1.0), unit)
             _, solved, covariance = own.model.values(own.model.search())
             x, sd = float(solved[at]) or np.nan, float(np.sqrt(covariance[at, at]))
         ends = [-np.inf, np.inf]
@@ -417,8 +413,14 @@ class Load(Result):
         if self.known is not None:
             return _gains(self), following
         tone = "blue" if self.mass.told else "amber"
-        what = Answer(f"What hangs on {self.body}?", self.answer, self.proportional, tone)
-        return what, _told_of(self), _trust(self), following
+        text = sentence(WORDS_OF, "proportional") if self.mass.told else ""
+        what = Answer(f"What hangs on {self.body}?", self.answer, text, tone)
+        lost = [q.name for q in self.quantities if not q.told]
+        count, known = len(self.quantities), "green" if self.mass.told else "amber"
+        text = f"Not told: {listing(lost, count)}; the table says why." if lost else ""
+        short = f"{count - len(lost)} of {count} quantities are told."
+        told = Answer("How well is it known?", short, text, known)
+        return what, told, _trust(self), following
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
@@ -428,11 +430,6 @@ class Load(Result):
         """Return one row a quantity, or a joint whose gain a known load tells."""
         table = frame_table(self.to_frame(), QUANTITIES_OF if self.known is None else GAINS_OF)
         return (replace(table, columns=with_hints("load", *table.columns)),)
-
-    @property
-    def proportional(self) -> str:
-        """That the mass is proportional to gains."""
-        return sentence(WORDS_OF, "proportional") if self.mass.told else ""
 
     @property
     def sidecar(self) -> str:
@@ -632,28 +629,22 @@ def choose_body(structure: Structure, body: str | None) -> str:
     return place
 
 
-def _told_of(result: Load) -> Answer:
-    lost = [q.name for q in result.quantities if not q.told]
-    count = len(result.quantities)
-    short = f"{count - len(lost)} of {count} quantities are told."
-    text = f"Not told: {listing(lost, count)}; the table says why." if lost else ""
-    return Answer("How well is it known?", short, text, "green" if result.mass.told else "amber")
-
-
 def _trust(result: Load) -> Answer:
+    changes = result.estimate.changes
     short, text, tone = "Yes, within its intervals.", "The logs agree.", "green"
     if result.pairs:
         text = sentence(WORDS_OF, "cancels")
     elif len(result.logs) == 1:
         short, tone = "As far as one log can tell.", "amber"
         text = "One motion cannot show what another would change."
-    elif any(change.kind == "load" for change in result.estimate.changes):
+    if any(change.kind == "load" for change in changes):
         short, text, tone = "With care: the logs have different loads.", "", "amber"
-    if changes := [change.called for change in result.estimate.changes]:
-        text += f" Found beside it: {listing(changes)}."
     if result.caveats:
         short, tone = "With care: the robot changed since.", "amber"
-    return Answer("May I trust it?", short, " ".join([text, *result.caveats]).strip(), tone)
+    beside = f"Found beside it: {listing([c.called for c in changes])}." if changes else ""
+    return Answer(
+        "May I trust it?", short, " ".join(filter(None, [text, beside, *result.caveats])), tone
+    )
 
 
 def _gains(result: Load) -> Answer:
@@ -667,8 +658,7 @@ def _next_commands(result: Load) -> list[tuple[str, str]]:
     robot, logs = source_name(result.robot), name_logs(result.robot, result.logs)
     call = f"identifiability payload {robot} {quote(result.origin)} {logs} --body {result.body}"
     text = "Weigh it against a log of the same motion without the load (empty.csv):"
-    paired = [(text, f"{call} --without empty.csv --report payload.html")]
+    other = [] if result.without or result.gains else [(text, f"{call} --without empty.csv")]
     begun = name_logs(result.robot, result.logs, "--start-from")
     more = f"identifiability excite {robot} {begun} --out next.json"
-    paired = [] if result.without or result.gains else paired
-    return [*paired, ("Find a motion that tells more:", more)]
+    return [*other, ("Find a motion that tells more:", more)]

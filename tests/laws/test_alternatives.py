@@ -73,7 +73,11 @@ def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, 
         assert f"{name} is missing in its model" in said
     exported = export("two-link", tmp_path / "result.json", tmp_path / "fitted.xml")
     assert f"{name} is missing in its model" in exported.statement
-    assert answer_first(found).answers[2].text.startswith(f"{name} (log odds ")
+    assert (
+        answer_first(found)
+        .answers[2]
+        .short.startswith(f"Only if nothing is missing, and {name} (log odds ")
+    )
     assert "Only if nothing is missing" in found.statement
     assert "identifiability diagnose" in found.next()[0][1]
     assert found.to_dict()["missing_functions"][0]["joint"] == "elbow"

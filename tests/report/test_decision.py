@@ -21,4 +21,4 @@ def test_trust_falls_with_a_warning_and_is_gone_with_a_doubt():
     assert answer_trust([note], "", 3, 4).short.startswith("Yes")
     assert "“Grave”" in answer_trust([note, warning], "", 3, 4).text
     assert answer_trust([note, warning], "", 3, 4).short == "With care."
-    assert answer_trust([note], "nothing moved", 3, 4).short == "No."
+    assert answer_trust([note], "nothing moved", 3, 4).short == "No: nothing moved"

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 from scipy.special import chdtrc, logsumexp, softmax
 
-from identifiability.effects import FAMILIES, Family, find_families
+from identifiability.effects import Family, find_families
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.differences import (
     Change,
@@ -28,8 +27,15 @@ from identifiability.estimation.differences import (
 from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import Missing, fit_loads, with_reversals
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
-from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, autocorrelation_time
-from identifiability.estimation.rules import RULES
+from identifiability.estimation.noise import (
+    ARNoise,
+    JointNoise,
+    JointRuns,
+    autocorrelation_time,
+    rich_noise,
+)
+from identifiability.estimation.rules import RULES, Thresholds
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -38,14 +44,8 @@ from identifiability.regression.columns import Candidate, Entries, Refusal, list
 from identifiability.regression.information import Information
 from identifiability.workflows.diagnose.problem import Gap, Rows, Setting
 
-#: Looks for the shape between two of a grid.
-LOOKS = 8
-#: Share of the squares of torque that is rounding.
-ROUNDING: Tolerance = 1e-14
 #: By how much an unseen error must rise with a name that is taken out for it.
 WORSE: Tolerance = 1.01
-#: Level at which a place has a share of what is everywhere.
-LEVEL: Tolerance = 0.05
 #: Share of all places from which on an effect is said to be everywhere.
 MOST: Tolerance = 0.75
 
@@ -143,11 +143,9 @@ class Naming:
         """Return the columns of some parts in a joint, (N, m)."""
         rows = self.unseen if unseen else self.fitted
         entries = self.unseen_entries if unseen else self.missing.entries
-        none = np.zeros(len(rows))
         at = [k for p in parts for k in self.parts[p].candidate.columns]
-        out: Array = np.zeros((len(rows), len(at)))
-        for place, k in enumerate(at):
-            out[:, place] = entries.get((joint, k), none)
+        none = np.zeros(len(rows))
+        out: Array = np.reshape([entries.get((joint, k), none) for k in at], (-1, len(rows))).T
         return out
 
     def acts(self, part: int) -> list[int]:
@@ -179,7 +177,7 @@ class Naming:
             for p in parts
         )
         root = self.setting.known.root
-        prior, least = root.T @ root, ROUNDING * float((rows.seen.y**2).sum(0).max(initial=0.0))
+        prior, least = root.T @ root, ROUNDOFF * float((rows.seen.y**2).sum(0).max(initial=0.0))
         squares, memory, value = np.sum(rows.seen.y**2, axis=0), 1.0, np.empty(0)
         # Rounds in which joints are weighed by what is left of them, and that by its memory.
         for k in range(6):
@@ -223,17 +221,14 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
         setting = replace(setting, structure=s)
         fitted = replace(fitted, seen=replace(fitted.seen, robot=s.robot))
     unseen = Rows.of(s, setting.validation, setting.known) if setting.validation else fitted
-    families = find_families(effects, commanded=setting.commanded)
+    asked = {f.name: f for f in find_families(effects, commanded=setting.commanded)}
+    every = {f.name: f for f in find_families(None, commanded=setting.commanded)} | asked
     motions = [x.motion for x in setting.samples]
-    listed, refused = list_candidates(s.robot, families, s.present, motions, fixed=fixed)
-    noise = None
-    if effects is not None:  # it is the same whatever may be named
-        functions = [f for f in FAMILIES.values() if f.flexible]
-        smooth, _ = list_candidates(s.robot, functions, s.present, motions, fixed=fixed)
-        every = with_reversals(s.robot, smooth, s.present)
-        noise = Missing(every, fitted.seen, root).noise
-    every = with_reversals(s.robot, listed, s.present)
-    missing = Missing(every, fitted.seen, root, noise)
+    listed, refused = list_candidates(
+        s.robot, tuple(every.values()), s.present, motions, fixed=fixed
+    )
+    candidates = with_reversals(s.robot, listed, s.present)
+    missing = Missing(candidates, fitted.seen, root, families=frozenset(asked))
     model = missing.model()
     before = tuple(model.gains())
     again = missing.beside(before)
@@ -244,7 +239,7 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
         setting=setting,
         fitted=fitted,
         unseen=unseen,
-        refusals=tuple(refused),
+        refusals=tuple(r for r in refused if r.family in asked),
         asked=missing,
         whole=model,
         before=before,
@@ -259,52 +254,39 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
 def name_missing(looked: Naming) -> Naming:
     """Return what is missing: found on fitted rows, confirmed on unseen ones."""
     model, missing, unseen = looked.whole, looked.asked, looked.unseen
-    found, refuted = model.search(), list[tuple[Term, float]]()
-    kept, gains = found, dict[tuple[str, str], float]()
-    others = None
-    if looked.setting.validation and found:
-        others = missing.products(unseen.seen)
-        kept = model.confirm(found, others)
-        gains = {t.key: float(g.sum()) for t, g in zip(kept, model.news(kept, others), strict=True)}
-        news = model.news(found, others)
-        refuted = [
-            (t, float(g.sum())) for t, g in zip(found, news, strict=True) if t.key not in gains
-        ]
+    kept, gains, products = model.search(), dict[tuple[str, str], float](), None
+    refuted = list[tuple[Term, float]]()
+    if looked.setting.validation and kept:
+        found, products = kept, missing.products(unseen.seen)
+        kept = model.confirm(found, products)
+        for terms in (found, kept):
+            news = zip(terms, model.news(terms, products), strict=True)
+            gains |= {t.key: float(gain.sum()) for t, gain in news}
+        stays = {t.key for t in kept}
+        refuted = [(t, gains[t.key]) for t in found if t.key not in stays]
     parts = []
     for k, term in enumerate(kept):
-        unnamed = _family(missing, term).unnamed
-        rivals = [
-            r
-            for r in model.rivals(kept, k)
-            if r.group.family != term.group.family and (unnamed or not _family(missing, r).unnamed)
-        ]
-        others_here = [
-            t for t in model.gains(kept[:k] + kept[k + 1 :]) if t.group.family != term.group.family
-        ]
-        weight = float(softmax([term.odds, *(t.odds for t in others_here)])[0])
-        near = [
-            t
-            for t in others_here
-            if t.group.place == term.group.place and not _family(missing, t).unnamed
-        ]
-        nearest = tuple(near[:3]) if unnamed else ()
-        gain = gains.get(term.key, np.nan)
+        unnamed, rest = _family(missing, term).unnamed, kept[:k] + kept[k + 1 :]
+        others = [t for t in model.gains(rest) if t.group.family != term.group.family]
+        named = [t for t in others if not _family(missing, t).unnamed]
+        own = {t.key for t in (others if unnamed else named)}
+        near = [t for t in named if unnamed and t.group.place == term.group.place]
         parts += [
-            Part(c, term, gain, tuple(rivals), weight, nearest)
+            Part(
+                candidate=c,
+                term=term,
+                unseen=gains.get(term.key, np.nan),
+                rivals=tuple(r for r in model.rivals(kept, k) if r.key in own),
+                weight=float(softmax([term.odds, *(t.odds for t in others)])[0]),
+                nearest=tuple(near[:3]),
+            )
             for c in _candidates(missing, model, kept, k)
         ]
-    named = replace(looked, after=tuple(model.gains(kept)), refuted=tuple(refuted))
-    # Families as they came, each in the order of the robot's places.
     came = [p.candidate.family.name for p in parts]
-    robot = looked.setting.structure.robot
-    parts.sort(
-        key=lambda p: (
-            came.index(p.candidate.family.name),
-            list(p.candidate.family.places(robot)).index(p.candidate.place),
-        )
-    )
-    naming = _refined(_with_parts(named, parts))
-    return _without_worse(naming) if others is not None else naming
+    parts.sort(key=lambda p: (came.index(p.candidate.family.name), p.candidate.columns))
+    naming = replace(looked, after=tuple(model.gains(kept)), refuted=tuple(refuted))
+    naming = _with_parts(naming, parts)
+    return naming if products is None else _without_worse(naming)
 
 
 def _without_worse(naming: Naming) -> Naming:
@@ -332,15 +314,12 @@ def _family(missing: Missing, term: Term) -> Family:
 
 def _candidates(missing: Missing, model: MixedModel, terms: Terms, k: int) -> list[Candidate]:
     """Return what a term is written as: one candidate a place, where it has a share."""
-    term, sets = terms[k], missing.sets[terms[k].key]
-    if term.member < len(sets):
-        chosen = sets[term.member]
-    elif sets[0][0].family.separate:
+    term, sets, rest = terms[k], missing.sets[terms[k].key], terms[:k] + terms[k + 1 :]
+    chosen = sets[min(term.member, len(sets) - 1)]
+    if sets[0][0].family.continuous:
+        chosen = _refined(model, rest, term.group, sets)
+    elif term.member == len(sets):
         chosen = [c for some in sets for c in some]
-    else:  # of a curve of all shapes the one that is nearest to it
-        single = replace(term.group, members=term.group.members[: len(sets)])
-        (term,) = model.gains(terms[:k] + terms[k + 1 :], [single])
-        chosen = sets[term.member]
     places: dict[str, list[Candidate]] = {}
     for c in chosen:
         places.setdefault(c.place, []).append(c)
@@ -355,7 +334,7 @@ def _candidates(missing: Missing, model: MixedModel, terms: Terms, k: int) -> li
         replace(term, group=Group(*c.group, (np.array(c.columns) + missing.fixed,), 0.0), member=0)
         for c in found
     ]
-    every = terms[:k] + terms[k + 1 :] + tuple(each)
+    every = (*rest, *each)
     sure = [_has_share(model, every, len(terms) - 1 + n) for n in range(len(each))]
     if 0 < sum(sure) < MOST * len(sure):
         found = [c for c, one in zip(found, sure, strict=True) if one]
@@ -367,7 +346,7 @@ def _has_share(model: MixedModel, terms: Terms, k: int) -> bool:
     s = model.solve(terms)
     at = model.fixed + sum(t.size for t in terms[:k]) + np.arange(terms[k].size)
     square = s.value[at] @ np.linalg.solve(s.root[:, at].T @ s.root[:, at], s.value[at])
-    return bool(chdtrc(len(at), square) < LEVEL)
+    return bool(chdtrc(len(at), square) < Thresholds.sign_level)
 
 
 def _terms_of(model: MixedModel, candidates: Sequence[Candidate]) -> Terms:
@@ -387,35 +366,33 @@ def _with_parts(naming: Naming, parts: Sequence[Part]) -> Naming:
     return replace(naming, missing=missing, parts=tuple(replace(p, candidate=c) for p, c in own))
 
 
-def _refined(naming: Naming) -> Naming:
-    """Return a naming whose continuous shapes are the likeliest between those that were tried."""
-    for k, part in enumerate(naming.parts):
-        c = part.candidate
-        grid = sorted({o.shape for o in naming.asked.candidates if o.group == c.group})
-        if c.family.continuous and len(grid) > 1:
-            at = grid.index(c.shape)
-            ends = np.log([grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)]])
-            found = minimize_scalar(
-                partial(_unlikely, naming, k),
-                bounds=ends,
-                method="bounded",
-                options={"maxiter": LOOKS},
-            )
-            naming = _with_shape(naming, k, float(found.x))
-    return naming
+def _refined(
+    model: MixedModel, rest: Terms, group: Group, sets: Sequence[Sequence[Candidate]]
+) -> list[Candidate]:
+    """Return a continuous family at its places, with the likeliest shape between those of its grid.
+
+    It is where the parabola through the likeliest of the grid and those beside it is highest.
+    """
+    odds = _odds_of_each(model, rest, group, group.members[: len(sets)])
+    at = where = int(odds.argmax())
+    if 0 < at < len(odds) - 1:
+        before, here, after = odds[at - 1 : at + 2]
+        where = at + 0.5 * (after - before) / max(2 * here - before - after, ROUNDOFF)
+    out = []
+    for c in sets[at]:
+        grid = np.log([x.shape for some in sets for x in some if x.place == c.place])
+        shape = float(np.exp(np.interp(where, np.arange(len(grid)), grid)))
+        out.append(replace(c, shape=shape, effect=c.family.at(shape, c.place)))
+    return out
 
 
-def _with_shape(naming: Naming, k: int, log_shape: float) -> Naming:
-    c, shape = naming.parts[k].candidate, float(np.exp(log_shape))
-    other = replace(c, shape=shape, effect=c.family.at(shape, c.place))
-    changed = replace(naming.parts[k], candidate=other)
-    return _with_parts(naming, [*naming.parts[:k], changed, *naming.parts[k + 1 :]])
-
-
-def _unlikely(naming: Naming, k: int, log_shape: float) -> float:
-    """Return minus the log-likelihood of a shape, by the sizes that were found."""
-    model = _with_shape(naming, k, log_shape).model
-    return -model.solve(naming.terms).log_likelihood
+def _odds_of_each(
+    model: MixedModel, rest: Terms, group: Group, members: Sequence[np.ndarray]
+) -> Array:
+    """Return the log odds of members of a group by themselves, (m,)."""
+    each = [replace(group, members=(at,)) for at in members]
+    found = {id(t.group): t.odds for t in model.gains(rest, each)}
+    return np.array([found[id(g)] for g in each])
 
 
 # What changed while a log was recorded: a mass that was gripped, a brake that dragged for seconds.
@@ -428,17 +405,10 @@ def _unlikely(naming: Naming, k: int, log_shape: float) -> float:
 
 #: What may begin and end while a robot is logged: a load, a brake or dirt, a counterweight.
 CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
-#: Instants at most at which something may change.
+#: Instants of a log at most at which something may change.
 INSTANTS = 40
-#: Rounds in which noise is that without what is likeliest.
-ROUNDS = 2
-#: Shortest part of time [s], and time constants of drifts in shares of all the time.
+#: Shortest part of time [s].
 SHORTEST: Tolerance = 0.5
-DECAYS: tuple[Tolerance, ...] = (1 / 3, 1 / 10)
-#: Share of what is explained that makes a part a burst.
-BURST: Tolerance = 0.8
-#: Logs of which one may be another robot's as a whole.
-FEWEST = 3
 
 
 def _parts_of_time(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
@@ -484,7 +454,7 @@ def _drifts(rows: Rows, begins: np.ndarray, log: np.ndarray) -> Array:
     out = []
     for clock in (*(np.where(log == n, t, np.nan) for n in np.unique(log)), t + begun[log]):
         x = (clock - np.nanmin(clock)) / max(float(np.ptp(clock[np.isfinite(clock)])), 1e-9)
-        for course in (1.0 - x, np.exp(-x / DECAYS[0]), np.exp(-x / DECAYS[1])):
+        for course in (x, np.exp(-3.0 * x)):
             out += [np.nan_to_num(course), np.nan_to_num(1.0 - course)]
     return np.array(out)
 
@@ -511,51 +481,46 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
         return None
     places = [g for g, (own, _) in found.said.values() if len(own) == 1]
     every = found.model.gains((), places)
-    for _ in range(ROUNDS):  # what it adds is no noise: once it is roughly known, that is without
+    for _ in range(2):  # what it adds is no noise: once it is roughly known, that is without
         found = replace(found, noise=_noise_without(naming, found, _surest(found, every)))
         every = found.model.gains((), places)
-    drift, likely = -np.inf, dict[tuple[str, str], float]()
-    for t in every:
-        (cause,), pattern = found.said[t.key][1]
-        at = found.rows.causes[cause].family, t.group.place
-        if pattern:
-            likely[at] = float(np.logaddexp(likely.get(at, -np.inf), t.odds))
-        else:
-            drift = max(drift, t.odds)
-    best = _surest(found, every)
-    (cause,), pattern = found.said[best.key][1]
-    own, at = found.patterns[pattern] > 0, (found.rows.causes[cause].family, best.group.place)
-    first, last = own.argmax(1), own.shape[1] - own[:, ::-1].argmax(1)
-    log = log_of[first[best.member]]
-    start, stop = np.flatnonzero(log_of == log)[[0, -1]].tolist()
-    begun, ended = int(first[best.member]) - start, int(last[best.member]) - start
-    whole = not begun and ended > stop - start
+    stays = [t for t in every if found.said[t.key][1][1]]
+    causes = [found.rows.causes[found.said[t.key][1][0][0]] for t in stays]
+    what = [(c.family, t.group.place) for c, t in zip(causes, stays, strict=True)]
+    best, pattern = stays[0], found.said[stays[0].key][1][1]
+    on = found.patterns[pattern] > 0
+    first, last = on.argmax(1), on.shape[1] - on[:, ::-1].argmax(1)
+    at = np.flatnonzero(log_of == log_of[first[best.member]])
+    begun, ended = int(first[best.member]), int(last[best.member])
+    begins_with, ends_with = begun == at[0], ended == at[-1] + 1
     excess, burst = _scatter(found, best)
-    needed = max(RULES.name + RULES.keep, drift / excess, *(t.odds for t in naming.before[:1]))
-    odd = burst or (whole and len(np.unique(log_of)) < FEWEST)
-    if likely[at] / excess < needed + RULES.rival or odd:
+    others = [t.odds for t in every if not found.said[t.key][1][1]]
+    others = [x / excess for x in others] + [t.odds for t in naming.before[:1]]
+    needed = max(RULES.name + RULES.keep, *others) + RULES.rival
+    # Of two logs nobody knows which is odd as a whole.
+    odd = begins_with and ends_with and len(np.unique(log_of)) < 3
+    if best.odds / excess < needed or burst or odd:
         return None
-    rivals = [k for k, odds in likely.items() if likely[at] - RULES.rival < odds and k != at]
-    titles = {(c.family, c.place): c.title for c in found.rows.causes}
-    time = naming.fitted.t[[*begins[start : stop + 1].tolist(), int(begins[stop + 1]) - 1]]
-    ways = [replace(best.group, members=(m,)) for m in best.group.members]
-    singles = {id(t.group): t.odds for t in found.model.gains((), ways)}
-    odds = np.array([singles[id(g)] for g in ways])
+    near = [k for k, t in enumerate(stays) if t.odds > best.odds - RULES.rival]
+    rivals = {what[k]: f"{causes[k].title} of {what[k][1]}" for k in near if what[k] != what[0]}
+    time = naming.fitted.t[[*begins[at].tolist(), int(begins[at[-1] + 1]) - 1]]
     names = [naming.setting.samples[n].name for n in log_of]
     (change,) = find_changes(found, (best,), names, {})
-    if begun:
-        began = _ends(first - start, odds, time)
-        change = replace(change, start=float(time[begun]), began=began)
-    if ended <= stop - start:
-        until = _ends(last - start, odds, time)
-        change = replace(change, stop=float(time[ended]), ended=until)
+    odds = _odds_of_each(found.model, (), best.group, best.group.members)
+    if not begins_with:
+        began = _ends(first - at[0], odds, time)
+        change = replace(change, start=float(time[begun - at[0]]), began=began)
+    if not ends_with:
+        until = _ends(last - at[0], odds, time)
+        change = replace(change, stop=float(time[ended - at[0]]), ended=until)
+    share = softmax([t.odds for t in stays])
     return replace(
         change,
-        log=names[start],
-        odds=likely[at],
-        others=tuple(f"{titles[r]} of {r[1]}" for r in rivals),
+        log=names[at[0]],
+        odds=best.odds,
+        others=tuple(rivals.values()),
         rivals=tuple(rivals),
-        weight=float(np.exp(likely[at] - logsumexp(list(likely.values())))),
+        weight=float(sum(x for x, own in zip(share, what, strict=True) if own == what[0])),
     )
 
 
@@ -586,20 +551,20 @@ def _surest(found: Differences, every: Iterable[Term]) -> Term:
 
 
 def _noise_without(naming: Naming, found: Differences, best: Term) -> ARNoise:
-    """Return the noise that there is where a change is not."""
+    """Return the noise that the model leaves where a change is not."""
     (cause,), pattern = found.said[best.key][1]
     on = found.patterns[pattern][best.member][found.rows.log] > 0
-    asked, joints = naming.asked, list(naming.missing.noise)
+    seen, joints = naming.fitted.seen, list(naming.missing.noise)
     for j in found.rows.causes[cause].torque:
-        runs = JointRuns.of(asked.seen.runs.each[j], ~on[:, None])
-        joints[j] = asked.joint_noise(j, runs.each[0])
+        (runs,) = JointRuns.of(seen.runs.each[j], ~on[:, None]).each
+        joints[j] = rich_noise([seen.X[:, j, seen.X[:, j].any(0)]], seen.y[:, j], runs)
     return tuple(joints)
 
 
 def _scatter(found: Differences, best: Term) -> tuple[float, bool]:
     """Return how much more scores scatter elsewhere than noise lets them, and if it is a burst.
 
-    A burst is mostly in one part of the time.
+    A burst is next to nothing without the part of the time that says most.
     """
     model = found.model
     products, (_, value, _) = model.products, model.values((best,))
@@ -611,7 +576,7 @@ def _scatter(found: Differences, best: Term) -> tuple[float, bool]:
     gain = scores[on] @ more - 0.5 * (squares[on] @ more) @ more
     inner, z = np.linalg.pinv(squares[~on], rcond=1e-9, hermitian=True), scores[~on]
     excess = np.einsum("sk,skl,sl->s", z, inner, z).mean() / len(own) if len(z) else 1.0
-    return max(float(excess), 1.0), bool(gain.max() > BURST * gain.sum())
+    return max(float(excess), 1.0), bool(gain.sum() - gain.max() < RULES.keep)
 
 
 def _ends(at: np.ndarray, odds: Array, time: Array) -> tuple[float, float]:

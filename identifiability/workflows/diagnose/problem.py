@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import orth
+from scipy.stats import rankdata
 
 from identifiability.effects.functions import has_session
 from identifiability.estimation.differences import Known
@@ -73,9 +74,6 @@ class Setting:
 
 #: What a diagnosis may be told of the values it keeps.
 Given = bool | float | str | Path | Fit | Predicts
-
-#: Shares of the largest variance below which a direction counts as known that well.
-LEAST: Tolerance = 1e-10
 
 
 @frozen(kw_only=True)
@@ -153,7 +151,7 @@ def know_share(share: float, structure: Structure, *, refitted: bool = False) ->
     size = np.linalg.norm(rows, axis=0)
     size = np.where(size > 0, size, 1.0)
     _, s, Vt = np.linalg.svd(rows / size)
-    rank = int(np.sum(s > LEAST * s.max(initial=0.0)))
+    rank = int(np.sum(s > ROUNDOFF * s.max(initial=0.0)))
     standard = structure.nominal + np.linalg.pinv(rows / size) @ (aim - rows @ structure.nominal)
     spread = (structure.G / size) @ (Vt[:rank].T / s[:rank])
     words = f"the robot file's values, each within {percent(share)},"
@@ -358,28 +356,20 @@ def find_discrepancies(
 
 def explained_share(x: Array, r: Array) -> float:
     """Return the share of the variance of r that its means over bins of x explain, adjusted."""
-    values = np.unique(x)
-    if len(values) <= BINS:
-        index = np.searchsorted(values, x)
-    else:
-        index = np.empty(len(x), int)
-        index[np.argsort(x, kind="stable")] = np.arange(len(x)) * BINS // len(x)
-    counts = np.bincount(index).astype(float)
-    means = np.bincount(index, r) / np.maximum(counts, 1)
-    between = float((counts * (means - r.mean()) ** 2).sum())
-    total = float(((r - r.mean()) ** 2).sum())
-    k = int((counts > 0).sum())
-    if total <= 0 or len(r) <= k or k < 2:
+    _, bins = np.unique((rankdata(x, "min") - 1) * BINS // len(x), return_inverse=True)
+    own, k = r - r.mean(), int(bins.max()) + 1
+    left = own - (np.bincount(bins, own) / np.bincount(bins))[bins]
+    if not own.any() or len(r) <= k or k < 2:
         return 0.0
-    adjusted = 1 - (1 - between / total) * (len(r) - 1) / (len(r) - k)
-    return float(np.clip(adjusted, 0.0, 1.0))
+    share = 1 - (left @ left) / (own @ own) * (len(r) - 1) / (len(r) - k)
+    return float(np.clip(share, 0.0, 1.0))
 
 
 # What is fitted, what verifies, how much of it.
 #
 # An error that was minimised is no evidence: the motion on which the gap is quoted is not fitted.
-# Whole logs are kept apart where there are enough; else a log is divided into stretches of time,
-# with a pause between that nobody looks at. A diagnosis asks few rows many questions, so long logs
+# Whole logs are kept apart where there are enough; else a log is divided, with a pause
+# that nobody looks at. A diagnosis asks few rows many questions, so long logs
 # are looked at in evenly spaced stretches.
 
 
@@ -388,7 +378,7 @@ PART = ", part "
 #: Share of the only log that verifies, and samples that this part must have.
 LAST: Tolerance = 0.25
 SHORTEST = 100
-#: Share of either part that is left out where the log is divided.
+#: Share of either part that is left out where the log is divided: noise has a memory.
 PAUSE: Tolerance = 0.05
 #: Samples after decimation that a diagnosis looks at in one log, and in all that are fitted; more
 #: are thinned to stretches.

@@ -534,7 +534,8 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
 def simulate_forward(d: Diagnosis, rng: np.random.Generator) -> ForwardGap:
     """Return the gap in motion of a diagnosis, on the motion that verified it."""
     try:
-        before, after = (real_robot(d, s) for s in (d.structure, d.completed))
+        after = real_robot(d, d.completed)
+        before = real_robot(d, d.structure, after.cad_weight)
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
     return replace(compare_forward(before, after, d.validation, rng), nearest=after)
@@ -801,9 +802,10 @@ def fit_physical(
     return Physical(structure, found.parameters(), found.cad_weight)
 
 
-def real_robot(d: Diagnosis, structure: Structure) -> Physical:
+def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) -> Physical:
     """Return the real robot of a diagnosis under the model without or with the named effects.
 
+    It is drawn to the robot file with a weight, where one is given, and the same one is compared.
     With the file's values kept it is these, and what the named effects add.
 
     Raises
@@ -812,7 +814,7 @@ def real_robot(d: Diagnosis, structure: Structure) -> Physical:
         If the solver finds none.
     """
     if len(d.known.precision):
-        weight = share_weight(d.known.share) if d.known.share else None
+        weight = share_weight(d.known.share) if d.known.share else weight
         return fit_physical(structure, d.samples, d.validation, weight)
     values = {name: d.robot.nominal.get(name, 0.0) for name in d.structure.columns}
     values = dict.fromkeys(structure.columns, 0.0) | values
