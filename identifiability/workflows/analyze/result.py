@@ -336,7 +336,7 @@ class Laddered(OfStructure, Result, predict.Predicts):
         return self.chosen.used[1]
 
     @property
-    def physics(self) -> str:
+    def _physics(self) -> str:
         """Which values of the model are used."""
         return sentence("decision.physics", "used" if self.chosen.physical_used else "free")
 
@@ -710,7 +710,7 @@ class Analysis(Laddered):
         if chosen.unjudged:
             short = f"Nothing is judged in {title} of {count}."
         tone = "blue" if chosen.feasible else "amber"
-        return Answer(question, short, f"{size} {self.physics}", tone)
+        return Answer(question, short, f"{size} {self._physics}", tone)
 
 
 def doubt(

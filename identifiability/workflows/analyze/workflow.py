@@ -461,7 +461,8 @@ def say_band(band: Band | None) -> tuple[str, ...]:
     if band is not None and band.cutoff < 2.0 * band.bandwidth:
         least = 0.5 * LOG_RULES.cutoff_wide * band.bandwidth
         part = "higher" if least <= LOG_RULES.cutoff_highest * band.rate else "faster"
-        remedy = phrase("cutoff_low", part, least=least, rate=least / LOG_RULES.cutoff_highest)
+        numbers = {"least": least, "rate": least / LOG_RULES.cutoff_highest}
+        remedy = phrase("cutoff_low", part, **numbers)
         reach = {"cutoff": band.cutoff, "bandwidth": band.bandwidth}
         said.append(Finding("cutoff_low", whose=["the logs"], remedy=remedy, **reach))
     # On one period of a motion intervals hold up to three tenths.
