@@ -44,7 +44,7 @@ def red(analysis):
 def test_a_repetition_is_asked_what_is_left_out_as_the_logs_are(analysis):
     result = next(m for m in analysis.models if m.name == "Model 4")
     experiment = replace(
-        Experiment.of(analysis.regression, result.submodel),
+        Experiment.of(analysis.structure.regression(analysis.samples), result.submodel),
         method=result.estimate.estimator,
         structure=analysis.structure,
     )

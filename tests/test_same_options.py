@@ -16,8 +16,8 @@ from identifiability.foundation.engines import choose_engine
 #: Verbs that take logs, and options and settings that mean the same in each.
 VERBS = ("analyze", "prune", "diagnose", "calibrate", "excite", "inspect")
 SHARED = ("set", "map", "seed", "lock", "sidecar", "plugin")
-SETTINGS = ("derivatives", "cutoff", "period", "harmonics", "decimate", "engine", "workers",
-            "scheduler", "resume", "time_unit", "angles", "base")  # fmt: skip
+SETTINGS = ("derivatives", "cutoff", "decimate", "engine", "workers", "scheduler",
+            "resume", "time_unit", "angles", "base")  # fmt: skip
 
 
 #: Verbs whose options are those of the function of their name.
@@ -37,8 +37,7 @@ def test_every_verb_has_them(verb, commands):
     for name in set(SHARED) - ({"seed"} if verb == "inspect" else set()):  # nothing is random
         assert known[name].help == usual[name].help
         assert known[name].opts == usual[name].opts
-    own = {"harmonics"} if verb == "excite" else set()  # its motion's
-    for name in set(SETTINGS) - own:
+    for name in SETTINGS:
         assert commands[verb].settings[name] == commands["analyze"].settings[name]
 
 
