@@ -75,12 +75,16 @@ class Rollouts:
 
     def parameters(self, robot: Robot) -> dict[str, float]:
         """Return standard parameters by name."""
-        return {
-            f"{joint}.{robot.inertia_parts[0] if kind == 'Ia' else kind}": float(value)
-            for kind, values in self.numbers.items()
-            if kind in KINDS
-            for joint, value in zip(robot.joints, values, strict=True)
-        }
+        return by_name(robot, self.numbers)
+
+
+def by_name(robot: Robot, numbers: Mapping[str, Array]) -> dict[str, float]:
+    """Return standard parameters of joints by name, of numbers by kind."""
+    return {
+        f"{joint}.{robot.inertia_parts[0] if kind == 'Ia' else kind}": float(value)
+        for kind in KINDS
+        for joint, value in zip(robot.joints, numbers[kind], strict=True)
+    }
 
 
 def fit_rollouts(
@@ -316,14 +320,13 @@ def roll_late(machine: CommandedRobot, log: Log, delay: float | None = None) -> 
     delay : float [s], optional
         Where it is known.
     """
-    if delay is not None:
-        return delay, machine.roll(log, delay=delay)[0]
-    none = np.zeros(len(machine.robot.joints), bool)
-    problem = Problem(machine, (log,), None, free=dict.fromkeys(KINDS, none))
-    numbers = machine.numbers()
-    x, *_ = _descend(problem, np.concatenate([*(numbers[k] for k in KINDS), [0.0]]), STEPS)
-    late = float(x[-1])
-    return late, machine.roll(log, delay=late)[0]
+    if delay is None:
+        none = np.zeros(len(machine.robot.joints), bool)
+        problem = Problem(machine, (log,), None, free=dict.fromkeys(KINDS, none))
+        numbers = machine.numbers()
+        x = np.concatenate([*(numbers[k] for k in KINDS), [0.0]])
+        delay = float(_descend(problem, x, STEPS)[0][-1])
+    return delay, machine.roll(log, delay=delay)[0]
 
 
 class Problem:
@@ -363,9 +366,7 @@ class Problem:
         self.rows = [int(min(anew / self.dt, len(log))) for log in logs]
         inertia, servo = machine.inertia(logs[0].q.mean(0)), machine.servo
         moved = np.max([log.q.std(0) for log in logs], axis=0) + 1e-3
-        torque = np.minimum(
-            np.maximum(servo.kp * 0.3 * moved, servo.kv * moved), np.minimum(servo.high, 1e9)
-        )
+        torque = np.minimum(np.maximum(servo.kp, servo.kv) * moved, np.minimum(servo.high, 1e9))
         damping = servo.kv + inertia / 0.1  # of a servo that takes a tenth of a second
         each = {"Ia": inertia, "Fv": damping, "Fc": torque, "off": torque}
         each |= {"kp": servo.kp, "kv": damping}

@@ -359,8 +359,7 @@ class _Rows:
     def judge(self, judged: Sequence[Alternative]) -> list[float]:
         """Return the log evidence of models beside one noise."""
         joints = [np.argsort(a.order).tolist() for a in judged]
-        none = ~self.data & (self.seen.y == 0.0)  # nobody measured it
-        data = np.logical_and.reduce([self.data[:, own] for own in joints]) & ~none
+        data = np.logical_and.reduce([self.data[:, own] for own in joints])
         runs, noise = JointRuns.of(self.seen.runs.each[0], data), []
         for c, stretches in enumerate(runs.each):
             pairs = zip(judged, joints, strict=True)

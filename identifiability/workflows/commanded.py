@@ -20,6 +20,7 @@ import numpy as np
 from identifiability.estimation.rollouts import (
     Gains,
     Rollouts,
+    by_name,
     contradicted,
     fit_gains,
     fit_rollouts,
@@ -403,19 +404,9 @@ class Bodies:
     def rows(self, e: Array, numbers: Mapping[str, Array]) -> Array:
         """Return how far bodies and stated parameters are from what is believed, (r,) [σ]."""
         near = (e.reshape(-1, 10) / self.shares[:, None]).ravel()
-        joints = {
-            f"{joint}.{self.robot.inertia_parts[0] if kind == 'Ia' else kind}": x
-            for kind, values in numbers.items()
-            for joint, x in zip(self.robot.joints, values, strict=True)
-        }
-        found = {**(self.values(e) if self._stated else {}), **joints}
-        return np.array([*near, *((found[k] - m) / s for k, (m, s) in self._stated.items())])
-
-    @cached_property
-    def _stated(self) -> dict[str, tuple[float, float]]:
-        joints = {f"{j}.{k}" for j in self.robot.joints for k in ("Ia", "Ja", "Fv", "Fc", "off")}
-        known = {f"{b}.{k}" for b in self.names for k in GROUPED_KINDS} | joints
-        return {name: at for name, at in self.robot.prior.items() if name in known}
+        found = {**self.values(e), **by_name(self.robot, numbers)}
+        stated = ((found[k], at) for k, at in self.robot.prior.items() if k in found)
+        return np.array([*near, *((x - mean) / sd for x, (mean, sd) in stated)])
 
 
 def select(robot: Robot, logs: Iterable[Log]) -> list[Log]:

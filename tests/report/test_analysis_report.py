@@ -12,7 +12,7 @@ from identifiability.workflows.answers import level_table
 pytestmark = pytest.mark.pictures
 
 SECTIONS = (
-    "prediction", "parameters", "models", "correlated", "motions", "residuals", "physics",
+    "prediction", "parameters", "models", "correlated", "residuals", "physics",
     "structure", "full-model", "motion", "thresholds", "provenance", "ledger", "rules",
 )  # fmt: skip
 

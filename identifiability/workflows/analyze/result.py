@@ -505,11 +505,10 @@ class Laddered(OfStructure, Result, predict.Predicts):
     @property
     def statement(self) -> str:
         """The answers in plain words, behind a wrong mass, with what is odd."""
-        told, tilt = [self._answer_trust()], self.robot.tilt
-        parts = [told[0].text]
+        tilt, parts = self.robot.tilt, [f"Nothing is identifiable, because {self.nothing}."]
         if not self.nothing:
-            told = [self._answer_use(), self._answer_quality(), *told]
-            parts = [f"{a.short} {a.text}" for a in told]
+            told = self._answer_use(), self._answer_quality(), self._answer_trust()
+            parts = [f"{a.short} {a.text}".rstrip() for a in told]
         parts += [] if tilt is None else [f"In this model gravity {tilt.text}."]
         parts += [] if self.moved is None else [self.moved.statement]
         return " ".join(filter(None, (self.mass_warning, *parts, *self.hints)))
