@@ -224,7 +224,7 @@ def measure_noises(trials: int, seed: int) -> pd.DataFrame:
             motion = shipped_trajectory(robot, "601")
         log = simulate(robot, PrescribedMotion.of(motion), noise=Noise(torque=0.05), rng=rng)
         found = analyze(robot, log, replicates=0)
-        e = Experiment.of(found.regression, found.full.submodel)
+        e = Experiment.of(found.structure.regression(found.samples), found.full.submodel)
         truth = found.full.estimate.value
         exact = e.W @ e.submodel.expand(truth)
         size = np.sqrt(np.mean((e.tau - exact) ** 2, axis=0))

@@ -103,7 +103,8 @@ def fit(robot: Robot, log: Any) -> Analysis:
 def good_torque(name: str, lock: tuple[str, ...] = ()) -> tuple[Regression, np.ndarray]:
     """Return the regression of the good log, and the torque (N, n) that its model predicts."""
     result = fit(Robot.load(name, lock=list(lock)), good_log(name, lock))
-    return result.regression, predict(result.regression, result)
+    regression = result.structure.regression(result.samples)
+    return regression, predict(regression, result)
 
 
 def predict(regression: Regression, result: Analysis) -> np.ndarray:

@@ -132,7 +132,7 @@ def examine(path: Path) -> dict[str, Any]:
 def sealed_error(d: Any, sealed: Sequence[Any]) -> float:
     """Return the error of a result's model over each joint's own scale, where joints move."""
     p = d.predict(sealed)
-    data = p.data & np.isfinite(p.tau)
+    data = p.known & np.isfinite(p.tau)
     left = np.where(data, p.tau - p.predicted, 0.0)
     centred = p.tau - np.where(data, p.tau, 0.0).sum(0) / np.maximum(data.sum(0), 1)
     scale = (np.where(data, centred, 0.0) ** 2).sum(0)

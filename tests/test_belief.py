@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
+from identifiability.estimation.verdict import Flag
 from identifiability.foundation.errors import RobotError
 from identifiability.physical.feasibility import certify
 from identifiability.physical.fitted_model import FittedModel, LeastSquares, physical_set
@@ -19,6 +20,7 @@ from identifiability.workflows.analyze.belief import (
     START_MARGIN,
     belief_dict,
     form_belief,
+    refine_verdicts,
     state_prior,
 )
 
@@ -112,6 +114,7 @@ def test_a_prior_that_cannot_be_is_refused_with_a_sentence(arm, tmp_path, prior,
     belief = believe(arm, full, {"walkers": 2, "draws": 4, "warmup": 1}, robot)
     assert belief.physical is None
     assert not belief.standard
+    assert refine_verdicts(full.verdicts, belief) == full.verdicts
     assert sentence in belief.note
 
 
@@ -135,3 +138,34 @@ def test_a_chain_that_has_not_converged_is_withheld_in_json(analysis, unpruned):
     assert [pair is not None for pair in ends] == physical.stated.tolist()
     assert 20 < physical.stated.sum() < 37
     json.dumps(withheld, allow_nan=False, default=float)
+
+
+def test_what_the_data_leave_open_is_determined_by_bodies_or_is_the_prior(analysis, unpruned):
+    full = analysis.full
+    assert unpruned.physical.trustworthy, unpruned.physical.convergence.reasons
+    refined = refine_verdicts(full.verdicts, unpruned)
+    kinds = {v.name: v.look for v in refined}
+    # The platform is flat. In its plane data and prior leave much that no body can have; out of
+    # it, and across the thin legs, the prior has ruled that out already. Of the first moment the
+    # data say more than bodies do.
+    assert kinds["platform.Izz"] == Flag.BY_CONE
+    for name in ("platform.Ixz", "platform.Iyz", "leg1_upper.mx", "platform.mx"):
+        assert kinds[name] == Flag.BY_PRIOR
+    for k, (before, after) in enumerate(zip(full.verdicts, refined, strict=True)):
+        assert after.verdict is before.verdict
+        if not before.open:
+            assert after == before
+        if after.look in (Flag.BY_CONE, Flag.BY_PRIOR):
+            assert after.reason.startswith(before.reason)
+            assert "prior around the robot file" in after.reason
+            row = after.to_row()
+            assert (after.believed is not None) == unpruned.physical.stated[k]
+            if after.believed is None:
+                assert after.look == Flag.BY_PRIOR
+                continue
+            assert row["interval95"] == unpruned.physical.interval[k].tolist()
+            assert row["data_interval95"] == list(before.data_interval95)
+            assert f"{row['interval95'][0]:.3g} … {row['interval95'][1]:.3g}" in after.reason
+        if after.look == Flag.BY_CONE:  # like with like: data and prior without bodies
+            assert unpruned.physical.sd[k] ** 2 < 0.5 * unpruned.data_sd[k] ** 2
+            assert unpruned.physical.sd[k] ** 2 < 0.5 * after.sigma_robust**2

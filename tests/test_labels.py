@@ -25,14 +25,15 @@ def test_what_is_called_identifiable_holds_what_was_planted(found):
 
 def test_a_value_that_is_no_parameters_own_is_told_with_what_it_stands_for(found):
     planted, rows = Robot.load("3-rps").nominal, found.to_dict()["parameters"]
-    page = found.tables()[-1]
+    (use, *_), page = found.answers(), found.tables()[-1]
     for v, row in zip(found.chosen.verdicts, rows, strict=True):
         if not v.name.endswith(".Fv"):
             continue
         near = abs(row["used"] - planted[v.name]) < 2 * v.sigma_robust
         assert near or row["used_stands_for"].startswith(v.name)
         if not near:
-            assert row["used_stands_for"]
+            assert f"{v.name} (" in use.text
+            assert row["used_stands_for"] in found.statement
     used = [c.title for c in page.columns].index("used")
     assert not page.columns[used].detail
     notes = {row[0].text: row[used].note for row in page.rows}

@@ -25,6 +25,7 @@ class Thresholds(RuleTable):
     constraint_variance: Annotated[
         Share, "share to which bodies narrow an open variance, by hand"
     ] = 0.5
+    contraction: Annotated[Share, "least contraction that is not by the prior, by hand"] = 0.5
     outputs_per_parameter: Annotated[
         Positive, "fewest independent outputs to judge by, by hand"
     ] = 3.0

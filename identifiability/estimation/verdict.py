@@ -31,6 +31,7 @@ class Flag(StrEnum):
 
     NEGLIGIBLE = "negligible"
     IN_DOUBT = "model in doubt"
+    BY_CONE = "by the cone"
     BY_PRIOR = "by the prior"
     NOT_JUDGED = "not judged"
     STRUCTURAL = "structural"
@@ -39,6 +40,7 @@ class Flag(StrEnum):
 #: What had another name while every flag was a verdict; it answers for one release.
 BEFORE = {
     Class.SIGN_ONLY: "weak",
+    Flag.BY_CONE: "constraint-determined",
     Flag.BY_PRIOR: "prior-dominated",
     Flag.STRUCTURAL: "not identifiable",
 }

@@ -6,12 +6,14 @@ Two posteriors of one model are sampled; ArviZ gets every draw.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pandas as pd
 
+from identifiability.estimation.rules import Thresholds
+from identifiability.estimation.verdict import Flag, Verdict, narrow
 from identifiability.foundation.errors import (
     IdentifiabilityError,
     ModelError,
@@ -37,6 +39,7 @@ from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.target import Prior, Target
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
+from identifiability.workflows.answers import sentence
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -109,12 +112,16 @@ class Belief:
     standard : mapping of str to (E, K, N)
         Draws of each standard parameter by ensemble and walker, in order; empty without them.
     note : str
+    prior_sd, data_sd : (m,)
+        Sd of the model's parameters under the prior, and under data and prior without bodies.
     """
 
     signs: Summary | None
     physical: Summary | None
     standard: Mapping[str, Array]
     note: str = ""
+    prior_sd: Array = field(default_factory=lambda: np.empty(0))
+    data_sd: Array = field(default_factory=lambda: np.empty(0))
 
 
 def believed_interval(draws: Array, nonnegative: np.ndarray, moved: Array | float = 0.0) -> Array:
@@ -131,6 +138,32 @@ def believed_interval(draws: Array, nonnegative: np.ndarray, moved: Array | floa
     best = (high - low).argmin(axis=0), np.arange(draws.shape[1])
     first, last = low[best] - moved, high[best] + moved
     return np.column_stack([np.where(nonnegative, np.maximum(first, 0.0), first), last])
+
+
+def refine_verdicts(verdicts: Sequence[Verdict], belief: Belief) -> tuple[Verdict, ...]:
+    """Return the verdicts of a model with what the physical posterior adds.
+
+    Verdicts on what the data determine stay. What they leave open may still be narrowed by
+    bodies that can exist, or be no more than the prior.
+    """
+    rules, physical, out = Thresholds(), belief.physical, list(verdicts)
+    if physical is None or not physical.trustworthy:
+        return tuple(out)
+    prior_sd, data_sd = belief.prior_sd, belief.data_sd
+    for k, v in enumerate(out):
+        # Like with like: the data alone, and data and prior, with and without bodies.
+        variance = physical.sd[k] ** 2
+        if not (v.open and variance < rules.constraint_variance * v.sigma_robust**2):
+            continue
+        low, high = physical.interval[k].tolist()
+        by_bodies = variance < rules.constraint_variance * data_sd[k] ** 2
+        learned = physical.sd[k] <= (1 - rules.contraction) * prior_sd[k]
+        flag, part = (Flag.BY_CONE, "bodies") if by_bodies and learned else (Flag.BY_PRIOR, "prior")
+        if not physical.stated[k]:
+            flag, part = Flag.BY_PRIOR, "edge"
+        text = sentence("decision.narrowed", part, span=f"{low:.3g} … {high:.3g} (95 %)")
+        out[k] = narrow(v, flag, text, v.believed if part == "edge" else (low, high))
+    return tuple(out)
 
 
 def belief_dict(names: Sequence[str], belief: Belief | None) -> dict[str, Any] | None:
@@ -261,10 +294,12 @@ def form_belief(
         note = "the motion leaves parameters of the model undetermined"
     try:
         prior = state_prior(model, share)
-        physical, standard = _sample_physical(model, prior, second, effort, progress)
+        physical, standard, root = _sample_physical(model, prior, second, effort, progress)
     except (ValueError, IdentifiabilityError) as error:
         return Belief(signs, None, {}, "; ".join(filter(None, (note, str(error)))))
-    return Belief(signs, physical, standard, note)
+    wide = np.where(np.isfinite(prior.sd), prior.sd, 0.0)
+    prior_sd, data_sd = (np.linalg.norm(model.to_x @ x, axis=1) for x in (np.diag(wide), root))
+    return Belief(signs, physical, standard, note, prior_sd, data_sd)
 
 
 def state_prior(model: FittedModel, share: float = 0.0) -> Prior:
@@ -346,11 +381,12 @@ def _sample_physical(
     rng: np.random.Generator,
     effort: Mapping[str, int],
     progress: Progress | None,
-) -> tuple[Summary, dict[str, Array]]:
+) -> tuple[Summary, dict[str, Array], Array]:
     """Sample the standard parameters on the cone and look at them through the model.
 
     What the model leaves out, holds or ties is so in every draw; what bodies cannot do without
-    counts as error in full, as in the nearest real robot.
+    counts as error in full, as in the nearest real robot. Returned last is a root of the covariance
+    with data and prior, without the constraints.
     """
     structure, region, fixed = model.structure, model.region, model.fixed
     own = LeastSquares.likelihood(model.information, model.estimate).through(model.to_x)
@@ -364,7 +400,7 @@ def _sample_physical(
     start[signed] = np.maximum(start[signed], 1e-4 * prior.sd[signed])
     told = _sample(target, start, model.to_x, model.submodel, rng, effort, progress)
     chains = np.moveaxis(told[1].draws, -1, 0)
-    return told[0], dict(zip(structure.columns, chains, strict=True))
+    return told[0], dict(zip(structure.columns, chains, strict=True)), target.root
 
 
 def _sample(

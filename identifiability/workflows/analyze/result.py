@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, get_args
 import numpy as np
 import pandas as pd
 
+from identifiability.effects import FAMILIES
+from identifiability.effects.vocabulary import every_parameter, file_kinds, values_in_file
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import Folds
 from identifiability.estimation.fit import Fit
@@ -43,12 +45,13 @@ from identifiability.foundation.rounding import (
     digits,
     error_text,
     exact,
+    format_number,
     join,
     percent,
     percent_text,
     stated_text,
 )
-from identifiability.foundation.rules import RuleTable
+from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, state_mass, state_masses
@@ -289,6 +292,8 @@ class Laddered(OfStructure, Result, predict.Predicts):
         About the base parameters, on the fitted logs.
     selected : int
         The model to use.
+    everywhere : Prediction or None
+        By the values to use along unseen motion, where joints stand, too; None where none does.
     source : LadderSource or None
         Where the models came from.
     settings : mapping
@@ -309,6 +314,7 @@ class Laddered(OfStructure, Result, predict.Predicts):
     models: tuple[ModelResult, ...]
     information: Information
     selected: int
+    everywhere: Prediction | None
     source: LadderSource | None = None
     settings: Mapping[str, Any]
     nothing: str
@@ -462,8 +468,11 @@ class Laddered(OfStructure, Result, predict.Predicts):
         assert real is not None
         errors, each = used.fitted.relative_error()[1:].tolist(), used.fitted.joint_error()[:, 1:]
         what = self.structure, real.parameters(), errors, each, self.samples, real.cad_weight
-        gone = {"error_ra_validation_files": {"mjcf": None, "urdf": None}}
-        return real_robot_dict(*what) | gone
+        told = real_robot_dict(*what)
+        files = dict(zip(file_kinds(self.robot), map(used.unseen_by, (2, 3)), strict=True))
+        if "gravity" in told:  # what its files err by is measured along the fitted logs alone
+            files = dict.fromkeys(files, float("nan"))
+        return told | {"error_ra_validation_files": files}
 
     @property
     def mass_statement(self) -> str:
@@ -505,9 +514,60 @@ class Laddered(OfStructure, Result, predict.Predicts):
         return " ".join(filter(None, (self.mass_warning, *parts, *self.hints)))
 
     def _answer_quality(self) -> Answer:
-        """Return how well the values to use predict."""
-        each, kind = self.held_out.joint_error()[:, 0], f"Measured on {self.validation_kind}."
-        return answer_quality(self.chosen.error_ra_validation, self.robot.joints, each, kind)
+        """Return how well the values to use predict, and beside it what that leaves out."""
+        each, more = self.held_out.joint_error()[:, 0], [f"Measured on {self.validation_kind}."]
+        if not self.nothing:
+            more += [self._beside(), self._in_file()]
+        error = self.chosen.error_ra_validation
+        return answer_quality(error, self.robot.joints, each, " ".join(filter(None, more)))
+
+    @property
+    def left_out(self) -> dict[str, float]:
+        """Share of unseen rows without weight, and ε_RA over all rows and of raw torque."""
+        p, every = self.held_out, self.everywhere or self.held_out
+        share = 1.0 - p.sums.rows.sum() / max(every.sums.rows.sum(), 1)
+        errors = every.relative_error()[0], p.relative_error(raw=True)[0]
+        return dict(zip(("rows", "all_rows", "raw"), map(float, (share, *errors)), strict=True))
+
+    def _beside(self) -> str:
+        """Return what the error leaves out: rows without weight, and what a low-pass took."""
+        left, error, told = self.left_out, self.chosen.error_ra_validation, []
+        if left["rows"] > 0:
+            share, every = percent(left["rows"], 2), percent(left["all_rows"])
+            told.append(sentence("decision.left", "rows", share=share, error=every))
+        if np.isfinite(left["raw"]) and not np.isclose(left["raw"], error, rtol=1e-6):
+            told.append(sentence("decision.left", "raw", error=percent(left["raw"])))
+        return " ".join(told)
+
+    def _in_file(self) -> str:
+        """Return what a plain robot file errs by in a simulator, and what it lacks."""
+        real, error = self.real_robot, self.chosen.error_ra_validation
+        alone, given = real["error_ra_validation_files"], real["parameters"]
+        kind = file_kinds(self.robot)[0]
+        if not np.isfinite(alone[kind]):
+            return ""
+        held, titles = values_in_file(self.robot, given, kind), dict[str, list[str]]()
+        every = every_parameter(self.robot, real["shapes"])
+        for name in (n for n, x in given.items() if x != held[n]):
+            title = FAMILIES[every[name].group].title if name in every else name
+            titles.setdefault(title, []).append(name)
+        told = sentence("decision.left", "file", kind=kind.upper(), error=percent(alone[kind]))
+        if titles and alone[kind] > (1 + DIFFERS) * error:
+            names = [f"{title} ({listing(own, NAMED)})" for title, own in titles.items()]
+            told += sentence("decision.left", "lacks", names=listing(names, NAMED))
+        return f"{told}."
+
+    def _reduced(self) -> str:
+        """Return which values to use are no parameter's own, and what they stand for."""
+        chosen = self.chosen
+        told = [
+            f"{v.name} ({format_number(x, 4)} {v.unit}: {text})"
+            for v, x, text in zip(chosen.verdicts, chosen.recommended, chosen.meanings, strict=True)
+            if text
+        ]
+        if not told or self.nothing:
+            return ""
+        return sentence("decision.left", "names", names=listing(told, NAMED))
 
     def cautions(self) -> tuple[Note, ...]:
         """Return what is to be kept in mind, gravest first."""
@@ -575,7 +635,7 @@ class Laddered(OfStructure, Result, predict.Predicts):
             "errors": {
                 "joints": joints.drop(columns="of").to_dict("records"),
                 "logs": logs[own].rename(columns={"joint": "log"}).to_dict("records"),
-                "left_out": dict.fromkeys(("rows", "all_rows", "raw")),
+                "left_out": self.left_out,
             },
             "parameters": used.rows(),
             "full_parameters": self.full.rows(),
@@ -599,6 +659,10 @@ class Laddered(OfStructure, Result, predict.Predicts):
             "estimator": used.estimate.estimator.name,
             "provenance": self.provenance,
         }
+
+
+#: From which share on a robot file's error is another than that of the values to use.
+DIFFERS: Tolerance = 0.05
 
 
 # What logs say of each other.
@@ -709,7 +773,8 @@ class Analysis(Laddered):
         if chosen.unjudged:
             short = f"Nothing is judged in {title} of {count}."
         tone = "blue" if chosen.feasible else "amber"
-        return Answer(question, short, f"{size} {self._physics}", tone)
+        told = filter(None, (size, self._reduced(), self._physics))
+        return Answer(question, short, " ".join(told), tone)
 
 
 def doubt(

@@ -219,7 +219,7 @@ class Ladder(Laddered):
         if self.missing.functions:
             missing = self.missing.statement
             told.append(f"That holds only if nothing is missing: {missing}: diagnose.")
-        text = " ".join((*told, self._physics))
+        text = " ".join(filter(None, (*told, self._reduced(), self._physics)))
         return Answer(question, short, text, "green" if self.feasible else "amber")
 
     def _notes(self) -> Iterator[Note]:

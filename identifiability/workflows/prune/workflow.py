@@ -18,7 +18,7 @@ from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Evidence, HeldOut, near_best, weigh_models
 from identifiability.estimation.groups import Alternatives
 from identifiability.estimation.noise import Noise
-from identifiability.estimation.prediction import Task, predict_all
+from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.foundation.engines import Engine, Steps, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.findings import of_key
@@ -53,6 +53,7 @@ from identifiability.workflows.analyze.workflow import (
     Settled,
     SharedErrors,
     decide_model,
+    predict_everywhere,
     say_band,
     say_of_fit,
     settle_robot,
@@ -206,6 +207,7 @@ def prune(
                 "preparation": preparation or Preparation(),
             },
             models=measured.models,
+            everywhere=measured.everywhere,
             nothing=measured.nothing,
             missing=measured.missing,
         )
@@ -315,13 +317,14 @@ class Measured:
     Attributes
     ----------
     models : tuple of PrunedModel
-    nothing, missing
+    everywhere, nothing, missing
         As of a ladder.
     contradicted : str
         What the logs say of the file's bodies.
     """
 
     models: tuple[PrunedModel, ...]
+    everywhere: Prediction | None
     nothing: str
     missing: Alternatives
     contradicted: str
@@ -407,8 +410,10 @@ def measure_models(
         models = [pruned.withdraw(nothing) for pruned in models]
     else:
         models[chosen], hint = tell_with_file(model, result, within)
+    used = int(result.physical_used)
     return Measured(
         models=tuple(models),
+        everywhere=predict_everywhere(session, rows, settled, used, turns),
         nothing=nothing,
         missing=missing,
         contradicted=hint,
