@@ -144,6 +144,6 @@ def test_the_command_writes_json_and_report(logs_of, tmp_path):
     arguments += ["--effects", "quadratic_friction", "--report", str(page)]
     out = CliRunner().invoke(app, ["diagnose", *arguments])
     assert out.exit_code == 0, out.output
-    assert "quadratic_friction" in out.output
+    assert "Quadratic friction" in out.output
     assert json.loads(result.read_text())["effects"][0]["effect"] == "quadratic_friction"
     assert page.is_file()
