@@ -48,7 +48,7 @@ from identifiability.robot.robot import last_bodies
 
 #: Standard deviations of the drift of friction in a log that are tried, relative to it; the most is
 #: 3 % between two logs.
-DRIFTS = 0.021 * np.geomspace(1.0, 0.03, 4)
+DRIFTS = np.geomspace(0.021, 0.00063, 4)
 #: Sizes that a change may have, relative to the friction, or to the torque of its joint.
 CHANGES = np.geomspace(0.01, 1.0, 20)
 #: Parameters of a load, those that its weight tells first.

@@ -46,8 +46,8 @@ ROWS, NUMBERS = (2000, 8, 250), 8_000_000
 #: Alternatives that are judged.
 JUDGED = 3
 #: Units of one joint's torque beside the others', delays [s], and what lies between two of them.
-UNITS = (1e-3, 1e-2, 0.1, 10.0, 1e2, 1e3)
-DELAYS = (0.02, 0.05, 0.1, 0.2)
+UNITS: tuple[Tolerance, ...] = (1e-3, 1e-2, 0.1, 10.0, 1e2, 1e3)
+DELAYS: tuple[Tolerance, ...] = (0.02, 0.05, 0.1, 0.2)
 BETWEEN = np.geomspace(0.3, 3.0, 25)
 #: Logs of what is left by which one alternative is as good as another.
 EVEN: Tolerance = 0.02
@@ -56,7 +56,7 @@ FIRM: Tolerance = 1e12
 #: Most directions of what may be missing at a joint, and rows for each of them.
 SMOOTH = (60, 6)
 #: Sizes of smooth functions that are tried, relative to the torque of their joint.
-SIZES = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
+SIZES = np.geomspace(1e-4, 1.0, 5)
 
 
 @frozen
@@ -417,6 +417,7 @@ def _solve(G: Array, g: Array, nonnegative: np.ndarray) -> Array:
     """Return the solution (b,) of normal equations, without columns that would be negative."""
     size = np.sqrt(np.maximum(np.diag(G), 1e-300))
     G, g = G / np.outer(size, size), g / size
+    # Columns that are as good as none beside the model.
     kept = np.diag(G) > 1e-9
     while True:
         at, x = np.flatnonzero(kept), np.zeros(len(g))

@@ -255,6 +255,7 @@ def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Q
     low, high = values - half, values + half
     positive = np.isin(np.arange(len(values)), (0, 4, 5, 6))
     lost = np.isinf(half)
+    # What follows from its inertia is stated with any interval.
     unsure = np.where(positive, low <= 0, half > length) & (np.arange(len(values)) < 7)
     low = np.where(positive, np.maximum(low, 0.0), low)
     out = []
