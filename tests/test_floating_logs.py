@@ -114,7 +114,7 @@ def test_every_road_ends_in_what_an_ideal_sensor_reads(which, thrown, body):
 
 def test_a_body_that_is_moved_by_a_hand_tells_its_ten_parameters(thrown, body):
     found = analyze(body, [table(thrown, **sensor(thrown))], replicates=50)
-    assert "The nearest real robot weighs 2.5" in found.mass_statement
+    assert "body weighs 2.5" in found.statement
     told = found.to_frame()
     assert len(told) == 10
     assert set(told["verdict"]) == {"identifiable"}

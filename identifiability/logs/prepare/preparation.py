@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy.ndimage import binary_opening, binary_propagation, maximum_filter1d
+from scipy.ndimage import binary_propagation, maximum_filter1d, minimum_filter1d
 from scipy.special import bdtrc
 
 from identifiability.foundation.errors import LogError
@@ -160,7 +160,9 @@ def _reversals(dq: Array) -> np.ndarray:
 
 def _lasting(x: np.ndarray, window: int) -> np.ndarray:
     """Return where x (N,) bool is true for at least a window about some sample."""
-    kept: np.ndarray = binary_opening(x, np.ones(2 * (window // 2) + 1, bool))
+    size = 2 * (window // 2) + 1  # an opening, in a time that does not grow with the window
+    slow = minimum_filter1d(x.astype(np.uint8), size, mode="constant")
+    kept: np.ndarray = maximum_filter1d(slow, size, mode="constant") > 0
     return kept
 
 

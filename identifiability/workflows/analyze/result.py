@@ -511,7 +511,25 @@ class Laddered(OfStructure, Result, predict.Predicts):
             parts = [f"{a.short} {a.text}".rstrip() for a in told]
         parts += [] if tilt is None else [f"In this model gravity {tilt.text}."]
         parts += [] if self.moved is None else [self.moved.statement]
-        return " ".join(filter(None, (self.mass_warning, *parts, *self.hints)))
+        return " ".join(filter(None, (self.mass_warning, self.weight, *parts, *self.hints)))
+
+    @property
+    def weight(self) -> str:
+        """What a robot that floats weighs by its logs, beside its file; nothing of others.
+
+        The mass of all its bodies is one of its base parameters: gravity acts on the whole of it.
+        """
+        structure = self.structure
+        if self.robot.base is None or self.nothing:
+            return ""
+        masses = np.array([p.kind == "m" for p in structure.parameters], float)
+        pairs = zip(structure.base.names, structure.G, strict=True)
+        total = [name for name, row in pairs if np.allclose(row, masses, atol=1e-6)]
+        for v in self.full.verdicts:
+            if v.name in total and np.isfinite(half := REACH * v.sigma_label):
+                told = {"title": self.robot.title, "file": float(structure.nominal @ masses)}
+                return sentence("decision.weight", value=v.value, half=half, **told)
+        return ""
 
     def _answer_quality(self) -> Answer:
         """Return how well the values to use predict, and beside it what that leaves out."""
