@@ -11,9 +11,9 @@ cannot tell it from other masses.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations, pairwise, product
 
 import numpy as np
@@ -261,26 +261,36 @@ class _Rows:
 
     def _directions(self) -> Iterator[Alternative]:
         """Yield the direction of gravity that fits lead to, if it is far from the file's."""
-        size = float(np.linalg.norm(self.robot.gravity))
-        up = self.robot.gravity / size
+
+        def squares(left: Array) -> float:  # wide where logs of them are narrow
+            return float(np.log(np.exp(2.0 * left).sum()))
 
         def along(direction: Array) -> Alternative:
             unit = direction / np.linalg.norm(direction)
             return replace(self.plain, gravity=size * unit, free=2)
 
-        def left(direction: Array) -> float:
-            return float(np.log(np.exp(2.0 * self.fit(along(direction))).sum()))
+        def left(aim: Callable[[Array], float], axes: Array, best: Array, x: Array) -> float:
+            return aim(self.fit(along(best + axes @ x)))
 
+        size = float(np.linalg.norm(self.robot.gravity))
+        up = self.robot.gravity / size
         world = np.column_stack([*horizontal_axes(up), up])
         every: list[Array] = [world @ d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)]
-        best = min(every, key=left)
-        axes = np.column_stack(horizontal_axes(best / np.linalg.norm(best)))
-        simplex = 0.3 * np.vstack([np.zeros(2), np.eye(2)])
-        tried = {"maxfev": 80, "initial_simplex": simplex}
-        found = minimize(
-            lambda x: left(best + axes @ x), simplex[0], method="Nelder-Mead", options=tried
-        )
-        best = along(best + axes @ found.x).gravity / size
+        best: Array = every[int(np.argmin([squares(self.fit(along(d))) for d in every]))]
+        for width, aim in ((0.3, squares), (0.03, np.sum)):
+            axes = np.column_stack(horizontal_axes(best / np.linalg.norm(best)))
+            simplex = width * np.vstack([np.zeros(2), np.eye(2)])
+            found = minimize(
+                partial(left, aim, axes, best),
+                simplex[0],
+                method="Nelder-Mead",
+                options={"maxfev": 40, "initial_simplex": simplex},
+            )
+            best = along(best + axes @ found.x).gravity / size
+            # Where weight acts along a slide alone, negative masses would fall upwards as well.
+            down = best - 2.0 * min(float(best @ up), 0.0) * up
+            if squares(self.fit(along(down))) <= squares(self.fit(along(best))) + EVEN:
+                best = down
         tilt = self.robot.turned(along(best).gravity).tilt
         if tilt is not None and best @ up < np.cos(np.radians(RULES.tilt_large)):
             do = "Write it into the robot file, or export it"

@@ -63,7 +63,7 @@ def test_the_report_is_whole_and_states_the_answer(which, request, tmp_path):
     text = result.write_report(tmp_path / "report.html").read_text()
     assert text.rstrip().endswith("</html>")
     assert "What it is worth" in text
-    assert text.count("<svg") == 2
+    assert text.count("<svg") == 3  # the robot, and gains twice
     assert text.count("data-trace=") == 3 * len(result.limits.joints)
 
 

@@ -122,7 +122,16 @@ def test_the_command_writes_tables_and_a_page(analysis, make_log, tmp_path):
     make_log("two-link", "b", 2).write(log)
     make_log("two-link", "a", 3).write(tmp_path / "c.csv")
     for name in ("torque.csv", "torque.parquet"):
-        words = ["predict", "two-link", result, log, tmp_path / "c.csv", "--out", tmp_path / name]
+        words = [
+            "-v",
+            "predict",
+            "two-link",
+            result,
+            log,
+            tmp_path / "c.csv",
+            "--out",
+            tmp_path / name,
+        ]
         page = ["--report", tmp_path / "page.html", "--json", tmp_path / "errors.json"]
         out = CliRunner().invoke(app, [*map(str, words + page)])
         assert out.exit_code == 0, out.output

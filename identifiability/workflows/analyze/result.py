@@ -62,6 +62,7 @@ from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource, Submodel
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows import commands, predict
+from identifiability.workflows.alternatives import Alternative
 from identifiability.workflows.analyze.belief import Belief, Which, belief_dict, build_datatree
 from identifiability.workflows.answers import (
     SIGMA,
@@ -721,12 +722,15 @@ class Analysis(Laddered):
         Posteriors of the selected model, where they were asked for.
     folds : Folds or None
         What is predicted from the rest of the fitted logs; None where nothing was fitted.
+    alternative : Alternative or None
+        Of the model, under which logs were read and all is said.
     """
 
     schema: ClassVar[str] = "identifiability/analysis/1"
 
     belief: Belief | None = None
     folds: Folds | None = None
+    alternative: Alternative | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""

@@ -691,6 +691,7 @@ def _conclude(
         selected=at,
         everywhere=predict_everywhere(session, rows, settled[at], used, folds),
         settings=settings,
+        alternative=opening.alternative,
         nothing=nothing,
         recordings=session.recordings,
         missing=missing,
