@@ -201,7 +201,7 @@ def run(options: Options) -> StudyResult:
     rows = read_printed("table_1")["rows"]
     rigid = find_base_parameters(subject.robot, Model.of("rigid_body"))
     table = compare_rows(rigid, rows)
-    right = sum(check.value == "pass" for check in table["result"])
+    right = sum(check.badge == "pass" for check in table["result"])
     checks = structure_checks(subject, rigid, rows, right)
     options.say("exact recovery", 0.3)
     checks += [*cad_checks(subject), *recovery_checks(subject, options.robot)]

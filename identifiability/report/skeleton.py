@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from identifiability.foundation.names import Array
 from identifiability.report.blocks import Moving, Trace
+from identifiability.report.drawing import plain
 from identifiability.robot import Motion, Robot
 from identifiability.robot.kinematics import Point, shortest_turn
 from identifiability.workflows.answers import sentence
@@ -159,7 +160,9 @@ def move_with_torque(
     misses = np.zeros((moving.frames, moving.joints))
     misses[:, [owners[j] for j in robot.joints]] = share[_frames(t[:end])]
     drawn = {name: y[:end] for name, y in lines(joint).items()}
-    return replace(moving, torque=Trace.of(name, unit, t[:end] - t[0], drawn, LINE), misses=misses)
+    return replace(
+        moving, torque=Trace.of(plain(name), unit, t[:end] - t[0], drawn, LINE), misses=misses
+    )
 
 
 def _look(points: Array, robot: Robot) -> Callable[[Array], Array]:

@@ -56,7 +56,7 @@ def test_the_sidecar_and_the_option_rename_and_the_option_comes_first(foreign, w
     path = write("log.csv", foreign)
     sidecar = write("side.toml", "[columns]\n'fer_(\\w+)' = '\\1'\n")
     read_recordings(path, (), known(sidecar=sidecar))
-    run = ["-v", "analyze", "two-link", str(path), "--quick", "--json", str(tmp_path / "out.json")]
+    run = ["analyze", "two-link", str(path), "-v", "--quick", "--json", str(tmp_path / "out.json")]
     out = CliRunner().invoke(app, [*run, "--map", "fer_shoulder=shoulder", "--map",
                                    r"fer_e(\w+)=e\1"])  # fmt: skip
     assert out.exit_code == 0, out.output

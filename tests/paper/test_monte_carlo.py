@@ -27,8 +27,8 @@ def test_two_processes_give_the_same_trials_as_one(monkeypatch):
 
 def test_a_printed_number_beyond_the_tolerance_differs_and_says_why():
     trials = np.array([4.4, 4.5, 4.6])
-    assert compare(trials, 4.55, 0.0, "x").value == "pass"
-    assert compare(trials, 4.8, 0.3, "x").value == "pass"
+    assert compare(trials, 4.55, 0.0, "x").badge == "pass"
+    assert compare(trials, 4.8, 0.3, "x").badge == "pass"
     cell = compare(trials, 4.8, 0.1, "seeds are unknown")
-    assert cell.value == "differs"
-    assert "differs, because seeds are unknown" in cell.reason
+    assert cell.badge == "differs"
+    assert "differs, because seeds are unknown" in cell.note

@@ -123,16 +123,16 @@ def test_the_command_writes_tables_and_a_page(analysis, make_log, tmp_path):
     make_log("two-link", "a", 3).write(tmp_path / "c.csv")
     for name in ("torque.csv", "torque.parquet"):
         words = [
-            "-v",
             "predict",
             "two-link",
+            "-v",
             result,
             log,
             tmp_path / "c.csv",
             "--out",
             tmp_path / name,
         ]
-        page = ["--report", tmp_path / "page.html", "--json", tmp_path / "errors.json"]
+        page = ["-v", "--report", tmp_path / "page.html", "--json", tmp_path / "errors.json"]
         out = CliRunner().invoke(app, [*map(str, words + page)])
         assert out.exit_code == 0, out.output
         assert "By the model" in " ".join(out.output.split())
