@@ -381,7 +381,7 @@ def test_a_log_that_contradicts_the_files_bodies_says_so():
 
 @pytest.mark.parametrize(
     ("factor", "said"),
-    [(0.01, "errs by"), (5.0, "contradict the motion"), (30.0, "contradict the motion")],
+    [(0.01, "errs by"), (5.0, "contradict the motion"), (30.0, "30 times the torque")],
 )
 def test_gains_that_contradict_the_motion_are_refused(arm, frames, tmp_path, factor, said):
     shutil.copy(arm.path, tmp_path / "arm.xml")

@@ -116,6 +116,24 @@ class CommandedRobot:
         """Return the servos; gains may be among the numbers of the joints."""
         return self.servo.having(numbers)
 
+    @property
+    def trees(self) -> np.ndarray:
+        """Which tree behind the base each joint is of, (n,) int: none moves another's."""
+        return self._trees([int(self.model.dof_bodyid[dof]) for dof in self.dofs])
+
+    def trees_of(self, bodies: Sequence[str]) -> np.ndarray:
+        """Return which tree each body is of, (m,) int."""
+        return self._trees([self.model.body(name).id for name in bodies])
+
+    def _trees(self, bodies: Sequence[int]) -> np.ndarray:
+        m, found = self.model, []
+        for body in bodies:
+            at = body
+            while int(m.body_weldid[m.body_parentid[at]]):
+                at = int(m.body_parentid[at])
+            found.append(at)
+        return np.array(found, int)
+
     def numbers(self) -> dict[str, Array]:
         """Return armature, damping, dry friction and offset of the joints, each (n,)."""
         m, k = self.model, self.dofs

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from identifiability.effects.nominal import rigid_torque
 from identifiability.estimation.rollouts import (
     Gains,
     Rollouts,
-    by_name,
     contradicted,
     fit_gains,
     fit_rollouts,
@@ -98,6 +98,8 @@ def follow_commands(
     hints = tuple(hint for hint in recordings.hints if hint not in earlier)
     if robot.servo is None or not commanded:
         return recordings
+    if first is None:
+        refuse_scale(structure, commanded, how)
     known, own = robot.servo.delay, [log.select(robot.joints) for log in commanded]
     try:
         found = fit_rollouts(robot, own, delay=known, fitted=values)
@@ -220,6 +222,45 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     (lost,) = np.nonzero(share > ESTIMATION_RULES.rollout_contradicted)
     each = [f"'{robot.joints[j]}' ({100 * share[j]:.0f} %)" for j in lost]
     return f"{phrase('rollouts', 'lost', joints=each)} " if each else ""
+
+
+def refuse_scale(structure: Structure, logs: Sequence[Log], how: Preparation) -> None:
+    """Refuse gains that make many times the torque that bodies of the file need, before long work.
+
+    Each joint's torque is a multiple of what the file's bodies need, and what its rotor, friction
+    and offset add. It is one where gains are right, hardly feels the delay, and noise makes it
+    less. Rollouts of servos so stiff take minutes.
+
+    Raises
+    ------
+    LogError
+    """
+    robot, servo = structure.robot, structure.robot.servo
+    assert servo is not None
+    endless = np.full(len(robot.joints), np.inf)
+    free = replace(servo, low=-endless, high=endless)
+    across, along, count = 0.0, 0.0, 0
+    for log in logs:
+        raw = servo_log(log, free, log.servo_delay or 0.0)
+        samples = prepare_log(robot, replace(raw, unmeasured=None), how)
+        motion, needed = samples.motion, rigid_torque(robot, samples.motion)
+        for j, tau in enumerate(samples.tau.T):
+            v, a = motion.actuated_v[:, j], motion.actuated_a[:, j]
+            own = np.column_stack([np.ones(len(v)), v, a, np.sign(v)])
+            Q = np.linalg.qr(own)[0]
+            x, y = (z - Q @ (Q.T @ z) for z in (needed[:, j], tau))
+            size = float(y @ y) or 1.0
+            along, across = along + float(x @ y) / size, across + float(x @ x) / size
+            count += 1
+    # Share of a torque that bodies explain beside rotors, friction and offsets.
+    if across <= 0 or along**2 < 0.1 * count * across:
+        return
+    many = along / across
+    # A servo that makes so many times the torque that the file's bodies need has other gains.
+    if many > 5.0:
+        told = {"names": [log.name for log in logs], "file": robot.path.name, "many": many}
+        gains = {"joint": robot.joints[0], "kp": servo.kp[0], "kv": servo.kv[0]}
+        raise LogError(Finding("servos.scale", servo.source, **told, **gains))
 
 
 @frozen
@@ -401,12 +442,27 @@ class Bodies:
             out |= dict(zip((f"{body}.{k}" for k in GROUPED_KINDS), phi.tolist(), strict=True))
         return out
 
+    def scaled(self, e: Array, by: float) -> Array:
+        """Return the coordinates of bodies that are so many times as heavy and alike."""
+        one = np.tile(np.eye(4)[_UPPER], len(self.names))
+        return np.asarray(np.sqrt(by) * (one + e) - one)
+
     def rows(self, e: Array, numbers: Mapping[str, Array]) -> Array:
         """Return how far bodies and stated parameters are from what is believed, (r,) [σ]."""
         near = (e.reshape(-1, 10) / self.shares[:, None]).ravel()
-        found = {**self.values(e), **by_name(self.robot, numbers)}
-        stated = ((found[k], at) for k, at in self.robot.prior.items() if k in found)
-        return np.array([*near, *((x - mean) / sd for x, (mean, sd) in stated)])
+        joints = {
+            f"{joint}.{self.robot.inertia_parts[0] if kind == 'Ia' else kind}": x
+            for kind, values in numbers.items()
+            for joint, x in zip(self.robot.joints, values, strict=True)
+        }
+        found = {**(self.values(e) if self._stated else {}), **joints}
+        return np.array([*near, *((found[k] - m) / s for k, (m, s) in self._stated.items())])
+
+    @cached_property
+    def _stated(self) -> dict[str, tuple[float, float]]:
+        joints = {f"{j}.{k}" for j in self.robot.joints for k in ("Ia", "Ja", "Fv", "Fc", "off")}
+        known = {f"{b}.{k}" for b in self.names for k in GROUPED_KINDS} | joints
+        return {name: at for name, at in self.robot.prior.items() if name in known}
 
 
 def select(robot: Robot, logs: Iterable[Log]) -> list[Log]:
