@@ -188,7 +188,7 @@ def settle_robot(
     """
     submodel, fit = model.submodel, model.estimate
     free = held_out.refit(fit, submodel.M, submodel.fixed)
-    score = held_out.score(free)
+    score = held_out.score(free, held_out.roots(fit, submodel.M))
     weight = WEAK if cad_weight is None and not choose else cad_weight
     tried = [w for w in WEIGHTS if w <= heaviest] if weight is None else [weight or WEIGHTS[-1]]
     chosen = choose_prior(model, held_out, score, tried)
