@@ -560,6 +560,7 @@ def map_parts(
     parts: Sequence[LogPart],
     engine: Engine | None = None,
     progress: Steps | None = None,
+    here: Callable[[LogPart], Result] | None = None,
 ) -> Iterator[Result]:
     """Yield ``function(part)`` for every part of a regression, in order.
 
@@ -572,10 +573,12 @@ def map_parts(
         Where stretches of long logs are worked on; logs in memory are worked on here.
     progress : callable(int, int), optional
         Called with the number of parts done and to do.
+    here : callable, optional
+        Instead of the function for logs in memory.
     """
     remote = [p for p in parts if p.remote]
     found = (engine or Serial()).map(function, remote) if remote else iter(())
     for done, part in enumerate(parts, 1):
-        yield next(found) if part.remote else function(part)
+        yield next(found) if part.remote else (here or function)(part)
         if progress is not None:
             progress(done, len(parts))
