@@ -103,6 +103,6 @@ def test_a_long_file_is_mended_alike_wherever_it_is_read(frame, tmp_path, form):
         assert origin <= first < last
         np.testing.assert_array_equal(part.tau, whole.tau[origin : origin + len(part)])
         np.testing.assert_array_equal(part.q, whole.q[origin : origin + len(part)])
-    cut = mended.cut(295, 800, "cut")
+    cut = mended.rows(295, 800, "cut")
     np.testing.assert_array_equal(cut.rows(0, 505).q, whole.q[295:800])
     assert np.abs(whole.tau).max() < 1e3

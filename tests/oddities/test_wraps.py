@@ -38,7 +38,7 @@ def test_long_files_are_unwrapped_alike(turning, tmp_path):
     assert hint.startswith("turning.csv: angles jump by a whole turn")
     assert np.allclose(file.rows(0, 900).q, turning.q, atol=1e-12)
     assert np.allclose(file.rows(400, 500).q, turning.q[400:500], atol=1e-12)
-    assert np.allclose(file.cut(300, 700, "part").rows(50, 90).q, turning.q[350:390], atol=1e-12)
+    assert np.allclose(file.rows(300, 700, "part").rows(50, 90).q, turning.q[350:390], atol=1e-12)
 
 
 @pytest.mark.parametrize("piece", [1, 7, 100])

@@ -192,7 +192,7 @@ def test_a_long_file_with_gaps_is_read_as_a_short_one(two, tmp_path, monkeypatch
 def test_gaps_of_a_part_of_a_file_are_counted_from_its_first_row(tmp_path):
     path = tmp_path / "log.parquet"
     frame(without(3000, (999, 5), (1999, 50))).to_parquet(path, index=False)
-    whole, part = Log.scan(path), Log.scan(path).cut(900, 2500, "part").cut(10, 1500, "p")
+    whole, part = Log.scan(path), Log.scan(path).rows(900, 2500, "part").rows(10, 1500, "p")
     t = Log.read(path).t
     found = Gaps.of("p", part.clock, [part.rows(0, len(part)).t])
     assert found.rows.tolist() == [999 - 910, 1994 - 910]

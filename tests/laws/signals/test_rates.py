@@ -144,11 +144,11 @@ def test_a_long_file_of_several_rates_is_read_as_a_short_one(tmp_path, monkeypat
     path = tmp_path / "log.parquet"
     q, tau = 0.002 * np.arange(4000) + 0.0007, 0.01 * np.arange(790) + 0.0031
     merged(topic(q, "q"), topic(tau, "tau")).to_parquet(path)
-    short = Log.open(path)
+    short = Log.read(path)
     monkeypatch.setattr(tables, "LONG", 100)
-    long = Log.open(path)
+    long = Log.read(path)
     assert long.notes == short.notes
     np.testing.assert_array_equal(long.q, short.q)
     monkeypatch.setattr(tables, "MOST", 100)
     with pytest.raises(LogError, match=r"log.parquet has columns at rates of their own and is too"):
-        Log.open(path)
+        Log.read(path)

@@ -40,7 +40,7 @@ def test_logs_that_overlap_or_do_not_say_when_share_none(other):
 
 def test_parts_of_one_log_are_of_one_clock():
     whole = log("a", 5.0)
-    assert starts(whole.cut(0, 20, "a"), whole.cut(20, 40, "b")) == [0.0, 0.0]
+    assert starts(whole.rows(0, 20, "a"), whole.rows(20, 40, "b")) == [0.0, 0.0]
 
 
 def test_the_start_comes_with_the_motion_and_not_with_values(tmp_path):

@@ -72,7 +72,7 @@ def test_times_since_1970_count_from_the_first(unit):
     log = read(frame.assign(t=given))
     np.testing.assert_allclose(log.t, frame["t"], rtol=0, atol=5e-7)
     assert log.start == pytest.approx(since, abs=1e-6)
-    assert log.cut(10, 90, "part").start == log.start
+    assert log.rows(10, 90, "part").start == log.start
     assert "the times count from 1970" in log.notes[-1]
     assert len(log.notes) == 1 + (unit != "s")
 
@@ -136,7 +136,7 @@ def test_a_long_file_has_the_times_of_a_short_one(form, times, tmp_path):
     assert (long.clock.first, long.clock.last) == (short.t[0], short.t[-1])
     assert long.notes == short.notes != ()
     assert (times == "ms") == (short.start is None)
-    assert long.start == long.rows(5, 50).start == long.cut(5, 50, "part").start == short.start
+    assert long.start == long.rows(5, 50).start == long.rows(5, 50, "part").start == short.start
 
 
 @pytest.mark.parametrize(("rate", "of_commands"), [(125, 50), (100, 60), (500, 30), (1000, 7.3)])
