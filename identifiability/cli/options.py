@@ -274,7 +274,7 @@ def _flattened(
 
     def called(**typed: Any) -> None:
         with sentences():
-            _look(typed, options)
+            _look(function.__name__, typed, options)
             read = {name: option.read(typed[name]) for name, option in options.items()}
             read |= _read_settings(settings, tables, read.pop(SET.name, ()), typed)
             given = {name: build(field, read, None) for name, field in own.items()}
@@ -327,22 +327,27 @@ class Command(typer.core.TyperCommand):
 # What is looked at before anything large is imported: are files there, can they be written?
 
 
-def _look(typed: Mapping[str, Any], options: Mapping[str, Field]) -> None:
+def _look(verb: str, typed: Mapping[str, Any], options: Mapping[str, Field]) -> None:
     """Refuse what is not there or cannot be written, in no time.
 
     Raises
     ------
     IdentifiabilityError
     """
+    from identifiability.foundation.output import check_kind  # noqa: PLC0415
+
     given = [(o, typed[n]) for n, o in options.items() if typed.get(n) not in (None, [])]
     reads = [(mark, value) for o, value in given for mark in o.marks(Reads)]
-    writes = [(mark, value) for o, value in given for mark in o.marks(Writes)]
+    writes = [(o.name, mark, value) for o, value in given for mark in o.marks(Writes)]
     logs, results = _recordings(typed, options)
     robot = typed.get("robot") or None
     inputs = [robot, typed.get("sidecar"), *logs, *results, *(value for _, value in reads)]
-    check_outputs(*(value for mark, value in writes if mark.endings), inputs=inputs)
-    for ends, value in writes:
+    check_outputs(*(value for _, mark, value in writes if mark.endings), inputs=inputs)
+    kinds = helps()["results"]
+    for name, ends, value in writes:
         ends.check(value)
+        if value.suffix.lower() in (".json", ".html", ".htm") and (name in kinds or verb in kinds):
+            check_kind(value, kinds.get(name) or kinds[verb])
     if robot is not None:
         from identifiability.robot.locate import locate_robot  # noqa: PLC0415
 

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import field, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import accumulate, pairwise
+from typing import cast
 
 import numpy as np
 import pandas as pd
@@ -83,8 +83,6 @@ class Cause:
         What a unit of each does along rows.
     before : float
         What all logs together say of the value; NaN where nothing does.
-    size : (k,)
-        What makes the values relative to the torque of the joints, where rows do not tell that.
     """
 
     kind: str
@@ -94,7 +92,6 @@ class Cause:
     units: tuple[str, ...]
     torque: ByJoint
     before: float = np.nan
-    size: Array = field(default_factory=lambda: np.empty(0))
 
     @property
     def title(self) -> str:
@@ -112,11 +109,9 @@ class Cause:
         """Return what makes values relative: to the friction, or to torque of joints of (n,)."""
         if self.relative:
             return np.array([1.0 / abs(self.before)])
-        if self.size.size:
-            return self.size
         square = np.zeros(len(self.names))
         for j, x in self.torque.items():
-            acts = max(int(np.count_nonzero(x.any(1))), 1)
+            acts = max(np.count_nonzero(x.any(1)), 1)
             square += np.sum(x**2, axis=0) / (acts * max(size[j] ** 2, 1e-300))
         if self.kind == "load":  # its parameters are as a compact body has them
             typical = np.array([LOAD[kind] for kind in KINDS[: len(self.names)]])
@@ -141,28 +136,29 @@ def find_causes(
     bodies : sequence of str
         That may carry a load.
     """
-    robot, parameters = structure.robot, structure.parameters
-    at = {name: k for k, name in enumerate(structure.columns)}
+    robot, G = structure.robot, structure.G
+    at = {p.name: k for k, p in enumerate(structure.parameters)}
+    units = [p.unit for p in structure.parameters]
     value = dict(zip(structure.base.names, base.tolist(), strict=True))
     out = []
     for body in bodies:  # all ten parameters, the weight first
-        columns = [at[f"{body}.{kind}"] for kind in KINDS]
-        units = tuple(parameters[k].unit for k in columns)
-        torque = _by_joint(X @ structure.G[:, columns])
-        out.append(Cause("load", "payload", body, KINDS, units, torque))
+        own = [at[f"{body}.{kind}"] for kind in KINDS]
+        torque = _by_joint(X @ G[:, own])
+        out.append(Cause("load", "payload", body, KINDS, tuple(units[k] for k in own), torque))
     for joint, found in structure.friction.items():
         for members, signs in found:
-            names, first = [structure.columns[k] for k in members], parameters[members[0]]
+            names = [structure.columns[k] for k in members]
+            family = _friction_name(structure.parameters[members[0]].kind)
+            torque = _by_joint((X @ (G[:, members] @ np.array(signs)))[:, :, None])
             before = float(np.mean([value.get(name, np.nan) for name in names]))
-            torque = _by_joint((X @ (structure.G[:, members] @ np.array(signs)))[:, :, None])
-            what = "friction", _friction_name(first.kind), joint, (" = ".join(names),)
-            out.append(Cause(*what, (first.unit,), torque, before))
+            said = (" = ".join(names),), (units[members[0]],)
+            out.append(Cause("friction", family, joint, *said, torque, before))
     every = X @ base
     for j, (joint, unit) in enumerate(zip(robot.joints, robot.torque_units, strict=True)):
-        ones, own = ({j: x[:, [j]].astype(float)} if x[:, j].any() else {} for x in (data, every))
+        ones, torque = {j: data[:, [j]].astype(float)}, {j: every[:, [j]]}
         out += [
             Cause("offset", "torque_offset", joint, (f"{joint}.off",), (unit,), ones),
-            Cause("gain", "torque gain", joint, (f"{joint}.gain",), ("1",), own, 1.0),
+            Cause("gain", "torque gain", joint, (f"{joint}.gain",), ("1",), torque, 1.0),
         ]
     return out
 
@@ -192,13 +188,13 @@ def find_further(
     motions = [piece.motion for piece in seen.pieces]
     every, _ = list_candidates(robot, find_families(families), (), motions, fixed=True)
     listed = [c for c in every if not places or c.place in places]
-    entries, out = seen.entries(listed), []
-    none = np.zeros(len(seen.y))
+    entries, none, out = seen.entries(listed), np.zeros(len(seen.y)), []
     for c in listed:
         units = {p.kind: p.unit for p in c.effect.parameters(robot) if p.owner == c.place}
         kind = KIND_OF.get(c.family.name, "friction")
-        for at in [range(len(WEIGHT))] if kind == "load" else [[k] for k in range(len(c.kinds))]:
-            kinds, columns = zip(*[(c.kinds[k], c.columns[k]) for k in at], strict=True)
+        each = [slice(k, k + 1) for k in range(len(c.kinds))]
+        for at in [slice(len(WEIGHT))] if kind == "load" else each:
+            kinds, columns = c.kinds[at], c.columns[at]
             joints = sorted({j for j, k in entries if k in columns})
             torque = {j: np.stack([entries.get((j, k), none) for k in columns], 1) for j in joints}
             family = _friction_name(kinds[0]) if kind == "friction" else c.family.name
@@ -248,6 +244,8 @@ class LogRows:
     log, less : (N,) int
         Which log, or part of one, a row is of, and which was taken off it; −1 where none was.
     causes : tuple of Cause
+    names : tuple of (b,) str
+        Of the columns, where they are base parameters.
     """
 
     X: Array
@@ -257,6 +255,7 @@ class LogRows:
     log: np.ndarray
     less: np.ndarray
     causes: tuple[Cause, ...]
+    names: tuple[str, ...] = ()
 
     @staticmethod
     def of(structure: Structure, seen: Excerpt, base: Array, bodies: Sequence[str]) -> LogRows:
@@ -266,15 +265,22 @@ class LogRows:
         places = {a.name for a in structure.robot.passive_axes} - set(structure.friction)
         if places:
             causes += find_further(structure.robot, seen, ["passive_joint_friction"], places)
-        return LogRows.along(seen, seen.X, seen.log, causes)
+        return LogRows.along(seen, seen.X, seen.log, causes, structure.base.names)
 
     @staticmethod
-    def along(seen: Excerpt, X: Array, log: np.ndarray, causes: Sequence[Cause]) -> LogRows:
+    def along(
+        seen: Excerpt,
+        X: Array,
+        log: np.ndarray,
+        causes: Sequence[Cause],
+        names: tuple[str, ...] = (),
+    ) -> LogRows:
         """Return rows with columns (N, n, b), of logs or parts of them."""
         counts = np.maximum(seen.data.sum(0), 1)
         size = np.sqrt(np.sum(seen.raw**2 * seen.data, axis=0) / counts)
-        what = {"size": size, "runs": seen.runs, "less": np.full(len(log), -1)}
-        return LogRows(X=X, y=seen.y, log=log, causes=tuple(c for c in causes if c.torque), **what)
+        what = {"size": size, "runs": seen.runs, "less": np.full(len(log), -1), "names": names}
+        acting = (c for c in causes if any(x.any() for x in c.torque.values()))
+        return LogRows(X=X, y=seen.y, log=log, causes=tuple(acting), **what)
 
     @cached_property
     def starts(self) -> np.ndarray:
@@ -330,10 +336,27 @@ class Patterned:
 
 
 @frozen
+class LogGroup(Group):
+    """A group that acts in some logs alone.
+
+    Attributes
+    ----------
+    causes : tuple of int
+        None where the model lacks something in all logs.
+    pattern : int
+        In which logs.
+    """
+
+    causes: tuple[int, ...] = ()
+    pattern: int = 0
+
+
+@frozen
 class LogModel(MixedModel):
     """A mixed model of columns that act in parts of the rows."""
 
     products: Patterned  # type: ignore[assignment]
+    groups: tuple[LogGroup, ...]
 
     def values(self, terms: Terms = ()) -> tuple[np.ndarray, Array, Array]:
         """Return columns, values and covariance."""
@@ -346,44 +369,6 @@ class LogModel(MixedModel):
         """Of the rows, whether nothing changed or one of the groups."""
         odds = [t.odds for t in self.gains()]
         return self.solve().log_likelihood + float(logsumexp([0.0, *odds]))
-
-    def widened(self, terms: Terms, at: np.ndarray) -> tuple[Array, Array]:
-        """Return some of the fixed values (k,) and their covariance, with the doubt of one more.
-
-        Every further group counts by its probability, with the shift that it would cause.
-        """
-        _, value, covariance = self.values(terms)
-        value, covariance = value[at], covariance[np.ix_(at, at)]
-        doubt = np.zeros_like(covariance)
-        for term, weight in self.alternatives(terms):
-            _, other, wider = self.values((*terms, term))
-            shift = other[at] - value
-            doubt += weight * (np.outer(shift, shift) + wider[np.ix_(at, at)] - covariance)
-        return value, covariance + doubt
-
-
-@frozen
-class Span:
-    """Columns of the model: a cause × the ways in which logs may have it.
-
-    Attributes
-    ----------
-    cause, pattern : int
-        Whose, and of which pattern; −1 for the friction of one log, a nuisance.
-    ways : (w,) int
-        Among the weights of all patterns.
-    at : (w, k) int
-        Columns of the model, those of the cause in each way.
-    """
-
-    cause: int
-    pattern: int
-    ways: np.ndarray
-    at: np.ndarray
-
-
-#: What a group says: causes, and the pattern of logs; no causes where the model lacks something.
-Said = tuple[tuple[int, ...], int]
 
 
 @frozen(kw_only=True)
@@ -414,149 +399,135 @@ class Differences:
 
     @cached_property
     def weights(self) -> Array:
-        """Of each block of rows in all rows alike, in each pattern, and in each log, (P, B)."""
+        """Of each block of rows in all rows alike, in each log, and in each pattern, (P, B)."""
         log, less = (x[self.rows.starts] for x in (self.rows.log, self.rows.less))
         each = np.eye(self.patterns[0].shape[1])
         drift = each[:, log] - np.where(less < 0, 0.0, each[:, less])
-        return np.concatenate([np.ones((1, len(log))), *(x[:, log] for x in self.patterns), drift])
+        return np.concatenate([np.ones((1, len(log))), drift, *(x[:, log] for x in self.patterns)])
+
+    @property
+    def begins(self) -> list[int]:
+        """The first column of each cause in rows, after the model's; and where they end."""
+        counts = (len(c.names) for c in self.rows.causes)
+        return list(accumulate(counts, initial=len(self.known.precision)))
 
     @cached_property
-    def spans(self) -> tuple[Span, ...]:
-        """Columns beside those of the model, nuisances first."""
-        causes, ends = self.rows.causes, np.cumsum([1, *map(len, self.patterns)])
-        ways = list(map(np.arange, ends[:-1], ends[1:]))
-        logs = range(ends[-1], len(self.weights))
-        every = [(k, -1, np.array([n])) for k, c in enumerate(causes) if c.relative for n in logs]
-        every += [(k, w, own) for w, own in enumerate(ways) for k in range(len(causes))]
-        out, stop = list[Span](), len(self.known.precision)
-        for k, w, own in every:
-            count = len(own) * len(causes[k].names)
-            out.append(Span(k, w, own, stop + np.arange(count).reshape(len(own), -1)))
-            stop += count
-        return tuple(out)
+    def layout(self) -> tuple[np.ndarray, np.ndarray, int, tuple[LogGroup, ...]]:
+        """Columns of the model: which of the rows each is, in which pattern; how many are fixed.
 
-    @cached_property
-    def said(self) -> dict[tuple[str, str], tuple[Group, Said]]:
-        """Each group by its key, and what it says.
-
-        Families, and places of each, share the prior odds; half of those of a place are that the
-        logs which are asked about have it.
+        And groups: families, and places of each, share the prior odds; half of those of a place are
+        that the logs which are asked about have it.
         """
-        causes, count = self.rows.causes, len(self.patterns)
-        found: dict[tuple[int, str], list[Span]] = {}
-        for s in self.spans:
-            if s.pattern >= 0:
-                found.setdefault((s.pattern, causes[s.cause].family), []).append(s)
-        families = len({family for _, family in found})
-        out: dict[tuple[str, str], tuple[Group, Said]] = {}
-        for (w, family), own in found.items():
-            share = 1.0 if count == 1 else 0.5 if w == 0 else 0.5 / (count - 1)
-            everywhere = len(own) > 1 and family != "payload" and len(self.patterns[w]) == 1
-            price = float(np.log(families * (len(own) + everywhere) / share))
-            members = [(own, (np.concatenate([s.at[0] for s in own]),))] if everywhere else []
-            for s in own:
-                more = [s.at[:, : len(WEIGHT)]] if s.at.shape[1] > len(WEIGHT) else []
-                members.append(([s], tuple(x for x in zip(*more, s.at, strict=True) for x in x)))
-            for some, columns in members:
-                place = causes[some[0].cause].place if len(some) == 1 else EVERYWHERE
-                group = Group(f"{family}, {w}", place, columns, price)
-                out[group.key] = group, (tuple(s.cause for s in some), w)
+        causes, begins, logs = self.rows.causes, self.begins, self.patterns[0].shape[1]
+        column, pattern = list(range(begins[0])), [0] * begins[0]
+
+        def act(cause: int, row: int) -> np.ndarray:
+            own = range(begins[cause], begins[cause + 1])
+            column.extend(own)
+            pattern.extend([row] * len(own))
+            return np.arange(len(column))[-len(own) :]
+
+        for k, cause in enumerate(causes):  # the drift of friction is a nuisance
+            for row in range(1, logs + 1) if cause.relative else ():
+                act(k, row)
+        fixed, groups, row = len(column), list[LogGroup](), logs + 1
+        places, rest = Counter(c.family for c in causes), len(self.patterns) - 1
+        for w, ways in enumerate(self.patterns):
+            share = 0.5 / rest if w else 0.5 if rest else 1.0
+            members = [[act(k, row + way) for way in range(len(ways))] for k in range(len(causes))]
+            row += len(ways)
+            for family, count in places.items():
+                own = tuple(k for k, c in enumerate(causes) if c.family == family)
+                whole = count > 1 and family != "payload" and len(ways) == 1
+                price = float(np.log(len(places) * (count + whole) / share))
+                name = f"{family}, {w}"
+                for k in own:
+                    # Of a load first what its weight tells.
+                    more = [at[: len(WEIGHT)] for at in members[k] if len(at) > len(WEIGHT)]
+                    some = (*more, *members[k])
+                    groups.append(LogGroup(name, causes[k].place, some, price, False, (k,), w))
+                if whole:
+                    every = (np.concatenate([members[k][0] for k in own]),)
+                    groups.append(LogGroup(name, EVERYWHERE, every, price, False, own, w))
         if self.lacks:
-            shift = int(self.spans[-1].at.max()) + 1 - self.lacks.fixed
+            shift = len(column) - self.lacks.fixed
             for g in self.lacks.groups:
-                out[g.key] = replace(g, members=tuple(at + shift for at in g.members)), ((), 0)
-        return out
+                some = tuple(at + shift for at in g.members)
+                groups.append(LogGroup(g.family, g.place, some, g.price, g.positive))
+            column += range(begins[-1], begins[-1] + len(self.lacks.scale))
+        torque = begins[-1] + (len(self.lacks.scale) if self.lacks else 0)
+        column.append(torque)
+        pattern += [0] * (len(column) - len(pattern))
+        return np.array(column), np.array(pattern), fixed, tuple(groups)
 
     @cached_property
     def model(self) -> LogModel:
-        """The mixed model of the rows."""
-        rows, known, lacks, causes = self.rows, self.known, self.lacks, self.rows.causes
-        p, more = len(known.precision), np.empty(0) if lacks is None else lacks.scale
-        first = np.cumsum([p, *(len(c.names) for c in causes)]).tolist()
-        last, blocks = first[-1] + len(more), np.arange(len(rows.starts))
+        """The mixed model of the rows, with the likeliest size of the drift."""
+        column, pattern, fixed, groups = self.layout
+        both, known = Patterned(self._products(), column, pattern, self.weights), self.known
+        sizes = [c.scale(self.rows.size) for c in self.rows.causes]
+        sizes = [known.precision, *sizes, *([self.lacks.scale] if self.lacks else [])]
+        scale = np.concatenate(sizes)[column[:-1]]
+        diagonal = np.diag(both.between(np.arange(fixed), np.arange(fixed)))
+        drift = scale[len(known.precision) : fixed].copy()
+        scale[:fixed] = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+        none = np.where(diagonal > 0, 0.0, np.finfo(float).eps)  # what does not act is no value
+        found = []
+        for size in DRIFTS if drift.size else DRIFTS[:1]:
+            prior = np.diag(none + np.append(known.precision, (drift / size) ** 2))
+            model = LogModel(both, fixed, groups, scale, prior, CHANGES)
+            found.append((model.likelihood - drift.size * np.log(size), model))
+        return max(found, key=lambda x: x[0])[1]
+
+    def _products(self) -> Array:
+        """Return the products of whitened rows by block, (B, c + 1, c + 1)."""
+        rows, known, begins, (column, pattern, *_) = self.rows, self.known, self.begins, self.layout
+        p, end, last = begins[0], begins[-1], column[-1]
         X, y = rows.X @ known.directions, rows.y - rows.X @ known.base
-        values = np.zeros((len(blocks), last + 1, last + 1))
-        for j in range(len(rows.size)):
+        edges = [*rows.starts.tolist(), len(y)]
+        beside = np.flatnonzero((column >= p) & (column < end))
+        out = np.zeros((len(edges) - 1, last + 1, last + 1))
+        for j, runs in enumerate(rows.runs.each):
             own = np.zeros((len(y), last + 1))
             own[:, :p], own[:, last] = X[:, j], y[:, j]
-            for begin, c in zip(first, causes, strict=False):
+            for begin, c in zip(begins, rows.causes, strict=False):
                 if j in c.torque:
                     own[:, begin : begin + len(c.names)] = c.torque[j]
-            for (joint, k), x in lacks.entries.items() if lacks else ():
+            for (joint, k), x in self.lacks.entries.items() if self.lacks else ():
                 if joint == j:
-                    own[:, first[-1] + k] = x
+                    own[:, end + k] = x
             acts = np.append(np.flatnonzero(own[:, :last].any(0)), last)
-            values[np.ix_(blocks, acts, acts)] += self._products(j, own, acts, first)
-        column, pattern, unit = [np.arange(p)], [np.zeros(p, int)], [np.empty(0)]
-        for s in self.spans:
-            column.append(np.tile(np.arange(first[s.cause], first[s.cause + 1]), len(s.ways)))
-            pattern.append(np.repeat(s.ways, s.at.shape[1]))
-            unit.append(np.tile(causes[s.cause].scale(rows.size), len(s.ways)))
-        column.append(np.arange(first[-1], last + 1))
-        pattern.append(np.zeros(len(more) + 1, int))
-        both = Patterned(values, np.concatenate(column), np.concatenate(pattern), self.weights)
-        drift = sum(s.pattern < 0 for s in self.spans)
-        held, may = np.split(np.concatenate(unit), [drift])
-        fixed = np.arange(p + drift)
-        diagonal = np.diag(both.between(fixed, fixed))
-        none = np.where(diagonal > 0, 0.0, np.finfo(float).eps)  # what does not act is no value
-        tried = [
-            LogModel(
-                products=both,
-                fixed=len(fixed),
-                groups=tuple(group for group, _ in self.said.values()),
-                scale=np.concatenate([np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), may, more]),
-                prior=np.diag(none + np.concatenate([known.precision, (held / size) ** 2])),
-                sizes=CHANGES,
-            )
-            for size in DRIFTS
-        ]
-        likely = [m.likelihood - drift * np.log(x) for m, x in zip(tried, DRIFTS, strict=True)]
-        return tried[int(np.argmax(likely))]
+            level = np.full(len(out), float(self.shared))
+            if self.noise:
+                noise = self.noise[j]
+            else:
+                some = self.weights[pattern[beside]].repeat(np.diff(edges), axis=1).T
+                some = own[:, column[beside]] * some
+                noise = rich_noise([own[:, :p], some[:, some.any(0)]], y[:, j], runs)
+                if not np.isfinite(noise.sigma):  # none but that of rounding
+                    noise = JointNoise(np.empty(0), ROUNDOFF * (rows.size[j] or 1.0))
+            (part,) = whitened_information(
+                [acts], [own[:, acts]], (noise,), JointRuns((runs,)), edges
+            ).parts
+            grams = np.array([Z.T @ Z for Z in part.blocks])
+            if not self.noise:  # each log counts by its own
+                at = np.ix_(*[(acts < end) | (acts == last)] * 2)
+                for k, (a, b) in enumerate(pairwise(edges)):
+                    level[k] *= left_over(grams[k][at], int(own[a:b].any(1).sum()))
+            out[np.ix_(np.arange(len(out)), acts, acts)] += grams / level[:, None, None]
+        return out
 
-    def _products(self, joint: int, own: Array, acts: np.ndarray, first: Sequence[int]) -> Array:
-        """Return products of whitened rows of a joint by block, of columns that act in it.
-
-        Parameters
-        ----------
-        joint : int
-        own : (N, c + 1)
-            All columns, the torque last.
-        acts : (r,) int
-        first : sequence of int
-            First column of each cause.
-        """
-        runs, edges = self.rows.runs.each[joint], [*self.rows.starts.tolist(), len(own)]
-        noise = self.noise[joint] if self.noise else None
-        if noise is None:
-            some = [
-                own[:, first[s.cause] : first[s.cause + 1]]
-                * np.repeat(self.weights[s.ways[0]], np.diff(edges))[:, None]
-                for s in self.spans
-                if joint in self.rows.causes[s.cause].torque
-            ]
-            noise = rich_noise(
-                [own[:, : first[0]], np.hstack([own[:, :0], *some])], own[:, -1], runs
-            )
-            if not np.isfinite(noise.sigma):  # none but that of rounding
-                noise = JointNoise(np.empty(0), ROUNDOFF * (self.rows.size[joint] or 1.0))
-        (part,) = whitened_information(
-            [acts], [own[:, acts]], (noise,), JointRuns((runs,)), edges
-        ).parts
-        known = (acts < first[-1]) | (acts == acts[-1])
-        level = self.shared * np.ones(len(edges) - 1)
-        for k, (start, stop) in enumerate(pairwise(edges)):
-            count = sum(max(min(b, stop) - max(a, start), 0) for a, b in runs)
-            if not self.noise:
-                level[k] *= left_over(part.blocks[k][np.ix_(known, known)], count)
-        return np.asarray(part.blocks / level[:, None, None])
-
-    def values_before(self, terms: Terms) -> Array:
-        """Return the values (b,) that did not change, beside some terms."""
+    def before(self, terms: Terms) -> dict[str, float]:
+        """Return the values of base parameters that did not change, beside some terms."""
         _, value, _ = self.model.values(terms)
         known = self.known
-        before: Array = known.base + known.directions @ value[: len(known.precision)]
-        return before
+        base = known.base + known.directions @ value[: len(known.precision)]
+        return dict(zip(self.rows.names, base.tolist(), strict=False))
+
+    def told(self, term: Term) -> tuple[list[Cause], int]:
+        """Return what a group says: causes, none where the model lacks something; and where."""
+        group = cast("LogGroup", term.group)
+        return [self.rows.causes[k] for k in group.causes], group.pattern
 
     def log_of(self, pattern: int, names: Sequence[str]) -> str:
         """Return in which log alone a pattern is; nothing where it is the one asked about."""
@@ -564,21 +535,21 @@ class Differences:
 
     def describe(self, term: Term, names: Sequence[str]) -> str:
         """Return what a group is, in words."""
-        own, pattern = self.said[term.key][1]
-        if not own:
+        causes, pattern = self.told(term)
+        if not causes:
             return f"{describe_term(term)} that the model lacks"
         where = f" in {self.log_of(pattern, names)}" if pattern else ""
-        return f"{self.rows.causes[own[0]].title} of {place_of(term)}{where}"
+        return f"{causes[0].title} of {place_of(term)}{where}"
 
 
 def left_over(gram: Array, count: int) -> float:
     """Return the variance that so many rows leave of their last column; 1 where they are few."""
-    size = np.sqrt(np.where(np.diag(gram) > 0, np.diag(gram), 1.0))
-    unit = gram / np.outer(size, size)
-    along = Normal.ridged(unit[:-1, :-1], unit[:-1, -1]).half
     columns = np.count_nonzero(np.diag(gram)[:-1])
     if count - columns <= Thresholds.outputs_per_parameter * columns:
         return 1.0
+    size = np.sqrt(np.where(np.diag(gram) > 0, np.diag(gram), 1.0))
+    unit = gram / np.outer(size, size)
+    along = Normal.ridged(unit[:-1, :-1], unit[:-1, -1]).half
     return max(float(gram[-1, -1] * (1.0 - along @ along)) / (count - columns), THIN)
 
 
@@ -624,8 +595,6 @@ def pooled_values(X: Array, y: Array, M: Array, fixed: Array) -> Array:
 # `Change`: what differs, of which size, where and when; and what it may be instead.
 
 
-#: Where something is that is at all places.
-ALL_JOINTS = "all joints"
 #: What a change is called that cannot be told apart, and parameters, at most.
 NAMED = 6
 
@@ -744,9 +713,7 @@ def table_changes(changes: Sequence[Change], caption: str) -> Table:
     return frame_table(own.rename(columns={"log_odds": "log odds", "logs": "in"}), caption)
 
 
-def find_changes(
-    found: Differences, terms: Terms, names: Sequence[str], before: Mapping[str, float]
-) -> tuple[Change, ...]:
+def find_changes(found: Differences, terms: Terms, names: Sequence[str]) -> tuple[Change, ...]:
     """Return what terms say of logs, the surest first; kinds of friction at one place together.
 
     Parameters
@@ -755,27 +722,24 @@ def find_changes(
     terms : tuple of Term
     names : sequence of str
         Of the logs, or of those that parts are of.
-    before : mapping
-        Values of parameters that did not change.
     """
-    model, causes = found.model, found.rows.causes
+    model, before = found.model, found.before(terms)
     columns, value, covariance = model.values(terms)
     together: dict[tuple[str, str, int], list[int]] = {}
     for k, term in enumerate(terms):
-        own, pattern = found.said[term.key][1]
-        if own:
-            together.setdefault((causes[own[0]].kind, place_of(term), pattern), []).append(k)
+        causes, pattern = found.told(term)
+        if causes:
+            together.setdefault((causes[0].kind, place_of(term), pattern), []).append(k)
     out = []
     for (kind, place, pattern), which in together.items():
-        parts = [causes[c] for k in which for c in found.said[terms[k].key][1][0]]
+        parts = [cause for k in which for cause in found.told(terms[k])[0]]
         at = [columns.tolist().index(c) for k in which for c in terms[k].columns]
         sizes, spread = value[at], covariance[np.ix_(at, at)]
-        levels = np.array([before.get(c.names[0]) or c.before for c in parts])
-        share, share_sd = _share(parts, levels, sizes, spread)
         title = parts[0].title if len({c.family for c in parts}) == 1 else kind
         others = [
             found.describe(r, names) for k in which for r in model.rivals(terms, k) if r.odds > 0
         ]
+        share, share_sd = _share(parts, before, sizes, spread)
         out.append(
             Change(
                 kind=kind,
@@ -797,11 +761,12 @@ def find_changes(
 
 
 def _share(
-    parts: Sequence[Cause], before: Array, sizes: Array, spread: Array
+    parts: Sequence[Cause], before: Mapping[str, float], sizes: Array, spread: Array
 ) -> tuple[float, float]:
     """Return by which share the torque of a change grew, and its standard deviation."""
-    if parts[0].kind == "offset" or not (np.abs(before) > 0).all():
+    level = np.array([before.get(c.names[0]) or c.before for c in parts])
+    if parts[0].kind == "offset" or not (np.abs(level) > 0).all():
         return float("nan"), float("nan")
     rms = np.array([np.sqrt(sum(np.mean(x**2) for x in c.torque.values())) for c in parts])
-    slope = rms * np.sign(before) / float(np.abs(before) @ rms)
+    slope = rms * np.sign(level) / float(np.abs(level) @ rms)
     return float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))

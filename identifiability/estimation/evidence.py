@@ -18,11 +18,12 @@ What to use when:
 - *A veto or a statement* on logs that are held out: ``HeldOut.of(validation, noise)`` and
   ``score(value)``: one model for all folds, and folds do not share data.
 
-The predictive log density of a fold is that of its torque under ``τ ~ N(W φ, S)`` with the values φ
-that were fitted to its rest, so that what these do not know costs what it makes them miss; noise
-``S = σ² κ`` of each joint (its memory κ tempers the likelihood as the weights of the fit do), up to
-a constant that accounts with the same noise share: judge both with the noise of the richer. Each
-fold leaves out the noise's memory on both sides.
+The predictive log density of a fold is that of its torque under ``τ ~ N(W φ, S + W Σ Wᵀ)`` with
+the values φ that were fitted to its rest and their errors Σ, where these are given; noise ``S = σ²
+κ`` of each joint (its memory κ tempers the likelihood as the weights of the fit do), up to a
+constant that accounts with the same noise share: judge both with the noise of the richer. Without
+the errors one fold in which the motion is another decides how much of a file is believed. Each fold
+leaves out the noise's memory on both sides.
 
 A gain is ``Σ ln p_A - ln p_B`` [nats], or ``ln(e_B / e_A)`` of the error over each joint's own
 scale, so that A against B is minus B against A. Folds share the data of their fits, and standard
@@ -195,10 +196,10 @@ class Score:
 
     Attributes
     ----------
+    density : (F,) [nats]
+        Predictive log density, up to a constant.
     squares : (F, n) [(N·m)² or N²]
         Sums of squared errors.
-    noise : (n,) [torque²]
-        σ² κ of each joint.
     variation : (n,) [(N·m)² or N²]
         Sum of squares of each joint's torque about its mean, over all folds: its own scale. A joint
         without any has no say.
@@ -206,21 +207,15 @@ class Score:
         Samples predicted over samples fitted; 0 where nothing was fitted anew.
     """
 
+    density: Array
     squares: Array
-    noise: Array
     variation: Array
     ratio: float
 
     @cached_property
-    def density(self) -> Array:
-        """Predictive log density of each fold up to a constant, (F,) [nats]."""
-        found: Array = -0.5 * self.squares @ (1.0 / self.noise)
-        return found
-
-    @cached_property
     def shares(self) -> Array:
         """Squared errors of each fold over each joint's own scale, (F,)."""
-        acts = self.variation > 0
+        acts = self.variation > np.finfo(float).tiny  # below that it is rounding
         found: Array = self.squares[:, acts] @ (1.0 / self.variation[acts])
         return found
 
@@ -282,7 +277,7 @@ class HeldOut:
         fixed : (k,), optional
             Values that it holds fixed.
         """
-        return self.score(self.refit(fit, M, fixed))
+        return self.score(self.refit(fit, M, fixed), self.roots(fit, M))
 
     def refit(self, fit: Estimate, M: Array | None = None, fixed: Array | None = None) -> Array:
         """Return the values of a model fitted to each fold's rest, (F, k); as `score_fit`."""
@@ -293,19 +288,45 @@ class HeldOut:
         whole: Array = values if M is None else values @ M.T
         return whole if fixed is None else whole + fixed
 
-    def score(self, values: Array) -> Score:
+    def roots(self, fit: Estimate, M: Array | None = None) -> Array:
+        """Return roots L of the errors ``L Lᵀ`` of a model fitted to each rest, (F, k, m).
+
+        Of a fit with weights 1/(σ² κ) of the columns that it keeps.
+        """
+        M = (np.eye(self.information.size) if M is None else M)[:, list(fit.kept)]
+        wide = np.vstack([M, np.zeros((1, M.shape[1]))])
+        grams = self.information.summed(self.folds.train).products(1.0 / self.noise, wide, wide)
+        length = np.sqrt(np.maximum(grams.max(0).diagonal(), 1e-300))
+        none = np.zeros(len(length))
+        each = [Normal.ridged(gram / length / length[:, None], none).root.T for gram in grams]
+        roots: Array = M / length @ np.stack(each)
+        return roots
+
+    @cached_property
+    def products(self) -> Array:
+        """Products of the whitened columns and torque in each fold, (F, k + 1, k + 1)."""
+        one = np.eye(self.information.size + 1)
+        return self.tests.products(1.0 / self.noise, one, one)
+
+    def score(self, values: Array, roots: Array | None = None) -> Score:
         """Return what an account predicts.
 
         Parameters
         ----------
         values : (F, k) or (k,)
             Of the fit to each fold's rest; or of one that has seen none of the folds.
+        roots : (F, k, m), optional
+            Of the values' errors ``L Lᵀ``.
         """
         left = np.concatenate([-values, np.ones((*values.shape[:-1], 1))], -1)
         left = np.broadcast_to(left, (self.folds.count, left.shape[-1]))
-        squares, ratio = self.tests.squares_of_blocks(left), self.folds.ratio
-        scale = self.information.torque
-        return Score(squares, self.noise, scale, ratio if values.ndim > 1 else 0.0)
+        squares = self.tests.squares_of_blocks(left)
+        density = -0.5 * squares @ (1.0 / self.noise)
+        for f, (L, x) in enumerate(zip([] if roots is None else roots, left, strict=False)):
+            half = L.T @ self.products[f, :-1]
+            density[f] += Normal.of(np.eye(len(half)) + half[:, :-1] @ L, half @ x).evidence
+        ratio = self.folds.ratio if values.ndim > 1 else 0.0
+        return Score(density, squares, self.information.variation, ratio)
 
 
 def least_noise(information: Information) -> float:

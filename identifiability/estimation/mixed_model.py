@@ -57,8 +57,10 @@ def whitened_information(
     parts = []
     for at, own, of_joint, stretches in zip(columns, rows, noise, runs.each, strict=True):
         white = whiten(own, stretches, of_joint.pacf) / of_joint.sigma
-        grams = np.array([white[a:b].T @ white[a:b] for a, b in pairwise(edges)])
-        parts.append(ActuatorBlocks(at[:-1], None, grams, np.zeros(grams.shape[:2])))
+        blocks = np.zeros((len(edges) - 1, int(np.diff(edges).max()), white.shape[1]))
+        for block, (a, b) in zip(blocks, pairwise(edges), strict=True):
+            block[: b - a] = white[a:b]
+        parts.append(ActuatorBlocks(at[:-1], None, blocks, np.zeros(blocks[:, 0].shape)))
     names, counts = [str(k) for k in range(columns[0][-1])], np.diff(edges)
     data = np.repeat(counts[:, None], len(parts), 1)
     return Information(tuple(names), tuple(parts), counts, data, np.zeros(len(counts), int))

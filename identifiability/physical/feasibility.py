@@ -171,6 +171,7 @@ def choose_prior(
         projection = _projection(model, 1.0)
     except ValueError:
         return None
+    G, wider = structure.G, float(np.sqrt(fit.memory))  # a log counts as its independent samples
     with one_thread():
         if len(weights) > 1:
             weights = _within_reach(model, projection, weights)
@@ -182,8 +183,9 @@ def choose_prior(
         values: list[Array] = []
         scores: list[Score] = []
         for found in zip(*ways, strict=False):
-            values.append(np.stack([phi for phi, _ in found]) @ structure.G.T)
-            scores.append(held_out.score(values[-1]))
+            values.append(np.stack([phi for phi, _ in found]) @ G.T)
+            roots = wider * (G @ np.stack([root for _, root in found]))
+            scores.append(held_out.score(values[-1], roots))
             total = [float(score.density.sum()) for score in scores]
             if len(total) > 1 and total[-1] <= total[-2] + LEVELS.nats:
                 break  # a lighter one still would give up more of the file for nothing

@@ -85,15 +85,8 @@ def analysis_moving(analysis: Analysis) -> Moving | None:
     sample, out = (analysis.validation or analysis.samples)[0], analysis.held_out
     measured, predicted = (x[: len(out.t[0])] for x in out.to_draw(0))
     lines = {"measured": measured, "predicted": predicted, "residual": measured - predicted}
-    return move_with_torque(
-        analysis.robot,
-        sample.motion,
-        out.t[0],
-        measured,
-        measured - predicted,
-        lambda k: {name: x[:, k] for name, x in lines.items()},
-        sample.name,
-    )
+    about = analysis.robot, sample.motion, out.t[0], measured
+    return move_with_torque(*about, lines, sample.name, lines["residual"])
 
 
 def analysis_sections(analysis: Analysis) -> list[Section | None]:

@@ -135,16 +135,9 @@ def diagnosis_moving(d: Diagnosis) -> Moving | None:
     own = rows.log == rows.log.min()
     torque = np.where(rows.data, rows.measured, np.nan)[own]
     before, after = np.where(rows.data[:, :, None], d.gap.residual, np.nan)[own][:, :, [0, -1]].T
-    lines = {"residual before": before, "after": after}
-    return move_with_torque(
-        d.robot,
-        sample.motion,
-        rows.t[own],
-        torque,
-        before.T,
-        lambda k: {name: x[k] for name, x in lines.items()},
-        sample.name,
-    )
+    lines = {"residual before": before.T, "after": after.T}
+    t = rows.t[own]
+    return move_with_torque(d.robot, sample.motion, t, torque, lines, sample.name, before.T)
 
 
 def diagnosis_below(d: Diagnosis) -> Picture | None:
@@ -398,6 +391,17 @@ def inspection_heading(result: Inspection) -> tuple[str, str]:
     about += [format_count(len(result.records), "log")] if result.records else []
     kind = "What is in the logs" if result.records else "What the robot file says"
     return kind, " · ".join(about)
+
+
+def inspection_moving(result: Inspection) -> Moving | None:
+    """Return the robot along the first log that can be read, beside the largest torque."""
+    records = [record for record in result.records if not record.refused]
+    if not records or not np.isfinite(records[0].q).all():
+        return None
+    first, still = records[0], np.zeros_like(records[0].q)
+    motion = complete_motion(result.robot, first.t, first.q, still, still)
+    lines = {"measured": first.tau}
+    return move_with_torque(result.robot, motion, first.t, first.tau, lines, first.name)
 
 
 def inspection_notes(result: Inspection) -> list[Note]:

@@ -55,6 +55,8 @@ class Page:
         Headline numbers.
     summary : sequence of blocks
         What belongs to the answer: caveats, a short list.
+    kind : str
+        Schema of the result that it shows, if it is one's.
     """
 
     title: str
@@ -64,6 +66,7 @@ class Page:
     subtitle: str = ""
     tiles: Sequence[Tile] = ()
     summary: Sequence[Block] = ()
+    kind: str = ""
 
     @property
     def has_detail(self) -> bool:
@@ -199,6 +202,7 @@ def build_page(result: Result) -> Page:
     ]
     return Page(
         title=title,
+        kind=result.schema,
         overline=overline,
         subtitle=subtitle,
         statement="" if first.answers else result.statement,

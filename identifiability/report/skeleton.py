@@ -117,13 +117,14 @@ def move_with_torque(
     motion: Motion,
     t: Array,
     torque: Array,
-    residual: Array,
-    lines: Callable[[int], Mapping[str, Array]],
+    lines: Mapping[str, Array],
     log: str,
+    residual: Array | None = None,
 ) -> Moving | None:
-    """Return the robot as it moved, its joints marked where a model misses torque.
+    """Return the robot as it moved, over torque of a joint; None where there is nothing to show.
 
-    Below is torque of the joint of which most is missed.
+    With a residual it is the joint of which most is missed, and joints are marked as far as they
+    miss torque; without, the one that is loaded most.
 
     Parameters
     ----------
@@ -132,37 +133,43 @@ def move_with_torque(
         Of a log.
     t : (N,) [s]
         Some of its times, of which the first seconds are shown.
-    torque, residual : (N, n)
-        What was measured and what the model leaves of it; NaN where it is no data.
-    lines : callable
-        Gives what is drawn of a joint, name to (N,).
+    torque : (N, n)
+        What was measured; NaN where it is no data.
+    lines : mapping of str to (N, n)
+        What is drawn of a joint.
     log : str
         What the log is called.
+    residual : (N, n), optional
+        What a model leaves of the torque.
     """
     if len(t) < 2 or not np.isfinite(torque).any():
         return None
     end = int(np.searchsorted(t, t[0] + STRETCH, "right"))
     size = np.sqrt(np.nan_to_num(torque**2).mean(0))
-    share = np.nan_to_num(np.abs(residual) / np.where(size > 0, size, np.inf))
-    joint = int((share**2).mean(0).argmax())
+    share = np.zeros((len(t), len(size)))
+    if residual is not None:
+        share = np.nan_to_num(np.abs(residual) / np.where(size > 0, size, np.inf))
+    joint = int((size if residual is None else (share**2).mean(0)).argmax())
     rows = np.searchsorted(motion.t, t[:end]).clip(0, len(motion.t) - 1)
     name, unit = robot.joints[joint], robot.torque_units[joint]
+    missed = [f"{name} misses {100 * x:.0f} %" for x in share[:, joint]]
     moving = move_skeletons(
         robot,
         t[:end],
         {"measured": ("grey", motion.q[rows])},
-        lambda at: [[f"{name} misses {100 * x:.0f} %" for x in share[at, joint]]],
-        sentence("decision.moving", log=log, joint=name),
+        lambda at: [] if residual is None else [[missed[k] for k in at]],
+        sentence("moving", "loaded" if residual is None else "missed", log=log, joint=name),
     )
     if moving is None:
         return None
+    own = {what: y[:end, joint] for what, y in lines.items()}
+    moving = replace(moving, torque=Trace.of(plain(name), unit, t[:end] - t[0], own, LINE))
+    if residual is None:
+        return moving
     owners = {dof: k for k, one in enumerate(robot.tree.joints) for dof in one.dofs}
     misses = np.zeros((moving.frames, moving.joints))
     misses[:, [owners[j] for j in robot.joints]] = share[_frames(t[:end])]
-    drawn = {name: y[:end] for name, y in lines(joint).items()}
-    return replace(
-        moving, torque=Trace.of(plain(name), unit, t[:end] - t[0], drawn, LINE), misses=misses
-    )
+    return replace(moving, misses=misses)
 
 
 def _look(points: Array, robot: Robot) -> Callable[[Array], Array]:

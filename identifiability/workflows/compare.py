@@ -21,7 +21,6 @@ from scipy.interpolate import CubicSpline
 
 from identifiability.effects import find_families
 from identifiability.estimation.differences import (
-    ALL_JOINTS,
     EXCERPT,
     LACKS,
     NAMED,
@@ -43,7 +42,8 @@ from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Answer, Table
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
-from identifiability.foundation.linalg import NEARLY, ROUNDOFF
+from identifiability.foundation.findings import Finding
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.result import Result
@@ -66,7 +66,7 @@ from identifiability.regression.structure import OfStructure, Structure, random_
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
-from identifiability.workflows.opening import Logs
+from identifiability.workflows.opening import Logs, list_logs
 from identifiability.workflows.predict import Fit, Predicts, find_fit
 from identifiability.workflows.session import Session
 
@@ -76,14 +76,7 @@ from identifiability.workflows.session import Session
 
 @frozen
 class Pair:
-    """A motion and its repetition, prepared on one clock.
-
-    Attributes
-    ----------
-    first, second : Dataset
-    at : (int, int)
-        Which of the logs they are.
-    """
+    """A motion and its repetition, prepared on one clock; and which of the logs they are."""
 
     first: Dataset
     second: Dataset
@@ -113,7 +106,10 @@ def find_differences(
     base: Array,
     bodies: Sequence[str],
     pairs: Sequence[Pair],
-    **asked: Any,
+    *,
+    known: Known,
+    asked: Array,
+    single: int,
 ) -> Differences:
     """Return what may differ between logs, by pairs alone where there are some.
 
@@ -122,29 +118,21 @@ def find_differences(
     structure, seen, base, bodies
         As of `LogRows.of`; the rows of all logs.
     pairs : sequence of Pair
-    asked
-        `known` and `patterns` of `Differences`.
+    known : Known
+    asked : (L,)
+        Which logs may have changed, together or each of the first `single` by itself.
+    single : int
     """
-    serves, lacks = Counter(p.at[1] for p in pairs), None
-    if not pairs:
-        motions, families = [piece.motion for piece in seen.pieces], find_families(LACKS)
-        listed, _ = list_candidates(seen.robot, families, structure.present, motions, fixed=False)
-        lacks = Missing(tuple(number(listed)), seen)
-    return Differences(
-        rows=subtract(structure, base, bodies, pairs)
-        if pairs
-        else LogRows.of(structure, seen, base, bodies),
-        lacks=lacks,
+    each = (x[None] for x in np.eye(len(asked))[:single] if np.ptp(np.abs(x - asked)))
+    what: dict[str, Any] = {"known": known, "patterns": (asked[None], *each)}
+    if pairs:
+        rows, most = subtract(structure, base, bodies, pairs), Counter(p.at[1] for p in pairs)
         # Those that share a log share its noise.
-        shared=(max(serves.values(), default=1) + 1) / 2,
-        **asked,
-    )
-
-
-def find_patterns(asked: Array, count: int) -> tuple[Array, ...]:
-    """Return in which logs a change may be: those asked about, or any one of the first so many."""
-    single = [x[None] for x in np.eye(len(asked))[:count] if np.ptp(np.abs(x - asked))]
-    return (asked[None], *single)
+        return Differences(rows=rows, shared=(max(most.values()) + 1) / 2, **what)
+    motions, families = [piece.motion for piece in seen.pieces], find_families(LACKS)
+    listed, _ = list_candidates(seen.robot, families, structure.present, motions, fixed=False)
+    rows = LogRows.of(structure, seen, base, bodies)
+    return Differences(rows=rows, lacks=Missing(tuple(number(listed)), seen), **what)
 
 
 def subtract(
@@ -216,11 +204,13 @@ def found_from(found: Differences, terms: Terms) -> dict[str, float]:
     """Return by which share friction of each joint must change to be found nine times in ten."""
     model, out = found.model, dict[str, float]()
     z = np.linspace(0.0, 20.0, 401)[:, None]
-    for group, (own, pattern) in found.said.values():
-        if len(own) != 1 or pattern or not found.rows.causes[own[0]].relative:
+    for group in model.groups:
+        term = Term(group, 0, np.inf, 0.0)
+        causes, pattern = found.told(term)
+        if len(causes) != 1 or pattern or not causes[0].relative:
             continue
-        beside = [t for t in terms if not set(own) & set(found.said[t.key][1][0])]
-        solved = model.solve((*beside, Term(group, 0, np.inf, 0.0)))
+        beside = [t for t in terms if causes[0] not in found.told(t)[0]]
+        solved = model.solve((*beside, term))
         sd = float(np.sqrt(solved.covariance[-1, -1]))
         ratio = (model.sizes / sd) ** 2
         rise = 0.5 * (z**2 * ratio / (1.0 + ratio) - np.log1p(ratio))
@@ -394,57 +384,38 @@ def _compare_results(robot: Robot, before: Any, after: Any) -> Comparison:
             f"The results have different models, '{one.submodel.name}' and "
             f"'{other.submodel.name}': analyze both with one (--ladder model.toml)."
         )
-    names = [
-        (str(side) if isinstance(side, (str, Path)) else f"{word} result",)
-        for side, word in ((before, "the first"), (after, "the second"))
-    ]
-    base = np.zeros(len(one.structure.base))
-    found = Differences(
-        rows=rows_of_results(one, other),
-        known=Known.nothing(base[:, None][:, :0], base),
-        patterns=(np.array([[0.0, 1.0]]),),
-        noise=(JointNoise(np.empty(0), 1.0),),
+    first, second = (
+        (str(side) if isinstance(side, (str, Path)) else f"the {word} result",)
+        for side, word in ((before, "first"), (after, "second"))
     )
-    sides = {"before": names[0], "after": names[1]}
+    found = differences_of_results(one, other)
+    sides = {"before": first, "after": second}
     return _conclude(one.structure, one.submodel, found, (), kind="results", pairs=(), **sides)
 
 
-def rows_of_results(one: Fit, other: Fit) -> LogRows:
-    """Return what the values of two fits differ by, white, as rows of one joint.
-
-    What of a change is in values that either fit does not know, or in none, is left out.
-    """
-    structure, first, second = one.structure, one.base_covariance, other.base_covariance
-    known = np.flatnonzero(np.minimum(np.diag(first), np.diag(second)) > 0)
-    covariance = (first + second)[np.ix_(known, known)]
-    size = np.sqrt(np.diag(covariance))
-    spread, turn = np.linalg.eigh(covariance / np.outer(size, size))
-    sure = spread > ROUNDOFF * spread.max(initial=0.0)
-    whiten = (turn[:, sure] / np.sqrt(spread[sure])).T / size
+def differences_of_results(one: Fit, other: Fit) -> Differences:
+    """Return what may differ between two fits, by the torque of both along random motion."""
+    structure, b = one.structure, len(one.base)
     motion = random_motion(structure.robot, np.random.default_rng(0))
     X = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
     torque = X @ one.base
-    rms, flat = np.sqrt(np.mean(torque**2, axis=0)), X.reshape(-1, X.shape[2])
-    every = find_causes(structure, X, np.ones(torque.shape, bool), one.base, load_bodies(structure))
-    both = {j: torque[:, [j]] for j in range(len(rms))}
-    gain = replace(every[-1], place=ALL_JOINTS, names=("gain",), torque=both)
-    causes = []
-    for c in (*every, gain):
-        acts = [c.torque.get(j, np.zeros((len(X), len(c.names)))) for j in range(len(rms))]
-        columns = np.stack(acts, axis=1).reshape(len(flat), -1)
-        found = np.linalg.lstsq(flat, columns, rcond=NEARLY)[0]
-        lost = np.linalg.norm(columns - flat @ found) > NEARLY * np.linalg.norm(columns)
-        own = {} if lost else {0: whiten @ found[known]}
-        causes.append(replace(c, torque=own, size=c.scale(rms)))
-    count = len(whiten)
-    return LogRows(
-        X=np.zeros((count, 1, len(one.base))),
-        y=(whiten @ (other.base - one.base)[known])[:, None],
-        size=np.ones(1),
-        runs=JointRuns((((0, count),),)),
-        log=np.ones(count, int),
-        less=np.zeros(count, int),
-        causes=tuple(causes),
+    size, every = np.sqrt(np.mean(torque**2, axis=0)), np.ones(torque.shape, bool)
+    rows = LogRows(
+        X=X,
+        y=X @ (other.base - one.base),
+        size=size,
+        runs=JointRuns.of([(0, len(X))], every),
+        log=np.ones(len(X), int),
+        less=np.zeros(len(X), int),
+        causes=tuple(find_causes(structure, X, every, one.base, load_bodies(structure))),
+    )
+    covariance = one.base_covariance + other.base_covariance
+    unknown = np.hstack([one.base_unknown, other.base_unknown])
+    return Differences(
+        rows=rows,
+        known=Known.of(np.zeros(b), np.eye(b), covariance, unknown),
+        patterns=(np.array([[0.0, 1.0]]),),
+        noise=tuple(JointNoise(np.empty(0), NEARLY**0.5 * (x or 1.0)) for x in size),
     )
 
 
@@ -459,36 +430,35 @@ def _compare_logs(
     source = find_ladder(robot, ladder, beside=True)
     structure = Structure.of(robot, ladder_model(source.entry))
     submodel = build_ladder(source.entry, structure)[0]
-    sides = Session.read_sides(structure, before, after, preparation, engine)
-    earlier, later = (side.recordings.fitted for side in sides)
-    session = sides[1].beside(sides[0])
-    opening = session.open("compared")
+    if not list_logs(before):
+        raise LogError(Finding("logs.none"))
+    session, count = Session.read_sides(structure, after, before, preparation, engine)
+    opening, logs = session.open("compared"), session.recordings.fitted
     seen = look(structure, opening.samples, len(submodel))
-    pairs = find_pairs(robot, (*later, *earlier), opening.samples, len(later), session.how)
+    pairs = find_pairs(robot, logs, opening.samples, count, session.how)
     # Differences of pairs say nothing of the values themselves, which logs before tell.
-    some = seen.log >= len(later) * bool(pairs)
+    some = seen.log >= count * bool(pairs)
     base = pooled_values(seen.X[some], seen.y[some], submodel.M, submodel.fixed)
-    asked = np.repeat([1.0, 0.0], [len(later), len(earlier)])
+    nothing = Known.nothing(submodel.M, submodel.fixed)
     found = find_differences(
         structure,
         seen,
         base,
         load_bodies(structure),
         pairs,
-        known=Known.nothing(submodel.M[:, :0], base)
-        if pairs
-        else Known.nothing(submodel.M, submodel.fixed),
-        patterns=find_patterns(asked, len(later) if pairs else len(asked)),
+        known=Known.nothing(submodel.M[:, :0], base) if pairs else nothing,
+        asked=(np.arange(len(logs)) < count).astype(float),
+        single=count if pairs else len(logs),
     )
-    paths = given_paths((*later, *earlier))
+    paths = given_paths(logs)
     return _conclude(
         structure,
         submodel,
         found,
         [s.name for s in opening.samples],
         kind="pairs" if pairs else "logs",
-        before=paths[len(later) :],
-        after=paths[: len(later)],
+        before=paths[count:],
+        after=paths[:count],
         pairs=tuple((paths[p.at[1]], paths[p.at[0]]) for p in pairs),
         hints=opening.hints,
         preparation=preparation or Preparation(),
@@ -500,11 +470,10 @@ def _conclude(
 ) -> Comparison:
     """Return what logs of some names, or results, differ by; all else is `said` as it is."""
     terms = found.model.search()
-    before = dict(zip(structure.base.names, found.values_before(terms).tolist(), strict=True))
     return Comparison(
         structure=structure,
         submodel=submodel,
-        changes=find_changes(found, terms, logs, before),
+        changes=find_changes(found, terms, logs),
         found_from=found_from(found, terms),
         **said,
     )

@@ -29,6 +29,7 @@ from identifiability.estimation.differences import (
     tool_bodies,
 )
 from identifiability.estimation.groups import Excerpt, describe_term
+from identifiability.estimation.mixed_model import Terms
 from identifiability.estimation.noise import JointRuns
 from identifiability.estimation.prediction import TorqueUncertainty
 from identifiability.estimation.rules import Thresholds
@@ -57,13 +58,7 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.robot.robot import Point, body_of, ten_parameters
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
-from identifiability.workflows.compare import (
-    find_differences,
-    find_pairs,
-    find_patterns,
-    is_result,
-    look,
-)
+from identifiability.workflows.compare import find_differences, find_pairs, is_result, look
 from identifiability.workflows.opening import Logs, list_logs
 from identifiability.workflows.predict import Fit, FitLike, find_fit, state_missing
 from identifiability.workflows.rules import RULES
@@ -129,26 +124,40 @@ def with_values(found: Differences, cause: Cause) -> tuple[Differences, np.ndarr
     return replace(found, rows=rows, known=own), len(known.precision) + np.arange(k)
 
 
-def estimate_load(found: Differences, structure: Structure, names: Sequence[str]) -> LoadEstimate:
+def widened(found: Differences, terms: Terms, at: np.ndarray) -> tuple[Array, Array]:
+    """Return some of the fixed values (k,) and their covariance, with the doubt of one more.
+
+    Every further group counts by its probability, with the shift that it would cause.
+    """
+    block = np.ix_(at, at)
+    _, value, covariance = found.model.values(terms)
+    out = covariance[block]
+    for term, weight in found.model.alternatives(terms):
+        _, other, wider = found.model.values((*terms, term))
+        shift = other[at] - value[at]
+        out = out + weight * (np.outer(shift, shift) + wider[block] - covariance[block])
+    return value[at], out
+
+
+def estimate_load(found: Differences, names: Sequence[str]) -> LoadEstimate:
     """Return the load that is in every hypothesis, of logs of some names."""
     load = next(c for c in found.rows.causes if c.kind == "load")
     found, at = with_values(found, load)
     terms = found.model.search()
-    theta, spread = found.model.widened(terms, at[ORDER])
+    theta, spread = widened(found, terms, at[ORDER])
     scale = load.scale(found.rows.size)[ORDER]
     square, turn = np.linalg.eigh(spread * np.outer(scale, scale))
     open_ = square > UNTOLD**2
     size = np.sqrt(np.maximum(square[~open_], np.finfo(float).tiny))
     told = turn[:, ~open_] * size / scale[:, None]
     unknown = np.linalg.qr(turn[:, open_] / scale[:, None])[0]
-    before = dict(zip(structure.base.names, found.values_before(terms).tolist(), strict=False))
     return LoadEstimate(
         theta=theta,
         covariance=told @ told.T,
         root=(turn[:, ~open_] / size).T * scale,
         unknown=unknown,
-        lacks=tuple(describe_term(t) for t in terms if not found.said[t.key][1][0]),
-        changes=find_changes(found, terms, names, before),
+        lacks=tuple(describe_term(t) for t in terms if not found.told(t)[0]),
+        changes=find_changes(found, terms, names),
     )
 
 
@@ -529,21 +538,22 @@ def payload(
             )
         fit = _unknown_gains(robot) if empty else find_fit(cast("FitLike", result), robot)
         structure, place = fit.structure, choose_body(fit.structure, body)
-        session, second = Session.read_sides(
-            structure, logs, [*empty, *list_logs(without)], fit.preparation, engine, alone=True
+        session, loaded = Session.read_sides(
+            structure, logs, [*empty, *list_logs(without)], fit.preparation, engine
         )
-        both, loaded = session.beside(second).recordings, len(session.recordings.fitted)
+        every = session.recordings.fitted
         # What hangs on the robot is odd by its file, so that nothing odd is looked for.
-        samples = session.prepare(both.fitted, "weighed")
-        hints = [*both.hints, *_tell_noise(both.fitted[:loaded], session.how)]
+        samples = session.prepare(every, "weighed")
+        hints = [*session.recordings.hints, *_tell_noise(every[:loaded], session.how)]
         hints += [text for s in samples for text in s.hints]
-        pairs = find_pairs(robot, both.fitted, samples, loaded, session.how)
+        pairs = find_pairs(robot, every, samples, loaded, session.how)
         seen = look(structure, samples, 0)
         known = Known.of(fit.base, fit.submodel.M, fit.covariance, fit.spread.unknown)
         carries = (np.arange(len(samples)) < loaded).astype(float)
-        asked = {"known": known, "patterns": find_patterns(carries, loaded)}
-        found = find_differences(structure, seen, fit.base, (place,), pairs, **asked)
-        estimate = estimate_load(found, structure, [s.name for s in samples])
+        found = find_differences(
+            structure, seen, fit.base, (place,), pairs, known=known, asked=carries, single=loaded
+        )
+        estimate = estimate_load(found, [s.name for s in samples])
         nearest = nearest_body(estimate)
         gains: tuple[Quantity, ...] = ()
         if mass is not None:
@@ -551,15 +561,13 @@ def payload(
             if centre is not None:
                 moments = np.zeros(3) if inertia is None else inertia
                 kinds, theta = INERTIAL_KINDS, ten_parameters(mass, centre, moments)
-            if (
-                second.recordings.fitted
-            ):  # torque without the load tells more than values by other gains
+            if loaded < len(every):  # they tell more than values by other gains
                 found = replace(found, known=Known.nothing(fit.submodel.M, fit.submodel.fixed))
             theta = theta[[kinds.index(kind) for kind in KINDS]]
             gains = find_gains(found, structure, seen, place, theta)
         bodies = draw_bodies(structure)[0][structure.inertial]
         length = float(np.median(natural_scale(bodies)[1]))
-    paths = given_paths(both.fitted)
+    paths = given_paths(every)
     return Load(
         robot=robot,
         body=place,

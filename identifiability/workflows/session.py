@@ -194,41 +194,23 @@ class Session:
         second: Logs,
         preparation: Preparation | None = None,
         engine: Engine | None = None,
-        *,
-        alone: bool = False,
-    ) -> tuple[Self, Self]:
-        """Return the sessions of two sides; how logs of either were read is said with the first.
-
-        Parameters
-        ----------
-        structure, first, second, preparation, engine
-            As of `read`.
-        alone : bool
-            Whether the second side may have no logs.
+    ) -> tuple[Self, int]:
+        """Return the session of the logs of two sides together, and how many the first has.
 
         Raises
         ------
         LogError
-            If a log stands on both, or on the second is none.
+            If a log stands on both.
         """
-        if not (alone or list_logs(second)):
-            raise LogError(Finding("logs.none"))
         try:
             both = cls.read(structure, first, second, preparation, engine=engine, commands=False)
         except LogError as error:
             if error.key in ("twice.held", "twice.rows"):
                 raise LogError(Finding("twice.sides")) from None
             raise
-        known = both.recordings
-        sides = Recordings(known.fitted, (), known.hints), Recordings(known.held_out)
-        one, other = (replace(both, recordings=side) for side in sides)
-        return one, other
-
-    def beside(self, other: Session) -> Self:
-        """Return the session of the logs of both, fitted together."""
-        own, more = self.recordings, other.recordings
-        both = Recordings((*own.fitted, *more.fitted), (), (*own.hints, *more.hints))
-        return replace(self, recordings=both)
+        one, other = both.recordings.fitted, both.recordings.held_out
+        together = Recordings((*one, *other), (), both.recordings.hints)
+        return replace(both, recordings=together), len(one)
 
     @cached_property
     def how(self) -> Preparation:

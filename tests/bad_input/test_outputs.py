@@ -72,6 +72,21 @@ def test_a_new_file_gets_the_rights_that_the_user_gives_files(tmp_path):
     assert stat.S_IMODE(path.stat().st_mode) == 0o640
 
 
+def test_results_of_other_verbs_are_not_written_over(refuses, command, write, arm, tmp_path):
+    page, data = tmp_path / "out.html", tmp_path / "out.json"
+    words = ["inspect", "two-link", "--report", page, "--json", data]
+    assert [command(*words).exit_code for _ in range(2)] == [0, 0]
+    for name, path in (("--report", page), ("--json", data)):
+        before = path.read_bytes()
+        said = refuses("two-link", arm, name, path)
+        assert said.startswith(
+            f"'{path}' is there and holds the result of another verb (inspection);"
+        )
+        assert path.read_bytes() == before
+    other = write("mine.html", "<p>mine</p>")
+    assert "holds no such result; give another name" in refuses("two-link", arm, "--report", other)
+
+
 def test_inputs_are_not_written_over(refuses, refused, write, arm):
     log = write("log.csv", arm)
     sentence = f"'{log}' is an input or another output; give it its own name."

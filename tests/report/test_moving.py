@@ -65,9 +65,7 @@ def test_a_joint_is_marked_when_and_where_torque_is_missed(name):
     residual = np.zeros_like(torque)
     residual[200:, 1] = 0.5
     torque[:50, 0] = np.nan
-    drawn = move_with_torque(
-        robot, motion, t, torque, residual, lambda k: {"measured": torque[:, k]}, "run"
-    )
+    drawn = move_with_torque(robot, motion, t, torque, {"measured": torque}, "run", residual)
     assert drawn.torque.name == robot.joints[1]
     before, after = drawn.misses[drawn.t < 1.9], drawn.misses[drawn.t > 2.1]
     assert not before.any()

@@ -188,7 +188,7 @@ def settle_robot(
     """
     submodel, fit = model.submodel, model.estimate
     free = held_out.refit(fit, submodel.M, submodel.fixed)
-    score = held_out.score(free)
+    score = held_out.score(free, held_out.roots(fit, submodel.M))
     weight = WEAK if cad_weight is None and not choose else cad_weight
     tried = [w for w in WEIGHTS if w <= heaviest] if weight is None else [weight or WEIGHTS[-1]]
     chosen = choose_prior(model, held_out, score, tried)
@@ -508,7 +508,7 @@ def predict_everywhere(
     hidden = opening.robot.base is not None or any(x.unmeasured is not None for x in logs)
     if opening.silence or hidden or not stand:
         return None
-    regression = replace(opening.unseen or opening.regression, dwelling=True, memory=None)
+    regression = replace(opening.unseen or opening.regression, dwelling=True)
     turns = None if opening.validation else turns
     values = own.values[None] if turns is None else own.turned
     task = Task(values[:, :, [which]], turns, kept=False)

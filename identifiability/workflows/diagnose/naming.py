@@ -477,24 +477,24 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
     begins, log_of = _parts_of_time(naming.fitted)
     patterns = (_drifts(naming.fitted, begins, log_of), *_stays(log_of))
     found = _differences(naming, families, np.diff(begins), patterns)
-    if len(patterns) < 2 or not found.said:
+    if len(patterns) < 2 or not found.rows.causes:
         return None
-    places = [g for g, (own, _) in found.said.values() if len(own) == 1]
+    places = [g for g in found.model.groups if len(g.causes) == 1]
     every = found.model.gains((), places)
     for _ in range(2):  # what it adds is no noise: once it is roughly known, that is without
         found = replace(found, noise=_noise_without(naming, found, _surest(found, every)))
         every = found.model.gains((), places)
-    stays = [t for t in every if found.said[t.key][1][1]]
-    causes = [found.rows.causes[found.said[t.key][1][0][0]] for t in stays]
+    stays = [t for t in every if found.told(t)[1]]
+    causes = [found.told(t)[0][0] for t in stays]
     what = [(c.family, t.group.place) for c, t in zip(causes, stays, strict=True)]
-    best, pattern = stays[0], found.said[stays[0].key][1][1]
+    best, pattern = stays[0], found.told(stays[0])[1]
     on = found.patterns[pattern] > 0
     first, last = on.argmax(1), on.shape[1] - on[:, ::-1].argmax(1)
     at = np.flatnonzero(log_of == log_of[first[best.member]])
     begun, ended = int(first[best.member]), int(last[best.member])
     begins_with, ends_with = begun == at[0], ended == at[-1] + 1
     excess, burst = _scatter(found, best)
-    others = [t.odds for t in every if not found.said[t.key][1][1]]
+    others = [t.odds for t in every if not found.told(t)[1]]
     others = [x / excess for x in others] + [t.odds for t in naming.before[:1]]
     needed = max(RULES.name + RULES.keep, *others) + RULES.rival
     # Of two logs nobody knows which is odd as a whole.
@@ -505,7 +505,7 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
     rivals = {what[k]: f"{causes[k].title} of {what[k][1]}" for k in near if what[k] != what[0]}
     time = naming.fitted.t[[*begins[at].tolist(), int(begins[at[-1] + 1]) - 1]]
     names = [naming.setting.samples[n].name for n in log_of]
-    (change,) = find_changes(found, (best,), names, {})
+    (change,) = find_changes(found, (best,), names)
     odds = _odds_of_each(found.model, (), best.group, best.group.members)
     if not begins_with:
         began = _ends(first - at[0], odds, time)
@@ -547,15 +547,15 @@ def _differences(
 
 
 def _surest(found: Differences, every: Iterable[Term]) -> Term:
-    return next(t for t in every if found.said[t.key][1][1])
+    return next(t for t in every if found.told(t)[1])
 
 
 def _noise_without(naming: Naming, found: Differences, best: Term) -> ARNoise:
     """Return the noise that the model leaves where a change is not."""
-    (cause,), pattern = found.said[best.key][1]
+    (cause,), pattern = found.told(best)
     on = found.patterns[pattern][best.member][found.rows.log] > 0
     seen, joints = naming.fitted.seen, list(naming.missing.noise)
-    for j in found.rows.causes[cause].torque:
+    for j in cause.torque:
         (runs,) = JointRuns.of(seen.runs.each[j], ~on[:, None]).each
         joints[j] = rich_noise([seen.X[:, j, seen.X[:, j].any(0)]], seen.y[:, j], runs)
     return tuple(joints)

@@ -227,7 +227,7 @@ class Rows:
         known : KnownValues
             What is known of the values beforehand.
         """
-        regression = structure.regression(samples, keep=True)
+        regression = structure.regression(samples)
         every = sum(s.outputs for s in samples)
         seen = Excerpt.of(regression, (every, 1, every))
         torque, X = seen.y, seen.X

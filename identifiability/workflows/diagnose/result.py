@@ -738,7 +738,7 @@ def keep_completed(d: Diagnosis) -> Fit:
     """
     structure = d.completed
     submodel = full_model(structure.base, "the diagnosed model")
-    regression = structure.regression(d.samples, keep=True)
+    regression = structure.regression(d.samples)
     regression = replace(regression, instruments=None)
     information = gather_information(regression)
     fit = estimate(information)
@@ -789,7 +789,7 @@ def fit_physical(
     IdentifiabilityError
         If the solver finds none.
     """
-    information = gather_information(structure.regression(samples, keep=True))
+    information = gather_information(structure.regression(samples))
     joints, wls = structure.robot.joints, find_estimator("wls")
     information = weigh_rows(joints, samples, information, wls)[0]
     submodel, fit = full_model(structure.base), estimate(information)

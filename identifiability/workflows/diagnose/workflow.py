@@ -273,7 +273,7 @@ class _Asked:
         if setting.fixed or found.changes:
             return found
         joints, wls = found.robot.joints, find_estimator("wls")
-        information = gather_information(found.completed.regression(found.samples, keep=True))
+        information = gather_information(found.completed.regression(found.samples))
         _, decided, outliers = weigh_rows(joints, found.samples, information, wls)
         # Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
         outliers = None if outliers is None else outliers.below(0.1)

@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 
 from identifiability.estimation.estimate import Method, estimate
-from identifiability.estimation.estimator import Estimate, noise_scale
+from identifiability.estimation.estimator import Estimate, combine, noise_scale
 from identifiability.estimation.evidence import (
     LEVELS,
     Folds,
@@ -29,7 +29,8 @@ from identifiability.estimation.evidence import (
     least_noise,
     may_stand,
 )
-from identifiability.foundation.linalg import unit_coordinates
+from identifiability.estimation.gaussian import Normal
+from identifiability.foundation.linalg import ROUNDOFF, unit_coordinates
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -84,8 +85,8 @@ class WhitenedRegression:
         Variance of noise of weight 1: the errors of y of the full fit.
     tests : Information
         About y and what the full fit leaves of the torque: what each fold predicts.
-    noise : (n,) [torque²]
-        σ² κ of each joint.
+    gram : (F, k + 1, k + 1)
+        What densities are of: products of all of it, whitened, or of what instruments see of it.
     variation : (n,) [torque²]
         Of the torque of each joint about its mean: the scale of its errors.
     folds : Folds
@@ -97,7 +98,7 @@ class WhitenedRegression:
     inverse: Array
     unit: float
     tests: Information
-    noise: Array
+    gram: Array
     variation: Array
     folds: Folds
     refits: Refits
@@ -120,9 +121,31 @@ class WhitenedRegression:
         values = (self.refits.centre + delta) @ self.inverse.T
         left = np.concatenate([-delta[:, 1:], np.ones((len(free), self.folds.count, 1))], 2)
         squares = self.tests.squares_of_blocks(left)
-        about = self.noise, self.variation, self.folds.ratio
-        steps = zip(path, squares, values, strict=True)
-        return [Step(p, Score(own, *about), value, move) for (move, p), own, value in steps]
+        about, density = (self.variation, self.folds.ratio), self._densities(left, turn, free)
+        steps = zip(path, density, squares, values, strict=True)
+        return [Step(p, Score(y, own, *about), x, move) for (move, p), y, own, x in steps]
+
+    def _densities(self, left: Array, turn: Array, free: np.ndarray) -> Array:
+        """Return the predictive log densities of folds under nested models, (M, F) [nats].
+
+        As of `evidence.HeldOut`; the leading parts of one factor belong to all of them.
+
+        Parameters
+        ----------
+        left : (M, F, k + 1)
+            ``[y torque] left`` is the residual of each model in each fold.
+        """
+        found, k, none = np.empty(left.shape[:2]), len(turn), np.zeros(len(turn))
+        precision = turn.T @ self.refits.grams[1:] @ turn / self.unit
+        for f, (gram, P) in enumerate(zip(self.gram, precision, strict=True)):
+            before = Normal.ridged(P, none)
+            after = Normal.of(before.factor @ before.factor.T + turn.T @ gram[:k, :k] @ turn, none)
+            own = gram @ left[:, f].T
+            half = after.halves(turn.T @ own[:k], free)
+            volume = np.log(np.diag(before.factor)) - np.log(np.diag(after.factor))
+            volumes = np.append(0.0, np.cumsum(volume))[free]
+            found[:, f] = volumes + 0.5 * ((half**2).sum(0) - (left[:, f].T * own).sum(0))
+        return found
 
 
 def whiten_regression(
@@ -163,11 +186,34 @@ def whiten_regression(
         inverse=np.eye(len(columns))[:, kept] @ turned,
         unit=max(noise_scale(information, full.weights, full.times, full.rss), floor),
         tests=tests,
-        noise=np.maximum(full.variance * full.times, floor),
+        gram=_see(information, full, R, tests),
         variation=information.torque if variation is None else variation,
         folds=folds,
         refits=Refits.of(information, full, R, folds.train),
     )
+
+
+def _see(information: Information, full: Estimate, R: Array, tests: Information) -> Array:
+    """Return what densities are of, ``[Y, e]ᵀ [Y, e]`` of each fold, (F, k + 1, k + 1).
+
+    Noise in the motion is in columns and errors alike: a model that fits it would predict the log's
+    torque better and the robot's worse. Where there are instruments, all is projected on what they
+    see: they have no part in it.
+    """
+    k, one = information.size, np.eye(information.size + 1)
+    weights = 1.0 / np.maximum(full.variance * full.times, least_noise(information))
+    if not (full.estimator.instruments and information.instrumented):
+        return tests.products(weights, one, one)
+    T = combine(information, full.weights).left.reshape(2, k, k)
+    left = np.vstack([*(R[:k, :k] @ T), np.zeros((1, k))])
+    both = np.hstack([left, np.vstack([np.zeros((k, k + 1)), one])])
+    out = []
+    for own in tests.joint.products(weights, left, both):
+        values, vectors = np.linalg.eigh(own[:, :k])
+        good = values > ROUNDOFF * values.max(initial=0.0)
+        half = (vectors[:, good] / np.sqrt(values[good])).T @ own[:, k:]
+        out.append(half.T @ half)
+    return np.stack(out)
 
 
 # Which move is the cheapest.

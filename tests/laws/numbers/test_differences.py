@@ -67,8 +67,7 @@ def differences(own, patterns=(ASKED,), **more):
 
 def named(found):
     terms = found.model.search()
-    return {(*[found.rows.causes[k].family for k in found.said[t.key][1][0][:1]], t.group.place)
-            for t in terms}  # fmt: skip
+    return {(*[cause.family for cause in found.told(t)[0][:1]], t.group.place) for t in terms}
 
 
 def test_logs_that_drift_by_three_percent_are_unchanged():
@@ -91,16 +90,16 @@ def test_of_three_logs_the_odd_one_is_found_and_costs_more():
     single = tuple(np.eye(LOGS)[:2, None])
     found = differences(rows(3, levels=(2.0, 2.6, 2.0)), (ASKED, *single))
     (term,) = found.model.search()
-    assert found.said[term.key][1][1] == 2
-    prices = {w: group.price for group, (own, w) in found.said.values() if own}
+    assert found.told(term)[1] == 2
+    prices = {group.pattern: group.price for group in found.model.groups if group.causes}
     assert prices[1] == pytest.approx(prices[0] + np.log(2.0))
 
 
 def test_families_and_places_share_the_prior_odds():
     found = differences(rows(4))
-    total = sum(np.exp(-group.price) for group, _ in found.said.values())
+    total = sum(np.exp(-group.price) for group in found.model.groups)
     assert total == pytest.approx(1.0)
-    assert (f"{'Coulomb friction'}, 0", EVERYWHERE) in found.said
+    assert ("Coulomb friction, 0", EVERYWHERE) in {group.key for group in found.model.groups}
 
 
 def test_values_that_are_known_count_as_observations():

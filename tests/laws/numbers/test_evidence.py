@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import nct, norm, t
+from scipy.stats import multivariate_normal, nct, t
 
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.evidence import (
@@ -50,11 +50,16 @@ def test_densities_are_those_of_the_normal_distribution_of_a_fold():
     for f in range(folds.count):
         train, own = np.repeat(folds.train[f], 6), test == f
         X, y = W[train].reshape(-1, 4), tau[train].ravel()
-        left = tau[own] - W[own] @ np.linalg.lstsq(X, y, rcond=None)[0]
-        law = norm(0.0, np.sqrt(WHITE.variance))
-        expected = law.logpdf(left) - law.logpdf(0.0)
-        np.testing.assert_allclose(found.density[f], expected.sum(), rtol=1e-8)
-        np.testing.assert_allclose(found.squares[f], (left**2).sum(0), rtol=1e-8)
+        value = np.linalg.lstsq(X, y, rcond=None)[0]
+        weight = np.tile(1 / WHITE.variance, train.sum())
+        covariance = np.linalg.inv(X.T @ (weight[:, None] * X))
+        A, e = W[own].reshape(-1, 4), tau[own].ravel()
+        noise = np.diag(np.tile(WHITE.variance, own.sum()))
+        law = multivariate_normal(A @ value, noise + A @ covariance @ A.T)
+        constant = -0.5 * np.linalg.slogdet(2 * np.pi * noise)[1]
+        np.testing.assert_allclose(found.density[f], law.logpdf(e) - constant, rtol=1e-7)
+        left = (tau[own] - W[own] @ value) ** 2
+        np.testing.assert_allclose(found.squares[f], left.sum(0), rtol=1e-8)
 
 
 def test_folds_leave_out_the_memory_on_both_sides_and_do_not_cross_logs():
@@ -144,7 +149,7 @@ def test_standard_errors_know_that_folds_share_data():
     squares = np.random.default_rng(0).uniform(1, 2, (8, 1))
     plain, wide = (
         Evidence.of(
-            *(Score(x, np.ones(1), np.ones(1), r) for x in (squares, squares[::-1] + 1))
+            *(Score(-x[:, 0], x, np.ones(1), r) for x in (squares, squares[::-1] + 1))
         ).error
         for r in (0.0, 1 / 7)
     )
@@ -169,8 +174,8 @@ def test_models_within_two_nats_or_as_good_may_stand_for_the_best_and_equal_ones
     squares = np.full((4, 10), 6.0) + np.array([0.0, -0.2, 0.1, 2.0])[:, None]
 
     def near(squares, noise=1.0):
-        one = np.ones(1)
-        return near_best([Score(x[:, None], noise * one, one, 1 / 9) for x in squares]).tolist()
+        own = [Score(-0.5 * x / noise, x[:, None], np.ones(1), 1 / 9) for x in squares]
+        return near_best(own).tolist()
 
     assert near(squares) == [True, True, True, False]
     # Of many samples ten nats are no error that anybody would see.

@@ -152,13 +152,12 @@ def test_the_heaviest_prior_within_two_nats_is_taken_and_a_surely_better_fit_sta
     squares = rng.uniform(0.9, 1.1, (F, 2))
 
     def score(total, times=1.0):
-        noise = 0.5 * times * squares.sum(0) * squares.shape[1] / -total
-        return Score(times * squares, noise, 100 * squares.sum(0), real.folds.ratio)
+        return Score(np.full(F, total / F), times * squares, 100 * squares.sum(0), real.folds.ratio)
 
     for totals, free, taken, good in (
-        ((-50.0, -41.5, -40.0, -38.1), score(-40.0), 1, True),  # and the last one is not asked
-        ((-70.0, -50.0, -40.0, -39.0), score(-40.0), 2, True),
-        ((-70.0, -50.0, -40.0, -39.0), score(-1.0, 0.01), 2, False),
+        ((-10.0, -1.5, 0.0, 1.9), score(0.0), 1, True),  # and the last one is not asked
+        ((-30.0, -10.0, 0.0, 1.0), score(0.0), 2, True),
+        ((-30.0, -10.0, 0.0, 1.0), score(500.0, 0.01), 2, False),
     ):
         planted = iter(totals)
         fixed = SimpleNamespace(folds=real.folds, score=lambda *_: score(next(planted)))  # noqa: B023

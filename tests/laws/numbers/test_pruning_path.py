@@ -66,10 +66,10 @@ def test_rows_that_lead_to_a_smaller_model_are_independent():
 def step(density, size, *, kind=Kind.DROP, columns=8):
     """Return a step with these densities of folds; `size` parameters are left."""
     group = np.where(np.arange(columns) < size, np.arange(columns), ZERO)
-    squares = -2.0 * np.asarray(density, float)[:, None]
+    nothing = np.exp(-np.asarray(density, float))[:, None]  # errors that differ as densities do
     return Step(
         partition=Partition(tuple(f"p{j}" for j in range(columns)), group),
-        score=Score(squares, np.ones(1), np.ones(1), 0.25),
+        score=Score(np.asarray(density, float), nothing, np.ones(1), 0.25),
         values=np.zeros((2, columns)),
         move=Move(kind, ("x",)),
     )
