@@ -604,7 +604,7 @@ def _join(parts: Iterator[Dataset]) -> Dataset:
 
     def arrays() -> Iterator[dict[str, Array]]:
         for part in parts:
-            aside.append(part.take(slice(0)))
+            aside.append(part.take(np.empty(0, int)))  # a slice would keep all of it
             if len(part.tau):
                 yield {**part.motion.each, "tau": part.tau, "weight": part.weight}
 

@@ -119,7 +119,7 @@ def test_what_is_no_time_is_refused_as_before():
 
 @pytest.mark.parametrize("form", ["csv", "parquet"])
 @pytest.mark.parametrize("times", ["ms", "epoch", "dates"])
-def test_a_long_file_has_the_times_of_a_short_one(form, times, tmp_path):
+def test_a_long_file_has_the_times_of_a_short_one(form, times, tmp_path, read_long):
     frame = table(0.004, 3000)
     since = pd.Timestamp("2026-11-20 18:00:00.123")
     given = {
@@ -130,7 +130,7 @@ def test_a_long_file_has_the_times_of_a_short_one(form, times, tmp_path):
     path = tmp_path / f"log.{form}"
     made = frame.assign(t=given)
     made.to_csv(path, index=False) if form == "csv" else made.to_parquet(path, index=False)
-    short, long = Log.read(path), Log.scan(path)
+    short, long = Log.read(path), read_long(path)
     np.testing.assert_allclose(short.t, frame["t"], rtol=0, atol=5e-7)
     np.testing.assert_array_equal(long.rows(100, 900).t, short.t[100:900])
     assert (long.clock.first, long.clock.last) == (short.t[0], short.t[-1])
