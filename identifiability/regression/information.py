@@ -132,15 +132,41 @@ class _Blocks:
         self.sums = [np.zeros((count, r)) for r in widths]
         self.data = np.zeros((count, len(widths)), int)
 
-    def add(self, block: int, at: int, rows: Sequence[Array], moves: np.ndarray) -> None:
-        """Add consecutive rows of each actuator, from one row of a block on."""
-        for held, sums, Z in zip(self.held, self.sums, rows, strict=True):
-            if held.shape[1] < held.shape[2]:
-                held[block, at : at + len(Z)] = Z
-            else:
-                held[block] += Z.T @ Z
-            sums[block] += Z.sum(0)
-        self.data[block] += moves.sum(0)
+    def take(
+        self,
+        into: Sequence[tuple[np.ndarray, Array]],
+        rows: tuple[Array, Array, np.ndarray],
+        start: int,
+        edges: np.ndarray,
+        before: int,
+    ) -> None:
+        """Add consecutive rows (W, τ, data) of a log, from the output `start` of it on.
+
+        Parameters
+        ----------
+        into : sequence of (columns, inverse of their basis)
+        rows : (m, n, k), (m, n) and (m, n)
+        start : int
+        edges : (b,) int
+            Outputs at which blocks of the log begin; the first of them is the block `before`.
+        before : int
+        """
+        W, tau, data = rows
+        inside = edges[(edges > start) & (edges < start + len(tau))] - start
+        pieces = [slice(*ends) for ends in pairwise([0, *inside.tolist(), len(tau)])]
+        blocks = np.searchsorted(edges, [start + own.start for own in pieces], "right") - 1
+        places = [start + own.start - int(edges[k]) for own, k in zip(pieces, blocks, strict=True)]
+        for a, ((columns, inverse), held) in enumerate(zip(into, self.held, strict=True)):
+            x = np.column_stack([W[:, a, columns], tau[:, a]])
+            # A triangular factor takes half of a product's time.
+            Z = dtrmm(1.0, inverse, x, side=1, overwrite_b=1)
+            for own, k, place in zip(pieces, before + blocks, places, strict=True):
+                if held.shape[1] < held.shape[2]:
+                    held[k, place : place + len(Z[own])] = Z[own]
+                else:
+                    held[k] += Z[own].T @ Z[own]
+                self.sums[a][k] += Z[own].sum(0)
+                self.data[k, a] += data[own, a].sum()
 
     def add_all(self, first: int, other: _Blocks) -> None:
         """Add blocks that were gathered elsewhere, from one of these on."""
@@ -176,10 +202,10 @@ def choose_basis(R: Array, columns: np.ndarray) -> Array:
     return triangular_factor(np.vstack([part, NEARLY * np.diag(length)]))
 
 
-def invert_basis(basis: Array) -> Array:
-    """Return the inverse of a basis, (v + 1, v + 1)."""
-    inverse: Array = solve_triangular(basis, np.eye(len(basis)))
-    return inverse
+def _into(seen: Sequence[np.ndarray], bases: Sequence[Array]) -> list[tuple[np.ndarray, Array]]:
+    """Return the columns that each actuator sees, and the inverse of their basis."""
+    inverses = (solve_triangular(S, np.eye(len(S))) for S in bases)
+    return list(zip(seen, inverses, strict=True))
 
 
 # `Information`: all that a regression says about its parameters, independent of its length.
@@ -254,16 +280,11 @@ class Information:
         at = [s for a, b in zip(first, ends, strict=True) for s in range(a, b, size)]
         counts = np.diff([*at, len(log)])
         seen = [np.flatnonzero(wide[:, a].any(0)) for a in range(tau.shape[1])]
-        rows = [np.column_stack([wide[:, a], tau[:, a]]) for a in range(tau.shape[1])]
+        rows = (np.column_stack([wide[:, a], tau[:, a]]) for a in range(tau.shape[1]))
         bases = [choose_basis(x, own) for x, own in zip(rows, seen, strict=True)]
-        Z = [
-            x[:, [*own, -1]] @ invert_basis(S) for x, own, S in zip(rows, seen, bases, strict=True)
-        ]
-        moves = np.ones(tau.shape, bool) if moves is None else moves
         blocks = _Blocks(len(at), int(counts.max()), [len(S) for S in bases])
-        for k, (start, count) in enumerate(zip(at, counts, strict=True)):
-            own = slice(start, start + count)
-            blocks.add(k, 0, [x[own] for x in Z], moves[own])
+        moves = np.ones(tau.shape, bool) if moves is None else moves
+        blocks.take(_into(seen, bases), (wide, tau, moves), 0, np.array(at), 0)
         what = blocks.parts(seen, bases), counts, blocks.data, np.asarray(log)[at]
         return Information(tuple(columns), *what, instruments is not None)
 
@@ -608,23 +629,13 @@ def _gather_part(
         ends = np.searchsorted(own, [part.start, part.start + part.samples.outputs - 1], "right")
         first, count = before + int(ends[0]) - 1, int(ends[1] - ends[0]) + 1
         blocks = _Blocks(count, longest, [len(S) for S in bases])
-    into = [(columns, invert_basis(S)) for columns, S in zip(seen, bases, strict=True)]
+    into = _into(seen, bases)
     missed, offset = np.zeros(acts.shape), first if part.remote else 0
     for chunk in part.chunks():
-        W, tau, start = chunk.wide, chunk.tau, chunk.start
+        W = chunk.wide
         if not acts.all():
             missed[~acts] += np.einsum("nak,nak->ak", W, W)[~acts]
-        rows = [np.column_stack([W[:, a, c], tau[:, a]]) for a, (c, _) in enumerate(into)]
-        # A triangular factor takes half of a product's time.
-        Z = [
-            dtrmm(1.0, inverse, x, side=1, overwrite_b=1)
-            for x, (_, inverse) in zip(rows, into, strict=True)
-        ]
-        inside = own[(own > start) & (own < start + len(tau))] - start
-        for at, stop in pairwise([0, *inside.tolist(), len(tau)]):
-            k = int(np.searchsorted(own, start + at, "right")) - 1
-            some, place = [x[at:stop] for x in Z], start + at - int(own[k])
-            blocks.add(before + k - offset, place, some, chunk.data[at:stop])
+        blocks.take(into, (W, chunk.tau, chunk.data), chunk.start, own, before - offset)
     return first, blocks, missed, part.kept or []
 
 

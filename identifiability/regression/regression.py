@@ -261,9 +261,8 @@ class Chunk:
         Of the actuated joints.
     instruments : (m, n, p) or None
         What stands for W where W itself is noisy.
-    moves : (m, n) bool or None
+    data : (m, n) bool
         Where torque of each joint is data; elsewhere rows of W, instruments and torque are zero.
-        None where all is.
     """
 
     log: int
@@ -273,13 +272,8 @@ class Chunk:
     raw: Array
     t: Array
     velocity: Array
+    data: np.ndarray
     instruments: Array | None = None
-    moves: np.ndarray | None = None
-
-    @property
-    def data(self) -> np.ndarray:
-        """Where torque of each joint is data, (m, n) bool."""
-        return np.ones(self.tau.shape, bool) if self.moves is None else self.moves
 
     @property
     def wide(self) -> Array:
@@ -398,7 +392,7 @@ class LogPart:
             if self.dwelling:
                 piece = replace(piece, weight=np.ones_like(piece.weight))  # noqa: PLW2901 - it all
             W, V = piece.weighed(W), None if V is None else piece.weighed(V)
-            yield Chunk(self.log, first, W, piece.torque, piece.raw, t, velocity, V, moves)
+            yield Chunk(self.log, first, W, piece.torque, piece.raw, t, velocity, moves, V)
 
     def _pieces(
         self, samples: Dataset | None, size: int
