@@ -50,7 +50,7 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot, RobotLike
+from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import new_place
 from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.robot.sidecar import Value
@@ -105,6 +105,8 @@ class TorquePrediction(Result):
         motion never showed.
     known : (N, n) bool
         Where torque was measured and is data.
+    motion : Motion
+        Of the first log.
     notes : mapping
         How each log was prepared.
     hints : tuple of str
@@ -124,6 +126,7 @@ class TorquePrediction(Result):
     low: Array
     new: Array
     known: np.ndarray
+    motion: Motion
     notes: Mapping[str, tuple[str, ...]]
     hints: tuple[str, ...] = ()
 
@@ -465,6 +468,7 @@ def _along(fit: Fit, logs: Logs, engine: Engine | None) -> TorquePrediction:
         fit=fit,
         logs=given_paths(samples),
         measured=measured,
+        motion=samples[0].motion,
         notes={s.path or s.name: s.notes for s in samples},
         hints=(*state_missing(fit.missing), *known.hints),
         **dict(zip(names, joined, strict=True)),
