@@ -333,7 +333,7 @@ class LogPart:
     @property
     def remote(self) -> bool:
         """Whether it is worth sending to another process."""
-        return self.samples.long
+        return self.samples.own is not None
 
     def chunks(self, size: int = CHUNK) -> Iterator[Chunk]:
         """Yield its chunks; each one's W is overwritten by the next, unless all are kept."""
@@ -510,7 +510,7 @@ class Regression:
         shown = sum(int(np.sum(w[:, 1] - w[:, 0])) for w in self.windows)
         width = len(self.parameters) * (1 if self.instruments is None else 2)
         size = 8 * shown * len(self.robot.actuated) * width
-        if len(samples.stretches) > 1 or size >= KEEP_BYTES:
+        if samples.long or size >= KEEP_BYTES:
             return None
         return self._kept.setdefault((log, start, samples.outputs), [])
 

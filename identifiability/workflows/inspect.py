@@ -289,7 +289,7 @@ def describe_log(robot: Robot, log: Log, prepared: Dataset | None, refused: str 
         "jitter": gaps.usual,
         "gaps": len(gaps),
         "lost": int(gaps.lost.sum()),
-        "longest": float(clock.longest.length),
+        "longest": float(clock.longest),
         "cutoff": None if prepared is None else prepared.cutoff,
         "kept": 0 if survey is None else survey.kept,
         "outputs": 0 if survey is None else survey.outputs,
