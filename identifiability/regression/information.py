@@ -72,8 +72,8 @@ class ActuatorBlocks:
     @cached_property
     def root(self) -> Array:
         """A factor of ``Zᵀ Z`` over all blocks, (r, r): Z are at right angles, nothing is lost."""
-        values, vectors = np.linalg.eigh(self.gram)
-        return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
+        found: Array = factor_each(self.gram[None])[0]
+        return found
 
     def __getstate__(self) -> dict[str, Any]:
         """Return its fields: what follows from them is neither sent to workers nor part of keys."""

@@ -179,8 +179,11 @@ def release_root(root: ET.Element, base: str | None) -> tuple[ET.Element, str]:
     ends = {j: {e.tag: e.get("link") for e in j} for j in root.findall("joint")}
     below = {end.get("child") for end in ends.values()}
     free = [j for j in ends if j.get("type") == "floating" and ends[j].get("parent") not in below]
-    others = [j for j in ends if free and j is not free[0] and
-              ends[j].get("parent") == ends[free[0]].get("parent")]  # fmt: skip
+    others = [
+        j
+        for j in ends
+        if free and j is not free[0] and ends[j].get("parent") == ends[free[0]].get("parent")
+    ]
     if len(free) != 1 or others:
         tops = [x.get("name", "") for x in root.findall("link") if x.get("name") not in below]
         return root, (tops or [""])[0] if base == "floating" else ""

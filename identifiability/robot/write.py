@@ -596,15 +596,22 @@ def converted_mjcf(robot: Description) -> ET.Element:
         own = placement(joints[0]) * seen[0].inverse()
         q = pin.Quaternion(own.rotation)
         body = bodies[name] = ET.SubElement(
-            bodies[above], "body", name=name, pos=numbers(own.translation),
+            bodies[above],
+            "body",
+            name=name,
+            pos=numbers(own.translation),
             quat=numbers(np.array([q.w, q.x, q.y, q.z])),
-        )  # fmt: skip
+        )
         for joint, place in zip(joints, seen, strict=True):
             kind = {"revolute": "hinge", "prismatic": "slide"}[joint.kind]
             made = ET.SubElement(
-                body, "joint", name=joint.dofs[0], type=kind,
-                axis=numbers(place.rotation @ joint.axis), pos=numbers(place.translation),
-            )  # fmt: skip
+                body,
+                "joint",
+                name=joint.dofs[0],
+                type=kind,
+                axis=numbers(place.rotation @ joint.axis),
+                pos=numbers(place.translation),
+            )
             span = position_limits(robot, joint.dofs, {})[0]
             if np.isfinite(span).all():
                 made.set("range", numbers(span))
