@@ -254,12 +254,7 @@ class Missing:
         Pieces of one curve are alike, reached or not: beyond the data it returns to zero. Those of
         a body are as a compact one has them.
         """
-        width = max((c.columns[-1] + 1 for c in self.candidates), default=0)
-        square = np.zeros(width)
-        torque = np.sum(self.seen.raw**2 * self.seen.data, axis=0)
-        for (j, k), x in self.entries.items():
-            if torque[j] > 0:
-                square[k] += x @ x / torque[j]
+        square = self._squares.sum(0)
         for c in self.candidates:
             at = list(c.columns)
             if c.family.flexible:
@@ -324,11 +319,29 @@ class Missing:
         """Return the noise of a joint in some stretches, beside columns of names, too."""
         X, random = self.seen.X[:, joint], list[Array]()
         model = [X[:, X.any(0)]]
-        for session, columns in [*((False, x) for x in named), *self._beside_noise]:
+        # In rows in which all act, those of its own joint are first.
+        functions = sorted(self._beside_noise, key=lambda own: -self._share(joint, own[1]))
+        for session, columns in [*((False, x) for x in named), *functions]:
             own = [self.entries[joint, k] for k in columns if (joint, k) in self.entries]
             if own:
                 (model if session else random).append(np.stack(own, 1))
         return rich_noise([np.column_stack(model), *random], self.seen.y[:, joint], runs)
+
+    def _share(self, joint: int, columns: Sequence[int]) -> float:
+        """Return the share of the torque of columns that lies in a joint."""
+        size = np.array([self._squares[:, k] for k in columns]).sum(0)
+        return float(size[joint] / size.sum())
+
+    @cached_property
+    def _squares(self) -> Array:
+        """Sum of squares of each column in each joint over the torque's, (n, c)."""
+        torque = np.sum(self.seen.raw**2 * self.seen.data, axis=0)
+        width = max((c.columns[-1] + 1 for c in self.candidates), default=0)
+        square = np.zeros((len(torque), width))
+        for (j, k), x in self.entries.items():
+            if torque[j] > 0:
+                square[j, k] = x @ x / torque[j]
+        return square
 
     def products(
         self,

@@ -19,7 +19,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import log_ndtr, logsumexp, softmax
+from scipy.special import log_ndtr, softmax
 
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.noise import THIN, ARNoise, JointRuns, whiten
@@ -266,7 +266,8 @@ class MixedModel:
             # Half of the prior is for all shapes at once.
             share = np.where(narrow, 1 / narrow.sum(), 1 / max((~narrow).sum(), 1))
             share /= (1 + (~narrow).any()) * len(self.sizes)
-            odds = float(logsumexp(each, b=share) - g.price)
+            top = float(each[member, size])
+            odds = top + float(np.log(np.sum(share * np.exp(each - top)))) - g.price
             out.append(Term(g, int(member), float(self.sizes[size] ** 2), odds))
         # What is as likely stands as it came, whatever rounding says.
         return sorted(out, key=lambda t: -round(t.odds, 6))
