@@ -39,6 +39,8 @@ def whitened_information(
     noise: ARNoise,
     runs: JointRuns,
     edges: Sequence[int],
+    *,
+    together: bool = False,
 ) -> Information:
     """Return the information of rows of each joint, whitened within stretches of data.
 
@@ -53,12 +55,23 @@ def whitened_information(
         A row without data ends a stretch.
     edges : sequence of int
         Rows at which blocks begin and end.
+    together : bool
+        Whether products of all joints may be added up, as they are where that takes less memory:
+        where most columns act in most joints.
     """
     parts = []
+    size = columns[0][-1] + 1
+    together = together and sum(len(at) ** 2 for at in columns) > size**2
+    total = np.zeros((len(edges) - 1, size, size) if together else 0)
     for at, own, of_joint, stretches in zip(columns, rows, noise, runs.each, strict=True):
         white = whiten(own, stretches, of_joint.pacf) / of_joint.sigma
         grams = np.array([white[a:b].T @ white[a:b] for a, b in pairwise(edges)])
-        parts.append(ActuatorBlocks(at[:-1], None, grams, np.zeros(grams.shape[:2])))
+        if together:
+            total[:, at[:, None], at] += grams
+        else:
+            parts.append(ActuatorBlocks(at[:-1], None, grams, np.zeros(grams.shape[:2])))
+    if together:
+        parts.append(ActuatorBlocks(np.arange(size - 1), None, total, np.zeros(total.shape[:2])))
     names, counts = [str(k) for k in range(columns[0][-1])], np.diff(edges)
     data = np.repeat(counts[:, None], len(parts), 1)
     return Information(tuple(names), tuple(parts), counts, data, np.zeros(len(counts), int))
@@ -245,15 +258,17 @@ class MixedModel:
         """
         asked = self.beside(terms) if among is None else list(among)
         s = self.solve(terms)
-        every = np.arange(self.products.size)
-        along = s.root @ self._between(s.columns, every)
-        left = self.target - along.T @ s.half
         sets = [at for g in asked for at in g.members]
+        every = np.unique(np.concatenate([np.empty(0, int), *sets]))
+        along = s.root @ self._between(s.columns, every)
+        left = self.target[every] - along.T @ s.half
         widths = np.array([len(at) for at in sets])
         rises, signs = np.zeros((2, len(sets), len(self.sizes)))
         for width in np.unique(widths):
             own = np.flatnonzero(widths == width)
-            rises[own], signs[own] = self._rise(np.array([sets[k] for k in own]), along, left)
+            some = np.array([sets[k] for k in own])
+            where = np.searchsorted(every, some)
+            rises[own], signs[own] = self._rise(some, along[:, where], left[where])
         out, stop = [], 0
         for g in asked:
             at = slice(stop, stop := stop + len(g.members))
@@ -272,7 +287,7 @@ class MixedModel:
         # What is as likely stands as it came, whatever rounding says.
         return sorted(out, key=lambda t: -round(t.odds, 6))
 
-    def _rise(self, sets: np.ndarray, along: Array, left: Array) -> tuple[Array, Array]:
+    def _rise(self, sets: np.ndarray, part: Array, left: Array) -> tuple[Array, Array]:
         """Return the rise of the log-likelihood by sets of columns (s, k), and what signs add.
 
         Both by size, (s, sizes).
@@ -280,15 +295,15 @@ class MixedModel:
         Parameters
         ----------
         sets : (s, k) int
-        along, left : (c, m), (m,)
-            What of all columns is along the model, and their products with what it leaves.
+        part, left : (c, s, k), (s, k)
+            What of them is along the model, and their products with what it leaves.
         """
-        part, scale = along[:, sets], self.scale[sets]
+        scale = self.scale[sets]
         S = self.products.within(sets) / (scale[:, :, None] * scale[:, None, :])
         outside = S - np.einsum("csk,csl->skl", part, part, optimize=True)
         e, U = np.linalg.eigh(0.5 * (outside + outside.transpose(0, 2, 1)))
         told = e > THIN * np.einsum("skk->sk", S).max(1)[:, None]
-        e, z = (np.where(told, x, 0.0) for x in (e, np.einsum("skl,sk->sl", U, left[sets])))
+        e, z = (np.where(told, x, 0.0) for x in (e, np.einsum("skl,sk->sl", U, left)))
         v = self.sizes[:, None] ** 2
         shrunk = v / (1.0 + v * e[:, None])
         rise = 0.5 * (z[:, None] ** 2 * shrunk + np.log(shrunk / v)).sum(2)

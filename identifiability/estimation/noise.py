@@ -215,9 +215,9 @@ class LaggedProducts:
             at = np.concatenate([np.arange(0), *(np.arange(a, b - lag) for a, b in runs)])
             own = Z[at].T @ Z[at + lag]
             for i in range(P + 1 - lag):
-                out[i, i + lag] = out[i + lag, i] = 0.5 * (own + own.T)
-                for ends in (first + i, stop - 1 - i - lag):
+                for ends in (first + i - 1, stop - i - lag) if i else ():
                     own = own - Z[ends].T @ Z[ends + lag]
+                out[i, i + lag] = out[i + lag, i] = 0.5 * (own + own.T)
         return LaggedProducts(out, int((stop - first).sum()), len(runs))
 
     def weigh(self, pacf: Array) -> tuple[Array, float, float]:

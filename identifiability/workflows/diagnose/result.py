@@ -47,6 +47,7 @@ from identifiability.workflows.commands import (
     source_name,
 )
 from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
+from identifiability.workflows.diagnose.predictor import Predictor
 from identifiability.workflows.diagnose.problem import Discrepancy, Gap, Setting
 from identifiability.workflows.predict import Fit, Predicts, settled
 from identifiability.workflows.rules import RULES as WORKFLOW_RULES
@@ -261,6 +262,8 @@ class Diagnosis(Result, Setting, Predicts):
         The base model with the named effects.
     moved : Moved or None
         How far rollouts of the nearest real robot are off, of logs of commands.
+    predictor : Predictor
+        What predicts: the plain model, or the named one.
     forward : ForwardGap or None
         Forward simulation before and after, where it was made.
     hints : tuple of str
@@ -287,6 +290,7 @@ class Diagnosis(Result, Setting, Predicts):
     evidence: tuple[Odds, ...]
     values: Array
     model: Model
+    predictor: Predictor
     forward: ForwardGap | None = None
     hints: tuple[str, ...] = ()
     nothing: str = ""
@@ -323,9 +327,9 @@ class Diagnosis(Result, Setting, Predicts):
 
     @cached_property
     def fit(self) -> Fit:
-        """The model with the named effects: values, covariance, and how torque scatters."""
+        """The model that predicts: values, covariance, and how torque scatters."""
         with one_thread("blas"):
-            return keep_completed(self)
+            return keep_predictor(self)
 
     def moved_by(self, logs: Recordings) -> Diagnosis:
         """Return the diagnosis with how far rollouts are off, where logs are of commands."""
@@ -441,6 +445,7 @@ class Diagnosis(Result, Setting, Predicts):
             "after": pick(self, error_ra="error_after", error_ra_validation="held_after"),
             "errors": {"joints": self.error_frame().to_dict("records")},
             "earlier": {"source": "", "error_ra_validation": None, "turns": []},  # for one release
+            "predictor": pick(self.predictor, "named", "statement"),
             "change": {"interval95": list(self.interval), "measured": f"on {self.verified_on}"},
             "roles": {
                 "chosen": "by the evidence of the fitted logs",
@@ -604,7 +609,8 @@ def _left(d: Diagnosis) -> Answer:
     error = d.held_after if d.effects else d.held_before
     question = "How good is the model then?"
     each = d.error_frame()["after"].to_numpy()
-    return answer_quality(error, d.robot.joints, each, d.unexplained, question)
+    text = " ".join(filter(None, (d.unexplained, d.predictor.statement)))
+    return answer_quality(error, d.robot.joints, each, text, question)
 
 
 #: Places that the headline lists of each effect.
@@ -731,11 +737,15 @@ ERRORS = with_hints(
 )
 
 
-def keep_completed(d: Diagnosis) -> Fit:
-    """Return the model with the named effects, with the values that its error is stated of.
+def keep_predictor(d: Diagnosis) -> Fit:
+    """Return the model that predicts, with the values that its error is stated of.
 
     Intervals are those of a refit, whatever was known beforehand.
     """
+    if not d.predictor.named:
+        gap = replace(d.gap, residual=d.gap.residual[:, :, :1])
+        own = d.predictor.values
+        d = replace(d, effects=(), model=d.structure.model, values=own, gap=gap)
     structure = d.completed
     submodel = full_model(structure.base, "the diagnosed model")
     regression = structure.regression(d.samples, keep=True)

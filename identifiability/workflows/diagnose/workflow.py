@@ -48,6 +48,7 @@ from identifiability.workflows.diagnose.naming import (
     name_missing,
     without_outliers,
 )
+from identifiability.workflows.diagnose.predictor import choose_predictor
 from identifiability.workflows.diagnose.problem import (
     MOST_IN_ALL,
     MOST_SAMPLES,
@@ -410,6 +411,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         ),
         values=known.base + known.directions @ fits[-1][: len(known.precision)],
         model=Model((*structure.model.effects, *added)),
+        predictor=choose_predictor(naming, known.base + known.directions @ fits[0]),
     )
 
 
