@@ -33,6 +33,7 @@ from hidden_physics_cases import (
     LOGS,
     NOISE,
     ROBOTS,
+    STEP,
     Case,
     coloured,
     load_robot,
@@ -226,6 +227,18 @@ def _stops(case: Case) -> None:
     case.wanted = case._wanted()
 
 
+def _point_to_point(case: Case) -> None:
+    """Let fitted motions go from posture to posture, of which the others know nothing."""
+    each = round(2.0 / STEP)
+    place = np.arange(case.wanted.shape[1]) / each
+    at = place.astype(int)
+    x = np.clip((place - at) / 0.7, 0.0, 1.0)
+    way = (x**3 * (10 - 15 * x + 6 * x**2))[None, :, None]
+    postures = case.wanted[:FITTED, ::each]
+    postures = np.concatenate([postures, postures[:, -1:]], 1)
+    case.wanted[:FITTED] = (1 - way) * postures[:, at] + way * postures[:, at + 1]
+
+
 def _guided(x: Logged) -> None:
     joint = x.joint(len(x.robot.joints) // 2)
 
@@ -301,6 +314,7 @@ CONDITIONS = {
     "offsets by run": Condition("offset", _offsets),
     "gains off by 5-15 %": Condition("gain|scale", _gains, labels=False),
     "stops and dwells": Condition("", machine=_stops),
+    "point to point": Condition("", machine=_point_to_point, of=ARMS),
     "friction warms up": Condition("friction|time", labels=False),
     "guided by hand": Condition("weighed down|outlier|influential", _guided),
     "passive friction": Condition("passive", machine=_passive, of=CHAINS),

@@ -39,7 +39,7 @@ def cut(log: Log, parts: int) -> list[Log]:
     """Return equal stretches of a log, each as a log of its own."""
     edges = [k * len(log.t) // parts for k in range(parts + 1)]
     return [
-        replace(log.cut(a, b, f"part {k + 1}"), sha256=f"{k}")
+        replace(log.rows(a, b, f"part {k + 1}"), sha256=f"{k}")
         for k, (a, b) in enumerate(pairwise(edges))
     ]
 

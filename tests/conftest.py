@@ -25,7 +25,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from identifiability import report
-from identifiability.logs import Log
+from identifiability.logs import Log, rows, tables
 from identifiability.regression.regression import Model
 from identifiability.report import blocks, drawing
 from identifiability.robot import Robot
@@ -251,3 +251,17 @@ def simulated():
 def simulated_session():
     """The same for fixtures that outlive a test."""
     return simulated_log
+
+
+@pytest.fixture
+def read_long(monkeypatch):
+    """A function as `Log.read` that maps the rows of any log from a file, in many pieces."""
+
+    def read(path, known=None):
+        with monkeypatch.context() as small:
+            small.setattr(rows, "LONG", 0)
+            small.setattr(tables, "PIECE_LETTERS", 5000)
+            small.setattr(tables, "PIECE_CELLS", 1000)
+            return Log.read(path, known)
+
+    return read

@@ -50,10 +50,10 @@ def test_every_verb_takes_the_same_band(two_link, coarse, verb, monkeypatch):
 
     where = "inspect" if verb == "inspect" else "session"
     monkeypatch.setattr(f"identifiability.workflows.{where}.prepare_log", prepare)
-    other = replace(coarse.cut(0, 3500, "other"), sha256="other")
+    other = replace(coarse.rows(0, 3500, "other"), sha256="other")
     asked = [coarse]
     if verb == "compare":
-        asked = [coarse.cut(0, 1750, "one"), coarse.cut(1750, 3500, "two")]
+        asked = [coarse.rows(0, 1750, "one"), coarse.rows(1750, 3500, "two")]
         compare(robot, *(replace(x, sha256=x.name) for x in asked))
     elif verb == "inspect":
         inspect(robot, coarse)

@@ -218,7 +218,7 @@ def test_joints_and_delay_are_found_from_rollouts_of_another_physics(arm, frames
         true = np.array([TRUTH[f"{j}.{kind}"] for j in arm.joints])
         np.testing.assert_allclose(found.numbers[kind], true, atol=near * np.abs(true).max())
     assert np.all(found.errors < 0.05 * found.before)
-    assert fit_rollouts(arm, logs[:1], delay=0.007, steps=1).delay_errors == 0
+    assert fit_rollouts(arm, logs[:1], delay=0.007).delay_errors == 0
     unseen = roll_late(CommandedRobot(arm, found.parameters(arm)), logs[1])[1][50:]
     step = 2 * np.pi / 2**14
     assert np.sqrt(np.mean((unseen - logs[1].q[50:]) ** 2)) < step  # of the encoders

@@ -500,9 +500,7 @@ def effects(option: str) -> list[str]:
 
 def find_robots(typed: str) -> list[str]:
     """Return the shipped robots that begin so, for the shell; it adds the files itself."""
-    package = Path(__file__).resolve().parents[1]
-    shipped = [*package.glob("models/*/robot.*"), *package.parent.glob("models/*/robot.*")]
-    return sorted({p.parent.name for p in shipped if p.parent.name.startswith(typed)})
+    return [name for name in shipped_robots() if name.startswith(typed)]
 
 
 def _load_plugins(context: typer.Context, paths: list[Path] | None) -> list[Path]:

@@ -509,11 +509,12 @@ class Differences:
             (part,) = whitened_information(
                 [acts], [own[:, acts]], (noise,), JointRuns((runs,)), edges
             ).parts
+            grams = np.array([Z.T @ Z for Z in part.blocks])
             if not self.noise:  # each log counts by its own
                 at = np.ix_(*[(acts < end) | (acts == last)] * 2)
                 for k, (a, b) in enumerate(pairwise(edges)):
-                    level[k] *= left_over(part.blocks[k][at], int(own[a:b].any(1).sum()))
-            out[np.ix_(np.arange(len(out)), acts, acts)] += part.blocks / level[:, None, None]
+                    level[k] *= left_over(grams[k][at], int(own[a:b].any(1).sum()))
+            out[np.ix_(np.arange(len(out)), acts, acts)] += grams / level[:, None, None]
         return out
 
     def before(self, terms: Terms) -> dict[str, float]:

@@ -74,8 +74,6 @@ class Estimate:
         Rows less determined columns.
     condition : float
         Condition number of the column-scaled matrix of determined columns.
-    singular_values : (k,)
-        Of the column-scaled matrix, relative to the largest.
     weights : (n,)
         Weight of each actuator.
     times : (n,)
@@ -95,7 +93,6 @@ class Estimate:
     rss: Array
     dof: int
     condition: float
-    singular_values: Array
     weights: Array
     times: Array
     estimator: Estimator
@@ -586,7 +583,7 @@ def noise_scale(information: Information, weights: Array, times: Array, rss: Arr
 def leave_open(information: Information, estimator: Estimator) -> Estimate:
     """Return the estimate from logs that have nothing to explain: it determines no parameter."""
     plain = _solve(information.select([]), np.ones(information.actuators), estimator)
-    return _embed(plain, information, [], np.empty(0))
+    return _embed(plain, information, [])
 
 
 def _solve(
@@ -594,10 +591,10 @@ def _solve(
 ) -> Estimate:
     k, n = information.size, information.actuators
     times = np.ones(n) if times is None else times
-    kept, singular = _determined(information, weights)
+    kept, condition = _determined(information, weights)
     if len(kept) < k:
         part = _solve(information.select(kept), weights, estimator, times)
-        return _embed(part, information, kept, singular)
+        return _embed(part, information, kept)
     R = information.factor(weights)
     value = solve_triangular(R[:k, :k], R[:k, k]) if k else np.empty(0)
     rss = information.squares(np.append(-value, 1.0))
@@ -605,7 +602,6 @@ def _solve(
     # Weights that know of memory are those of σ² κ; independent residuals would have σ² alone.
     scale = noise_scale(information, weights, times, rss)
     covariance = scale * sandwich(R[:k, :k], information.factor(weights / times)[:, :k])
-    low = float(singular[-1]) if k else 1.0
     return Estimate(
         columns=information.columns,
         value=value,
@@ -616,8 +612,7 @@ def _solve(
         variance=rss / np.maximum(information.rows_each * (1 - k / max(information.rows, 1)), 1.0),
         rss=rss,
         dof=dof,
-        condition=1.0 / low if low > 0 else np.inf,
-        singular_values=singular,
+        condition=condition,
         weights=weights,
         times=times,
         estimator=estimator,
@@ -632,16 +627,16 @@ def _unit_columns(information: Information, weights: Array) -> tuple[Array, np.n
     return np.where(acts, R / np.where(acts, length, 1.0), 0.0), acts
 
 
-def _determined(information: Information, weights: Array) -> tuple[list[int], Array]:
-    """Return the columns that this motion tells apart, and the scaled singular values."""
+def _determined(information: Information, weights: Array) -> tuple[list[int], float]:
+    """Return the columns that this motion tells apart, and the condition of all that act."""
     unit, acts = _unit_columns(information, weights)
     if not acts.any():
-        return [], np.empty(0)
-    s = np.linalg.svd(unit[:, acts], compute_uv=False)
-    return scan_columns(unit, np.flatnonzero(acts).tolist()), s / s[0]
+        return [], 1.0
+    condition = float(np.linalg.cond(unit[:, acts]))
+    return scan_columns(unit, np.flatnonzero(acts).tolist()), condition
 
 
-def _embed(part: Estimate, whole: Information, kept: list[int], singular: Array) -> Estimate:
+def _embed(part: Estimate, whole: Information, kept: list[int]) -> Estimate:
     """Return the estimate of the independent columns among all columns."""
     k = whole.size
     value, determined = np.zeros(k), np.zeros(k, bool)
@@ -662,7 +657,6 @@ def _embed(part: Estimate, whole: Information, kept: list[int], singular: Array)
         covariance=covariance,
         determined=determined,
         kept=tuple(kept),
-        singular_values=singular,
     )
 
 

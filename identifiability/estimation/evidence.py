@@ -215,7 +215,7 @@ class Score:
     @cached_property
     def shares(self) -> Array:
         """Squared errors of each fold over each joint's own scale, (F,)."""
-        acts = self.variation > 0
+        acts = self.variation > np.finfo(float).tiny  # below that it is rounding
         found: Array = self.squares[:, acts] @ (1.0 / self.variation[acts])
         return found
 

@@ -27,7 +27,7 @@ from identifiability.estimation.rules import RULES
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.regression.information import ActuatorBlocks, Information
+from identifiability.regression.information import ActuatorBlocks, Information, factor_each
 
 #: Sizes that a group may have, relative to the torque of its joint: uniform in the logarithm.
 SIZES = np.geomspace(1e-4, 1.0, 40)
@@ -65,13 +65,20 @@ def whitened_information(
     total = np.zeros((len(edges) - 1, size, size) if together else 0)
     for at, own, of_joint, stretches in zip(columns, rows, noise, runs.each, strict=True):
         white = whiten(own, stretches, of_joint.pacf) / of_joint.sigma
-        grams = np.array([white[a:b].T @ white[a:b] for a, b in pairwise(edges)])
         if together:
-            total[:, at[:, None], at] += grams
-        else:
-            parts.append(ActuatorBlocks(at[:-1], None, grams, np.zeros(grams.shape[:2])))
+            for sums, (a, b) in zip(total, pairwise(edges), strict=True):
+                sums[at[:, None], at] += white[a:b].T @ white[a:b]
+            continue
+        blocks = np.zeros((len(edges) - 1, int(np.diff(edges).max()), white.shape[1]))
+        for block, (a, b) in zip(blocks, pairwise(edges), strict=True):
+            block[: b - a] = white[a:b]
+        parts.append(ActuatorBlocks(at[:-1], None, blocks, np.zeros(blocks[:, 0].shape)))
     if together:
-        parts.append(ActuatorBlocks(np.arange(size - 1), None, total, np.zeros(total.shape[:2])))
+        length = np.sqrt(np.maximum(np.einsum("fii->i", total), 1e-300))
+        blocks = factor_each(total / length / length[:, None]) * length
+        parts.append(
+            ActuatorBlocks(np.arange(size - 1), None, blocks, np.zeros(blocks[:, 0].shape))
+        )
     names, counts = [str(k) for k in range(columns[0][-1])], np.diff(edges)
     data = np.repeat(counts[:, None], len(parts), 1)
     return Information(tuple(names), tuple(parts), counts, data, np.zeros(len(counts), int))

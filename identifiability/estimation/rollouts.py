@@ -16,7 +16,7 @@ from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
-import scipy
+from scipy.optimize import lsq_linear
 
 from identifiability.estimation.noise import autocorrelation_time
 from identifiability.estimation.rules import RULES
@@ -29,9 +29,8 @@ from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 from identifiability.simulation.rollout import STEP, CommandedRobot, forgotten
 
-#: Length of blocks of time whose errors are taken to be independent, and of the windows in which a
-#: search begins [s].
-TOGETHER: Tolerance = 1.0
+#: Length of the windows in which a search begins [s].
+WINDOW: Tolerance = 1.0
 
 #: How many other records of the same motion tell what the steps of encoders do to a delay.
 RECORDS = 100
@@ -47,19 +46,15 @@ KINDS = ("Ia", "Fv", "Fc", "off")
 VARIED: Tolerance = 0.02
 LATER: Tolerance = 0.05
 
-#: Step of rollouts whose differences alone are looked at [s], and of those that tell numbers.
-COARSE: Tolerance = 2.5 * STEP
+#: Step of rollouts whose differences alone are looked at, in that of others.
+COARSE: Tolerance = 2.5
 
 #: Where a third of a log is so long, the search begins on that: steps there cost a third [s].
 ENOUGH: Tolerance = 2.0
 
-#: A step is taken again, more damped, so often; and the search ends where one promises less than
-#: these shares of the error and of what noise makes of one number (σ²), or after so many
-#: derivatives.
-TRIED = 6
-GAIN: Tolerance = 5e-3
-CLOSE: Tolerance = 0.1
-STEPS = 8
+#: A search ends where a step promises less than this share of the error, or after so many steps.
+GAIN: Tolerance = 2e-4
+STEPS = 20
 
 
 @frozen
@@ -100,7 +95,6 @@ def fit_rollouts(
     robot: Robot,
     logs: Sequence[Log],
     delay: float | None = None,
-    steps: int = STEPS,
     fitted: Mapping[str, float] | None = None,
 ) -> Rollouts:
     """Return the numbers of the joints, and the delay, with which rollouts follow logs.
@@ -113,8 +107,6 @@ def fit_rollouts(
         With commands, in the robot's order of joints.
     delay : float [s], optional
         Where it is known.
-    steps : int
-        At most.
     fitted : mapping, optional
         Standard parameters by name, of bodies and to begin with, near which the search stays; by
         default the file's.
@@ -126,26 +118,22 @@ def fit_rollouts(
     """
     machine = CommandedRobot(robot, fitted or {})
     late = [(log.servo_delay if fitted else delay) or 0.0 for log in logs]
-    numbers = machine.numbers()
-    x = np.concatenate([*(numbers[k] for k in KINDS), late])
-    problem = Problem(machine, tuple(logs), delay)
+    free = dict.fromkeys(KINDS, np.ones(len(robot.joints), bool))
+    thirds = _thirds(logs)
+    problem, part = (Problem(machine, x, delay, free) for x in (logs, thirds))
+    x = problem.pack(machine.numbers(), np.array(late))
     before = problem.errors(problem.roll([x])[0])
-    thirds = tuple(_middle(log) for log in logs)
-    if not fitted and all(t[-1] - t[0] > ENOUGH for t in (log.t for log in thirds)):
+    if not fitted and thirds is not logs:
         # Begun anew all the time, a rollout follows even where numbers are far from the robot's.
-        x, *_ = _descend(Problem(machine, thirds, delay, anew=TOGETHER), x, steps)
-        middle = Problem(machine, thirds, delay)
-        x, q, *_ = _descend(middle, x, steps)
-        errors = middle.errors(q)
+        x, *_ = Problem(machine, thirds, delay, free, anew=WINDOW).descend(x)
+        errors = part.errors(part.roll([x])[0])
         if contradicted(share_missed(errors, logs)):  # nor will whole logs be followed
-            numbers, delays, _ = problem.unpack(x)
+            numbers, _, delays = problem.unpack(x)
             return Rollouts(numbers, delays, errors, before, np.zeros(len(logs)))
-    # Step of rollouts whose differences alone are looked at [s], and of those that tell
-    # numbers.
-    x, q, J, r = _descend(problem, x, steps, 0.25 * STEP)
-    numbers, delays, _ = problem.unpack(x)
-    sure = np.zeros(len(logs)) if delay is not None else problem.delay_errors(J, r, x)
-    return Rollouts(numbers, delays, problem.errors(q), before, sure)
+    x, q, J = problem.descend(x, 0.25 * STEP)
+    numbers, _, delays = problem.unpack(x)
+    unsure = problem.delay_errors(J, q) if delay is None else np.zeros(len(logs))
+    return Rollouts(numbers, delays, problem.errors(q), before, unsure)
 
 
 class Believed(Protocol):
@@ -158,8 +146,8 @@ class Believed(Protocol):
     def values(self, e: Array) -> dict[str, float]:
         """Return standard parameters at some coordinates (m,)."""
 
-    def scaled(self, e: Array, by: float) -> Array:
-        """Return the coordinates of bodies that are so many times as heavy and alike."""
+    def along(self, e: Array) -> Array:
+        """Return how coordinates change where bodies get heavier and stay alike, (m,)."""
 
     def rows(self, e: Array, numbers: Mapping[str, Array]) -> Array:
         """Return how far coordinates and joints' numbers are from what is believed, (r,) [σ]."""
@@ -194,8 +182,8 @@ class Gains:
 def fit_gains(robot: Robot, logs: Sequence[Log], believed: Believed) -> Gains:
     """Return the gains with which rollouts follow logs most closely.
 
-    First with the file's bodies: the start is the best of a grid of natural frequencies and damping
-    ratios, for what each joint feels of inertia. Then with bodies as they are believed.
+    The start is the best of a grid of natural frequencies and damping ratios, for what each joint
+    feels of inertia.
 
     Parameters
     ----------
@@ -210,63 +198,46 @@ def fit_gains(robot: Robot, logs: Sequence[Log], believed: Believed) -> Gains:
     RobotError
         If the robot cannot be rolled out.
     """
-    servo = robot.servo
+    servo, n = robot.servo, len(robot.joints)
     assert servo is not None
-    told = all(log.dq_ref is not None for log in logs)
-    kinds = (*KINDS, "kv", "kp") if told else (*KINDS, "kp")
-    free = {"kp": np.isnan(servo.kp), "kv": np.isnan(servo.kv)}
-    start = _start(robot, servo, min(logs, key=len))
-    machine = CommandedRobot(robot, {}, start[0])
-    late = np.full(len(logs), servo.delay or 0.0)
-    x = np.concatenate([*(start[1][k] for k in kinds), late])
-    thirds = [_middle(log) for log in logs]
-    thirds = thirds if all(t.t[-1] - t.t[0] > ENOUGH for t in thirds) else list(logs)
-    for part, of in ((thirds, None), (thirds, believed), (logs, believed)):
-        problem = Problem(machine, tuple(part), servo.delay, kinds, free, of)
-        x = problem.extended(x)
-        x, q, J, _ = _descend(problem, x, 3 * STEPS)
-    numbers, _, _ = problem.unpack(x)
-    n, at = len(robot.joints), kinds.index("kp") * len(robot.joints)
+    free = dict.fromkeys(KINDS, np.ones(n, bool))
+    free |= {"kv": np.isnan(servo.kv)} if all(log.dq_ref is not None for log in logs) else {}
+    free["kp"] = np.isnan(servo.kp)
+    thirds = _thirds(logs)
+    machine, numbers = _start(robot, servo, min(thirds, key=len))
+    x = np.zeros(0)
+    for part in (thirds, logs):
+        problem = Problem(machine, part, servo.delay, free, believed)
+        x = x if len(x) else problem.pack(numbers, servo.delay or 0.0)
+        x, q, J = problem.descend(x)
+    numbers, *_ = problem.unpack(x)
     size = np.linalg.norm(J, axis=0)
     size = np.where(size > 0, size, 1.0)  # of gains that are stated
     H = np.linalg.pinv((J / size).T @ (J / size), hermitian=True) / np.outer(size, size)
-    kp = np.maximum(numbers["kp"], 1e-12)
-    covariance = H[at : at + n, at : at + n] / np.outer(kp, kp)
+    kp = slice(problem.at[0] - n, problem.at[0])
     found = free["kp"] if free["kp"].any() else np.ones(n, bool)
-    mean = (found / kp / found.sum()) @ H[at : at + n]
-    by = J[len(J) - problem.believed_rows :] @ mean
-    return Gains(machine.servo.having(numbers), numbers, problem.errors(q), covariance, by)
+    by = J[problem.apart(q).size :] @ (found / found.sum() @ H[kp])
+    return Gains(machine.servo.having(numbers), numbers, problem.errors(q), H[kp, kp], by)
 
 
-def _start(robot: Robot, servo: Servo, log: Log) -> tuple[Servo, dict[str, Array]]:
-    """Return servos and joints' numbers from which the search for gains begins."""
-    # Where a third of a log is so long, the search begins on that: steps there cost a third
-    # [s].
-    if len(log) * signals.sampling_step(log.t) > 3 * ENOUGH:
-        log = _middle(log)
+def _start(robot: Robot, servo: Servo, log: Log) -> tuple[CommandedRobot, dict[str, Array]]:
+    """Return a robot and joints' numbers from which the search for gains begins."""
     free = np.isnan(servo.kp)
     guess = replace(servo, kp=np.where(free, 1.0, servo.kp), kv=np.nan_to_num(servo.kv))
     machine = CommandedRobot(robot, {}, guess)
     inertia, numbers = machine.inertia(log.q.mean(0)), machine.numbers()
-    late = servo.delay or 0.0
-    fastest = 1.0 / signals.sampling_step(log.t)
-    # Frequencies [rad/s] and damping ratios of a servo and what it moves, then factors about them.
-    grid = [(w, z) for w in np.geomspace(2, 250, 9) if w < fastest for z in (0.3, 1.0, 3.0)]
-    nearer = [(a, b) for a in (0.6, 1.0, 1.7) for b in (0.6, 1.0, 1.7)]
-    w, z = np.sqrt(guess.kp / inertia), np.ones(len(inertia))
-    for factors in (grid, nearer, [(1.0, 1.0)]):
-        tries = []
-        for a, b in factors:
-            v, d = (a, b) if factors is grid else (a * w, b * z)
-            kp = np.where(free, inertia * v**2, servo.kp)
-            damping = np.where(free, 2 * inertia * v * d, numbers["Fv"])
-            tries.append({**numbers, "kp": kp, "kv": guess.kv, "Fv": damping})
-        q = machine.roll(log, tries, late, step=COARSE)
-        errors = np.nan_to_num((q - log.q) ** 2, nan=1e6).mean(1)
-        best = errors.argmin(0)
-        chosen = np.array(factors)[best]
-        w, z = chosen.T if factors is grid else (chosen[:, 0] * w, chosen[:, 1] * z)
-    return replace(guess, kp=tries[0]["kp"]), tries[0]
+    # Frequencies [rad/s] and damping ratios of a servo and what it moves.
+    speeds = np.geomspace(2, 250, 17)
+    tries = []
+    for w in speeds[speeds < 1.0 / signals.sampling_step(log.t)]:
+        for ratio in (0.2, 0.5, 1.0, 2.0, 4.0):
+            kp = np.where(free, inertia * w**2, servo.kp)
+            damping = np.where(free, 2 * inertia * w * ratio, numbers["Fv"])
+            tries.append({**numbers, "Fv": damping, "kv": guess.kv, "kp": kp})
+    q = machine.roll(log, tries, servo.delay or 0.0, step=COARSE * STEP)
+    best = np.nan_to_num((q - log.q) ** 2, nan=1e6).mean(1).argmin(0)
+    chosen = {k: np.array([x[k] for x in tries])[best, range(len(best))] for k in tries[0]}
+    return CommandedRobot(robot, {}, replace(guess, kp=chosen["kp"])), chosen
 
 
 def share_missed(errors: Array, logs: Sequence[Log]) -> Array:
@@ -312,44 +283,10 @@ def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
     return np.asarray(rounded + noise * rng.standard_normal(q.shape))
 
 
-def _middle(log: Log) -> Log:
-    """Return the middle third of a log, as they often begin and end at rest."""
-    return log.rows(len(log) // 3, 2 * len(log) // 3)
-
-
-def _descend(
-    problem: Problem, x: Array, steps: int, width: float = STEP
-) -> tuple[Array, list[Array], Array, Array]:
-    """Return the vector after damped Gauss–Newton steps, and positions along the logs.
-
-    Then the last derivative of the residual (r, p), and the last residual (r,). Rollouts are of
-    that width [s].
-    """
-    q = problem.roll([x], width)[0]
-    damping = 1e-3
-    J, r = np.zeros((0, len(x))), np.zeros(0)
-    for _ in range(steps):
-        weights, memory = problem.weights(q)
-        J, r = problem.linearise(x, weights), problem.residual(q, weights, x)
-        Q, R = np.linalg.qr(J)
-        size, right = np.sqrt((R**2).sum(0)) + 1e-12, Q.T @ r
-        least = min(GAIN, CLOSE * memory / len(r)) * float(r @ r)
-        for _ in range(TRIED):
-            rows = np.vstack([R, np.sqrt(damping) * np.diag(size)])
-            wanted = np.concatenate([-right, np.zeros(len(size))])
-            step = scipy.optimize.lsq_linear(rows, wanted, problem.bounds(x), method="bvls").x
-            left = right + R @ step
-            if right @ right - left @ left <= least:
-                return x, q, J, r
-            moved = problem.roll([x + step], width)[0]
-            found = problem.residual(moved, weights, x + step)
-            if found @ found < r @ r:
-                x, q, r, damping = x + step, moved, found, max(damping / 10, 1e-8)
-                break
-            damping = 10 * damping
-        else:
-            break
-    return x, q, J, r
+def _thirds(logs: Sequence[Log]) -> Sequence[Log]:
+    """Return the middle thirds of logs, as they often begin and end at rest; all of short ones."""
+    thirds = [log.rows(len(log) // 3, 2 * len(log) // 3) for log in logs]
+    return thirds if all(x.t[-1] - x.t[0] > ENOUGH for x in thirds) else logs
 
 
 def roll_late(machine: CommandedRobot, log: Log, delay: float | None = None) -> tuple[float, Array]:
@@ -363,31 +300,28 @@ def roll_late(machine: CommandedRobot, log: Log, delay: float | None = None) -> 
     delay : float [s], optional
         Where it is known.
     """
-    if delay is not None:
-        return delay, machine.roll(log, delay=delay)[0]
-    none = np.zeros(len(machine.robot.joints), bool)
-    problem = Problem(machine, (log,), None, free=dict.fromkeys(KINDS, none))
-    numbers = machine.numbers()
-    x, *_ = _descend(problem, np.concatenate([*(numbers[k] for k in KINDS), [0.0]]), STEPS)
-    late = float(x[-1])
-    return late, machine.roll(log, delay=late)[0]
+    if delay is None:
+        free = dict.fromkeys(KINDS, np.zeros(len(machine.robot.joints), bool))
+        problem = Problem(machine, [log], None, free)
+        delay = float(problem.descend(problem.pack(machine.numbers(), 0.0))[0][-1])
+    return delay, machine.roll(log, delay=delay)[0]
 
 
 class Problem:
     """Positions of the rollouts of all logs, as a function of one vector of numbers.
 
     The vector holds numbers of the joints by kind, coordinates of bodies, and a delay for each log.
+    Where a gain is found its logarithm stands in the vector, and the joint's other numbers are over
+    it: positions hardly tell what is common to all of them.
 
     Parameters
     ----------
     machine : CommandedRobot
-    logs : tuple of Log
+    logs : sequence of Log
     delay : float or None [s]
         Where it is known.
-    kinds : tuple of str
-        Of the joints' numbers.
     free : mapping of str to (n,) bool
-        Kinds that are varied at some joints only.
+        Kinds of numbers, and at which joints they are varied; ``kp`` is the last.
     believed : Believed, optional
         Of bodies that are varied, too.
     anew : float [s]
@@ -397,246 +331,193 @@ class Problem:
     def __init__(
         self,
         machine: CommandedRobot,
-        logs: tuple[Log, ...],
+        logs: Sequence[Log],
         delay: float | None,
-        kinds: tuple[str, ...] = KINDS,
-        free: Mapping[str, np.ndarray] | None = None,
+        free: Mapping[str, np.ndarray],
         believed: Believed | None = None,
         anew: float = np.inf,
     ) -> None:
-        self.machine, self.logs, self.known = machine, logs, delay
-        self.kinds, self.believed, robot = kinds, believed, machine.robot
-        self.n = len(robot.joints)
+        self.logs, self.free, self.believed = logs, free, believed
+        self.trees, bodies = machine.trees, believed.bodies if believed else ()
         self.dt = min(signals.sampling_step(log.t) for log in logs)
-        self.rows = [int(min(anew / self.dt, len(log))) for log in logs]
-        inertia = machine.inertia(logs[0].q.mean(0))
-        servo = machine.servo
-        moved = np.max([log.q.std(0) for log in logs], axis=0) + 1e-3
-        torque = np.minimum(
-            np.maximum(servo.kp * 0.3 * moved, servo.kv * moved), np.minimum(servo.high, 1e9)
-        )
-        damping = servo.kv + inertia / 0.1  # of a servo that takes a tenth of a second
-        each = {"Ia": inertia, "Fv": damping, "Fc": torque, "off": torque}
-        each |= {"kp": servo.kp, "kv": damping}
-        bodies = believed.bodies if believed else ()
+        ends = [[*range(0, len(x) - 1, int(min(anew / self.dt, len(x)))), len(x)] for x in logs]
+        self.windows = [[*pairwise(own)] for own in ends]
         #: Where the coordinates of bodies begin, and where delays do.
-        self.at = len(kinds) * self.n, len(kinds) * self.n + len(bodies)
-        self.varied = VARIED * np.concatenate([*(each[k] for k in kinds), np.ones(len(bodies))])
-        ones = np.ones(self.n, bool)
-        fixed = [~(free or {}).get(k, ones) for k in kinds]
-        self.fixed = np.concatenate([*fixed, np.zeros(len(bodies), bool)])
-        self.trees = machine.trees
+        self.at = len(free) * len(self.trees), len(free) * len(self.trees) + len(bodies)
         #: Which tree each number is of.
-        self.tree_of = np.concatenate([np.tile(self.trees, len(kinds)), machine.trees_of(bodies)])
-        #: One number of each tree, which are varied at once.
-        self.groups: list[np.ndarray] = []
-        ends = [*range(0, self.at[0] + 1, self.n), *([self.at[1]] if bodies else [])]
-        for a, b in pairwise(ends):
-            own = np.flatnonzero(~self.fixed[a:b]) + a
-            trees = self.tree_of[own]
-            place = np.array([np.sum(trees[:k] == t) for k, t in enumerate(trees)], int)
-            self.groups += [own[place == k] for k in range(int(place.max(initial=-1)) + 1)]
-        self.machine_of = lru_cache(maxsize=4)(self._machine_of)
+        self.tree_of = np.concatenate([np.tile(self.trees, len(free)), machine.trees_of(bodies)])
+        #: Numbers that grow with the gain of their joint, (kinds, n).
+        self.over = np.array([free.get("kp", x & False) & x & (k != "kp") for k, x in free.items()])
+        late = np.full(len(logs), delay is None)
+        self.varied = np.concatenate([*free.values(), np.ones(len(bodies), bool), late])
+        servo, moved = machine.servo, np.max([log.q.std(0) for log in logs], axis=0) + 1e-3
+        inertia = machine.inertia(logs[0].q.mean(0))
+        torque = np.minimum(np.maximum(0.3 * servo.kp, servo.kv) * moved, servo.high)
+        damping = servo.kv + inertia / 0.1  # of a servo that takes a tenth of a second
+        sizes = {"Ia": inertia, "Fv": damping, "Fc": torque, "off": torque, "kv": damping}
+        rows = [sizes.get(kind, np.ones(len(inertia))) for kind in free]
+        shares = VARIED * np.concatenate([*rows, np.ones(len(bodies))])
+        #: By how much each number is varied.
+        self.by = np.concatenate([shares, np.full(len(logs), LATER * self.dt)])
+        self.machine, self.having = machine, lru_cache(maxsize=2)(self._having)
 
-    def _machine_of(self, bodies: bytes) -> CommandedRobot:
+    def _having(self, e: bytes) -> CommandedRobot:
         """Return the robot with bodies at some coordinates."""
-        assert self.believed is not None
-        values = self.believed.values(np.frombuffer(bodies))
+        if self.believed is None:
+            return self.machine
+        values = self.believed.values(np.frombuffer(e))
         return CommandedRobot(self.machine.robot, values, self.machine.servo)
 
-    def extended(self, x: Array) -> Array:
-        """Return a vector of a problem of the same joints with coordinates of bodies, as believed.
-
-        If it has them already it stays.
-        """
-        if len(x) == self.at[1] + len(self.logs):
-            return x
-        return np.insert(x, self.at[0], np.zeros(self.at[1] - self.at[0]))
+    def pack(self, numbers: Mapping[str, Array], late: Array | float) -> Array:
+        """Return the vector of joints' numbers and delays, bodies as they are believed."""
+        rows = [np.zeros(len(self.trees)) if k == "kp" else numbers[k] for k in self.free]
+        bodies = np.zeros(self.at[1] - self.at[0])
+        return np.concatenate([*rows, bodies, np.full(len(self.logs), late)])
 
     def unpack(self, x: Array) -> tuple[dict[str, Array], Array, Array]:
-        """Return the numbers of a vector, delays, and coordinates of bodies."""
+        """Return the numbers of a vector, coordinates of bodies, and delays."""
         a, b = self.at
-        rows = x[:a].reshape(len(self.kinds), -1).copy()
-        return dict(zip(self.kinds, rows, strict=True)), x[b:].copy(), x[a:b].copy()
+        table = x[:a].reshape(self.over.shape)
+        numbers = dict(zip(self.free, table * np.exp(self.over * table[-1]), strict=True))
+        if "kp" in numbers:
+            numbers["kp"] = self.machine.servo.kp * np.exp(table[-1])
+        return numbers, x[a:b], x[b:]
 
-    def bounds(self, x: Array) -> tuple[Array, Array]:
-        """Return the least and largest step: no friction, rotor or gain is negative."""
-        low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)
-        for k, kind in enumerate(self.kinds):
-            if kind != "off":
-                own = slice(k * self.n, (k + 1) * self.n)
-                low[own] = -0.8 * x[own] if kind == "kp" else -x[own]
-        fixed = np.flatnonzero(self.fixed)
-        low[fixed], high[fixed] = -1e-12, 1e-12
-        # A command was given at any time since the row before.
-        late = slice(self.at[1], None)
-        low[late] = -self.dt - x[late]
-        if self.known is not None:
-            low[late], high[late] = -1e-12, 1e-12
-        return np.minimum(low, -1e-12), high
+    def descend(self, x: Array, width: float = STEP) -> tuple[Array, list[Array], Array]:
+        """Return the vector after damped Gauss–Newton steps, and positions along the logs.
 
-    def delay_errors(self, J: Array, r: Array, x: Array) -> Array:
-        """Return standard deviations of the delays, (L,) [s].
-
-        The larger one of two: that of a jackknife over blocks of time, as residuals of few blocks
-        are small where many numbers follow them, and that of other records of the same rollouts,
-        as where steps of encoders lie is the same in every block.
+        Then the weighted derivative (r, p), which is taken anew where the last step did not bring
+        what it promised. Rollouts are of that width [s].
         """
-        if not len(r):
-            return np.zeros(len(self.logs))
+        q, damping, at, poor = self.roll([x], width)[0], 1e-3, x[:0], True
+        own = np.flatnonzero(self.varied)
+        for _ in range(STEPS):
+            if poor and at is not x:
+                J, at = self.linearise(x), x
+            weights = self.weights(q)
+            r = weights * self.residual(q, x)
+            Q, R = np.linalg.qr(weights[:, None] * J[:, own])
+            right, size = Q.T @ r, np.linalg.norm(R, axis=0) + 1e-12
+            rows = np.vstack([R, np.sqrt(damping) * np.diag(size)])
+            aim = np.concatenate([-right, np.zeros(len(own))])
+            step = np.zeros(len(x))
+            step[own] = lsq_linear(rows, aim, self.bounds(x)[:, own], method="bvls").x
+            promised = right @ right - np.sum((right + R @ step[own]) ** 2)
+            if promised <= GAIN * float(r @ r):
+                break
+            moved = self.roll([x + step], width)[0]
+            gained = r @ r - np.sum((weights * self.residual(moved, x + step)) ** 2)
+            poor = gained < 0.5 * promised
+            damping = damping / 10 if gained > 0 else damping * 10
+            if gained > 0:
+                x, q = x + step, moved
+        return x, q, weights[:, None] * J
+
+    def bounds(self, x: Array) -> Array:
+        """Return the least and largest step, (2, p): no friction or rotor is negative."""
+        # A command was given at any time since the row before.
+        low = np.append(np.zeros(self.at[1]), np.full(len(self.logs), -self.dt)) - x
+        low[self.at[0] : self.at[1]] = -np.inf
+        for k, kind in enumerate(self.free):
+            if kind in ("off", "kp"):
+                low[k * len(self.trees) : (k + 1) * len(self.trees)] = -np.inf
+        return np.stack([np.minimum(low, -1e-12), np.full(len(x), np.inf)])
+
+    def delay_errors(self, J: Array, q: list[Array]) -> Array:
+        """Return standard deviations of the delays by other records of the same rollouts, (L,) [s].
+
+        Where steps of encoders lie is the same all the time, so that blocks of time do not tell.
+        """
+        rng, weights = np.random.default_rng(RECORDS), self.weights(q)
         size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
-        scaled, late = J / size, slice(self.at[1], None)
-        rows = self.n * max(1, round(TOGETHER / self.dt))
-        parts = [slice(k, k + rows) for k in range(0, len(r), rows)]
-        whole = scaled.T @ scaled
-        moved = [
-            np.linalg.pinv(whole - scaled[k].T @ scaled[k], hermitian=True) @ (scaled[k].T @ r[k])
-            for k in parts
-        ]
-        blocks = np.sum(np.square(moved), axis=0)[late] * (len(parts) - 1) / len(parts)
-        rng, q = np.random.default_rng(RECORDS), self.roll([x])[0]
-        weights, _ = self.weights(q)
-        follows = np.linalg.pinv(scaled)[late]
-        others = []
+        follows = np.linalg.pinv(J / size)[self.at[1] :] * weights / size[self.at[1] :, None]
+        moved = []
         for _ in range(RECORDS):
             again = [record(p, log, rng) for p, log in zip(q, self.logs, strict=True)]
-            others.append(follows @ self.residual(again, weights, x))
-        return np.asarray(np.sqrt(np.maximum(blocks, np.var(others, axis=0))) / size[late])
+            moved.append(follows @ self.apart(again).ravel())
+        return np.asarray(np.std(moved, axis=0))
 
     def roll(self, xs: Sequence[Array], step: float = STEP) -> list[list[Array]]:
-        """Return positions along every log, for several vectors."""
-        every = [self.unpack(x) for x in xs]
-        machines = [self.machine_of(e.tobytes()) if len(e) else self.machine for _, _, e in every]
-        pairs = zip(machines, every, strict=True)
-        step = min(step, *(m.longest(numbers) for m, (numbers, _, _) in pairs))
-        out: list[list[Array]] = [[] for _ in xs]
-        for machine in dict.fromkeys(machines):
-            own = [k for k, m in enumerate(machines) if m is machine]
-            numbers = [every[k][0] for k in own]
-            for i, log in enumerate(self.logs):
-                late = [every[k][1][i] for k in own]
-                windows = [*pairwise([*range(0, len(log) - 1, self.rows[i]), len(log)])]
-                rolled = machine.roll(log, numbers, late, windows, step)
-                for k, q in zip(own, rolled, strict=True):
-                    out[k].append(q)
-        return out
+        """Return positions along every log, for several vectors, all at one step [s]."""
+        every = [(self.having(e.tobytes()), own, late) for own, e, late in map(self.unpack, xs)]
+        step = min(step, *(machine.longest(own) for machine, own, _ in every))
+        return [
+            [
+                machine.roll(log, [own], delay, windows, step)[0]
+                for log, delay, windows in zip(self.logs, late, self.windows, strict=True)
+            ]
+            for machine, own, late in every
+        ]
 
-    def weights(self, q: list[Array]) -> tuple[Array, float]:
-        """Return weights of errors of positions, (n,), and of how many samples each is new.
+    def weights(self, q: list[Array]) -> Array:
+        """Return weights of the residual, (r,).
 
         Beside what is believed of bodies errors count as rarely as they are new; alone it makes no
         difference.
         """
-        errors = np.maximum(self.errors(q), 1e-9)
+        apart, each = self.apart(q), np.maximum(self.errors(q), 1e-9)
+        if self.believed is not None:
+            each = each * np.sqrt(autocorrelation_time(apart))
+        believed = len(self.belief(np.zeros(len(self.by))))
+        return np.append(np.tile(1.0 / each, len(apart)), np.ones(believed))
+
+    def apart(self, q: list[Array]) -> Array:
+        """Return errors of positions behind forgotten starts, (N, n); large where one diverged."""
         pairs = zip(q, self.logs, strict=True)
-        times = [autocorrelation_time(np.nan_to_num(x - log.q)) for x, log in pairs]
-        most = np.max(times, axis=0)
-        rarely = 1.0 if self.believed is None else np.sqrt(most)
-        return np.asarray(1.0 / (errors * rarely)), float(most.mean())
-
-    def residual(self, q: list[Array], weights: Array, x: Array) -> Array:
-        """Return weighted errors of positions, flat; what diverged is far off.
-
-        Behind them is how far bodies are from what is believed.
-        """
-        pairs = zip(q, self.logs, strict=True)
-        parts = [((p - log.q) * weights)[forgotten(log) :].ravel() for p, log in pairs]
-        out = np.nan_to_num(np.concatenate(parts), nan=1e6)
-        return np.asarray(np.concatenate([out, self._belief(x)]))
-
-    def _belief(self, x: Array) -> Array:
-        if self.believed is None:
-            return np.zeros(0)
-        numbers, _, e = self.unpack(x)
-        return self.believed.rows(e, numbers)
-
-    @property
-    def believed_rows(self) -> int:
-        """How many rows of the residual are about what is believed."""
-        return len(self._belief(np.zeros(self.at[1] + len(self.logs))))
+        rows = np.concatenate([(p - log.q)[forgotten(log) :] for p, log in pairs])
+        return np.asarray(np.nan_to_num(rows, nan=1.0))
 
     def errors(self, q: list[Array]) -> Array:
         """Return errors of positions (rms) by joint, (n,)."""
-        pairs = zip(q, self.logs, strict=True)
-        square = np.concatenate([((x - log.q) ** 2)[forgotten(log) :] for x, log in pairs])
-        out: Array = np.sqrt(np.nan_to_num(square, nan=1.0).mean(0))
-        return out
+        return np.asarray(np.sqrt(np.mean(self.apart(q) ** 2, axis=0)))
 
-    def linearise(self, x: Array, weights: Array) -> Array:
-        """Return the derivative of the residual, (r, p).
+    def residual(self, q: list[Array], x: Array) -> Array:
+        """Return errors of positions, flat, then how far bodies are from what is believed, (r,)."""
+        return np.append(self.apart(q), self.belief(x))
 
-        That by a gain comes from a joint all of whose numbers are larger: what bodies alone tell of
-        its scale is little, and would drown in errors of differences of large numbers.
-        """
-        n = self.n
-        steps = [self._step(x, columns) for columns in self.groups]
-        scaled = [] if self.believed is None else [self.scaled(x, 1 + VARIED)]
-        late = x.copy()
-        late[self.at[1] :] += LATER * self.dt
-        base, *others = self.roll([x, *(x + step for step in steps), *scaled, late], COARSE)
-        r = self.residual(base, weights, x)
-        data = len(r) - len(self._belief(x))
-        changes = [(self.residual(q, weights, x) - r)[:data] for q in others]
-        J = np.zeros((len(r), len(x)))
-        for change, columns, step in zip(changes, self.groups, steps, strict=False):
-            for column in columns:
-                beside = np.flatnonzero(step)
-                beside = beside[
-                    (beside % n == column % n) & (np.isin(beside, columns, invert=True))
-                ]
-                along = self._of_tree(change, int(self.tree_of[column]))
-                J[:data, column] = (along - J[:data, beside] @ step[beside]) / step[column]
-        if self.believed is not None:
-            self._tell_scale(J[:data], x, changes[-2] / VARIED)
-            for column in np.flatnonzero(~self.fixed):
-                own = x.copy()
-                own[column] += self.varied[column]
-                J[data:, column] = (self._belief(own) - r[data:]) / self.varied[column]
-        change = changes[-1] / (LATER * self.dt)
-        ends = np.cumsum([0, *(n * (len(log) - forgotten(log)) for log in self.logs)])
-        for k, (a, b) in enumerate(pairwise(ends.tolist())):
-            J[a:b, self.at[1] + k] = change[a:b]
-        return J
+    def belief(self, x: Array) -> Array:
+        """Return how far bodies and joints' numbers are from what is believed, (b,) [σ]."""
+        numbers, e, _ = self.unpack(x)
+        return np.zeros(0) if self.believed is None else self.believed.rows(e, numbers)
 
-    def _of_tree(self, rows: Array, tree: int) -> Array:
-        """Return rows of errors, flat, of the joints of a tree; zero of others."""
-        return np.asarray(np.where(self.trees == tree, rows.reshape(-1, self.n), 0.0).ravel())
+    def linearise(self, x: Array) -> Array:
+        """Return the derivative of the residual, (r, p); trees are varied at once."""
+        own = np.flatnonzero(self.varied[: self.at[1]])
+        trees, late = self.tree_of[own], slice(self.at[1], None)
+        turn = np.array([np.sum(trees[:k] == tree) for k, tree in enumerate(trees)], int)
+        groups = [own[turn == k] for k in range(int(turn.max(initial=-1)) + 1)]
+        xs = [x, *(self._moved(x, at) for at in (*groups, late))]
+        along = np.zeros(len(x)) if self.believed is None else self.scale(x)
+        xs += [x + 1e-3 * along] if along.any() else []  # bodies grow by more than a line says
+        base, *others = map(self.apart, self.roll(xs, COARSE * STEP))
+        J = np.zeros((*base.shape, len(x)))
+        for columns, moved in zip(groups, others, strict=False):
+            of_tree = self.trees[:, None] == self.tree_of[columns]
+            J[:, :, columns] = (moved - base)[:, :, None] * of_tree / self.by[columns]
+        ends = np.cumsum([0, *(len(log) - forgotten(log) for log in self.logs)]).tolist()
+        for k, (a, b) in enumerate(pairwise(ends), self.at[1]):
+            J[a:b, :, k] = (others[len(groups)] - base)[a:b] / self.by[k]
+        # Positions say nothing of the scale of all numbers of a tree, and differences of some
+        # percent would seem to; springs, stated gains and limits truly do.
+        for tree in np.unique(self.trees) if along.any() else ():
+            d = np.append(np.where(self.tree_of == tree, along[: self.at[1]], 0.0), 0.0 * x[late])
+            true = 1e3 * (others[-1] - base) * (self.trees == tree)
+            size = np.sum(J**2, (0, 1)) * d / (np.sum((J * d) ** 2) + 1e-300)
+            J -= (J @ d - true)[:, :, None] * size
+        beliefs = [self.belief(self._moved(x, k)) - self.belief(x) for k in range(len(x))]
+        return np.vstack([J.reshape(-1, len(x)), np.array(beliefs).T / self.by])
 
-    def _step(self, x: Array, columns: np.ndarray) -> Array:
-        """Return by how much a vector is varied for some columns, (p,)."""
-        out = np.zeros(len(x))
-        out[columns] = self.varied[columns]
-        if columns[0] < self.at[0] and self.kinds[columns[0] // self.n] == "kp":
-            every = (columns[:, None] % self.n + self.n * np.arange(len(self.kinds))).ravel()
-            out[every] = np.where(self.fixed[every], 0.0, VARIED * x[every])
-        return out
-
-    def scaled(self, x: Array, by: float) -> Array:
-        """Return a vector of which every torque is so many times as large."""
-        assert self.believed is not None
-        a, b = self.at
+    def _moved(self, x: Array, at: slice | np.ndarray | int) -> Array:
+        """Return a vector with some numbers varied."""
         out = x.copy()
-        out[:a] = np.where(self.fixed[:a], x[:a], by * x[:a])
-        out[a:b] = self.believed.scaled(x[a:b], by)
+        out[at] += self.by[at]
         return out
 
-    def _tell_scale(self, J: Array, x: Array, change: Array) -> None:
-        """Let a derivative (r, p) by the numbers of a tree be that by their scale.
-
-        Positions say nothing of it, and differences of some percent would seem to; springs, stated
-        gains and limits truly do.
-
-        Parameters
-        ----------
-        J : (r, p)
-        x : (p,)
-        change : (r,)
-            Of the residual, by the logarithm of the scale of all trees.
-        """
-        along = (self.scaled(x, 1 + 1e-6) - x) / 1e-6
-        for tree in dict.fromkeys(self.trees.tolist()):
-            d = np.zeros(len(x))
-            own = np.flatnonzero(self.tree_of == tree)
-            d[own] = along[own]
-            size = (np.linalg.norm(J, axis=0) ** 2 * d) / (np.linalg.norm(J * d) ** 2 + 1e-300)
-            J -= np.outer(J @ d - self._of_tree(change, tree), size)
+    def scale(self, x: Array) -> Array:
+        """Return the direction in which every torque grows, (p,)."""
+        assert self.believed is not None
+        table = np.where(self.over, 0.0, x[: self.at[0]].reshape(self.over.shape))
+        table[-1] = 1.0
+        bodies = self.believed.along(x[self.at[0] : self.at[1]])
+        every = np.concatenate([table.ravel(), bodies, np.zeros(len(self.logs))])
+        return np.asarray(self.varied * every)

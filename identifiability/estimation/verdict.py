@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from enum import StrEnum
 from typing import Any
 
@@ -44,14 +44,6 @@ BEFORE = {
     Flag.BY_PRIOR: "prior-dominated",
     Flag.STRUCTURAL: "not identifiable",
 }
-
-
-#: Attributes of a verdict that stand in a row under their own names.
-IN_A_ROW = (
-    "name", "label", "unit", "value", "sigma", "sigma_percent", "sigma_robust_percent",
-    "sigma_bootstrap", "bias_sigma", "interval95", "data_interval95", "paper_rule", "verdict",
-    "reason", "stands_for", "nominal", "projected",
-)  # fmt: skip
 
 
 @frozen
@@ -167,9 +159,11 @@ class Verdict:
 
     def to_row(self) -> dict[str, Any]:
         """Return the verdict as one row of a table or of a JSON result."""
-        row = {name: getattr(self, name) for name in IN_A_ROW}
-        row |= {name: list(row[name]) for name in ("interval95", "data_interval95")}
-        row |= {"verdict": self.verdict.value, "torque_share": self.share}
+        row = {f.name: getattr(self, f.name) for f in fields(self)}
+        row |= {name: list(getattr(self, name)) for name in ("interval95", "data_interval95")}
+        row |= {name: getattr(self, name) for name in ("sigma_percent", "sigma_robust_percent")}
+        row |= {"verdict": self.verdict.value, "torque_share": row.pop("share")}
+        del row["believed"]
         row |= {"flags": [flag.value for flag in self.flags], "terms": dict(self.terms)}
         # Older names of verdicts and terms answer for one release.
         first = next(iter(self.flags), self.verdict)

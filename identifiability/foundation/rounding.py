@@ -6,6 +6,7 @@ Colour and symbol, never colour alone, in tables and figures alike.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from decimal import Decimal
 from functools import partial
@@ -80,11 +81,10 @@ def mark_of(kind: str) -> Mark:
 STATED, OF_CHANCE = 6, 3
 
 #: What a row with ``sigma`` or ``sd`` has in the same unit, and what is as uncertain as its value.
-OF_UNIT = {
-    "value", "values", "mean", "nominal", "projected", "interval95", "data_interval95", "between",
-    "sigma", "sd", "sigma_alternatives", "sigma_doubt", "sigma_models", "sigma_omit",
-    "sigma_bootstrap", "terms",
-}  # fmt: skip
+OF_UNIT = re.compile(
+    "values?|mean|nominal|projected|(data_)?interval95|between|sd|terms|"
+    "sigma(_alternatives|_doubt|_models|_omit|_bootstrap)?"
+)
 OF_VALUE = {"sigma_percent", "sigma_robust_percent", "torque_share"}
 
 
@@ -136,7 +136,7 @@ def _sigma_of(key: object, row: dict[Any, Any], sigma: Any) -> Any:
         return 1.0
     if key in OF_VALUE and sigma and row.get("value"):
         return abs((row[key] or 0.0) * sigma / row["value"])
-    return sigma if key in OF_UNIT else None
+    return sigma if OF_UNIT.fullmatch(str(key)) else None
 
 
 # Numbers as text.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from copy import copy
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +11,7 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_count
 from identifiability.foundation.values import frozen
+from identifiability.logs.rows import divide_rows
 from identifiability.logs.rules import RULES
 
 if TYPE_CHECKING:
@@ -23,11 +22,6 @@ COMMANDS = ("q_ref", "dq_ref", "tau_ff")
 
 #: What a log has of each joint.
 CHANNELS = ("q", "dq", "ddq", "tau", *COMMANDS)
-
-
-def find_channels(joints: Sequence[str], columns: Collection[str]) -> tuple[str, ...]:
-    """Return which of `CHANNELS` some columns hold for every joint."""
-    return tuple(c for c in CHANNELS if all(f"{j}.{c}" in columns for j in joints))
 
 
 class Numbers:
@@ -125,82 +119,51 @@ def to_floats(given: pd.Series) -> Array:
 
 
 @frozen
-class ClockStep:
-    """One step of the clock: the row and the time [s] it starts from, and the time it leads to."""
-
-    row: int
-    t: float
-    then: float
-
-    @property
-    def length(self) -> float:
-        """How long it is [s]."""
-        return self.then - self.t
-
-
 class Clock:
-    """Follows the times of a log piece by piece.
+    """What is to be known of the times of a log.
 
     Attributes
     ----------
     rows : int
     first, last : float [s]
-    longest, shortest : ClockStep
+    usual : float [s]
+        The usual step.
+    longest, shortest : float [s]
+        Of all steps.
+    odd : (3, m)
+        Rows of the steps that are not the usual one, their times and next times [s].
+    back : (k, 3)
+        The first rows after which time does not increase, and the same of these.
     """
 
-    def __init__(self, source: str) -> None:
-        self.source = source
-        self.rows = 0
-        self.first = self.last = self._usual = np.nan
-        self.longest, self.shortest = ClockStep(0, 0.0, -np.inf), ClockStep(0, 0.0, np.inf)
-        self._before = np.empty(0)
-        self._back: ClockStep | None = None
-        self._odd: list[Array] = []
+    rows: int
+    first: float
+    last: float
+    usual: float
+    longest: float
+    shortest: float
+    odd: Array
+    back: Array
 
-    def add(self, t: Array) -> None:
-        """Take in the next times, (N,) [s]."""
-        if not len(t):
-            return
-        if not self.rows:
-            self.first = float(t[0])
-        start = self.rows - len(self._before)
-        t = np.concatenate([self._before, t])
-        self.rows, self.last, self._before = start + len(t), float(t[-1]), t[-1:]
-        steps = np.diff(t)
-        if not len(steps):
-            return
+    @staticmethod
+    def of(t: Array) -> Clock:
+        """Return the clock of times (N,) [s]."""
+        ends, odd, back, usual = [np.nan], [np.empty((3, 0))], [np.empty((3, 0))], np.nan
+        for a, b in divide_rows(len(t) - 1):
+            part = t[a : b + 1]
+            steps = np.diff(part)
+            if len(steps) and np.isnan(usual):
+                usual = float(np.median(steps))
+            ends += [steps.min(initial=np.inf), steps.max(initial=-np.inf)]
+            every = np.stack([np.arange(a, b), part[:-1], part[1:]])
+            # Steps that differ from the usual one by more than this share of it are remembered.
+            odd.append(every[:, np.abs(steps - usual) > 0.4 * usual])
+            back.append(every[:, ~(steps > 0)][:, :1])
+        first, last = (float(t[0]), float(t[-1])) if len(t) else (np.nan, np.nan)
+        return Clock(len(t), first, last, usual, np.nanmax(ends), np.nanmin(ends),
+                     np.concatenate(odd, 1), np.concatenate(back, 1).T)  # fmt: skip
 
-        def step(k: np.intp) -> ClockStep:
-            return ClockStep(start + int(k), float(t[k]), float(t[k + 1]))
-
-        self.longest = max(self.longest, step(steps.argmax()), key=lambda s: s.length)
-        self.shortest = min(self.shortest, step(steps.argmin()), key=lambda s: s.length)
-        if np.isnan(self._usual):
-            self._usual = float(np.median(steps))
-        # Steps of the clock that differ from the usual one by more than this share of it
-        # are remembered.
-        odd = np.flatnonzero(np.abs(steps - self._usual) > 0.4 * self._usual)
-        self._odd.append(np.stack([start + odd, t[odd], t[odd + 1]]))
-        back = np.flatnonzero(~(steps > 0))
-        if len(back) and self._back is None:
-            self._back = step(back[0])
-
-    @property
-    def odd(self) -> tuple[np.ndarray, Array, Array]:
-        """Rows (m,), times and next times [s] of the steps that are not the usual one."""
-        rows, t, then = np.concatenate([np.empty((3, 0)), *self._odd], axis=1)
-        return rows.astype(int), t, then
-
-    def cut(self, start: int, stop: int, first: float, last: float) -> Clock:
-        """Return the clock of the rows [start, stop), from the time `first` to `last` [s]."""
-        cut = copy(self)
-        rows, t, then = self.odd
-        inside = (rows >= start) & (rows < stop - 1)
-        cut._odd = [np.stack([rows - start, t, then])[:, inside]]
-        cut.rows, cut.first, cut.last = stop - start, first, last
-        return cut
-
-    def finish(self) -> None:
+    def check(self, source: str) -> None:
         """Refuse times that are too few or do not increase.
 
         Raises
@@ -209,15 +172,14 @@ class Clock:
         """
         if self.rows < RULES.fewest:
             raise LogError(
-                f"{self.source} has {format_count(self.rows, 'sample')}, too few to say "
+                f"{source} has {format_count(self.rows, 'sample')}, too few to say "
                 f"anything; at least {RULES.fewest} are needed and some hundreds are usual."
             )
-        if self._back is not None:
+        for row, t, then in self.back[:1].tolist():
             raise LogError(
-                f"{self.source}: time does not increase after data row {self._back.row + 1} (t = "
-                f"{self._back.t:g} s, then {self._back.then:g} s); sort the rows and remove "
-                "repeated ones."
+                f"{source}: time does not increase after data row {row + 1:.0f} (t = "
+                f"{t:g} s, then {then:g} s); sort the rows and remove repeated ones."
             )
         # No log is sampled faster than this.
-        if self._usual < 1e-07:
-            raise LogError(Finding("clock.fast", self.source, step=self._usual))
+        if self.usual < 1e-07:
+            raise LogError(Finding("clock.fast", source, step=self.usual))

@@ -1,7 +1,6 @@
 """`Conventions`: what is known of logs of a robot before one is read, from sidecar and options.
 
-It goes from the robot to whoever reads: `read_recordings`, `open_log`, `Log.read`,
-`Log.from_frame`, `Log.scan`.
+It goes from the robot to whoever reads: `read_recordings`, `Log.read`, `Log.from_frame`.
 """
 
 from __future__ import annotations

@@ -175,12 +175,13 @@ class Gaps:
             dt = float(np.median(near))
         usual = float(np.quantile(np.abs(near / dt - 1), 0.95))
         rows, t, then = clock.odd
+        rows = rows.astype(int)
         ratio = (then - t) / dt
         # A gap stands out from what 95 % of nearer steps deviate by: four standard
         # deviations.
         gap = ratio - 1 > max((RULES.gap - 1), 2.0 * usual)
         gap &= ~_late(rows, ratio)
-        worst = max(clock.longest.length, clock.shortest.length, key=lambda s: abs(s / dt - 1))
+        worst = max(clock.longest, clock.shortest, key=lambda s: abs(s / dt - 1))
         odd = np.abs(ratio[~gap] - 1)
         jitter = float(odd.max(initial=0.0)) if len(rows) else abs(worst / dt - 1)
         length = (then - t)[gap]

@@ -9,12 +9,12 @@ in its file, which is checked once and then read by ranges of rows: `Log.pieces`
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
-from functools import cached_property, partial
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
@@ -24,15 +24,18 @@ from identifiability.foundation.names import Array, numbered, shorten_paths
 from identifiability.foundation.options import Expected, FilePath, Names, check_option, checked
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
-from identifiability.logs import signals, tables
+from identifiability.logs import signals
 from identifiability.logs.base import read_base
-from identifiability.logs.checks import CHANNELS, COMMANDS, Clock, find_channels
-from identifiability.logs.columns import Naming, as_times, propose_locks
+from identifiability.logs.checks import CHANNELS, COMMANDS, Clock
+from identifiability.logs.columns import propose_locks
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.containers import stack_arrays
+from identifiability.logs.formats.reader import Whole
 from identifiability.logs.reading import Reading
-from identifiability.logs.spikes import Spike, Wraps, find_spikes, find_wraps
-from identifiability.logs.tables import Table, is_long, parsing, scan_file, write_table
+from identifiability.logs.rows import divide_rows, find_range, gather, is_long, spread_windows
+from identifiability.logs.spikes import Spike, find_spikes
+from identifiability.logs.tables import read_pieces, write_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,89 +50,6 @@ def too_long(name: str) -> LogError:
     return LogError(
         f"{name} is too long to be held in memory, which this needs; give a stretch of it."
     )
-
-
-class Unread:
-    """A channel of a log that is too long for memory: who needs all of it is told so."""
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-
-    def _refuse(self, *_: object, **__: object) -> NoReturn:
-        raise too_long(self._name)
-
-    __array__ = __getitem__ = __len__ = __iter__ = _refuse
-
-    def __getattr__(self, attribute: str) -> NoReturn:
-        if attribute.startswith("_"):  # whoever copies or pickles it asks for what it may have
-            raise AttributeError(attribute)
-        self._refuse()
-
-
-@frozen
-class File:
-    """A CSV or Parquet file with the rows of a log of any length, which was checked once.
-
-    Attributes
-    ----------
-    table : Table
-    naming : Naming
-        Which columns are read, and what they are.
-    clock : Clock
-        First and last time, longest and shortest step.
-    torque : bool
-        Whether any torque is not zero.
-    stamp : (int, int)
-        Size and time of change of the file when it was checked.
-    span : (int, int)
-        Rows of the file that the log is about.
-    spikes : mapping of str to tuple of Spike
-        Wrong values of each column.
-    wraps : mapping of str to Wraps
-        Jumps by a turn of each column of angles.
-    changes : tuple of callable(Log, int) -> Log
-        What is done with rows that were read, of which the first has that number.
-    """
-
-    table: Table
-    naming: Naming
-    clock: Clock
-    torque: bool
-    stamp: tuple[int, int]
-    span: tuple[int, int]
-    spikes: Mapping[str, tuple[Spike, ...]]
-    wraps: Mapping[str, Wraps]
-    changes: tuple[Callable[[Log, int], Log], ...] = ()
-
-    def arrays(self, start: int, stop: int) -> Iterator[Array]:
-        """Yield the columns (N, c) of the rows [start, stop), some thousand rows at a time.
-
-        Raises
-        ------
-        LogError
-            If the file changed since it was checked.
-        """
-        if _stamp(self.table.path) != self.stamp:
-            raise changed(self.table.path)
-        wanted, first = self.naming.columns, self.span[0]
-        reading = {c.source: partial(as_times, time=c) for c in wanted if c.is_time}
-        columns = [c.source for c in wanted]
-        yield from self.table.arrays(first + start, first + stop, columns, reading)
-
-
-def changed(path: Path) -> LogError:
-    """Return what is said of a file that is not what was checked."""
-    return LogError(
-        f"{path} changed while it was analysed; wait until it is complete, then start again."
-    )
-
-
-def _stamp(path: Path) -> tuple[int, int]:
-    """Return size and time of change of a file; zeros if there is none."""
-    if not path.is_file():
-        return 0, 0
-    state = path.stat()
-    return state.st_size, state.st_mtime_ns
 
 
 @frozen
@@ -167,8 +87,6 @@ class Log:
         has it.
     path : str
         The path that was given, behind which a bag names its topic; empty for arrays.
-    file : File or None
-        Where its rows are, if it is too long for memory: its channels refuse to be held then.
     """
 
     name: str
@@ -190,15 +108,14 @@ class Log:
     rollout: Array | None = None
     base: Array | None = None
     path: str = ""
-    file: File | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
-        return len(self.t) if self.file is None else self.file.span[1] - self.file.span[0]
+        return len(self.t)
 
     @property
     def long(self) -> bool:
-        """Whether it is too long for memory."""
-        return self.file is not None
+        """Whether it has so many rows that they stay on the disk."""
+        return is_long(len(self))
 
     @cached_property
     def commands_since(self) -> Array:
@@ -226,72 +143,9 @@ class Log:
             If the file is missing, is no table, lacks columns or holds values that cannot be.
         """
         reading = Reading(str(path), conventions or Conventions())
-        digest, _ = scan_file(Path(path), reading.add, reading.known)
-        values = reading.finish()
+        log = _read_log(reading, read_pieces(Path(path), reading.known))
         (name,) = shorten_paths([str(path)])
-        log = _with_base(build_log(name, reading.naming, values, digest), reading)
-        return replace(log, motion_alone=bool(reading.made), start=reading.start, path=str(path))
-
-    @staticmethod
-    @checked
-    def scan(path: FilePath, conventions: Conventions | None = None) -> Log:
-        """Check a CSV or Parquet file from its first row to its last, without keeping it.
-
-        Parameters
-        ----------
-        conventions : Conventions, optional
-            As in `read`.
-
-        Raises
-        ------
-        LogError
-            What `read` would say of it, with the same row.
-        """
-        path = Path(path)
-        with parsing(path):
-            stamp = _stamp(path)
-        reading = Reading(str(path), conventions or Conventions(), keep=False)
-        digest, table = scan_file(path, reading.add, reading.known)
-        reading.finish()
-        if reading.made:
-            raise LogError(
-                f"{path} has no torque and is too long to be held in memory; give stretches of it."
-            )
-        assert table is not None  # a bag is no file of rows
-        if _stamp(path) != stamp:
-            raise changed(path)
-        known, naming = reading.numbers, reading.naming
-        file = File(
-            table=table,
-            naming=naming,
-            clock=reading.clock,
-            torque=reading.torque > 0,
-            stamp=stamp,
-            span=(0, table.rows),
-            spikes={c: tuple(reading.finders[c].finish()) for c in known if c != "t"},
-            wraps={c: w for c, f in reading.turns.items() if (w := f.finish()) is not None},
-        )
-        (name,) = shorten_paths([str(path)])
-        channels: dict[str, Any] = dict.fromkeys(CHANNELS)
-        channels |= dict.fromkeys(("t", *find_channels(naming.joints, known)), Unread(name))
-        what: dict[str, Any] = {"sha256": digest, "notes": naming.notes, "start": reading.start}
-        return Log(name, naming.joints, path=str(path), file=file, **what, **channels)
-
-    @staticmethod
-    def open(path: str | Path, conventions: Conventions | None = None) -> Log:
-        """Return a log in memory, or in its file if it is long.
-
-        Raises
-        ------
-        LogError
-        """
-        if is_long(Path(path)):
-            try:
-                return Log.scan(path, conventions)
-            except LogError:  # columns at rates of their own are brought together in memory alone
-                if is_long(Path(path), tables.MOST):
-                    raise
-        return Log.read(path, conventions)
+        return replace(log, name=name, path=str(path))
 
     @staticmethod
     def from_frame(
@@ -309,15 +163,11 @@ class Log:
         import pandas as pd  # noqa: PLC0415 - heavy, and files do not need it
 
         check_option("frame", frame, pd.DataFrame)
-        reading = Reading(name, conventions or Conventions())
-        reading.add(frame)
-        columns = reading.finish()
-        log = replace(build_log(name, reading.naming, columns, ""), start=reading.start)
-        log = _with_base(log, reading)
+        log = _read_log(Reading(name, conventions or Conventions()), [(frame, PLAIN, "")])
         values = log.to_frame()
         digest = hashlib.sha256(",".join(values.columns).encode())
         digest.update(np.ascontiguousarray(values.to_numpy(float)).tobytes())
-        return replace(log, sha256=digest.hexdigest(), motion_alone=bool(reading.made))
+        return replace(log, sha256=digest.hexdigest())
 
     @staticmethod
     @checked
@@ -360,160 +210,65 @@ class Log:
         given = {kind: x for kind, x in channels.items() if x is not None}
         return Log.from_frame(stack_arrays(t, given, joints, name), name)
 
-    def rows(self, start: int, stop: int) -> Log:
-        """Return the samples [start, stop) as a log of the same name, in memory.
-
-        Raises
-        ------
-        LogError
-            If the file of a long log changed since it was checked.
-        """
-        if self.file is None:
-            return self.each(lambda x: x[start:stop], t=self.t[start:stop])
-        parts = list(self.file.arrays(start, stop))
-        none = np.empty((0, len(self.file.naming.columns)))
-        return self._made(np.concatenate([none, *parts]), start)
+    def rows(self, start: int, stop: int, name: str = "") -> Log:
+        """Return the samples [start, stop) as a log, of the same name by default."""
+        return self.each(lambda x: x[start:stop], t=self.t[start:stop], name=name or self.name)
 
     def windows(self) -> list[tuple[int, Log]]:
         """Return stretches on which what holds for all of it is decided, and where each begins."""
-        return [(a, self.rows(a, b)) for a, b in signals.spread_windows(len(self))]
+        return [(a, self.rows(a, b)) for a, b in spread_windows(len(self))]
 
     @property
     def shown(self) -> Log:
         """Its windows as one log with gaps."""
         return join_logs([window for _, window in self.windows()])
 
-    def pieces(
-        self, size: int, margin: int = 0, start: int = 0, stop: int | None = None
-    ) -> Iterator[tuple[int, int, int, Log]]:
-        """Yield the samples [start, stop) in pieces with margins, reading each row once.
-
-        Parameters
-        ----------
-        size : int
-            Samples a piece, at most.
-        margin : int
-            Samples that are added on both sides, as far as there are any.
-        start, stop : int
-            All by default.
-
-        Yields
-        ------
-        first, last : int
-            Rows of the piece itself.
-        origin : int
-            Row of the log's first sample.
-        log : Log
-            In memory.
-
-        Raises
-        ------
-        LogError
-            If the file of a long log changed since it was checked.
-        """
-        stop = len(self) if stop is None else stop
-        file, origin, kept = self.file, max(0, start - margin), np.empty((0, 0))
-        if file is not None:
-            arrays = file.arrays(origin, min(len(self), stop + margin))
-            kept = np.empty((0, len(file.naming.columns)))
-        for first in range(start, stop, size):
-            last = min(first + size, stop)
-            low, high = max(0, first - margin), min(len(self), last + margin)
-            if file is None:
-                yield first, last, low, self.rows(low, high)
-                continue
-            parts, end = [kept[low - origin :]], origin + len(kept)
-            while end < high:
-                part = next(arrays, None)
-                if part is None:
-                    raise changed(file.table.path)
-                parts.append(part)
-                end += len(part)
-            kept, origin = np.concatenate(parts) if len(parts) > 1 else parts[0], low
-            yield first, last, origin, self._made(kept[: high - low], low)
-
-    def _made(self, values: Array, start: int) -> Log:
-        """Return rows of the file, (N, c) from row `start` on, as a log in memory."""
-        assert self.file is not None
-        given = zip(self.file.naming.columns, values.T, strict=True)
-        columns = {c.name: x if c.name == "t" else c.scale(x) for c, x in given}
-        log = build_log(self.name, self.file.naming, columns, self.sha256)
-        log = replace(log, start=self.start, path=self.path)
-        for change in self.file.changes:
-            log = change(log, self.file.span[0] + start)
-        return log
-
     def changed(self, change: Callable[[Log, int], Log]) -> Log:
-        """Return the log with its rows changed, each by itself: those of a long one when read.
+        """Return the log with its rows changed, each by itself.
 
         Parameters
         ----------
         change : callable(Log, int) -> Log
-            Of some rows, of which the first has that number; it can be pickled.
+            Of some rows, of which the first has that number.
         """
-        if self.file is None:
-            return change(self, 0)
-        return replace(self, file=replace(self.file, changes=(*self.file.changes, change)))
+        pieces = (change(self.rows(a, b), a)._arrays for a, b in divide_rows(len(self)))
+        return replace(self, **gather(pieces))
 
     @property
-    def spikes(self) -> dict[str, tuple[Spike, ...]]:
+    def _arrays(self) -> dict[str, Any]:
+        """What it has a row of for every sample."""
+        names = ("t", *self.channels, "rollout", "base", "unmeasured")
+        found = {name: getattr(self, name) for name in names}
+        return {name: x for name, x in found.items() if x is not None}
+
+    @property
+    def spikes(self) -> dict[str, list[Spike]]:
         """Wrong samples of each column that has any; commands jump as they like."""
-        if self.file is not None:  # where an angle jumps by a turn, and back, nothing is wrong
-            known, wraps = self.file.spikes, self.file.wraps
-            return {c: x for c, x in known.items() if x and c not in wraps}
         skipped = COMMANDS if self.commanded else ()
         found = {
-            f"{joint}.{c}": tuple(find_spikes(x))
+            f"{joint}.{c}": find_spikes(x)
             for c in self.channels
             if c not in skipped
             for joint, x in zip(self.joints, getattr(self, c).T, strict=True)
         }
         return {name: spikes for name, spikes in found.items() if spikes}
 
-    @property
-    def wraps(self) -> dict[str, Wraps]:
-        """Jumps by a turn of every joint whose angle has any."""
-        if self.file is not None:
-            return {j: w for j in self.joints if (w := self.file.wraps.get(f"{j}.q")) is not None}
-        found = {j: find_wraps(x) for j, x in zip(self.joints, self.q.T, strict=True)}
-        return {j: w for j, w in found.items() if w is not None}
-
     def each(self, change: Callable[[Array], Array], **others: Any) -> Log:
         """Return the log with all its channels changed alike, and other fields as given."""
-        others |= {channel: change(getattr(self, channel)) for channel in self.channels}
-        for name in ("rollout", "base"):
-            if getattr(self, name) is not None:
-                others[name] = change(getattr(self, name))
+        arrays = {name: change(x) for name, x in self._arrays.items() if name != "t"} | others
         if self.unmeasured is not None:
-            others["unmeasured"] = change(self.unmeasured.astype(float)) > 0
-        return replace(self, **others)
+            arrays["unmeasured"] = arrays["unmeasured"] > 0
+        return replace(self, **arrays)
 
     def without(self, channels: Sequence[str]) -> Log:
         """Return the log without some of its derivatives."""
-        left: dict[str, Any] = dict.fromkeys(channels)
-        if self.file is not None:  # nor are they read
-            kept = [c for c in self.file.naming.columns if c.name.rpartition(".")[2] not in left]
-            naming = replace(self.file.naming, columns=tuple(kept))
-            left["file"] = replace(self.file, naming=naming)
-        return replace(self, **left)
-
-    def cut(self, start: int, stop: int, name: str) -> Log:
-        """Return the samples [start, stop) under another name."""
-        if self.file is None:
-            return replace(self.rows(start, stop), name=name)
-        first, last = (float(self.rows(k, k + 1).t[0]) for k in (start, stop - 1))
-        before = self.file.span[0]
-        span, clock = (before + start, before + stop), self.clock.cut(start, stop, first, last)
-        return replace(self, name=name, file=replace(self.file, clock=clock, span=span))
+        none: dict[str, Any] = dict.fromkeys(channels)
+        return replace(self, **none)
 
     @cached_property
     def clock(self) -> Clock:
         """What is to be known of its times."""
-        if self.file is not None:
-            return self.file.clock
-        clock = Clock(self.name)
-        clock.add(self.t)
-        return clock
+        return Clock.of(self.t)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -529,7 +284,7 @@ class Log:
     @property
     def torque(self) -> bool:
         """Whether any torque is not zero."""
-        return bool(self.tau.any()) if self.file is None else self.file.torque
+        return any(self.tau[a:b].any() for a, b in divide_rows(len(self)))
 
     def __repr__(self) -> str:
         span = f"{len(self)} samples over {self.clock.last - self.clock.first:.4g} s"
@@ -595,32 +350,32 @@ class Log:
 
 def join_logs(logs: Sequence[Log]) -> Log:
     """Return stretches of one log as a log with gaps."""
-    kinds = ("t", *logs[0].channels)
-    kinds += tuple(k for k in ("unmeasured", "base") if getattr(logs[0], k) is not None)
-    joined: dict[str, Any] = {k: np.concatenate([getattr(x, k) for x in logs]) for k in kinds}
+    parts = [log._arrays for log in logs]
+    joined: dict[str, Any] = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
     return replace(logs[0], **joined)
 
 
-def _with_base(log: Log, reading: Reading) -> Log:
-    """Return a log with how the base of its robot moved, if that floats."""
-    if reading.beside is None or reading.known.base is None:
-        return log
-    record, notes = read_base(reading.known.base, reading.beside, reading.source)
-    return replace(log, base=record, notes=(*log.notes, *notes))
-
-
-def build_log(name: str, naming: Naming, values: Mapping[str, Array], digest: str) -> Log:
-    """Return the log of some columns, each (N,), that were checked."""
-    channels: dict[str, Any] = dict.fromkeys(CHANNELS)
-    joints = naming.joints
-    for kind in find_channels(joints, values):
-        channels[kind] = np.stack([values[f"{j}.{kind}"] for j in joints]).T
-    t, gone = values["t"], np.isnan(channels["tau"])
-    if gone.any():
-        channels["unmeasured"] = gone
-        pairs = zip(channels["tau"].T, gone.T, strict=True)
-        channels["tau"] = np.stack([_bridge(t, x, missing) for x, missing in pairs], 1)
-    return Log(name=name, joints=joints, t=t, sha256=digest, notes=naming.notes, **channels)
+def _read_log(reading: Reading, pieces: Iterable[Whole]) -> Log:
+    """Return the log in the pieces of a table."""
+    values, naming = reading.read(pieces), reading.naming
+    fields: dict[str, Any] = dict.fromkeys(("q", "dq", "ddq", "tau")) | values
+    notes, t, tau = naming.notes, values["t"], values["tau"]
+    if np.isnan(find_range(tau)[0]).any():
+        gone = fields["unmeasured"] = np.isnan(tau)
+        pairs = zip(tau.T, gone.T, strict=True)
+        fields["tau"] = np.stack([_bridge(t, x, missing) for x, missing in pairs], 1)
+    if reading.beside is not None and reading.known.base is not None:
+        fields["base"], told = read_base(reading.known.base, reading.beside, reading.source)
+        notes = (*notes, *told)
+    return Log(
+        reading.source,
+        naming.joints,
+        sha256=reading.sha256,
+        notes=notes,
+        motion_alone=bool(naming.made),
+        start=reading.start,
+        **fields,
+    )
 
 
 def _bridge(t: Array, x: Array, lost: np.ndarray) -> Array:
@@ -654,7 +409,7 @@ def _same(one: Log, other: Log) -> bool:
     """Whether two logs are from one record and share some of its time."""
     if one.sha256 != other.sha256:
         return False
-    if one.long or other.long or not (len(one) and len(other)):
+    if not (len(one) and len(other)):
         return True
     return bool(one.t[0] <= other.t[-1] and other.t[0] <= one.t[-1])
 

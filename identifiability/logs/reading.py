@@ -6,7 +6,7 @@ know.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,13 +17,14 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.logs import signals
 from identifiability.logs.base import RawBase, find_base
-from identifiability.logs.checks import Clock, Numbers, to_floats
+from identifiability.logs.checks import CHANNELS, Clock, Numbers, to_floats
 from identifiability.logs.columns import Naming, as_times, name_columns, settle_time, start_of
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
+from identifiability.logs.formats.reader import Whole
 from identifiability.logs.names import INDEX, Column, guess_column
+from identifiability.logs.rows import WINDOW, gather, is_long
 from identifiability.logs.rules import RULES
-from identifiability.logs.spikes import SpikeFinder, WrapFinder
 from identifiability.robot.floating import BASE_JOINTS
 
 if TYPE_CHECKING:
@@ -180,7 +181,7 @@ def with_index(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 class Reading:
-    """What the first reading of a table finds, piece by piece.
+    """What is found as a table is read, piece by piece.
 
     Parameters
     ----------
@@ -188,123 +189,97 @@ class Reading:
         What sentences call the table.
     known : Conventions
         What is known of it before.
-    keep : bool
-        Keep the values; else look for wrong ones in passing.
 
     Attributes
     ----------
-    numbers : dict of str to Numbers
-        The columns that a log is made of; in the end without commands that have gaps.
-    finders : dict of str to SpikeFinder
-        Of the columns that are not kept.
-    turns : dict of str to WrapFinder
-        Of the positions that are not kept.
-    clock : Clock
-    torque : bool
-        Whether any torque is not zero.
-    absent : list of str
-        Columns of torque that a table lacks, of joints whose motion it has.
+    naming : Naming
+        Which columns are which; empty before the first rows.
+    sha256 : str
+        Of the whole.
     beside : RawBase or None
         In the end, what the table says of a base that floats.
     start : float or None [s]
         As of a `Log`: what the times count from, by themselves or as the table says (``attrs``).
     """
 
-    def __init__(self, source: str, known: Conventions, *, keep: bool = True) -> None:
-        self.source, self.known, self.keep = source, known, keep
-        self._naming, self._form = Naming((), ()), PLAIN
+    def __init__(self, source: str, known: Conventions) -> None:
+        self.source, self.known, self.sha256 = source, known, ""
+        self.naming, self._form = Naming((), ()), PLAIN
         self.start: float | None = None
-        self.numbers: dict[str, Numbers] = {}
-        self.finders: dict[str, SpikeFinder] = {}
-        self.turns: dict[str, WrapFinder] = {}
-        self.clock, self.torque = Clock(source), 0.0
-        self._kept: dict[str, list[Array]] = {}
-        self.absent: list[str] = []
+        self._numbers: dict[str, Numbers] = {}
+        self._torque = 0.0
+        self._lacks: dict[str, float] = {}
         self._held: dict[str, tuple[float, float]] = {}
         self._last: pd.Series | None = None
         self._base: Mapping[str, str] = {}
-        self._beside: dict[str, list[Array]] = {}
         self.beside: RawBase | None = None
 
-    def add(self, frame: pd.DataFrame, form: Form = PLAIN) -> None:
-        """Check the next rows.
-
-        Parameters
-        ----------
-        frame : DataFrame
-        form : Form
-            How the table was written.
+    def read(self, pieces: Iterable[Whole]) -> dict[str, Array]:
+        """Return times (N,) and the channels (N, n) that there are of every joint.
 
         Raises
         ------
         LogError
-            If a column is missing, there twice, or of another kind altogether.
+            If a column is missing, there twice, or of another kind altogether, a value cannot be,
+            or the times are too few or do not increase.
         """
+        values = gather(self._take(*piece) for piece in pieces)
+        notes = [*self._form.notes, *self.naming.notes, *self._check_locked()]
+        raw = {key: values.pop(key) for key in self._base}
+        times = values["t"]
+        values, note = self._unify(values)
+        notes += [note] if note else []
+        self.naming = replace(self.naming, notes=tuple(notes))
+        if any(not x.usable for c, x in self._numbers.items() if c.endswith(".q_ref")):
+            values.pop("q_ref", None)  # before the first command there is none
+        self._check(values)
+        if self.known.base is not None:
+            flags = [c.flag for c in self.known.base.contacts]
+            self.beside = RawBase(values["t"], put_on_clock(values["t"], times, raw, flags))
+        return values
+
+    def _take(self, frame: pd.DataFrame, form: Form, digest: str) -> dict[str, Array]:
+        """Return the next rows of what a log is made of, with checks of each value."""
         start = frame.attrs.get("start")
         frame = with_index(frame.set_axis([str(c) for c in frame.columns], axis=1))
         frame.attrs = {}  # pandas would copy them, deeply, with each column
-        self._form = form
+        self._form, self.sha256 = form, digest
         if self.known.joints == BASE_JOINTS[:1]:  # of a body alone no column is about a joint
             frame = frame.assign(**{f"{BASE_JOINTS[0]}.{kind}": 0.0 for kind in ("q", "tau")})
-        if not self._naming.columns:
+        if not self.naming.columns:
             self._begin(frame)
-            found = start_of(self._naming)
+            found = start_of(self.naming)
             self.start = start if found is None else found
         frame = self._hold_commands(frame)
-        for key, column in self._base.items():
-            self._beside.setdefault(key, []).append(to_floats(frame[column]))
-        for held in self._naming.locked:
+        out = {key: to_floats(frame[column]) for key, column in self._base.items()}
+        for held in self.naming.locked:
             self._follow_locked(held, frame[held.source])
-        for own in self._naming.columns:
-            self._keep_column(own, frame[own.source])
-        for name in (*self.absent, *self.made) if self.keep else ():
-            self._kept[name].append(np.full(len(frame), np.nan if name in self.absent else 0.0))
+        columns = {c: np.full(len(frame), x) for c, x in self._lacks.items()}
+        columns |= {c.name: self._read_column(c, frame[c.source]) for c in self.naming.columns}
+        return out | stack_channels(self.naming.joints, columns)
 
-    def _keep_column(self, column: Column, given: pd.Series) -> None:
-        """Check the next rows of a column."""
-        name, numbers = column.name, self.numbers[column.name]
-        if name == "t":
-            values = numbers.add(as_times(given, column))
-            if not numbers.bad:
-                self.clock.add(values)
-        else:
-            values = column.scale(numbers.add(given))
-        if name.endswith(".tau"):
-            self.torque = max(self.torque, float(np.nanmax(np.abs(values), initial=0.0)))
-        if self.keep or not self._kept[name]:  # else the first rows tell how values come
-            self._kept[name].append(values)
-        for finders in (self.finders, self.turns):
-            if name in finders:
-                finders[name].add(values)
+    def _read_column(self, column: Column, given: pd.Series) -> Array:
+        """Return the next rows of a column, with checks of its values."""
+        numbers = self._numbers[column.name]
+        if column.name == "t":
+            return numbers.add(as_times(given, column))
+        values = column.scale(numbers.add(given))
+        if column.kind == "tau":
+            self._torque = max(self._torque, float(np.nanmax(np.abs(values), initial=0.0)))
+        return values
 
     def _hold_commands(self, frame: pd.DataFrame) -> pd.DataFrame:
         """Return a table with the commands that stand for torque held until the next comes.
 
         Rows before the first command are left out.
-
-        Raises
-        ------
-        LogError
         """
-        sources = [c.source for c in self._naming.columns if c.name in self._naming.commands]
+        sources = [c.source for c in self.naming.columns if c.name in self.naming.commands]
         if not sources:
             return frame
-        if not self.keep:
-            raise LogError(Finding("long.commands", self.source))
         held = frame[sources].apply(to_floats).ffill()
         held = held if self._last is None else held.fillna(self._last)
         self._last = held.iloc[-1] if len(held) else self._last
         return frame.assign(**{str(c): held[c] for c in held}).dropna(subset=sources)
-
-    @property
-    def made(self) -> tuple[str, ...]:
-        """Torque for which zeros stand, where motion or commands are all that is read."""
-        return self._naming.made
-
-    @property
-    def naming(self) -> Naming:
-        """Which columns are which; empty before the first rows."""
-        return replace(self._naming, notes=(*self._form.notes, *self._naming.notes))
 
     def _begin(self, frame: pd.DataFrame) -> None:
         """Decide which columns are which, by the first rows."""
@@ -312,21 +287,14 @@ class Reading:
         first = {frame.columns[k]: str(frame.iat[0, k]) for k in texts if len(frame)}
         columns = list(frame.columns)
         if self.known.base is not None:
-            if not self.keep:
-                raise LogError(Finding("long.base", self.source))
             self._base = find_base(columns, self.known.base, self.known.columns)
             columns = [c for c in columns if c not in self._base.values()]
         units = dict(zip(columns, self._form.units, strict=False))
         naming = name_columns(columns, self.source, self.known, units, first)
-        naming = settle_time(naming, frame, self.source, self.known)
-        self._naming = naming
-        names = [c.name for c in naming.columns]
-        self.numbers = {c: Numbers(c, self.source) for c in names}
-        given = (*names, *naming.made)
-        self.absent = [c for j in naming.joints if (c := f"{j}.tau") not in given]
-        self._kept = {c: [] for c in (*given, *self.absent)}
-        self.finders = {} if self.keep else {c: SpikeFinder() for c in names if c != "t"}
-        self.turns = {c: WrapFinder() for c in self.finders if c.endswith(".q")}
+        self.naming = settle_time(naming, frame, self.source, self.known)
+        self._numbers = {c.name: Numbers(c.name, self.source) for c in self.naming.columns}
+        torque = {f"{j}.tau": np.nan for j in naming.joints} | dict.fromkeys(naming.made, 0.0)
+        self._lacks = {c: x for c, x in torque.items() if c not in self._numbers}
 
     def _follow_locked(self, column: Column, given: pd.Series) -> None:
         """Follow where a joint is that is said not to move; single wrong values do not count."""
@@ -334,92 +302,76 @@ class Reading:
         values = values[np.isfinite(values)]
         if len(values):
             low, high = np.quantile(values, [0.01, 0.99])
-            least, most = self._held.get(column.name, (np.inf, -np.inf))
-            self._held[column.name] = min(least, float(low)), max(most, float(high))
+            least, most = self._held.get(column.joint, (np.inf, -np.inf))
+            self._held[column.joint] = min(least, float(low)), max(most, float(high))
 
-    def _check_locked(self) -> None:
+    def _check_locked(self) -> Iterator[str]:
         """Refuse a lock that the positions contradict; say where the joint stands elsewhere.
 
         Raises
         ------
         LogError
         """
-        notes = []
-        for name, (low, high) in self._held.items():
-            joint, at = name.removesuffix(".q"), 0.5 * (low + high)
-            held = self.known.locked[joint]
+        for joint, (low, high) in self._held.items():
+            at, held = 0.5 * (low + high), self.known.locked[joint]
             if high - low > RULES.small:
                 raise LogError(
-                    f"{self.source}: the joint '{joint}' is locked, but '{name}' moves by "
+                    f"{self.source}: the joint '{joint}' is locked, but '{joint}.q' moves by "
                     f"{high - low:.3g} ({low:.4g} … {high:.4g}); take the lock out, or give a "
                     "stretch of the log in which it stands still."
                 )
             if abs(at - held) > RULES.small:
-                notes.append(
+                yield (
                     f"'{joint}' stands at {at:.4g} and is locked at {held:.4g}: lock it there, "
                     f"--lock {joint}={at:.4g}"
                 )
-        self._naming = replace(self._naming, notes=(*self._naming.notes, *notes))
 
-    def finish(self) -> dict[str, Array]:
-        """Return the columns, each (N,), as far as they were kept.
-
-        Raises
-        ------
-        LogError
-            If a value cannot be, or the times are too few or do not increase.
-        """
-        self._check_locked()
-        times = np.concatenate(self._kept["t"]) if self._beside else np.empty(0)
-        if self.keep:
-            self._unify()
-        elif unify_rates({c: kept[0] for c, kept in self._kept.items() if kept})[1]:
-            raise LogError(Finding("long.rates", self.source))
-        gaps = [c for c, x in self.numbers.items() if c.endswith(".q_ref") and not x.usable]
-        for column in gaps:  # before the first command there is none
-            del self.numbers[column], self._kept[column]
-        columns = tuple(c for c in self._naming.columns if c.name not in gaps)
-        self._naming = replace(self._naming, columns=columns)
-        lost = [c for c, x in self.numbers.items() if c.endswith(".tau") and x.lost]
-        if len(lost) + len(self.absent) == len(self._naming.joints) and all(
-            self.numbers[c].bad == self.numbers[c].rows for c in lost
-        ):
+    def _check(self, values: Mapping[str, Array]) -> None:
+        """Refuse what cannot be."""
+        numbers = self._numbers
+        torques = [x for c, x in numbers.items() if c.endswith(".tau")]
+        if torques and all(x.lost and x.bad == x.rows for x in torques):
             raise LogError(Finding("torque.none", self.source))
         # All torque of a log is not smaller: a hundredth of a milligram at a millimetre.
-        if 0 < self.torque < 1e-09:
-            raise LogError(Finding("torque.small", self.source, torque=self.torque))
-        if not self.keep and (lost or self.absent):
-            raise LogError(Finding("long.torque", self.source, columns=[*lost, *self.absent]))
-        for column, numbers in self.numbers.items():
-            if column not in lost:
-                numbers.finish()
-        self.clock.finish()
-        values = {c: np.concatenate(kept) for c, kept in self._kept.items() if kept}
-        if self.known.base is not None:
-            raw = {key: np.concatenate(x) for key, x in self._beside.items()}
-            flags = [c.flag for c in self.known.base.contacts]
-            self.beside = RawBase(values["t"], put_on_clock(values["t"], times, raw, flags))
-        return values
+        if 0 < self._torque < 1e-09:
+            raise LogError(Finding("torque.small", self.source, torque=self._torque))
+        for column, x in numbers.items():
+            if not (column.endswith(".q_ref") or (column.endswith(".tau") and x.lost)):
+                x.finish()
+        Clock.of(values["t"]).check(self.source)
 
-    def _unify(self) -> None:
+    def _unify(self, values: dict[str, Array]) -> tuple[dict[str, Array], str]:
         """Bring columns at rates of their own to the same times, if all that is wrong is that."""
-        if self.numbers["t"].bad or not all(x.clean for x in self.numbers.values()):
-            return
-        values = {c: np.concatenate(kept) for c, kept in self._kept.items()}
-        # Torque that is missing for a while, or altogether, comes at no rate of its own.
-        gone = {c for c, x in values.items() if c.endswith(".tau") and 2 * _gaps(x) < RULES.fewest}
-        gone = {c for c in gone if np.isnan(values[c]).any()}
-        kept = {*gone, *self._naming.commands}  # commands are held, whatever comes between
-        found, note = unify_rates({c: x for c, x in values.items() if c not in kept})
-        if not note:
-            return
-        near = np.searchsorted(values["t"], found["t"]).clip(0, len(values["t"]) - 1)
-        found |= {c: values[c][near] for c in gone}
-        last = np.searchsorted(values["t"], found["t"], side="right") - 1
-        found |= {c: values[c][last.clip(0)] for c in self._naming.commands}
-        self.numbers = {c: Numbers(c, self.source) for c in found}
-        self._kept = {c: [x] for c, x in found.items()}
-        columns = tuple(c for c in self._naming.columns if c.name in found)
-        self._naming = replace(self._naming, columns=columns, notes=(*self._naming.notes, note))
-        self.clock = Clock(self.source)
-        self.clock.add(found["t"])
+        if self._numbers["t"].bad or not all(x.clean for x in self._numbers.values()):
+            return values, ""
+        joints, t = self.naming.joints, values["t"]
+        every = {
+            f"{j}.{c}": x[:, k]
+            for c, x in values.items()
+            if c in CHANNELS
+            for k, j in enumerate(joints)
+        }
+        for few in [WINDOW] * is_long(len(t)) + [len(t)]:  # of a long log the first rows tell
+            columns = {c: x[:few] for c, x in every.items()}
+            # Torque that is missing for a while, or altogether, comes at no rate of its own.
+            gone = {c for c, x in columns.items() if c.endswith(".tau") and np.isnan(x).any()}
+            gone = {c for c in gone if 2 * _gaps(columns[c]) < RULES.fewest}
+            kept = {*gone, *self.naming.commands}  # commands are held, whatever comes between
+            own = {c: x for c, x in columns.items() if c not in kept}
+            found, note = unify_rates({"t": t[:few]} | own)
+            if not note:
+                return values, ""
+        at = found["t"]
+        near = np.searchsorted(t, at).clip(0, len(t) - 1)
+        last = (np.searchsorted(t, at, side="right") - 1).clip(0)
+        found |= {c: every[c][near] for c in gone}
+        found |= {c: every[c][last] for c in self.naming.commands}
+        self._numbers = {}
+        return stack_channels(joints, found), note
+
+
+def stack_channels(joints: Sequence[str], columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Return times, and the channels (N, n) that columns (N,) hold for every joint."""
+    kinds = [c for c in CHANNELS if all(f"{j}.{c}" in columns for j in joints)]
+    stacked = {c: np.stack([columns[f"{j}.{c}"] for j in joints]).T for c in kinds}
+    return {"t": columns["t"], **stacked}

@@ -22,9 +22,6 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.rules import RULES
 
-#: Decisions about a long log are made on this many windows of so many samples.
-WINDOWS, WINDOW = 8, 16_384
-
 
 def sampling_step(t: Array) -> float:
     """Return the sampling step of uniform times, their median difference [s]."""
@@ -100,18 +97,6 @@ def cubic(at: Array, t: Array, x: Array) -> Array:
         weight = np.prod((at[:, None] - others) / (t[nodes[:, [k]]] - others), axis=1)
         out += weight.reshape(-1, *(1,) * (x.ndim - 1)) * x[nodes[:, k]]
     return out
-
-
-def spread_windows(samples: int) -> list[tuple[int, int]]:
-    """Return the rows (start, stop) that decisions about a whole log are made on.
-
-    All of them in logs of up to `WINDOWS` times `WINDOW` samples, else so many windows, evenly
-    spaced from the first sample to the last.
-    """
-    if samples <= WINDOWS * WINDOW:
-        return [(0, samples)]
-    starts = np.linspace(0, samples - WINDOW, WINDOWS).astype(int)
-    return [(int(s), int(s) + WINDOW) for s in starts]
 
 
 def lowpass(x: Array, dt: float, cutoff: float) -> Array:
@@ -197,15 +182,6 @@ class Decimation:
     def outputs(self, samples: int) -> int:
         """Return the number of outputs of a run of samples; its ends are not extrapolated."""
         return max(0, (samples - (2 * self.reach + 1)) // self.factor + 1)
-
-    def centres(self, start: int, stop: int) -> range:
-        """Return the rows of a log at which a run of its rows [start, stop) has outputs.
-
-        They are multiples of the factor, wherever the run begins, so that it does not matter in
-        which parts a log is read.
-        """
-        first = -(-(start + self.reach) // self.factor) * self.factor
-        return range(first, max(first, stop - self.reach), self.factor)
 
     def apply(self, x: Array) -> Array:
         """Return x (N, …) low-passed and decimated, (outputs, …)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from itertools import groupby
+from itertools import groupby, pairwise
 
 import numpy as np
 from scipy.ndimage import grey_closing, grey_opening
@@ -12,6 +12,7 @@ from scipy.ndimage import grey_closing, grey_opening
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.logs.rows import divide_rows, find_range, forget
 from identifiability.logs.rules import RULES
 
 # Single wrong samples of a column: found among their neighbours, before anything is filtered.
@@ -62,39 +63,16 @@ class Spike:
     instead: float
 
 
-class SpikeFinder:
-    """Looks for wrong samples in a column that comes piece by piece; memory is bounded.
-
-    Blocks of fixed rows are judged, so that what is found does not depend on the pieces.
-    """
-
-    def __init__(self) -> None:
-        self._held, self._start = np.empty(0), 0  # what is not judged, with what is beside it
-        self._judged = 0
-        self._found: list[Spike] = []
-
-    def add(self, values: Array) -> None:
-        """Take in the next values, (N,)."""
-        self._held = np.concatenate([self._held, values])
-        while self._start + len(self._held) >= self._judged + 2 * BLOCK + REACH:
-            self._judge(self._judged + BLOCK)
-
-    def finish(self) -> list[Spike]:
-        """Return the wrong samples in their order."""
-        self._judge(None)
-        return self._found
-
-    def _judge(self, stop: int | None) -> None:
-        """Judge the rows up to one, or all that are left."""
-        last = None if stop is None else stop - self._start + REACH
-        x = self._held[:last]
-        for spike in _find(x, first=self._start == 0, last=stop is None):
-            row = self._start + spike.row
-            if row >= self._judged and (stop is None or row < stop):
-                self._found.append(replace(spike, row=row))
-        if stop is not None:
-            drop = stop - REACH - self._start
-            self._held, self._start, self._judged = self._held[drop:], self._start + drop, stop
+def find_spikes(x: Array) -> list[Spike]:
+    """Return the wrong samples of a column (N,) in their order; blocks of it are judged."""
+    found: list[Spike] = []
+    stops = [*range(BLOCK, len(x) - BLOCK - REACH + 1, BLOCK), len(x)]
+    for a, b in pairwise([0, *stops]):
+        low = max(0, a - REACH)
+        near = _find(x[low : b + REACH], first=a == 0, last=b == len(x))
+        found += [replace(s, row=low + s.row) for s in near if a <= low + s.row < b]
+        forget()
+    return found
 
 
 def _find(x: Array, *, first: bool, last: bool) -> list[Spike]:
@@ -159,13 +137,6 @@ def _usual(height: Array, k: int) -> float:
     return float(others[-1 - ALLOWED]) if len(others) > ALLOWED else np.inf
 
 
-def find_spikes(values: Array) -> list[Spike]:
-    """Return the wrong samples of a column (N,)."""
-    finder = SpikeFinder()
-    finder.add(values)
-    return finder.finish()
-
-
 def mend_column(values: Array, spikes: Iterable[Spike], start: int = 0) -> Array:
     """Return a stretch of a column, (N,) from row `start` on, with its wrong samples replaced."""
     inside = [s for s in spikes if start <= s.row < start + len(values)]
@@ -183,9 +154,6 @@ def mend_column(values: Array, spikes: Iterable[Spike], start: int = 0) -> Array
 
 
 TURN = 2 * np.pi
-
-#: Jumps that a column may have, at most; a column of noise has more.
-MOST = 100_000
 
 
 @frozen
@@ -211,50 +179,21 @@ class Wraps:
         return whole
 
 
-class WrapFinder:
-    """Looks for jumps by a turn in a column that comes piece by piece."""
-
-    def __init__(self) -> None:
-        self._rows: list[np.ndarray] = []
-        self._steps: list[Array] = []
-        self._count = self._jumps = 0
-        self._last = np.empty(0)
-        self._usual = 0.0
-        self._low, self._high = np.inf, -np.inf
-
-    def add(self, values: Array) -> None:
-        """Take in the next values, (N,) [rad]."""
-        start = self._count - len(self._last)
-        x = np.concatenate([self._last, values])
-        self._count, self._last = start + len(x), x[-1:]
-        if not len(values) or self._jumps > MOST:
-            return
-        self._low = min(self._low, float(values.min()))
-        self._high = max(self._high, float(values.max()))
-        steps = np.diff(x)
-        far = np.abs(steps) > np.pi
-        self._usual = max(self._usual, float(np.abs(steps[~far]).max(initial=0.0)))
-        self._jumps += int(far.sum())
-        self._rows.append(start + 1 + np.flatnonzero(far))
-        self._steps.append(steps[far])
-
-    def finish(self) -> Wraps | None:
-        """Return the jumps, or None if there are none or they are no turns."""
-        # Positions are wrapped where they jump, and else change by at most this share of
-        # half a turn from sample to sample.
-        if not 0 < self._jumps <= MOST or self._usual > 0.25 * np.pi:
-            return None
-        if self._high - self._low > TURN + self._usual:
-            return None
-        steps = np.concatenate(self._steps)
-        turns = -TURN * np.sign(steps)
-        if (np.abs(steps + turns) > RULES.gap * self._usual + ROUNDOFF).any():
-            return None
-        return Wraps(np.concatenate(self._rows), turns)
-
-
-def find_wraps(values: Array) -> Wraps | None:
+def find_wraps(x: Array) -> Wraps | None:
     """Return the jumps of a column (N,) [rad], if they are turns."""
-    finder = WrapFinder()
-    finder.add(values)
-    return finder.finish()
+    rows, usual = [], 0.0
+    for a, b in divide_rows(len(x) - 1):
+        steps = np.abs(np.diff(x[a : b + 1]))
+        rows.append(a + 1 + np.flatnonzero(steps > np.pi))
+        usual = max(usual, float(steps[steps <= np.pi].max(initial=0.0)))
+    at = np.concatenate(rows)
+    low, high = find_range(x)
+    # Positions are wrapped where they jump, and else change by at most this share of half a turn
+    # from sample to sample.
+    if not len(at) or usual > 0.25 * np.pi or high - low > TURN + usual:
+        return None
+    steps = x[at] - x[at - 1]
+    turns = -TURN * np.sign(steps)
+    if (np.abs(steps + turns) > RULES.gap * usual + ROUNDOFF).any():
+        return None
+    return Wraps(at, turns)

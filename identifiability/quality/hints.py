@@ -16,6 +16,8 @@ from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
+from identifiability.logs.commands import of_commands
+from identifiability.logs.gaps import smallest_change
 from identifiability.logs.prepare.dataset import stands_still
 from identifiability.logs.rules import RULES
 from identifiability.physical.feasibility import find_impossible_bodies
@@ -167,6 +169,27 @@ def unexplained(W: Array, tau: Array) -> float:
     A = A / np.where(length > 0, length, 1.0)
     fit = np.linalg.lstsq(A.T @ A, A.T @ b, rcond=ROUNDOFF)[0]
     return float(np.linalg.norm(b - A @ fit) / np.linalg.norm(b))
+
+
+# Torque that stops at an extreme value: what a drive was asked for beyond it is not in the log.
+
+
+@check("flat", Does.HINTS)
+def find_saturation(logs: MeasuredLogs) -> list[Finding]:
+    """Return torque columns that stay at their extreme values while the robot moves."""
+    found: dict[str, str] = {}
+    for rows in (log.shown for log in logs.recordings if not of_commands(log)):
+        moves = np.append(np.diff(rows.q, axis=0).any(1), True)
+        for joint, x in zip(rows.joints, rows.tau[moves].T, strict=True):
+            band = max(0.01 * float(np.ptp(x)), 1.5 * float(smallest_change(x[:, None])[0]))
+            for top in (x.max(), x.min()) if band else ():
+                at, near = x == top, np.count_nonzero(np.abs(x - top) <= band)
+                share, lasts = at.mean(), at[3:] & at[2:-1] & at[1:-2] & at[:-3]
+                # It is met this often in all, and so much more often than what is next to it.
+                if share >= 0.005 and lasts.any() and at.sum() > 6 * (near - at.sum()):
+                    found[joint] = phrase("flat", "one", joint=joint, value=top, share=share)
+    columns = tuple(f"{joint}.tau" for joint in found)
+    return [Finding("flat", where=[*found.values()], columns=columns)] if found else []
 
 
 # What is odd about the robot file, and about joints that say nothing: asked of any logs.

@@ -6,6 +6,7 @@ without torque, derivatives of another motion.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -17,7 +18,7 @@ from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.logs.contradictions import contradictions
 from identifiability.logs.rules import RULES
-from identifiability.logs.spikes import Spike, Wraps, mend_column
+from identifiability.logs.spikes import Spike, Wraps, find_wraps, mend_column
 from identifiability.quality.registry import Does, Reading, check
 from identifiability.robot.floating import BASE_JOINTS
 
@@ -150,18 +151,19 @@ def unwrap(logs: Reading) -> Reading:
 
 def unwrap_log(log: Log) -> tuple[Log, list[Finding]]:
     """Return a log with the jumps of wrapped angles undone, and what was found."""
-    found = log.wraps
-    if not found:
+    found = [find_wraps(x) for x in log.q.T]
+    wraps = {j: w for j, w in zip(log.joints, found, strict=True) if w is not None}
+    if not wraps:
         return log, []
-    rows = sum(len(w.rows) for w in found.values())
-    where = [f"'{j}.q' at {len(w.rows)} rows" for j, w in found.items()]
-    said = Finding("wraps", log.name, where=where, columns=[f"{j}.q" for j in found], rows=rows)
+    rows = sum(len(w.rows) for w in wraps.values())
+    where = [f"'{j}.q' at {len(w.rows)} rows" for j, w in wraps.items()]
+    said = Finding("wraps", log.name, where=where, columns=[f"{j}.q" for j in wraps], rows=rows)
     return log.changed(partial(_undo, found=found)), [said]
 
 
-def _undo(log: Log, origin: int, found: dict[str, Wraps]) -> Log:
-    pairs = zip(log.joints, log.q.T, strict=True)
-    columns = [found[j].undo(x, origin) if j in found else x for j, x in pairs]
+def _undo(log: Log, origin: int, found: Sequence[Wraps | None]) -> Log:
+    pairs = zip(found, log.q.T, strict=True)
+    columns = [x if w is None else w.undo(x, origin) for w, x in pairs]
     return replace(log, q=np.stack(columns, 1))
 
 
@@ -179,7 +181,7 @@ def mend_log(log: Log) -> tuple[Log, list[Finding]]:
     return log.changed(partial(_mend, wrong=wrong)), [_state_wrong(log, wrong)]
 
 
-def _mend(log: Log, origin: int, wrong: dict[str, tuple[Spike, ...]]) -> Log:
+def _mend(log: Log, origin: int, wrong: Mapping[str, list[Spike]]) -> Log:
     channels: dict[str, Any] = {}
     for kind in log.channels:
         columns = zip(log.joints, getattr(log, kind).T, strict=True)
@@ -188,10 +190,10 @@ def _mend(log: Log, origin: int, wrong: dict[str, tuple[Spike, ...]]) -> Log:
     return replace(log, **channels)
 
 
-def _state_wrong(log: Log, wrong: dict[str, tuple[Spike, ...]]) -> Finding:
+def _state_wrong(log: Log, wrong: Mapping[str, list[Spike]]) -> Finding:
     found = sorted((s.row, name, s) for name, spikes in wrong.items() for s in spikes)
     where = [
-        phrase("spikes", "value", row=row + 1, t=float(log.rows(row, row + 1).t[0]), column=name,
+        phrase("spikes", "value", row=row + 1, t=float(log.t[row]), column=name,
                value=s.value, instead=s.instead)
         for row, name, s in found[:LISTED]
     ]  # fmt: skip

@@ -15,7 +15,7 @@ import numpy as np
 from identifiability.effects import Effect, Family, Part, Span
 from identifiability.effects.effect import measure_spans
 from identifiability.foundation.errors import ModelError
-from identifiability.foundation.names import GROUPED_KINDS, Array
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Piece
 from identifiability.robot import Motion, Robot
@@ -69,11 +69,6 @@ class Candidate:
     def part(self) -> Part:
         """The candidate as a part of an effect."""
         return Part(self.effect, self.place, self.kinds)
-
-
-def is_body(c: Candidate) -> bool:
-    """Whether a candidate is a body by itself, with mass, moments and inertia."""
-    return c.family.name == "payload" and len(c.columns) == len(GROUPED_KINDS)
 
 
 @frozen

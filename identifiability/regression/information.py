@@ -5,11 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, replace
-from functools import cached_property, partial, reduce
-from itertools import groupby
-from operator import add, attrgetter
+from functools import cached_property, partial
+from itertools import pairwise
 from typing import Annotated, Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from scipy.linalg import block_diag, solve_triangular
 from scipy.linalg.blas import dtrmm
 
 from identifiability.foundation.engines import Engine, Steps
-from identifiability.foundation.linalg import NEARLY, few_at_once, triangular_factor
+from identifiability.foundation.linalg import NEARLY, TINY, few_at_once, triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import at_least, checked
 from identifiability.foundation.values import frozen, remember
@@ -41,8 +40,8 @@ class ActuatorBlocks:
         Columns that it can see, ascending; all others are zero in its rows.
     basis : (r, v + 1) or None
         ``[W τ] = Z basis`` over these columns and the torque; None where Z are these themselves.
-    blocks : (B, m, r) or (B, r, r)
-        Rows Z of each block where there are m < r (filled up with zeros), else ``Zᵀ Z``.
+    blocks : (B, m, r)
+        Rows Z of each block, filled up with zeros, or a factor of as many columns.
     sums : (B, r)
         Sum of the rows Z of each block, which tells what slow noise does.
     """
@@ -58,50 +57,27 @@ class ActuatorBlocks:
         return np.eye(len(self.columns) + 1) if self.basis is None else self.basis
 
     @cached_property
+    def gram(self) -> Array:
+        """``Zᵀ Z`` over all blocks, (r, r)."""
+        Z = self.blocks.reshape(-1, self.blocks.shape[2])
+        return np.asarray(Z.T @ Z)
+
+    @cached_property
     def total(self) -> Array:
         """Products of the columns and the torque over all blocks, (v + 1, v + 1)."""
-        if self.squared and self.basis is None:
-            return np.asarray(self.blocks.sum(0))
-        rows = self.root @ self.coordinates
-        return np.asarray(rows.T @ rows)
-
-    @property
-    def squared(self) -> bool:
-        """Whether Gram matrices are held, not rows."""
-        return bool(self.blocks.shape[1] == self.blocks.shape[2])
+        return (
+            self.gram if self.basis is None else np.asarray(self.basis.T @ self.gram @ self.basis)
+        )
 
     @cached_property
     def root(self) -> Array:
-        """A factor of ``Zᵀ Z`` over all blocks, (r, r) or fewer rows."""
-        rows = self.blocks.reshape(-1, self.blocks.shape[2])
-        # Rows that take more [bytes] are squared for their factor: columns of a basis are
-        # at right angles, so that nothing is lost, and a triangular factor takes three
-        # times as long.
-        if self.squared or rows.nbytes > (2**22):
-            gram = self.blocks.sum(0) if self.squared else rows.T @ rows
-            values, vectors = np.linalg.eigh(gram)
-            return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
-        root = rows[:0]
-        for at in few_at_once(len(rows), rows[:1].nbytes):
-            root = triangular_factor(np.vstack([root, rows[at]]))
-        return root
+        """A factor of ``Zᵀ Z`` over all blocks, (r, r): Z are at right angles, nothing is lost."""
+        found: Array = factor_each(self.gram[None])[0]
+        return found
 
     def __getstate__(self) -> dict[str, Any]:
         """Return its fields: what follows from them is neither sent to workers nor part of keys."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
-
-    def products(self, left: Array, right: Array, at: slice) -> Array:
-        """Return ``(Z left)ᵀ (Z right)`` of some blocks, (b, p, q), for (r, p) and (r, q)."""
-        Z = self.blocks[at]
-        one = left.T if self.squared else (Z @ left).transpose(0, 2, 1)
-        found: Array = one @ (Z @ right)
-        return found
-
-    def widen(self, size: int) -> Array:
-        """Return the basis over all `size` columns and the torque, (r, size + 1)."""
-        wide = np.zeros((len(self.coordinates), size + 1))
-        wide[:, [*self.columns, size]] = self.coordinates
-        return wide
 
     def reduce(self, map_: Array) -> ActuatorBlocks:
         """Return the blocks of ``[W τ] map_``, for a map (k + 1, m + 1) that keeps the torque."""
@@ -111,19 +87,11 @@ class ActuatorBlocks:
         # Blocks stay in a basis that is larger than what is asked of them by up to this
         # factor: to turn all of them costs more than to look at them many times.
         if len(basis) > 1.25 * basis.shape[1]:
-            return self.turned(*np.linalg.qr(basis), columns)
+            Q, basis = np.linalg.qr(basis)
+            return ActuatorBlocks(columns, basis, self.blocks @ Q, self.sums @ Q)
         reduced = replace(self, columns=columns, basis=basis)
-        vars(reduced)["root"] = self.root
+        vars(reduced)["gram"] = self.gram
         return reduced
-
-    def turned(self, Q: Array, basis: Array, columns: np.ndarray) -> ActuatorBlocks:
-        """Return the blocks of ``Z Q``, in another basis."""
-        few = not self.squared and self.blocks.shape[1] < Q.shape[1]
-        out = self.blocks @ Q if few else self.products(Q, Q, slice(None))
-        turned = ActuatorBlocks(columns, basis, out, self.sums @ Q)
-        if "root" in vars(self):  # that of all rows anew would cost a pass over them
-            vars(turned)["root"] = triangular_factor(self.root @ Q)
-        return turned
 
     def take(self, kept: np.ndarray) -> ActuatorBlocks:
         """Return some of the blocks."""
@@ -131,78 +99,89 @@ class ActuatorBlocks:
 
     def weigh(self, weights: Array) -> ActuatorBlocks:
         """Return the blocks with weights (B,) of their squares."""
-        root = np.sqrt(weights)
-        blocks = (weights if self.squared else root)[:, None, None] * self.blocks
-        return replace(self, blocks=blocks, sums=root[:, None] * self.sums)
+        root = np.sqrt(weights)[:, None]
+        return replace(self, blocks=root[:, :, None] * self.blocks, sums=root * self.sums)
 
     def summed(self, members: Array) -> ActuatorBlocks:
         """Return a block for each row of members (F, B): blocks counted so often, added up."""
-        if self.squared:
-            blocks = np.tensordot(members, self.blocks, 1)
-        else:
-            root, r = np.sqrt(members), self.blocks.shape[2]
-            rows = ((w[w > 0, None, None] * self.blocks[w > 0]).reshape(-1, r) for w in root)
-            blocks = np.stack([Z.T @ Z for Z in rows])
-        return replace(self, blocks=blocks, sums=members @ self.sums)
-
-    def join(self, other: ActuatorBlocks) -> ActuatorBlocks:
-        """Return the blocks of both, over the columns that either sees."""
-        columns = np.union1d(self.columns, other.columns)
-        wide = [
-            replace(one, columns=np.searchsorted(columns, one.columns)).widen(len(columns))
-            for one in (self, other)
-        ]
-        Q, basis = np.linalg.qr(np.vstack(wide))
-        first = self.turned(Q[: len(wide[0])], basis, columns)
-        second = other.turned(Q[len(wide[0]) :], basis, columns)
-        sums = np.concatenate([first.sums, second.sums])
-        return replace(first, blocks=stack([*first.blocks, *second.blocks]), sums=sums)
+        r, out = self.blocks.shape[2], []
+        for weights in members:
+            own = weights > 0
+            Z = (np.sqrt(weights[own])[:, None, None] * self.blocks[own]).reshape(-1, r)
+            out.append(Z.T @ Z)
+        return replace(self, blocks=factor_each(np.array(out)), sums=members @ self.sums)
 
 
-def hold(rows: Array) -> Array:
-    """Return what is held of rows (m, r): they themselves where m < r, else their Gram matrix."""
-    return rows if len(rows) < rows.shape[1] else rows.T @ rows
+def factor_each(grams: Array) -> Array:
+    """Return a factor of each of some products (B, r, r) of columns about at right angles."""
+    r = grams.shape[1]
+    # What is below is rounding of the products.
+    least = TINY**1.25 * np.trace(grams, axis1=1, axis2=2) + 1e-300
+    raised = grams + least[:, None, None] * np.eye(r)
+    return np.asarray(np.linalg.cholesky(raised).swapaxes(1, 2))
 
 
-def hold_blocks(rows: Array, at: np.ndarray) -> Array:
-    """Return what is held of blocks of rows (N, r) that begin at rows `at`, (B, m, r) or (B, r, r).
+class _Blocks:
+    """What is gathered of consecutive blocks.
 
-    Blocks with fewer rows than others are filled up with zeros.
+    Rows, or their products where the longest block has as many as there are columns.
     """
-    r, ends = rows.shape[1], np.append(at[1:], len(rows))
-    sizes = ends - at
-    most = int(sizes.max(initial=0))
-    if most == sizes.min(initial=most) and most < r:
-        return rows.reshape(len(at), most, r)
-    out = np.zeros((len(at), min(most, r), r))
-    for place, a, b in zip(out, at.tolist(), ends.tolist(), strict=True):
-        fill(place, hold(rows[a:b]))
-    return out
 
+    def __init__(self, count: int, longest: int, widths: Sequence[int]) -> None:
+        self.held = [np.zeros((count, min(longest, r), r)) for r in widths]
+        self.sums = [np.zeros((count, r)) for r in widths]
+        self.data = np.zeros((count, len(widths)), int)
 
-def merge_kept(one: Array, other: Array) -> Array:
-    """Return what is held of the rows of both."""
-    if max(len(one), len(other)) < one.shape[1]:
-        return hold(np.vstack([one, other]))
-    return _gram(one) + _gram(other)
+    def take(
+        self,
+        into: Sequence[tuple[np.ndarray, Array]],
+        rows: tuple[Array, Array, np.ndarray],
+        start: int,
+        edges: np.ndarray,
+        before: int,
+    ) -> None:
+        """Add consecutive rows (W, τ, data) of a log, from the output `start` of it on.
 
+        Parameters
+        ----------
+        into : sequence of (columns, inverse of their basis)
+        rows : (m, n, k), (m, n) and (m, n)
+        start : int
+        edges : (b,) int
+            Outputs at which blocks of the log begin; the first of them is the block `before`.
+        before : int
+        """
+        W, tau, data = rows
+        inside = edges[(edges > start) & (edges < start + len(tau))] - start
+        pieces = [slice(*ends) for ends in pairwise([0, *inside.tolist(), len(tau)])]
+        blocks = np.searchsorted(edges, [start + own.start for own in pieces], "right") - 1
+        places = [start + own.start - int(edges[k]) for own, k in zip(pieces, blocks, strict=True)]
+        for a, ((columns, inverse), held) in enumerate(zip(into, self.held, strict=True)):
+            x = np.column_stack([W[:, a, columns], tau[:, a]])
+            # A triangular factor takes half of a product's time.
+            Z = dtrmm(1.0, inverse, x, side=1, overwrite_b=1)
+            for own, k, place in zip(pieces, before + blocks, places, strict=True):
+                if held.shape[1] < held.shape[2]:
+                    held[k, place : place + len(Z[own])] = Z[own]
+                else:
+                    held[k] += Z[own].T @ Z[own]
+                self.sums[a][k] += Z[own].sum(0)
+                self.data[k, a] += data[own, a].sum()
 
-def stack(held: Sequence[Array]) -> Array:
-    """Return what is held of each block as one array, (B, m, r) or (B, r, r)."""
-    out = np.zeros((len(held), max(map(len, held)), held[0].shape[1]))
-    for place, one in zip(out, held, strict=True):
-        fill(place, one)
-    return out
+    def add_all(self, first: int, other: _Blocks) -> None:
+        """Add blocks that were gathered elsewhere, from one of these on."""
+        pairs = zip(
+            (*self.held, *self.sums, self.data), (*other.held, *other.sums, other.data), strict=True
+        )
+        for own, more in pairs:
+            own[first : first + len(more)] += more
 
-
-def fill(place: Array, held: Array) -> None:
-    """Put what is held of a block into its place (m, r), full of zeros, or (r, r)."""
-    held = _gram(held) if len(place) == place.shape[1] else held
-    place[: len(held)] = held
-
-
-def _gram(held: Array) -> Array:
-    return held if len(held) == held.shape[1] else held.T @ held
+    def parts(
+        self, seen: Sequence[np.ndarray], bases: Sequence[Array]
+    ) -> tuple[ActuatorBlocks, ...]:
+        """Return them by actuator, in bases of the columns that each can see."""
+        held = [x if x.shape[1] < x.shape[2] else factor_each(x) for x in self.held]
+        return tuple(map(ActuatorBlocks, seen, bases, held, self.sums))
 
 
 def choose_basis(R: Array, columns: np.ndarray) -> Array:
@@ -223,10 +202,10 @@ def choose_basis(R: Array, columns: np.ndarray) -> Array:
     return triangular_factor(np.vstack([part, NEARLY * np.diag(length)]))
 
 
-def invert_basis(basis: Array) -> Array:
-    """Return the inverse of a basis, (v + 1, v + 1)."""
-    inverse: Array = solve_triangular(basis, np.eye(len(basis)))
-    return inverse
+def _into(seen: Sequence[np.ndarray], bases: Sequence[Array]) -> list[tuple[np.ndarray, Array]]:
+    """Return the columns that each actuator sees, and the inverse of their basis."""
+    inverses = (solve_triangular(S, np.eye(len(S))) for S in bases)
+    return list(zip(seen, inverses, strict=True))
 
 
 # `Information`: all that a regression says about its parameters, independent of its length.
@@ -295,23 +274,19 @@ class Information:
         moves : (N, n) bool, optional
             Where torque is data; elsewhere all of these are zero. Everywhere by default.
         """
-        wide = (W,) if instruments is None else (instruments, W)
+        wide = np.concatenate([*([] if instruments is None else [instruments]), W], axis=2)
         first = np.unique(log, return_index=True)[1]
         ends = [*first[1:], len(log)]
-        at = np.array([s for a, b in zip(first, ends, strict=True) for s in range(a, b, size)])
-        parts = []
-        for a in range(tau.shape[1]):
-            rows = np.column_stack([*(x[:, a] for x in wide), tau[:, a]])
-            seen = np.flatnonzero(rows[:, :-1].any(0))
-            basis = choose_basis(rows, seen)
-            Z = rows[:, [*seen, -1]] @ invert_basis(basis)
-            sums = np.add.reduceat(Z, at, axis=0)
-            parts.append(ActuatorBlocks(seen, basis, hold_blocks(Z, at), sums))
+        at = [s for a, b in zip(first, ends, strict=True) for s in range(a, b, size)]
         counts = np.diff([*at, len(log)])
-        log, has = np.asarray(log)[at], instruments is not None
-        some = np.ones(tau.shape, int) if moves is None else moves.astype(int)
-        data = np.add.reduceat(some, at, axis=0)
-        return Information(tuple(columns), tuple(parts), counts, data, log, has)
+        seen = [np.flatnonzero(wide[:, a].any(0)) for a in range(tau.shape[1])]
+        rows = (np.column_stack([wide[:, a], tau[:, a]]) for a in range(tau.shape[1]))
+        bases = [choose_basis(x, own) for x, own in zip(rows, seen, strict=True)]
+        blocks = _Blocks(len(at), int(counts.max()), [len(S) for S in bases])
+        moves = np.ones(tau.shape, bool) if moves is None else moves
+        blocks.take(_into(seen, bases), (wide, tau, moves), 0, np.array(at), 0)
+        what = blocks.parts(seen, bases), counts, blocks.data, np.asarray(log)[at]
+        return Information(tuple(columns), *what, instruments is not None)
 
     @property
     def size(self) -> int:
@@ -440,9 +415,8 @@ class Information:
         """
         out = []
         for part, basis in self.of_actuators(np.eye(self.size + 1)):
-            own = (change @ basis.T)[..., None]
-            Z = part.blocks @ own
-            out.append((Z * own if part.squared else Z * Z).sum((-2, -1)))
+            Z = part.blocks @ (change @ basis.T)[..., None]
+            out.append((Z * Z).sum((-2, -1)))
         return np.stack(out, -1)
 
     def products(self, weights: Array, left: Array, right: Array) -> Array:
@@ -453,23 +427,14 @@ class Information:
         weights : (n,)
         left, right : (k + 1, p) and (k + 1, q)
         """
-        out = np.zeros((len(self.counts), left.shape[1], right.shape[1]))
-        p = left.shape[1]
-        inside = p <= right.shape[1] and np.array_equal(left, right[:, :p])
-        both = zip(weights, self.of_actuators(left), self.of_actuators(right), strict=True)
-        rows: list[tuple[ActuatorBlocks, Array]] = []
-        for weight, (part, one), (_, other) in both:
-            if not part.squared:
-                turn = other if inside else np.hstack([one, other])
-                rows.append((part, np.sqrt(weight) * turn))
-                continue
-            for at in few_at_once(len(out), out[:1].nbytes + part.blocks[:1].nbytes):
-                out[at] += part.products(weight * one, other, at)
+        out, p = np.zeros((len(self.counts), left.shape[1], right.shape[1])), left.shape[1]
+        both = zip(np.sqrt(weights), self.of_actuators(np.hstack([left, right])), strict=True)
+        turned = [(part, weight * turn) for weight, (part, turn) in both]
         # Rows of all actuators beside each other: one product a block, and not one for each.
-        own = sum(part.blocks[:1].nbytes for part, _ in rows)
-        for at in few_at_once(len(out) if rows else 0, 2 * (out[:1].nbytes + own)):
-            Z = np.concatenate([part.blocks[at] @ turn for part, turn in rows], axis=1)
-            out[at] += Z[:, :, :p].transpose(0, 2, 1) @ Z[:, :, 0 if inside else p :]
+        own = sum(part.blocks[:1].nbytes for part in self.parts)
+        for at in few_at_once(len(out), 2 * (out[:1].nbytes + own)):
+            Z = np.concatenate([part.blocks[at] @ turn for part, turn in turned], axis=1)
+            out[at] = Z[:, :, :p].transpose(0, 2, 1) @ Z[:, :, p:]
         return out
 
     def factor(self, weights: Array | None = None) -> Array:
@@ -561,24 +526,7 @@ class Information:
         owner = np.searchsorted(at, np.arange(count), "right") - 1
         what = {"counts": np.add.reduceat(self.counts, at), "log": self.log[at]}
         what["data"] = np.add.reduceat(self.data, at, axis=0)
-        merged = replace(self.summed(owner == np.arange(len(at))[:, None]), **what)
-        for own, part in zip(merged.parts, self.parts, strict=True):  # sums over all are the same
-            vars(own)["root"] = part.root
-        return merged
-
-    def __add__(self, other: Information) -> Information:
-        """Return the information of both; blocks and logs stay apart."""
-        if (self.columns, self.instrumented) != (other.columns, other.instrumented):
-            raise ValueError("only information about the same columns can be added")
-        later = other.log + (self.log.max(initial=-1) + 1)
-        return Information(
-            self.columns,
-            tuple(a.join(b) for a, b in zip(self.parts, other.parts, strict=True)),
-            np.concatenate([self.counts, other.counts]),
-            np.concatenate([self.data, other.data]),
-            np.concatenate([self.log, later]),
-            self.instrumented,
-        )
+        return replace(self.summed(owner == np.arange(len(at))[:, None]), **what)
 
 
 def _spread(F: Array, columns: np.ndarray, size: int) -> Array:
@@ -622,35 +570,37 @@ def gather_information(
     room = LARGEST // (8 * max(sum(len(R) ** 2 for R in factors), 1))
     size = max(1, -(-regression.outputs // min(blocks, max(room, FEWEST))))
     edges = [_block_edges(samples, size) for samples in regression.samples]
-    count, longest = sum(map(len, edges)), min(size, max(s.outputs for s in regression.samples))
+    ends = [np.diff([*own, s.outputs]) for own, s in zip(edges, regression.samples, strict=True)]
+    counts, log = np.concatenate(ends), np.repeat(np.arange(len(edges)), list(map(len, edges)))
     while True:
-        seen = np.array([R[:, :-1].any(0) for R in factors])
-        bases = [choose_basis(R, np.flatnonzero(s)) for R, s in zip(factors, seen, strict=True)]
-        gather = partial(_gather_part, seen=seen, bases=bases, edges=edges)
-        missed = np.zeros(seen.shape)
-        held = [np.zeros((count, min(longest, len(S)), len(S))) for S in bases]
-        sums = [np.zeros((count, len(S))) for S in bases]
-        counts, logs = np.zeros(count, int), np.zeros(count, int)
-        data = np.zeros((count, len(bases)), int)
-        todo = list(regression.parts())
-        for part in todo:
+        acts = np.array([R[:, :-1].any(0) for R in factors])
+        seen = [np.flatnonzero(own) for own in acts]
+        bases = [choose_basis(R, own) for R, own in zip(factors, seen, strict=True)]
+        longest, missed = int(counts.max()), np.zeros(acts.shape)
+        every = _Blocks(len(counts), longest, [len(S) for S in bases])
+        gather = partial(
+            _gather_part, seen=seen, bases=bases, acts=acts, edges=edges, longest=longest
+        )
+        parts = list(regression.parts())
+        for part in parts:
             if part.remote:  # what is kept is not sent about
                 part.keep([])
-        pieces = _pieces(todo, map_parts(gather, todo, engine, progress), missed)
-        for b, piece in enumerate(_join(pieces)):
-            logs[b], counts[b], data[b] = piece.at[0], piece.count, piece.data
-            for a, (one, total) in enumerate(zip(piece.held, piece.sums, strict=True)):
-                fill(held[a][b], one)
-                sums[a][b] = total
+        here = partial(gather, blocks=every)
+        for part, found in zip(
+            parts, map_parts(gather, parts, engine, progress, here), strict=True
+        ):
+            first, own, unseen, kept = found
+            missed += unseen
+            if part.remote:
+                every.add_all(first, own)
+                part.keep(kept)
         if not missed.any():
             break
         # In the subsample these columns did not act.
         lengths = [np.diag(np.append(np.sqrt(squares), 0.0)) for squares in missed]
         factors = [np.vstack(pair) for pair in zip(factors, lengths, strict=True)]
-    found = zip(seen, bases, held, sums, strict=True)
-    parts = tuple(ActuatorBlocks(np.flatnonzero(s), *rest) for s, *rest in found)
-    has = regression.instruments is not None
-    return Information(names, parts, counts, data, logs, has)
+    what = every.parts(seen, bases), counts, every.data, log
+    return Information(names, *what, regression.instruments is not None)
 
 
 def _block_edges(samples: Dataset, size: int) -> Array:
@@ -660,81 +610,33 @@ def _block_edges(samples: Dataset, size: int) -> Array:
     return np.concatenate([np.arange(a, b, size) for a, b in pairs])
 
 
-@frozen
-class _Piece:
-    """Samples of one block: log and number of the block, what is held by actuator, how many.
-
-    `sums` are those of the rows, by actuator, and `data` how many of these count (n,).
-    """
-
-    at: tuple[int, int]
-    held: list[Array]
-    sums: list[Array]
-    count: int
-    data: np.ndarray
-
-    def __add__(self, later: _Piece) -> _Piece:
-        pairs = zip(self.held, later.held, strict=True)
-        held = [merge_kept(one, other) for one, other in pairs]
-        sums = [one + other for one, other in zip(self.sums, later.sums, strict=True)]
-        return _Piece(self.at, held, sums, self.count + later.count, self.data + later.data)
-
-
-def _join(pieces: Iterable[_Piece]) -> Iterator[_Piece]:
-    """Yield blocks of consecutive pieces, one at a time: all of them may be large."""
-    for _, same in groupby(pieces, attrgetter("at")):
-        yield reduce(add, same)
-
-
-#: Blocks of a part, squared lengths (n, k) of columns that were not expected, and what is kept of
-#: it where it was gone through elsewhere.
-_Found = tuple[Iterable[_Piece], Array, list[Chunk]]
-
-
-def _pieces(parts: Sequence[LogPart], found: Iterable[_Found], missed: Array) -> Iterator[_Piece]:
-    for part, (pieces, unseen, kept) in zip(parts, found, strict=True):
-        yield from pieces
-        missed += unseen
-        if part.remote:
-            part.keep(kept)
-
-
 def _gather_part(
-    part: LogPart, seen: np.ndarray, bases: Sequence[Array], edges: Sequence[Array]
-) -> _Found:
-    """Return the blocks of a part, and what columns not in `seen` are.
+    part: LogPart,
+    seen: Sequence[np.ndarray],
+    bases: Sequence[Array],
+    acts: np.ndarray,
+    edges: Sequence[np.ndarray],
+    longest: int,
+    blocks: _Blocks | None = None,
+) -> tuple[int, _Blocks, Array, list[Chunk]]:
+    """Return the first block of a part, its blocks, squares of columns not `seen`, what is kept.
 
-    Both are whole once the blocks were gone through, which are made one at a time.
+    They are put into all blocks where these are here.
     """
-    missed = np.zeros(seen.shape)
-    into = [(np.flatnonzero(s), invert_basis(S)) for s, S in zip(seen, bases, strict=True)]
-
-    def pieces() -> Iterator[_Piece]:
-        for chunk in part.chunks():
-            W, tau, moves, start = chunk.wide, chunk.tau, chunk.data, chunk.start
-            if not seen.all():
-                missed[~seen] += np.einsum("nak,nak->ak", W, W)[~seen]
-            rows = [np.column_stack([W[:, a, c], tau[:, a]]) for a, (c, _) in enumerate(into)]
-            # A triangular factor takes half of a product's time.
-            Z = [
-                dtrmm(1.0, inv, x, side=1, overwrite_b=1)
-                for x, (_, inv) in zip(rows, into, strict=True)
-            ]
-            at, own_edges = 0, edges[chunk.log]
-            while at < len(tau):
-                block = int(np.searchsorted(own_edges, start + at, "right")) - 1
-                end = own_edges[block + 1] if block + 1 < len(own_edges) else np.inf
-                stop = int(min(len(tau), end - start))
-                own = [rows[at:stop] for rows in Z]
-                sums, data = [rows.sum(0) for rows in own], moves[at:stop].sum(0)
-                found = [hold(rows) for rows in own]
-                yield _Piece((chunk.log, block), found, sums, stop - at, data)
-                at = stop
-
-    blocks = _join(pieces())
-    if not part.remote:
-        return blocks, missed, []
-    return list(blocks), missed, part.kept or []
+    own, before = edges[part.log], sum(map(len, edges[: part.log]))
+    first = before
+    if blocks is None:
+        ends = np.searchsorted(own, [part.start, part.start + part.samples.outputs - 1], "right")
+        first, count = before + int(ends[0]) - 1, int(ends[1] - ends[0]) + 1
+        blocks = _Blocks(count, longest, [len(S) for S in bases])
+    into = _into(seen, bases)
+    missed, offset = np.zeros(acts.shape), first if part.remote else 0
+    for chunk in part.chunks():
+        W = chunk.wide
+        if not acts.all():
+            missed[~acts] += np.einsum("nak,nak->ak", W, W)[~acts]
+        blocks.take(into, (W, chunk.tau, chunk.data), chunk.start, own, before - offset)
+    return first, blocks, missed, part.kept or []
 
 
 def _survey(regression: Regression) -> list[Array]:

@@ -10,7 +10,6 @@ from dataclasses import replace
 from functools import cached_property, partial
 from itertools import repeat
 from typing import Annotated, Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -262,9 +261,8 @@ class Chunk:
         Of the actuated joints.
     instruments : (m, n, p) or None
         What stands for W where W itself is noisy.
-    moves : (m, n) bool or None
+    data : (m, n) bool
         Where torque of each joint is data; elsewhere rows of W, instruments and torque are zero.
-        None where all is.
     """
 
     log: int
@@ -274,13 +272,8 @@ class Chunk:
     raw: Array
     t: Array
     velocity: Array
+    data: np.ndarray
     instruments: Array | None = None
-    moves: np.ndarray | None = None
-
-    @property
-    def data(self) -> np.ndarray:
-        """Where torque of each joint is data, (m, n) bool."""
-        return np.ones(self.tau.shape, bool) if self.moves is None else self.moves
 
     @property
     def wide(self) -> Array:
@@ -296,21 +289,6 @@ class Chunk:
             own: dict[str, Any] = {k: v[rows].copy() for k, v in arrays}
             found.append(replace(self, start=self.start + rows.start, **own))
         return found
-
-
-class Memory:
-    """Chunks of logs in memory for several regressions, each as long as its log is there."""
-
-    def __init__(self) -> None:
-        self._kept: WeakKeyDictionary[Dataset, list[Chunk]] = WeakKeyDictionary()
-
-    def of(self, samples: Dataset) -> list[Chunk]:
-        """Return where the chunks of a log are kept; empty before they were computed."""
-        return self._kept.setdefault(samples, [])
-
-    def __reduce__(self) -> tuple[type[Memory], tuple[()]]:
-        """Send none of it about."""
-        return Memory, ()
 
 
 @frozen
@@ -355,12 +333,12 @@ class LogPart:
     @property
     def remote(self) -> bool:
         """Whether it is worth sending to another process."""
-        return self.samples.long
+        return self.samples.own is not None
 
     def chunks(self, size: int = CHUNK) -> Iterator[Chunk]:
         """Yield its chunks; each one's W is overwritten by the next, unless all are kept."""
         if self.kept and self._covered:
-            yield from self._numbered(self.kept)
+            yield from self.kept
             return
         done = []
         for chunk in self._computed(size):
@@ -369,15 +347,10 @@ class LogPart:
             yield own[0] if own and self._covered else chunk
         self.keep(done)
 
-    def _numbered(self, chunks: list[Chunk]) -> Iterator[Chunk]:
-        """Yield chunks of a regression in which the log may have another number."""
-        for chunk in chunks:
-            yield chunk if chunk.log == self.log else replace(chunk, log=self.log)
-
     def shown(self) -> Iterator[Chunk]:
         """Yield the chunks of its windows alone, which are kept for the next time."""
         if self.kept:
-            yield from self._numbered(self.kept)
+            yield from self.kept
             return
         done = []
         for chunk in self._computed(CHUNK, windows=self.windows):
@@ -419,7 +392,7 @@ class LogPart:
             if self.dwelling:
                 piece = replace(piece, weight=np.ones_like(piece.weight))  # noqa: PLW2901 - it all
             W, V = piece.weighed(W), None if V is None else piece.weighed(V)
-            yield Chunk(self.log, first, W, piece.torque, piece.raw, t, velocity, V, moves)
+            yield Chunk(self.log, first, W, piece.torque, piece.raw, t, velocity, moves, V)
 
     def _pieces(
         self, samples: Dataset | None, size: int
@@ -469,8 +442,6 @@ class Regression:
         Which columns of the model are computed (the base parameters'); None for all.
     instruments : tuple of Dataset, or None
         Motion along which instruments are computed, of each log, sample by sample.
-    memory : Memory or None
-        Where rows of logs that take little of it are kept for other regressions, too.
     dwelling : bool
         Whether rows are computed where joints dwell, too: their torque can be predicted.
     """
@@ -480,7 +451,6 @@ class Regression:
     samples: tuple[Dataset, ...]
     columns: np.ndarray | None = None
     instruments: tuple[Dataset, ...] | None = None
-    memory: Memory | None = None
     dwelling: bool = False
 
     @cached_property
@@ -540,13 +510,8 @@ class Regression:
         shown = sum(int(np.sum(w[:, 1] - w[:, 0])) for w in self.windows)
         width = len(self.parameters) * (1 if self.instruments is None else 2)
         size = 8 * shown * len(self.robot.actuated) * width
-        if len(samples.stretches) > 1 or size >= KEEP_BYTES:
+        if samples.long or size >= KEEP_BYTES:
             return None
-        # What is kept is what is looked at: only all of a log is the same in each regression.
-        # Up to this size they are so for later regressions of the same logs, too [bytes].
-        same = self.instruments is None and shown == self.outputs and size < 32e6
-        if self.memory is not None and not samples.long and same:
-            return self.memory.of(samples)
         return self._kept.setdefault((log, start, samples.outputs), [])
 
     @cached_property
@@ -560,6 +525,7 @@ def map_parts(
     parts: Sequence[LogPart],
     engine: Engine | None = None,
     progress: Steps | None = None,
+    here: Callable[[LogPart], Result] | None = None,
 ) -> Iterator[Result]:
     """Yield ``function(part)`` for every part of a regression, in order.
 
@@ -572,10 +538,12 @@ def map_parts(
         Where stretches of long logs are worked on; logs in memory are worked on here.
     progress : callable(int, int), optional
         Called with the number of parts done and to do.
+    here : callable, optional
+        Instead of the function for logs in memory.
     """
     remote = [p for p in parts if p.remote]
     found = (engine or Serial()).map(function, remote) if remote else iter(())
     for done, part in enumerate(parts, 1):
-        yield next(found) if part.remote else function(part)
+        yield next(found) if part.remote else (here or function)(part)
         if progress is not None:
             progress(done, len(parts))

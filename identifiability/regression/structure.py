@@ -22,7 +22,7 @@ from identifiability.foundation.options import Expected, Rng, checked
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
-from identifiability.regression.regression import Memory, Model, Regression
+from identifiability.regression.regression import Model, Regression
 from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
 
 if TYPE_CHECKING:
@@ -312,27 +312,14 @@ class Structure:
                 out.setdefault(p.owner, []).append(((k,), (1.0,)))
         return out
 
-    @cached_property
-    def memory(self) -> Memory:
-        """Rows of logs that are asked for several times under this structure."""
-        return Memory()
-
-    def regression(self, samples: Sequence[Dataset], *, keep: bool = False) -> Regression:
+    def regression(self, samples: Sequence[Dataset]) -> Regression:
         """Return the columns of the base parameters along measured motion.
 
         With instruments where every log has a second record of its motion.
-
-        Parameters
-        ----------
-        samples : sequence of Dataset
-        keep : bool
-            Whether rows of logs in memory are kept for the next regression of the same logs.
         """
         others = tuple(s.beside for s in samples if s.beside is not None)
         beside = others if others and len(others) == len(samples) else None
-        memory = self.memory if keep else None
-        what = self.robot, self.model, tuple(samples), self.base.kept, beside
-        return Regression(*what, memory=memory)
+        return Regression(self.robot, self.model, tuple(samples), self.base.kept, beside)
 
 
 def _read_only(array: Array) -> Array:

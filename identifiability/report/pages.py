@@ -544,6 +544,18 @@ def prediction_heading(result: TorquePrediction) -> tuple[str, str]:
     return "Predicted torque", f"{result.robot.path.name} · {result.fit.submodel.name} · {count}"
 
 
+def prediction_moving(result: TorquePrediction) -> Moving | None:
+    """Return the robot along the first log beside its torque."""
+    rows, robot = result.log == 0, result.robot
+    t, measured, predicted = result.t[rows], result.tau[rows], result.predicted[rows]
+    along, name = (robot, result.motion, t), shorten_paths(result.logs)[0]
+    if not result.measured[0]:
+        return move_with_torque(*along, predicted, {"predicted": predicted}, name)
+    residual = measured - predicted
+    lines = {"measured": measured, "predicted": predicted, "residual": residual}
+    return move_with_torque(*along, measured, lines, name, residual)
+
+
 def prediction_below(result: TorquePrediction) -> Picture | None:
     """Return measured and predicted torque of the joint that is predicted worst."""
     errors = result.error_frame()["error"].to_numpy(float)

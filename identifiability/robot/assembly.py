@@ -22,8 +22,8 @@ from identifiability.robot import closure
 from identifiability.robot.closure import invert, newton, stretch_home
 from identifiability.robot.description import (
     ENDLESS,
+    NOT_NEGATIVE,
     Bound,
-    Combination,
     Coupling,
     Description,
     Loop,
@@ -37,7 +37,6 @@ from identifiability.robot.locate import LARGEST
 from identifiability.robot.rules import RULES
 from identifiability.robot.servo import read_servo
 from identifiability.robot.sidecar import (
-    BodyBoundsEntry,
     ImuEntry,
     LimitEntry,
     LoopEntry,
@@ -156,42 +155,33 @@ def add_couplings(stated: Iterable[Coupling], entries: Sequence[Any]) -> list[Co
 MOST_JOINTS = 100
 
 
-def check_magnitudes(path: Path, model: Any) -> None:
-    """Refuse a model (pinocchio.Model) that is too large in number or size.
-
-    Parameters
-    ----------
-    path : Path
-    model : pinocchio.Model
+def check_magnitudes(path: Path, stated: Stated) -> None:
+    """Refuse a robot that is too large in number or size.
 
     Raises
     ------
     RobotError
     """
+    model, points = stated.model, [p for c in stated.cables for p in c.points]
+    if model.njoints < 2:
+        raise RobotError(f"{path} has no joint that moves; there is nothing to identify.")
     if model.nv > MOST_JOINTS:
         raise RobotError(
             f"{path} has {model.nv} degrees of freedom; robots of up to {MOST_JOINTS} are read: "
             "lock joints that do not move ([locked] in the sidecar, or --lock)."
         )
-    places = [model.jointPlacements[k].translation for k in range(model.njoints)]
-    if not np.all(np.abs([model.gravity.linear, *places]) < LARGEST):
-        raise RobotError(f"{path}: gravity, or the place of a joint, is no number of a robot.")
-
-
-#: Kinds of parameters that are not negative, beside those of rotors.
-_NOT_NEGATIVE = ("m", "Ixx", "Iyy", "Izz", "Fv", "Fc", "Fc+", "Fc-", "K")
+    places = [place.translation for place in model.jointPlacements]
+    points += [p for loop in stated.loops for p in (loop.first, loop.second)]
+    every = [model.gravity.linear, *places, *(p.position for p in points), stated.home]
+    if not np.all(np.abs(np.concatenate(every)) < LARGEST):
+        raise RobotError(
+            f"{path}: gravity, the place of a joint or site, or a position at home is no number of "
+            "a robot; correct it."
+        )
 
 
 def check_nominal(path: Path, values: Mapping[str, float], rotor: str) -> None:
-    """Refuse values that files state and no robot has.
-
-    Parameters
-    ----------
-    path : Path
-    values : mapping
-        By name of the parameter.
-    rotor : str
-        The kind of parameter that the inertia of an actuator is.
+    """Refuse values that files state and no robot has; `rotor` is an actuator's inertia.
 
     Raises
     ------
@@ -201,7 +191,7 @@ def check_nominal(path: Path, values: Mapping[str, float], rotor: str) -> None:
         owner, _, kind = name.rpartition(".")
         if not abs(value) < LARGEST:
             raise RobotError(f"{path}: {name} = {value:g} is no number of a robot; give SI units.")
-        if value < 0 and kind in (*_NOT_NEGATIVE, rotor):
+        if value < 0 and kind in {*NOT_NEGATIVE, rotor}:
             raise RobotError(
                 f"{path}: the file, or its sidecar, states {name} = {value:g}; stiffness, damping, "
                 "friction, armature, mass and moments of inertia are not negative: correct "
@@ -212,12 +202,10 @@ def check_nominal(path: Path, values: Mapping[str, float], rotor: str) -> None:
 # Axes that are combinations of joints: stated in the sidecar, or tendons of the robot file.
 
 
-def combine_joints(
-    path: Path, extra: Sidecar, stated: Stated, taken: Collection[str]
-) -> Mapping[str, Combination]:
-    """Return every combination of joints by its name; the sidecar goes before the robot file.
+def combine_joints(path: Path, extra: Sidecar, stated: Stated, taken: Collection[str]) -> Stated:
+    """Return what a file states with the combinations of joints of the sidecar among its own.
 
-    What is locked has no part in them.
+    The sidecar goes before the robot file; what is locked has no part in them.
 
     Parameters
     ----------
@@ -234,31 +222,28 @@ def combine_joints(
         If a joint is not there or cannot be part of an axis, or a name is taken.
     """
     known = (*stated.tree.single, *stated.locked)
-    found = dict(stated.combinations)
-    for entry in extra.axes:
-        check_known(path, f"axes.{entry.name}.joints", entry.joints, known)
-        moving = {joint: c for joint, c in entry.joints.items() if joint not in stated.locked}
-        if moving:
-            found[entry.name] = _restated(found.get(entry.name), moving, entry.rest)
-    for name in (*found, *(entry.name for entry in extra.axes)):
-        if name in taken:
-            raise RobotError(
-                f"{path}: the axis '{name}' has the name of a body, joint or motor, and parameters "
-                "are named after it; give it another."
-            )
+    # An export writes what a motor that mixes joints has of its own as a tendon of its name.
+    motors = extra.transmission.motors if extra.transmission else ()
+    found = {name: c for name, c in stated.combinations.items() if name not in motors}
+    rests, numbers = {**stated.rests}, {**stated.numbers}
     names = [entry.name for entry in extra.axes]
     if len(set(names)) < len(names):
         raise RobotError(f"The sidecar of {path}: the axes are {listing(names)}; name each once.")
-    return found
-
-
-def _restated(
-    stated: Combination | None, weights: Mapping[str, float], rest: float | None
-) -> Combination:
-    """Return an axis of the sidecar, with what the file says of a tendon of its name and course."""
-    if stated is None or dict(stated.weights) != dict(weights):
-        return Combination(weights, rest=rest)
-    return Combination(weights, stated.numbers, stated.rest if rest is None else rest)
+    for entry in extra.axes:
+        check_known(path, f"axes.{entry.name}.joints", entry.joints, known)
+        moving = {joint: c for joint, c in entry.joints.items() if joint not in stated.locked}
+        if found.get(entry.name) != moving:
+            rests.pop(entry.name, None)
+            numbers.pop(entry.name, None)
+        found |= {entry.name: moving} if moving else {}
+        rests |= {} if entry.rest is None else {entry.name: entry.rest}
+    odd = [name for name in (*found, *names) if name in taken]
+    if odd:
+        raise RobotError(
+            f"{path}: the axis '{odd[0]}' has the name of a body, joint or motor, and parameters "
+            "are named after it; give it another."
+        )
+    return replace(stated, combinations=found, rests=rests, numbers=numbers)
 
 
 # What a sidecar says of masses and centres of mass, body by body.
@@ -284,13 +269,17 @@ def read_bounds(
         If a body is not there, or the masses of bodies contradict the total one.
     """
     known = by_name(path, "bounds.bodies", extra.bounds.bodies, bodies, stated.welded)
-    bounds = [_of_body(body, known[body], stated) for body in bodies if body in known]
+    frames = {f.name: f.placement for f in stated.model.frames if f.type == pin.FrameType.BODY}
+    bounds = []
+    for body, entry in known.items():
+        place = frames[body]
+        R, p = np.array(place.rotation), np.array(place.translation)
+        bounds.append(Bound((body,), entry.mass, entry.box, R, p))
     total = extra.bounds.total_mass
     if total is None:
         return tuple(bounds)
     spans = [known[body].mass if body in known else None for body in bodies]
-    least = sum(span[0] for span in spans if span is not None)
-    most = sum(np.inf if span is None else span[1] for span in spans)
+    least, most = (sum(span[k] if span else (0.0, np.inf)[k] for span in spans) for k in (0, 1))
     low, high = total
     if least >= high or most <= low:
         raise RobotError(
@@ -298,18 +287,6 @@ def read_bounds(
             f"and that of its bodies is {least:g} … {most:g} kg; widen one of them."
         )
     return (*bounds, Bound(bodies, total))
-
-
-def _of_body(body: str, entry: BodyBoundsEntry, stated: Stated) -> Bound:
-    frames = [f for f in stated.model.frames if f.type == pin.FrameType.BODY and f.name == body]
-    place = frames[0].placement if frames else pin.SE3.Identity()
-    return Bound(
-        (body,),
-        entry.mass,
-        entry.box,
-        np.array(place.rotation),
-        np.array(place.translation),
-    )
 
 
 # Which joints move the robot, which follow, and whether its home position says so.
@@ -422,27 +399,9 @@ def position_limits(
     robot: Description, names: Sequence[str], given: Mapping[str, LimitEntry]
 ) -> Array:
     """Return the position limits of one-dof joints, (n, 2), those of the sidecar first."""
-    out = np.tile([-np.inf, np.inf], (len(names), 1))
-    for row, name in enumerate(names):
-        iq, stated = robot.tree.single[name].iq, given.get(name, LimitEntry()).q
-        pulling = [cable for cable in robot.cables if cable.name == name]
-        if stated is not None or pulling:
-            out[row] = pulling[0].limits if stated is None else stated
-            continue
-        lower = float(robot.model.lowerPositionLimit[iq])
-        upper = float(robot.model.upperPositionLimit[iq])
-        if lower < upper and max(abs(lower), abs(upper)) < ENDLESS:
-            out[row] = lower, upper
-    return out
-
-
-def _speed_limits(robot: Description, given: Sequence[LimitEntry]) -> Array:
-    """Return limits of speed, (n,) [rad/s or m/s]: the sidecar's, else the velocities of a URDF."""
-    own = [] if robot.mjcf else robot.model.velocityLimit.tolist()
-    of_file = {name: own[j.iv] for name, j in robot.tree.single.items() if j.iv < len(own)}
-    pairs = zip(robot.joints, given, strict=True)
-    speeds = [of_file.get(joint, 0.0) if entry.v is None else entry.v for joint, entry in pairs]
-    return np.array([speed if 0 < speed < ENDLESS else np.inf for speed in speeds])
+    spans = [given.get(name, LimitEntry()).q or robot.spans.get(name) for name in names]
+    endless = (-np.inf, np.inf)
+    return np.array([endless if span is None else span for span in spans]).reshape(-1, 2)
 
 
 def _close_home(robot: Description, *, stated: bool) -> Description:
@@ -489,20 +448,17 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     """
     model, bodies = stated.model, body_names(stated.model)
     motors = tuple(extra.transmission.motors) if extra.transmission else ()
-    taken = (*bodies, *(d for j in stated.tree.joints for d in j.dofs), *stated.locked, *motors)
-    # An export writes what a motor that mixes joints has of its own as a tendon of its name.
-    driven = {name: c for name, c in stated.combinations.items() if name in motors}
-    left = {name: c for name, c in stated.combinations.items() if name not in motors}
-    stated = replace(stated, combinations=left)
-    axes = combine_joints(path, extra, stated, taken)
     dofs = tuple(d for j in stated.tree.joints for d in j.dofs)
-    owners = Owners(bodies, dofs, (*motors, *axes), tuple(stated.locked), tuple(stated.welded))
+    stated = combine_joints(path, extra, stated, (*bodies, *dofs, *stated.locked, *motors))
+    lines = (*motors, *stated.combinations)
+    owners = Owners(bodies, dofs, lines, tuple(stated.locked), tuple(stated.welded))
     extra = settle_names(path, extra, owners)
     loops = stated.loops
     if extra.loops is not None:
         loops = tuple(_sidecar_loop(path, entry, stated) for entry in extra.loops)
     named = tuple(body for body in extra.base_parameters.bodies if body in bodies)
     name = path.resolve().parent.name if path.stem == "robot" else path.stem
+    spans, speeds = stated.spans.items(), stated.speeds.items()
     own: dict[str, Any] = {
         "name": name,
         "title": extra.name or model.name or name,
@@ -513,11 +469,11 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         "body_symbols": {b: extra.symbols.get(b, b) for b in bodies},
         "joint_symbols": dict(extra.symbols),
         "loops": tuple(x for x in loops if x.first.joint != x.second.joint),  # else locked
-        "rest": {name: relaxed for name, (_, relaxed) in stated.springs.items()}
-        | {name: axis.rest for name, axis in axes.items() if axis.rest is not None}
+        "rest": {**stated.rests}
         | {name: at for name, at in extra.rest.items() if name not in stated.locked},
-        "combinations": axes,
-        "tendons": tuple(name for name, axis in axes.items() if axis.numbers),
+        "spans": {n: x for n, x in spans if x[0] < x[1] and np.abs(x).max() < ENDLESS},
+        "speeds": {n: x for n, x in speeds if 0 < x < ENDLESS},
+        "tendons": tuple(name for name in stated.combinations if name in stated.numbers),
         "body_order": named + tuple(b for b in bodies if b not in named),
         "guessed": tuple(extra.guessed),
         "inertia_parts": tuple(extra.inertia_parts),
@@ -526,7 +482,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         "shapes": extra.shapes,
         "reference": extra.reference,
         "columns": Renames.of(renaming(extra.columns)),
-        "scales": _scales(path, extra, stated),
+        "scales": _scales(path, extra, (*dofs, *stated.locked, *motors)),
         "time_unit": extra.time.unit or "",
         "torque": _measured_torque(extra, stated),
         "known_torque": tuple(k for k in extra.known_torque if k.along not in stated.locked),
@@ -534,35 +490,33 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         "bounds": read_bounds(path, extra, bodies, stated),
         "base": _read_base(path, extra, stated, bodies),
     }
-    robot = Description(**{**vars(stated), **own})
-    robot = choose_joints(robot, extra, stated)
+    robot = choose_joints(Description(**{**vars(stated), **own}), extra, stated)
     for key in ("gain", "ratio", "sign"):
         check_known(path, f"torque.{key}", robot.torque.table(key), ("", *robot.joints, *motors))
     lifted = robot.torque.compensated
-    check_known(
-        path, "torque.compensated", lifted if isinstance(lifted, list) else (), robot.joints
-    )
+    lifted = lifted if isinstance(lifted, list) else []
+    check_known(path, "torque.compensated", lifted, robot.joints)
     limits = [extra.limits.get(joint, LimitEntry()) for joint in robot.joints]
+    own_speeds = [robot.speeds.get(joint, np.inf) for joint in robot.joints]
     robot = replace(
         robot,
-        nominal=_nominal(robot, extra, stated, {**axes, **driven}),
+        nominal=_nominal(robot, extra),
         limits=position_limits(robot, robot.joints, extra.limits),
-        speed_limits=_speed_limits(robot, limits),
-        acceleration_limits=np.array([np.inf if limit.a is None else limit.a for limit in limits]),
+        speed_limits=np.array([x.v or own for x, own in zip(limits, own_speeds, strict=True)]),
+        acceleration_limits=np.array([limit.a or np.inf for limit in limits]),
         transmission=_transmission(robot, extra),
     )
-    motors = robot.motor_joints
-    servo = None
-    if motors:  # a body alone has none
-        gains = _servo_tables(path, extra, motors)
-        servo = read_servo(path, extra.servo, gains, stated.servos, motors)
-    if robot.base is None:
-        robot = replace(robot, servo=servo)
-    else:  # torque is made of commands only where a robot is held
-        robot = replace(robot, base=replace(robot.base, servo=servo))
-    lines = (a.name for a in (*(x for x in robot.axes if x.row is not None), *robot.passive_axes))
+    if robot.motor_joints:  # a body alone has none
+        servo = read_servo(path, extra.servo, stated.servos, robot.motor_joints)
+        if robot.base is None:
+            robot = replace(robot, servo=servo)
+        else:  # torque is made of commands only where a robot is held
+            robot = replace(robot, base=replace(robot.base, servo=servo))
+    straight = (
+        a.name for a in (*robot.axes, *robot.passive_axes) if a.row is not None or a.dof >= 0
+    )
     along = [k.along for k in extra.known_torque]
-    check_known(path, "known_torque", along, (*lines, *robot.locked))
+    check_known(path, "known_torque", along, (*straight, *robot.locked))
     return robot
 
 
@@ -594,16 +548,15 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ..
     names = [c.name for c in contacts]
     if len(set(names)) < len(names):
         raise RobotError(f"The sidecar of {path}: [[contacts]] are {listing(names)}; each once.")
-    wrenches = [
-        Wrench(entry.frame, *_find_frame(path, "wrench", entry.frame, (0, 0, 0), stated),
-               tuple(entry.columns))
-        for entry in extra.wrench
-    ]  # fmt: skip
+    wrenches = []
+    for wrench in extra.wrench:
+        frame = _find_frame(path, "wrench", wrench.frame, (0, 0, 0), stated)
+        wrenches.append(Wrench(wrench.frame, *frame, tuple(wrench.columns)))
     R = pin.rpy.rpyToMatrix(np.array(imu.rotation, float)).T
     place, acc, gyro = (np.array(x, float) for x in (imu.place, imu.acc_bias, imu.gyro_bias))
     mount = Imu(R, place, acc, gyro, tuple(dict.fromkeys(imu.fit)))
-    base = replace(stated.base, body=bodies[0], imu=mount)
-    return replace(base, contacts=tuple(contacts), wrenches=tuple(wrenches))
+    own = {"contacts": tuple(contacts), "wrenches": tuple(wrenches), "imu": mount}
+    return replace(stated.base, body=bodies[0], **own)
 
 
 def _find_frame(
@@ -622,28 +575,21 @@ def _find_frame(
     return Point(stated.last[found[name].parentJoint], where), np.array(place.rotation)
 
 
-def _nominal(
-    robot: Description, extra: Sidecar, stated: Stated, axes: Mapping[str, Combination]
-) -> dict[str, float]:
+def _nominal(robot: Description, extra: Sidecar) -> dict[str, float]:
     """Return the parameter values that the files state, by name."""
-    model = robot.model
     values: dict[str, float] = {}
-    for k, body in enumerate(robot.bodies):
-        pi = model.inertias[k + 1].toDynamicParameters()
-        values |= {f"{body}.{kind}": float(v) for kind, v in zip(INERTIAL_KINDS, pi, strict=True)}
-    friction = np.nan_to_num(model.upperDryFrictionLimit, posinf=0.0)
-    parts = robot.inertia_parts
-    numbers = {"damping": model.damping, "frictionloss": friction, "armature": model.armature}
-    stated_at = [{word: float(x[dof]) for word, x in numbers.items()} for dof in range(model.nv)]
-    stated_at += [{word: t.numbers.get(word, 0.0) for word in numbers} for t in robot.cables]
-    for name, stated_here in zip(robot.dofs, stated_at, strict=True):
-        values |= name_numbers(name, stated_here, parts) | {f"{name}.{p}": 0.0 for p in parts[1:]}
-    values |= {f"{name}.K": stiffness for name, (stiffness, _) in stated.springs.items()}
-    offsets = {name: stated.offsets.get(name, 0.0) for name in robot.dofs}
-    values |= {f"{name}.off": torque for name, torque in offsets.items() if torque}
-    for name, axis in axes.items():
-        values |= name_numbers(name, axis.numbers, parts)
-    locked = tuple(f"{name}." for name in stated.locked)  # no friction where nothing moves
+    for body, inertia in zip(robot.bodies, [*robot.model.inertias][1:], strict=True):
+        theta = inertia.toDynamicParameters().tolist()
+        values |= {f"{body}.{kind}": v for kind, v in zip(INERTIAL_KINDS, theta, strict=True)}
+    words, parts = ("damping", "frictionloss", "armature"), robot.inertia_parts
+    for name in robot.dofs:
+        own = dict.fromkeys(words, 0.0) | dict(robot.numbers.get(name, {}))
+        own |= {"offset": robot.offsets[name]} if robot.offsets.get(name) else {}
+        values |= name_numbers(name, own, parts) | {f"{name}.{part}": 0.0 for part in parts[1:]}
+    for name in (name for name in robot.numbers if name not in robot.dofs):
+        own = dict.fromkeys((*words, "stiffness"), 0.0) | dict(robot.numbers[name])
+        values |= name_numbers(name, own, parts)
+    locked = tuple(f"{name}." for name in robot.locked)  # no friction where nothing moves
     given = {name: value for name, value in extra.nominal.items() if not name.startswith(locked)}
     for name, value in given.items():  # one level of dry friction is that of both directions
         joint, _, kind = name.rpartition(".")
@@ -654,42 +600,21 @@ def _nominal(
     return every
 
 
-def _servo_tables(path: Path, extra: Sidecar, joints: tuple[str, ...]) -> dict[str, dict[str, Any]]:
-    """Return what the sidecar says of servos, by joint; a number is for all joints."""
-    given = {key: getattr(extra.servo, key, None) for key in ("kp", "kv", "limit")}
-    return {
-        key: by_name(path, f"servo.{key}", value, joints)
-        if isinstance(value, dict)
-        else dict.fromkeys(joints if value is not None else (), value)
-        for key, value in given.items()
-    }
-
-
 def _measured_torque(extra: Sidecar, stated: Stated) -> MeasuredTorque:
     """Return what torque columns hold; motors have the gears of an MJCF where nobody states any."""
     said = extra.torque
     if said.side != "motor" or said.ratio is not None:
         return said
     forces = stated.entries.get("actuator_force", {}).values()
-    return said.model_copy(
-        update={"ratio": {e.column.removesuffix(".tau"): e.factor for e in forces}}
-    )
+    ratio = {entry.column.removesuffix(".tau"): entry.factor for entry in forces}
+    return said.model_copy(update={"ratio": ratio})
 
 
-def _scales(path: Path, extra: Sidecar, stated: Stated) -> dict[str, tuple[float, float]]:
-    """Return scale and offset of the joints' positions in logs; a name goes before a pattern.
-
-    Raises
-    ------
-    RobotError
-        If one is of no joint.
-    """
-    lines = (*(d for j in stated.tree.joints for d in j.dofs), *stated.locked)
-    lines = (*lines, *(() if extra.transmission is None else extra.transmission.motors))
-    given = {
-        rule.name or key: rule for key, rule in extra.columns.items() if not isinstance(rule, str)
-    }
-    return by_name(path, "columns", {k: (r.scale, r.offset) for k, r in given.items()}, lines)
+def _scales(path: Path, extra: Sidecar, lines: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Return scale and offset of the joints' positions in logs; a name goes before a pattern."""
+    rules = {key: rule for key, rule in extra.columns.items() if not isinstance(rule, str)}
+    given = {rule.name or key: (rule.scale, rule.offset) for key, rule in rules.items()}
+    return by_name(path, "columns", given, lines)
 
 
 def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:
@@ -699,8 +624,7 @@ def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:
     m = len(entry.motors)
     whole = len(entry.coupling) == m and all(len(row) == n for row in entry.coupling)
     coupling = np.array(entry.coupling, float) if whole else np.zeros((m, n))
-    ratio = np.ones(m) if entry.ratio is None else np.array(entry.ratio, float)
-    offset = np.zeros(n) if entry.offset is None else np.array(entry.offset, float)
+    ratio, offset = np.array(entry.ratio or [1.0] * m), np.array(entry.offset or [0.0] * n)
     fits = ratio.shape == (m,) and offset.shape == (n,) and bool(np.all(ratio))
     regular = m >= n and coupling.any(axis=1).all() and np.linalg.cond(coupling) * ROUNDOFF < 1
     if not (fits and regular):

@@ -29,7 +29,7 @@ def stretch_home(robot: Description) -> Description:
     if not robot.cables:
         return robot
     home = np.array(robot.home)
-    frames = robot.tree.frames(home[None], [p.joint for p in cable_points(robot)])
+    frames = robot.tree.frames(home[None], [p.joint for c in robot.cables for p in c.points])
     for cable in robot.cables:
         apart = [_distance(robot.tree, frames, segment)[1][0] for segment in cable.segments]
         if min(apart) < ROUNDOFF:
@@ -41,11 +41,6 @@ def stretch_home(robot: Description) -> Description:
         length = cable_equation(robot, cable, frames, home[None])[0]
         home[robot.tree.single[cable.name].iq] -= float(length[0])
     return replace(robot, home=home)
-
-
-def cable_points(robot: Description) -> list[Point]:
-    """Return the ends of all segments, two by two."""
-    return [p for t in robot.cables for s in t.segments for p in (s.first, s.second)]
 
 
 def cable_equation(
@@ -241,7 +236,9 @@ def loop_bias(robot: Description, q: Array, v: Array) -> Array:
 
 def _ends(robot: Description) -> list[Point]:
     """Return the ends of loops and of the segments of tendons, two by two."""
-    return [p for x in robot.loops for p in (x.first, x.second)] + cable_points(robot)
+    return [p for x in robot.loops for p in (x.first, x.second)] + [
+        p for cable in robot.cables for p in cable.points
+    ]
 
 
 def _own_axes(robot: Description, loop: Loop, frames: Frames) -> Array | None:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
-from dataclasses import field, fields, replace
+from dataclasses import field as default
+from dataclasses import fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
@@ -23,9 +24,62 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot.floating import SIX, Base
 from identifiability.robot.kinematics import WORLD, Point, Tree, shortest_turn
-from identifiability.robot.locate import included_files
+from identifiability.robot.locate import read_included
 from identifiability.robot.servo import Servo
 from identifiability.robot.sidecar import KnownTorque, MeasuredTorque, Sidecar
+
+# What robot files state of joints, tendons and actuators in numbers: one table of fields.
+
+
+@frozen
+class Field:
+    """A number by its word in an MJCF.
+
+    Attributes
+    ----------
+    kinds : tuple of str
+        Parameters that it is: one level of dry friction is that of both directions.
+    power : int
+        How often its coefficient enters along a joint.
+    urdf : str
+        Its word in the ``<dynamics>`` of a URDF; empty where that has none.
+    off : tuple of str
+        Flags of MuJoCo that switch it off.
+    signed : bool
+        Whether it may be negative.
+    """
+
+    kinds: tuple[str, ...]
+    power: int
+    urdf: str = ""
+    off: tuple[str, ...] = ()
+    signed: bool = False
+
+
+FIELDS = {
+    "damping": Field(("Fv",), 2, "damping", ("DAMPER",)),
+    "frictionloss": Field(("Fc", "Fc+", "Fc-"), 1, "friction", ("FRICTIONLOSS", "CONSTRAINT")),
+    "armature": Field(("Ia",), 2),
+    "stiffness": Field(("K",), 2, off=("SPRING",)),
+    "offset": Field(("off",), 1, signed=True),
+}
+
+#: Kinds of parameters that are not negative, beside those of rotors.
+NOT_NEGATIVE = {"m", "Ixx", "Iyy", "Izz"}.union(
+    *(field.kinds for field in FIELDS.values() if not field.signed)
+)
+
+
+def name_numbers(
+    joint: str, numbers: Mapping[str, float], inertia_parts: tuple[str, ...]
+) -> dict[str, float]:
+    """Return the parameters of a joint of which a robot file states some numbers.
+
+    The inertia of an actuator is that of the first of its parts.
+    """
+    kinds = {word: field.kinds for word, field in FIELDS.items()} | {"armature": inertia_parts[:1]}
+    return {f"{joint}.{kind}": value for word, value in numbers.items() for kind in kinds[word]}
+
 
 # Parts of a robot: closures, axes, how motors drive joints, and what its file states of them.
 
@@ -179,25 +233,6 @@ class Coupling:
 
 
 @frozen
-class Combination:
-    """A stated combination of joints, and what a robot file says of forces along it.
-
-    Attributes
-    ----------
-    weights : mapping
-        Joint to its coefficient.
-    numbers : mapping
-        By the words of a robot file: ``damping``, ``frictionloss``, ``armature``, ``stiffness``.
-    rest : float or None [rad or m]
-        Where a spring along it is relaxed; None where it is so at home.
-    """
-
-    weights: Mapping[str, float]
-    numbers: Mapping[str, float] = field(default_factory=dict)
-    rest: float | None = None
-
-
-@frozen
 class Segment:
     """What runs straight from a point of one body to a point of another.
 
@@ -215,22 +250,15 @@ class Segment:
 
 @frozen
 class Cable:
-    """A tendon of straight segments; a slide of the tree has its name and its length.
-
-    Attributes
-    ----------
-    name : str
-    segments : tuple of Segment
-    numbers : mapping
-        ``damping`` [N·s/m], ``frictionloss`` [N] and ``armature`` [kg] that the file states.
-    limits : tuple of float [m]
-        Of its length.
-    """
+    """A tendon of straight segments; a slide of the tree has its name and its length."""
 
     name: str
     segments: tuple[Segment, ...]
-    numbers: Mapping[str, float] = field(default_factory=dict)
-    limits: tuple[float, float] = (-np.inf, np.inf)
+
+    @property
+    def points(self) -> list[Point]:
+        """The ends of its segments, two by two."""
+        return [end for s in self.segments for end in (s.first, s.second)]
 
 
 @frozen
@@ -270,14 +298,19 @@ class Stated:
         The configuration that selects the assembly of a closed chain.
     posed : bool
         Whether a keyframe states `home`.
-    springs : mapping
-        Joint to stiffness [N·m/rad or N/m] and position at which it is relaxed.
+    numbers : mapping
+        By joint, straight tendon or combination of joints, then by word of `FIELDS`.
+    rests : mapping
+        Where the springs of these are relaxed [rad or m].
+    spans, speeds : mapping
+        Positions and speeds that joints and straight tendons may have, where they are limited.
     locked : mapping
         Locked joint to position [rad or m]; none of them is in the tree.
     welded : mapping
         Body behind a locked joint to its ten parameters in the frame of the joint that it hangs on.
     combinations : mapping
-        Tendons along several joints that have friction, a rotor or a spring.
+        Tendons along several joints that have friction, a rotor or a spring, and stated axes: by
+        name, then joint, the coefficient.
     cables : tuple of Cable
         The last joints of `tree` are their slides, the last coordinates of `home` their lengths.
     outside : tuple of str
@@ -308,36 +341,22 @@ class Stated:
     driven: list[str] | None
     home: Array
     posed: bool = False
-    springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    locked: Mapping[str, float] = field(default_factory=dict)
-    welded: Mapping[str, Array] = field(default_factory=dict)
-    combinations: Mapping[str, Combination] = field(default_factory=dict)
+    numbers: Mapping[str, Mapping[str, float]] = default(default_factory=dict)
+    rests: Mapping[str, float] = default(default_factory=dict)
+    spans: Mapping[str, tuple[float, float]] = default(default_factory=dict)
+    speeds: Mapping[str, float] = default(default_factory=dict)
+    locked: Mapping[str, float] = default(default_factory=dict)
+    welded: Mapping[str, Array] = default(default_factory=dict)
+    combinations: Mapping[str, Mapping[str, float]] = default(default_factory=dict)
     cables: tuple[Cable, ...] = ()
     outside: tuple[str, ...] = ()
     meshes: tuple[Path, ...] = ()
-    entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
-    servos: Mapping[str, Array] = field(default_factory=dict)
-    offsets: Mapping[str, float] = field(default_factory=dict)
+    entries: Mapping[str, Mapping[str, Entry]] = default(default_factory=dict)
+    servos: Mapping[str, Array] = default(default_factory=dict)
+    offsets: Mapping[str, float] = default(default_factory=dict)
     base: Base | None = None
-    radii: Mapping[str, float] = field(default_factory=dict)
-    drawn: Array = field(default_factory=lambda: np.eye(3))
-
-
-def name_numbers(
-    joint: str, numbers: Mapping[str, float], inertia_parts: tuple[str, ...]
-) -> dict[str, float]:
-    """Return the parameters of a joint of which a robot file states some numbers.
-
-    One level of dry friction is that of both directions, and one rotor that of all its parts.
-    """
-    kinds = {
-        "damping": ("Fv",),
-        "frictionloss": ("Fc", "Fc+", "Fc-"),
-        "armature": inertia_parts[:1],
-        "stiffness": ("K",),
-        "offset": ("off",),
-    }
-    return {f"{joint}.{kind}": value for word, value in numbers.items() for kind in kinds[word]}
+    radii: Mapping[str, float] = default(default_factory=dict)
+    drawn: Array = default(default_factory=lambda: np.eye(3))
 
 
 # What is known of the mass of bodies and of where their centres are.
@@ -361,8 +380,8 @@ class Bound:
     bodies: tuple[str, ...]
     mass: tuple[float, float] | None = None
     box: tuple[tuple[float, float], ...] | None = None
-    rotation: Array = field(default_factory=lambda: np.eye(3))
-    origin: Array = field(default_factory=lambda: np.zeros(3))
+    rotation: Array = default(default_factory=lambda: np.eye(3))
+    origin: Array = default(default_factory=lambda: np.zeros(3))
 
 
 # `Description`: what the rest of the library needs to know of a robot file.
@@ -483,22 +502,22 @@ class Description(Stated):
     body_symbols: Mapping[str, str]
     joint_symbols: Mapping[str, str]
     body_order: tuple[str, ...]
-    actuated: np.ndarray = field(default_factory=_none)
-    dependent: np.ndarray = field(default_factory=_none)
-    nominal: Mapping[str, float] = field(default_factory=dict)
-    limits: Array = field(default_factory=_none)
-    speed_limits: Array = field(default_factory=_none)
-    acceleration_limits: Array = field(default_factory=_none)
+    actuated: np.ndarray = default(default_factory=_none)
+    dependent: np.ndarray = default(default_factory=_none)
+    nominal: Mapping[str, float] = default(default_factory=dict)
+    limits: Array = default(default_factory=_none)
+    speed_limits: Array = default(default_factory=_none)
+    acceleration_limits: Array = default(default_factory=_none)
     transmission: Transmission | None = None
     guessed: tuple[str, ...] = ()
     inertia_parts: tuple[str, ...] = ("Ia",)
-    prior: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    prior: Mapping[str, tuple[float, float]] = default(default_factory=dict)
     ties: tuple[Mapping[str, tuple[str, ...]], ...] = ()
-    rest: Mapping[str, float] = field(default_factory=dict)
-    shapes: Mapping[str, float] = field(default_factory=dict)
-    reference: Mapping[str, float] = field(default_factory=dict)
+    rest: Mapping[str, float] = default(default_factory=dict)
+    shapes: Mapping[str, float] = default(default_factory=dict)
+    reference: Mapping[str, float] = default(default_factory=dict)
     columns: Renames = Renames()
-    scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    scales: Mapping[str, tuple[float, float]] = default(default_factory=dict)
     time_unit: str = ""
     torque: MeasuredTorque = MeasuredTorque()
     known_torque: tuple[KnownTorque, ...] = ()
@@ -518,7 +537,7 @@ class Description(Stated):
     @cached_property
     def sha256(self) -> str:
         """Hash of the robot file, what it includes, meshes that weigh, and its sidecar."""
-        files = (self.path, *included_files(self.path), *self.meshes)
+        files = (self.path, *read_included(self.path)[1], *self.meshes)
         digest = hashlib.sha256()
         for file in (*files, self.sidecar) if self.sidecar is not None else files:
             digest.update(file.read_bytes())
@@ -725,7 +744,7 @@ class Description(Stated):
         return tuple(dict.fromkeys((*self.tendons, *own)))
 
     def _stated_axis(self, name: str) -> Axis:
-        weights, joints = self.combinations[name].weights, self.joints
+        weights, joints = self.combinations[name], self.joints
         inside = all(joint in joints for joint in weights)
         row = np.array([weights.get(joint, 0.0) for joint in joints]) if inside else None
         slides = all(self.is_prismatic(self.dof_index(joint)) for joint in weights)

@@ -34,13 +34,7 @@ from identifiability.robot.assembly import (
 from identifiability.robot.description import Coupling, Description, Stated
 from identifiability.robot.floating import BASE_JOINTS, Base
 from identifiability.robot.kinematics import WORLD, body_names, merge_axes, read_tree, weld
-from identifiability.robot.locate import (
-    check_regular,
-    check_weight,
-    find_sidecar,
-    locate_robot,
-    read_markup,
-)
+from identifiability.robot.locate import check_files, find_sidecar, locate_robot, read_markup
 from identifiability.robot.sidecar import Sidecar, check_known, read_sidecar
 
 
@@ -85,12 +79,10 @@ def read_robot(
     if root.tag == "mujoco":  # who has a URDF does not wait for MuJoCo
         from identifiability.robot.mjcf import state_robot  # noqa: PLC0415
 
-        stated = state_robot(path, root, extra)
+        stated = state_robot(path, extra)
     else:
         stated = _read_urdf(path, root, extra)
-    if stated.model.njoints < 2:
-        raise RobotError(f"{path} has no joint that moves; there is nothing to identify.")
-    check_magnitudes(path, stated.model)
+    check_magnitudes(path, stated)
     robot = assemble(path, chosen, extra, stated)
     if extra.stand is not None and robot.base is None:  # only where gravity is in the root's axes
         upright = pin.rpy.rpyToMatrix(np.array(extra.stand, float)).T @ robot.gravity
@@ -141,6 +133,18 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     home = {name: extra.home.get(name, 0.0) for name in single}
     locked, couplings = settle_locks(path, wanted, home, couplings)
     model, welded = weld(model, locked)
+    friction = np.nan_to_num(model.upperDryFrictionLimit, posinf=0.0)
+    moving = [(name, model.joints[model.getJointId(name)]) for name in model.names[1:]]
+    ends = model.lowerPositionLimit, model.upperPositionLimit
+    own = [(name, joint.idx_q, joint.idx_v) for name, joint in moving if joint.nv == 1]
+    stated: dict[str, Any] = {
+        "spans": {name: tuple(float(end[q]) for end in ends) for name, q, _ in own},
+        "speeds": {name: float(model.velocityLimit[v]) for name, _, v in own},
+        "numbers": {
+            name: {"damping": float(model.damping[v]), "frictionloss": float(friction[v])}
+            for name, _, v in own
+        },
+    }
     model, names = merge_axes(model, _find_massless(path, model, extra.massless))
     gravity = np.array(model.gravity.linear)
     if top:  # of a base that floats the proper acceleration is known, of which gravity is a part
@@ -157,6 +161,7 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         locked=locked,
         welded=welded,
         base=Base("", top, gravity) if top else None,
+        **stated,
     )
 
 
@@ -174,8 +179,11 @@ def release_root(root: ET.Element, base: str | None) -> tuple[ET.Element, str]:
     ends = {j: {e.tag: e.get("link") for e in j} for j in root.findall("joint")}
     below = {end.get("child") for end in ends.values()}
     free = [j for j in ends if j.get("type") == "floating" and ends[j].get("parent") not in below]
-    others = [j for j in ends if free and j is not free[0] and
-              ends[j].get("parent") == ends[free[0]].get("parent")]  # fmt: skip
+    others = [
+        j
+        for j in ends
+        if free and j is not free[0] and ends[j].get("parent") == ends[free[0]].get("parent")
+    ]
     if len(free) != 1 or others:
         tops = [x.get("name", "") for x in root.findall("link") if x.get("name") not in below]
         return root, (tops or [""])[0] if base == "floating" else ""
@@ -358,8 +366,7 @@ def _of_urdf(robot: Description, root: Any) -> Iterator[tuple[str, Any, Any, tup
     for mesh in root.iter("mesh"):
         name = mesh.get("filename", "").removeprefix("package://").removeprefix("file://")
         for place in packages:  # a pipe would be waited for, a device has no end
-            check_regular(Path(place, name))
-            check_weight(robot.path, [Path(place, name)])
+            check_files(robot.path, Path(place, name))
     kind = pin.GeometryType.COLLISION
     read = pin.buildGeomFromUrdfString(model, text, kind, package_dirs=packages)
     for shape in read.geometryObjects:
@@ -377,7 +384,7 @@ def _of_mjcf(robot: Description, root: Any) -> Iterator[tuple[str, Any, Any, tup
 
     from identifiability.robot.mjcf import compile_shapes  # noqa: PLC0415
 
-    made = compile_shapes(robot.path, root)
+    made = compile_shapes(robot.path)
     known = {f.name for f in robot.model.frames if f.type == pin.FrameType.BODY}
     for k in range(made.ngeom):
         geom = made.geom(k)

@@ -519,9 +519,6 @@ def merge_axes(model: Any, gone: Collection[int]) -> tuple[Any, dict[int, tuple[
         out.appendBodyToJoint(index[k], model.inertias[k], pin.SE3.Identity())
         parts = []
     _copy_frames(model, out, index)
-    for limits in ("lowerPositionLimit", "upperPositionLimit", "velocityLimit", "damping",
-                   "armature", "upperDryFrictionLimit", "lowerDryFrictionLimit"):  # fmt: skip
-        setattr(out, limits, np.array(getattr(model, limits)))
     return out, names
 
 

@@ -9,7 +9,6 @@ import io
 import itertools
 import tomllib
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
@@ -119,15 +118,20 @@ DEEPEST = 250
 MOST_INCLUDES = 100
 
 
-def check_regular(path: Path) -> None:
-    """Refuse what is there but is no file, such as a pipe, which would be waited for.
+def check_files(path: Path, *files: Path) -> None:
+    """Refuse files of a robot that are too large together, or none, such as a pipe without end.
 
     Raises
     ------
     RobotError
     """
-    if path.exists() and not path.is_file():
-        raise RobotError(f"{path} cannot be read: it is no file.")
+    odd = next((file for file in files if file.exists() and not file.is_file()), None)
+    if odd is not None:
+        raise RobotError(f"{odd} cannot be read: it is no file.")
+    if sum(file.stat().st_size for file in files if file.exists()) > MOST_BYTES:
+        raise RobotError(
+            f"{path} is larger than {MOST_BYTES // 10**6} MB; robot files are read up to that."
+        )
 
 
 def parse_xml(path: Path, roots: tuple[str, ...]) -> ET.Element:
@@ -138,8 +142,7 @@ def parse_xml(path: Path, roots: tuple[str, ...]) -> ET.Element:
     RobotError
     """
     try:
-        check_regular(path)
-        check_weight(path, [path])
+        check_files(path, path)
         content = path.read_bytes()
         if b"<!DOCTYPE" in content:  # its entities and attributes multiply what a file holds
             raise RobotError(
@@ -161,19 +164,6 @@ def parse_xml(path: Path, roots: tuple[str, ...]) -> ET.Element:
     return root
 
 
-def check_weight(path: Path, files: Sequence[Path]) -> None:
-    """Refuse a robot file that is too large, with some that it brings in.
-
-    Raises
-    ------
-    RobotError
-    """
-    if sum(f.stat().st_size for f in files if f.is_file()) > MOST_BYTES:
-        raise RobotError(
-            f"{path} is larger than {MOST_BYTES // 10**6} MB; robot files are read up to that."
-        )
-
-
 def _expand_includes(path: Path, root: ET.Element, found: list[Path]) -> None:
     """Put the children of included files where they are included, and note these files."""
     for parent in list(root.iter()):
@@ -185,7 +175,7 @@ def _expand_includes(path: Path, root: ET.Element, found: list[Path]) -> None:
                     f"{path} includes more than {MOST_INCLUDES} files, or files include each other "
                     "in a ring; put them together."
                 )
-            check_weight(path, [path, *found])
+            check_files(path, path, *found)
             inner = parse_xml(file, ("mujoco", "mujocoinclude"))
             _expand_includes(path, inner, found)
             at = list(parent).index(child)
@@ -211,8 +201,6 @@ def _check_size(path: Path, root: ET.Element) -> None:
             many = times * (int(copies) if copies.lstrip("+").isdecimal() else 1)
             below += [(child, many) for child in element]
         level = below
-        if not level or bodies > MOST_BODIES or elements > MOST_ELEMENTS:
-            break
     if level or bodies > MOST_BODIES or elements > MOST_ELEMENTS:
         raise _too_large(path)
 
@@ -224,8 +212,7 @@ def read_markup(path: Path) -> ET.Element:
     ------
     RobotError
     """
-    root, _ = _with_includes(path)
-    _check_size(path, root)
+    root, _ = read_included(path)
     if root.tag == "robot":
         _check_expanded(path, root)
     return root
@@ -255,22 +242,18 @@ def file_text(path: Path, root: ET.Element) -> str:
     return ET.tostring(root, encoding="unicode")
 
 
-def included_files(path: Path) -> tuple[Path, ...]:
-    """Return the files that a robot file includes, in the order of their inclusion.
+def read_included(path: Path) -> tuple[ET.Element, list[Path]]:
+    """Return the root element of a robot file and the files that are included in it, in place.
 
     Raises
     ------
     RobotError
     """
-    return tuple(_with_includes(path)[1])
-
-
-def _with_includes(path: Path) -> tuple[ET.Element, list[Path]]:
-    """Return the root element of a robot file, and what is included in it, in its place."""
     found: list[Path] = []
     root = parse_xml(path, ("mujoco", "robot"))
     if root.tag == "mujoco":
         _expand_includes(path, root, found)
+    _check_size(path, root)
     return root, found
 
 

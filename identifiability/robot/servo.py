@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.robot.sidecar import ServoEntry, by_name
 
 #: What states gains that a robot file does not.
 SIDECAR = "the sidecar"
@@ -156,11 +156,7 @@ def state_delay(delays: Array, names: Sequence[str]) -> str:
 
 
 def read_servo(
-    path: Path,
-    entry: Any,
-    tables: Mapping[str, Mapping[str, Any]],
-    stated: Mapping[str, Array],
-    joints: tuple[str, ...],
+    path: Path, entry: ServoEntry | None, stated: Mapping[str, Array], joints: tuple[str, ...]
 ) -> Servo | None:
     """Return the servos that sidecar and robot file state; None where they state none.
 
@@ -169,10 +165,8 @@ def read_servo(
     path : Path
         The robot file, for sentences.
     entry : ServoEntry or None
-        The sidecar's ``[servo]``: delay and rate.
-    tables : mapping
-        Its kp, kv and limit, by joint. Gains are told by logs where it says ``"fit"``, or where
-        neither it nor the file says anything.
+        The sidecar's ``[servo]``. Logs tell gains where it says ``"fit"``, or where neither it nor
+        the file says anything.
     stated : mapping
         What the robot file states by joint: kp, kv, and least and largest torque, (4,).
     joints : tuple of str
@@ -185,15 +179,19 @@ def read_servo(
     """
     if entry is None and not all(j in stated for j in joints):
         return None
-    given = {
-        key: {j: np.nan if x == FIT else float(x) for j, x in table.items()}
-        for key, table in tables.items()
-    }
+    entry = entry or ServoEntry()
+    given: dict[str, dict[str, float]] = {}
+    for key in ("kp", "kv", "limit"):
+        said = getattr(entry, key)
+        table = said if isinstance(said, dict) else {} if said is None else {"*": said}
+        found = by_name(path, f"servo.{key}", table, joints)
+        given[key] = {j: np.nan if x == FIT else float(x) for j, x in found.items()}
     none = np.array([np.nan, np.nan, -np.inf, np.inf])
     kp, kv, low, high = np.array([stated.get(j, none) for j in joints]).T
-    kp, kv, limit = (
+    limit = np.array([given["limit"].get(j, np.inf) for j in joints])
+    kp, kv = (
         np.array([given[key].get(j, x) for j, x in zip(joints, own, strict=True)])
-        for key, own in {"kp": kp, "kv": kv, "limit": np.full(len(joints), np.inf)}.items()
+        for key, own in {"kp": kp, "kv": kv}.items()
     )
     narrow = np.isfinite(limit)
     low, high = np.where(narrow, -limit, low), np.where(narrow, limit, high)
@@ -213,8 +211,11 @@ def read_servo(
             f"The servo of '{loose}' in {path} has neither kp nor kv, so its command says nothing "
             "of torque; give its gains in the sidecar: [servo] kp = …, kv = …."
         )
-    delay = None if entry is None or entry.delay == "auto" else float(entry.delay)
-    own = entry is not None and (entry.kp is not None or bool(np.isnan(kp).any()))
-    rate = None if entry is None else entry.rate
-    source = SIDECAR if own else "the robot file"
-    return Servo(kp, kv, low, high, delay, source, rate or Servo.rate, rate is None)
+    own = entry.kp is not None or bool(np.isnan(kp).any())
+    return Servo(
+        *(kp, kv, low, high),
+        delay=None if entry.delay == "auto" else float(entry.delay),
+        source=SIDECAR if own else "the robot file",
+        rate=entry.rate or Servo.rate,
+        assumed=entry.rate is None,
+    )

@@ -497,11 +497,13 @@ def write_offsets(top: ET.Element, path: Path, offsets: Mapping[str, float]) -> 
     offsets : mapping
         By what an actuator drives [N·m or N].
     """
-    from identifiability.robot.mjcf import compile_mjcf, read_actuators  # noqa: PLC0415 - heavy
+    from identifiability.robot.mjcf import read_actuators, read_spec, refused  # noqa: PLC0415
 
     elements = [e for part in top.findall("actuator") for e in part if isinstance(e.tag, str)]
     left = dict(offsets)
-    for e, a in zip(elements, read_actuators(compile_mjcf(path, read_markup(path))), strict=True):
+    with refused(path):
+        actuators = read_actuators(read_spec(path).compile())
+    for e, a in zip(elements, actuators, strict=True):
         if a.owner not in offsets or not a.law or not a.factor:
             continue
         constant = -left.pop(a.owner, 0.0) / a.factor  # the first of several has it all
@@ -594,15 +596,22 @@ def converted_mjcf(robot: Description) -> ET.Element:
         own = placement(joints[0]) * seen[0].inverse()
         q = pin.Quaternion(own.rotation)
         body = bodies[name] = ET.SubElement(
-            bodies[above], "body", name=name, pos=numbers(own.translation),
+            bodies[above],
+            "body",
+            name=name,
+            pos=numbers(own.translation),
             quat=numbers(np.array([q.w, q.x, q.y, q.z])),
-        )  # fmt: skip
+        )
         for joint, place in zip(joints, seen, strict=True):
             kind = {"revolute": "hinge", "prismatic": "slide"}[joint.kind]
             made = ET.SubElement(
-                body, "joint", name=joint.dofs[0], type=kind,
-                axis=numbers(place.rotation @ joint.axis), pos=numbers(place.translation),
-            )  # fmt: skip
+                body,
+                "joint",
+                name=joint.dofs[0],
+                type=kind,
+                axis=numbers(place.rotation @ joint.axis),
+                pos=numbers(place.translation),
+            )
             span = position_limits(robot, joint.dofs, {})[0]
             if np.isfinite(span).all():
                 made.set("range", numbers(span))
@@ -725,9 +734,9 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
         for c in robot.couplings
     ]
     new["axes"] = [
-        {"name": name, "joints": dict(axis.weights)}
+        {"name": name, "joints": dict(weights)}
         | ({"rest": robot.rest[name]} if name in robot.rest else {})
-        for name, axis in robot.combinations.items()
+        for name, weights in robot.combinations.items()
     ]
     return {k: v for k, v in (new | given).items() if v}
 

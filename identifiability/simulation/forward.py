@@ -79,8 +79,6 @@ def compile_forward(
                 "forward."
             )
     spec = robot_spec(robot, balance="true")
-    for k, tendon in enumerate(spec.tendons):
-        tendon.name = tendon.name or f"tendon{k + 1}"
     cables = {cable.name for cable in robot.cables}
     gone = [*spec.actuators, *(e for e in spec.equalities if e.type == mujoco.mjtEq.mjEQ_TENDON)]
     for element in (*gone, *(t for t in spec.tendons if t.name not in cables)):
@@ -299,10 +297,10 @@ class ForwardRobot:
 
     def _positions(self, data: Any) -> Array:
         """Return the positions of a state, (n,); lengths of tendons follow those of joints."""
-        lines = self._kinematics.cables
+        lines = [self.model.tendon(cable.name).id for cable in self.robot.cables]
         if lines:
-            mujoco.mj_kinematics(self.model, data)
-        full = np.append(data.qpos, [line.length(data) for line in lines])
+            mujoco.mj_fwdPosition(self.model, data)
+        full = np.append(data.qpos, data.ten_length[lines])
         return np.asarray(full[self._kinematics.positions])
 
     def _start(self, q: Array, dq: Array) -> list[Any]:

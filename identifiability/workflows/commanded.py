@@ -442,10 +442,9 @@ class Bodies:
             out |= dict(zip((f"{body}.{k}" for k in GROUPED_KINDS), phi.tolist(), strict=True))
         return out
 
-    def scaled(self, e: Array, by: float) -> Array:
-        """Return the coordinates of bodies that are so many times as heavy and alike."""
-        one = np.tile(np.eye(4)[_UPPER], len(self.names))
-        return np.asarray(np.sqrt(by) * (one + e) - one)
+    def along(self, e: Array) -> Array:
+        """Return how coordinates change where bodies get heavier and stay alike, (m,)."""
+        return np.asarray(0.5 * (np.tile(np.eye(4)[_UPPER], len(self.names)) + e))
 
     def rows(self, e: Array, numbers: Mapping[str, Array]) -> Array:
         """Return how far bodies and stated parameters are from what is believed, (r,) [σ]."""

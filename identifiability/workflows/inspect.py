@@ -256,7 +256,7 @@ class Record:
             "sha256": self.sha256,
             "channels": list(self.channels),
             "notes": list(self.notes),
-            "joints": [_plain(OLDER | joint) for joint in self.joints.to_dict("records")],
+            "joints": [OLDER | joint for joint in self.joints.to_dict("records")],
             "repeated": None,
         }
 
@@ -289,7 +289,7 @@ def describe_log(robot: Robot, log: Log, prepared: Dataset | None, refused: str 
         "jitter": gaps.usual,
         "gaps": len(gaps),
         "lost": int(gaps.lost.sum()),
-        "longest": float(clock.longest.length),
+        "longest": float(clock.longest),
         "cutoff": None if prepared is None else prepared.cutoff,
         "kept": 0 if survey is None else survey.kept,
         "outputs": 0 if survey is None else survey.outputs,
@@ -429,7 +429,7 @@ class Inspection(OfStructure, Result):
                 "sidecar": robot.sidecar.name if robot.sidecar is not None else None,
                 "closed": robot.closed,
             },
-            "joints": [_plain(asdict(j)) for j in self.joints],
+            "joints": [asdict(j) for j in self.joints],
             "motors": list(self.motors),
             "columns": {
                 "required": list(self.columns),
@@ -440,7 +440,7 @@ class Inspection(OfStructure, Result):
             "parameters": self.base.to_frame().to_dict("records"),
             "naming": phrase("needs", "naming"),
             "needs": [asdict(need) for need in self.needs],
-            "logs": [_plain(r.to_dict()) for r in self.records],
+            "logs": [r.to_dict() for r in self.records],
             "excited": None,  # older keys
             "condition": None,
             "hints": list(self.hints),
@@ -461,14 +461,6 @@ class Inspection(OfStructure, Result):
         if place.exists() and place.read_bytes() != text.encode():
             raise OutputError(Finding("template.there", path))
         return self.note_written("template", write_text(path, text))
-
-
-def _plain(given: Mapping[Any, Any]) -> dict[str, Any]:
-    """Return numbers that JSON has: None for what is not known."""
-    return {
-        name: None if isinstance(x, float) and not np.isfinite(x) else x
-        for name, x in given.items()
-    }
 
 
 # The inspection of a robot file, and of logs before anything is fitted to them.

@@ -150,7 +150,7 @@ def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log]:
         if isinstance(item, pd.DataFrame):
             out.append(Log.from_frame(item, f"log {k + 1}", known))
         else:
-            out.append(item if isinstance(item, Log) else Log.open(item, known))
+            out.append(item if isinstance(item, Log) else Log.read(item, known))
     return out
 
 

@@ -50,7 +50,7 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot, RobotLike
+from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import new_place
 from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.robot.sidecar import Value
@@ -105,6 +105,8 @@ class TorquePrediction(Result):
         motion never showed.
     known : (N, n) bool
         Where torque was measured and is data.
+    motion : Motion
+        Of the first log.
     notes : mapping
         How each log was prepared.
     hints : tuple of str
@@ -124,6 +126,7 @@ class TorquePrediction(Result):
     low: Array
     new: Array
     known: np.ndarray
+    motion: Motion
     notes: Mapping[str, tuple[str, ...]]
     hints: tuple[str, ...] = ()
 
@@ -149,7 +152,7 @@ class TorquePrediction(Result):
 
     @property
     def error_ra_raw(self) -> float:
-        """ε_RA of raw torque; nan where none was measured."""
+        """The same of raw torque."""
         return float(self.errors[1].relative_error()[0])
 
     @property
@@ -437,8 +440,7 @@ class Fit(Predicts):
             "base_unknown": self.base_unknown,
             "preparation": {f.name: getattr(self.preparation, f.name) for f in fields(Preparation)},
         }
-        found: dict[str, Any] = exact(told)
-        return found
+        return dict(exact(told))
 
 
 def _along(fit: Fit, logs: Logs, engine: Engine | None) -> TorquePrediction:
@@ -466,6 +468,7 @@ def _along(fit: Fit, logs: Logs, engine: Engine | None) -> TorquePrediction:
         fit=fit,
         logs=given_paths(samples),
         measured=measured,
+        motion=samples[0].motion,
         notes={s.path or s.name: s.notes for s in samples},
         hints=(*state_missing(fit.missing), *known.hints),
         **dict(zip(names, joined, strict=True)),
@@ -735,29 +738,34 @@ class PositionPrediction(Result):
     runs: tuple[Simulated, ...]
     hints: tuple[str, ...] = ()
 
+    @cached_property
+    def _slides(self) -> np.ndarray:
+        """Which joints slide, (n,) bool."""
+        return np.array([self.robot.is_prismatic(int(k)) for k in self.robot.actuated], bool)
+
     @property
     def alike(self) -> np.ndarray:
         """Which joints turn, or if none does, slide, (n,) bool: what errors are told of."""
-        slides = np.array([self.robot.is_prismatic(int(k)) for k in self.robot.actuated], bool)
-        return slides if slides.all() else ~slides
+        return self._slides if self._slides.all() else ~self._slides
 
     @property
     def unit(self) -> str:
         """Of a thousandth of `totals`: mrad, or mm where every joint slides."""
-        return "mm" if self.robot.is_prismatic(int(self.robot.actuated[self.alike][0])) else "mrad"
+        return "mm" if self._slides.all() else "mrad"
 
     @property
     def totals(self) -> Array:
-        """Error of each run over all joints that turn, or if none does, slide (rms), (runs,)."""
-        return self._together([run.errors for run in self.runs])
+        """Error of each run over these joints (rms), (runs,)."""
+        return self._over_joints("errors")
 
     @property
     def window_totals(self) -> Array:
         """The same over windows of a second."""
-        return self._together([run.window_errors for run in self.runs])
+        return self._over_joints("window_errors")
 
-    def _together(self, errors: list[Array]) -> Array:
-        return np.asarray(np.sqrt(np.mean(np.array(errors)[:, self.alike] ** 2, axis=1)))
+    def _over_joints(self, which: str) -> Array:
+        each = np.array([getattr(run, which)[self.alike] for run in self.runs])
+        return np.asarray(np.sqrt(np.mean(each**2, axis=1)))
 
     def answers(self) -> tuple[Answer, ...]:
         """Return by how much positions err, and what moved the robots, and when."""
@@ -765,10 +773,8 @@ class PositionPrediction(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint, in mrad or mm."""
-        table = frame_table(
-            self.to_frame().set_index("joint") * 1e3, "Each joint by itself", digits=3
-        )
-        return (replace(table, caption=f"{table.caption} [mrad or mm]"),)
+        frame = self.to_frame().set_index("joint") * 1e3
+        return (frame_table(frame, "Each joint by itself [mrad or mm]", digits=3),)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a joint: errors over whole logs and windows, of each robot [rad or m]."""
@@ -796,7 +802,13 @@ class PositionPrediction(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer in its documented JSON schema."""
-        totals = zip(self.runs, self.totals.tolist(), self.window_totals.tolist(), strict=True)
+        rollouts = []
+        totals = self.totals.tolist(), self.window_totals.tolist()
+        for run, whole, short in zip(self.runs, *totals, strict=True):
+            errors = {"error": run.errors, "error_windows": run.window_errors}
+            joints = pd.DataFrame(errors, self.robot.joints).to_dict("index")
+            found = {"robot": run.name, "delays": list(run.delays), "delays_found": run.found}
+            rollouts.append({**found, "error": whole, "error_windows": short, "joints": joints})
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
@@ -806,20 +818,7 @@ class PositionPrediction(Result):
                 for log in self.logs
             ],
             "window": WINDOW,
-            "rollouts": [
-                {
-                    "robot": run.name,
-                    "delays": list(run.delays),
-                    "delays_found": run.found,
-                    "error": whole,
-                    "error_windows": short,
-                    "joints": pd.DataFrame(
-                        {"error": run.errors, "error_windows": run.window_errors},
-                        self.robot.joints,
-                    ).to_dict("index"),
-                }
-                for run, whole, short in totals
-            ],
+            "rollouts": rollouts,
         }
 
 

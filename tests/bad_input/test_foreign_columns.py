@@ -35,10 +35,12 @@ def same(log, arm):
         np.testing.assert_allclose(getattr(log, channel), getattr(plain, channel), rtol=1e-12)
 
 
-def test_renamed_joints_are_read_short_and_long_alike_and_the_note_says_so(foreign, arm, write):
+def test_renamed_joints_are_read_short_and_long_alike_and_the_note_says_so(
+    foreign, arm, write, read_long
+):
     path, names = write("log.csv", foreign), known(columns=MAP)
     logs = [Log.read(path, names), Log.from_frame(foreign, "frame", names)]
-    file = Log.scan(path, names)
+    file = read_long(path, names)
     for log in (*logs, file.rows(0, len(file))):
         same(log, arm)
         renamed, left = log.notes
@@ -85,14 +87,16 @@ def locked(frame, **elbow):
 
 
 @pytest.mark.parametrize("called", ["elbow.q", "/joint_states/elbow/position", "elbow_pos"])
-def test_a_lock_that_the_log_contradicts_is_refused_short_and_long_alike(called, arm, write):
+def test_a_lock_that_the_log_contradicts_is_refused_short_and_long_alike(
+    called, arm, write, read_long
+):
     frame = arm[[c for c in arm if c.startswith(("t", "shoulder")) or c == "elbow.q"]]
     frame = frame.rename(columns={"elbow.q": called})
     with pytest.raises(LogError, match=r"'elbow' is locked, but 'elbow\.q' moves by 4\.\d+ \(-"):
         locked(frame)
     known = Conventions.of(Robot.load("two-link", lock=["elbow"]))
     with pytest.raises(LogError, match=r"take the lock out, or give a stretch"):
-        Log.scan(write("log.csv", frame), known)
+        read_long(write("log.csv", frame), known)
     still = np.where(np.arange(len(frame)) == 7, 3.0, 0.001)  # one wrong value moves nothing
     assert all("elbow' stands" not in note for note in locked(frame, **{called: still}))
     assert "lock it there, --lock elbow=0.5" in locked(frame, **{called: 0.5})[-1]

@@ -76,7 +76,7 @@ def test_npz_and_mat_are_read_and_said(arrays, known, tmp_path, refused):
             ".npz",
             *((".mat",) if content is not turned and "run" not in content else ()),
         ):
-            log = Log.open(path.with_suffix(suffix), known)
+            log = Log.read(path.with_suffix(suffix), known)
             same(log, arrays)
             assert log.notes[0].endswith("(in the robot's order)")
     for content in ({"run3": turned}, {"log": {"state": turned, "cmd": {"q": 0 * arrays["q"]}}}):

@@ -27,15 +27,19 @@ def text_of(frame, separator=",", decimal=".", end="\n", units=()):
     return end.join([*head, *(row.replace(".", decimal) for row in rows), ""])
 
 
-def read_both(path, known):
-    """The log read at once and piece by piece; they are the same."""
-    whole, file = Log.read(path, known), Log.scan(path, known)
-    part = file.rows(0, len(file))
-    assert whole.notes == file.notes
-    assert (whole.sha256, whole.joints) == (file.sha256, file.joints)
-    for channel in ("t", "q", "tau"):
-        np.testing.assert_array_equal(getattr(whole, channel), getattr(part, channel))
-    return whole
+@pytest.fixture
+def read_both(read_long):
+    """A function that reads a log at once and piece by piece; they are the same."""
+
+    def read(path, known):
+        whole, part = Log.read(path, known), read_long(path, known)
+        assert whole.notes == part.notes
+        assert (whole.sha256, whole.joints) == (part.sha256, part.joints)
+        for channel in ("t", "q", "tau"):
+            np.testing.assert_array_equal(getattr(whole, channel), getattr(part, channel))
+        return whole
+
+    return read
 
 
 def check(log, frame, rtol=1e-13):
@@ -67,9 +71,8 @@ FORMS = {
 )
 @pytest.mark.parametrize("form", FORMS)
 def test_other_forms_are_read_and_said_short_and_long_alike(
-    form, encoding, bare, known, write, monkeypatch
+    form, encoding, bare, known, write, read_both
 ):
-    monkeypatch.setattr("identifiability.logs.tables.PIECE_BYTES", 5000)
     options, before, note = FORMS[form]
     path = write("log.txt", (before + text_of(bare, **options)).encode(encoding))
     log = read_both(path, known)
@@ -78,17 +81,17 @@ def test_other_forms_are_read_and_said_short_and_long_alike(
     assert ("UTF-16" in "; ".join(log.notes)) == encoding.startswith("utf-16")
 
 
-def test_the_documented_form_needs_no_note(bare, known, write):
+def test_the_documented_form_needs_no_note(bare, known, write, read_both):
     for content in (text_of(bare), text_of(bare, end="\r\n"), "\ufeff" + text_of(bare)):
         assert read_both(write("log.csv", content), known).notes == ()
 
 
-def test_a_header_in_a_comment_is_a_header(bare, known, write):
+def test_a_header_in_a_comment_is_a_header(bare, known, write, read_both):
     log = read_both(write("log.txt", "# run 3\n# " + text_of(bare, separator=" ")), known)
     check(log, bare)
 
 
-def test_stated_units_are_converted_and_others_refused(bare, known, write):
+def test_stated_units_are_converted_and_others_refused(bare, known, write, read_both):
     angles = bare[["shoulder.q", "elbow.q"]]
     given = bare.assign(t=1e3 * bare["t"], **{c: np.degrees(angles[c]) for c in angles})
     in_row = text_of(given, ";", ",", units=("ms", "deg", "°", "Nm", "N*m"))
@@ -111,8 +114,7 @@ def test_stated_units_are_converted_and_others_refused(bare, known, write):
             Log.read(write("log.csv", text_of(bare, units=units)), known)
 
 
-def test_cells_of_a_header_may_stand_over_several_lines(bare, known, write, monkeypatch):
-    monkeypatch.setattr("identifiability.logs.tables.PIECE_BYTES", 5000)
+def test_cells_of_a_header_may_stand_over_several_lines(bare, known, write, read_both):
     angles = bare.assign(**{"elbow.q": np.degrees(bare["elbow.q"])})
     names = {"elbow.q": '"elbow.q\n[deg]"', "shoulder.tau": '"shoulder.tau\n[Nm]"'}
     for before in ("", "# run 3\n", "Recorded on Monday\n"):
@@ -134,7 +136,7 @@ def test_a_file_cut_anywhere_loses_its_last_line_with_a_note(bare, known, write)
         assert len(log) == 200 - content[-cut:].count("\n") + (ended and 0)
 
 
-def test_time_as_index_is_taken_and_said(bare, known, tmp_path):
+def test_time_as_index_is_taken_and_said(bare, known, tmp_path, read_both):
     for name in ("time", None):
         frame = bare.set_index(pd.Index(bare["t"].to_numpy(), name=name)).drop(columns="t")
         path = tmp_path / "log.parquet"
@@ -161,15 +163,21 @@ def test_a_unit_that_is_not_known_is_refused_with_its_column(header, says, bare,
 
 
 @pytest.mark.parametrize("mapped", ["elbow.q [deg]", "elbow.q"])
-def test_a_unit_counts_whatever_a_rule_makes_of_the_column(mapped, bare, write):
+def test_a_unit_counts_whatever_a_rule_makes_of_the_column(mapped, bare, write, read_both):
     """What is in brackets holds, unless the rule states another unit."""
     header = "Winkel 2 [gon]" if mapped.endswith("]") else "Winkel 2 [°]"
     turned = bare.assign(**{"elbow.q": np.degrees(bare["elbow.q"])})
     path = write("log.csv", text_of(turned.rename(columns={"elbow.q": header})))
     rule = {header: mapped}
-    check(read_both(path, Conventions.of(Robot.load("two-link", columns=rule))), bare, rtol=1e-12)
+    check(
+        read_both(path, Conventions.of(Robot.load("two-link", columns=rule))),
+        bare,
+        rtol=1e-12,
+    )
 
 
-def test_brackets_may_hold_a_joint_a_number_or_a_word_that_is_no_unit(bare, known, write):
+def test_brackets_may_hold_a_joint_a_number_or_a_word_that_is_no_unit(
+    bare, known, write, read_both
+):
     names = {"shoulder.q": "position [shoulder]", "elbow.tau": "effort (elbow, measured)"}
     check(read_both(write("log.csv", text_of(bare.rename(columns=names))), known), bare)

@@ -12,13 +12,13 @@ from identifiability.workflows.opening import read_recordings
 
 @pytest.mark.parametrize("column", ["elbow.dq", "elbow.ddq"])
 def test_derivatives_that_contradict_positions_are_computed_unless_they_are_asked_for(
-    column, arm, write
+    column, arm, write, read_long
 ):
     """Short and long logs alike; what does not contradict is used."""
     known = Conventions.of(Robot.load("two-link"))
     path = write("log.csv", arm.assign(**{column: np.roll(arm[column], 20)}))
     given = Preparation(derivatives="given")
-    for log in (Log.read(path, known), Log.scan(path, known)):
+    for log in (Log.read(path, known), read_long(path, known)):
         read = read_recordings(log)
         (kept,), hints = read.fitted, read.hints
         left = {"elbow.dq": ("q", "tau"), "elbow.ddq": ("q", "dq", "tau")}[column]

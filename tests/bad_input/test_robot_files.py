@@ -68,6 +68,16 @@ MEANT = {
         (KEY, '<keyframe><key name="home" qpos="3.1 0 0 0"/></keyframe>'),
         r"open by 1\.8 m at the home position .left_shoulder = 3\.1, .* give a position of every",
     ),
+    "keyframe that is no number": (
+        "five-bar",
+        (KEY, '<keyframe><key name="home" qpos="nan 0 0 0"/></keyframe>'),
+        "or a position at home is no number of a robot",
+    ),
+    "site that is no number": (
+        "five-bar",
+        ('pos="0.45 0 0"', 'pos="nan 0 0"'),
+        "cannot be read by MuJoCo|the place of a joint or site, .* is no number",
+    ),
     "home at a singularity": (
         "five-bar",
         (KEY, f'<keyframe><key name="home" qpos="{math.pi} {-math.pi} 0 {math.pi}"/></keyframe>'),

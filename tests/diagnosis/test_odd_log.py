@@ -111,5 +111,5 @@ def test_friction_that_warms_up_through_a_session_is_no_change_at_an_instant(log
 
 def test_short_logs_of_two_parts_of_time_say_nothing(logs_of):
     """There is one way in which each may have changed, as a whole."""
-    logs = [log.cut(0, len(log) // 6, log.name) for log in logs_of("two-link")[:4]]
+    logs = [log.rows(0, len(log) // 6, log.name) for log in logs_of("two-link")[:4]]
     assert not diagnose("two-link", logs[:3], logs[3:], **CHANGES).changes

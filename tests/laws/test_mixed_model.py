@@ -162,13 +162,11 @@ def test_products_add_up_over_stretches_and_blocks(rows):
             for own in RUNS.each
         )
     )
-    both = products_of(*parts[0]) + products_of(*parts[1])
     every = np.arange(whole.size + 1)
-    np.testing.assert_allclose(
-        both.between(every, every), products_of(Z, y, cut).between(every, every), atol=1e-9
-    )
-    halves = whole.take(np.array([0])) + whole.take(np.array([1]))
-    np.testing.assert_allclose(halves.between(every, every), whole.between(every, every))
+    both = sum(products_of(*part).between(every, every) for part in parts)
+    np.testing.assert_allclose(both, products_of(Z, y, cut).between(every, every), atol=1e-9)
+    halves = sum(whole.take(np.array([k])).between(every, every) for k in (0, 1))
+    np.testing.assert_allclose(halves, whole.between(every, every))
     sets = np.array([[0, 7], [3, 8]])
     for k, some in enumerate(sets):
         np.testing.assert_allclose(whole.within(sets)[k], whole.between(some, some))

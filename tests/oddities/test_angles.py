@@ -25,8 +25,7 @@ def degrees(simulated, tmp_path):
 
 
 @pytest.mark.parametrize("how", ["option", "sidecar"])
-@pytest.mark.parametrize("read", [Log.read, Log.scan])
-def test_degrees_are_read_where_it_is_said(degrees, how, read, tmp_path):
+def test_degrees_are_read_where_it_is_said(degrees, how, tmp_path):
     path, log = degrees
     robot = Robot.load("six-dof-arm", angles="deg")
     if how == "sidecar":
@@ -34,7 +33,7 @@ def test_degrees_are_read_where_it_is_said(degrees, how, read, tmp_path):
         own = tmp_path / "own.toml"
         own.write_text('angles = "deg"\n' + shipped.sidecar.read_text())
         robot = Robot.load("six-dof-arm", own)
-    read = read(path, Conventions.of(robot))
+    read = Log.read(path, Conventions.of(robot))
     assert "angles were read as degrees" in read.notes
     assert np.allclose(read.rows(0, len(log)).q, log.q, rtol=1e-12)
     assert np.allclose(read.rows(0, len(log)).dq, log.dq, rtol=1e-12)

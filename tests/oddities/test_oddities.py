@@ -84,3 +84,12 @@ def test_no_verdict_stands_where_positions_are_misread():
     rows = [v for m in analysis.models for v in m.verdicts]
     assert {v.verdict for v in rows} == {Class.NOT_IDENTIFIABLE}
     assert diagnose(*misread, quick=True, forward=False).nothing
+
+
+def test_torque_that_stops_at_its_limit_is_said(simulated):
+    log = simulated("two-link", "a")
+    whole = replace(log, tau=log.tau.clip(-np.inf, 0.7 * log.tau.max(0)))
+    said = [x for x in analyze("two-link", whole, replicates=0).hints if "stops at an extreme" in x]
+    assert len(said) == 1
+    assert "'shoulder.tau' stays at" in said[0]
+    assert not any("extreme" in x for x in analyze("two-link", log, replicates=0).hints)

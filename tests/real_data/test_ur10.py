@@ -20,7 +20,7 @@ def test_the_friction_of_the_pan_is_found_and_its_error_falls_on_the_other_half(
     log = Log.read(f"{folder / 'ur10_exciting.db3'}:/joint_states")
     half = len(log.t) // 2
     halves = [
-        replace(log.cut(a, b, name), sha256=name)
+        replace(log.rows(a, b, name), sha256=name)
         for a, b, name in ((0, half, "first"), (half, len(log.t), "second"))
     ]
     fitted, unseen = halves[::-1] if back else halves

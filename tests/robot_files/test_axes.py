@@ -72,7 +72,7 @@ def test_locked_joints_of_an_axis_stretch_its_spring_alone(agrees, tmp_path):
     motors = "".join(f'<motor joint="{j}"/>' for j in ("shoulder", "elbow", "w"))
     text = arm(after=three, inside=wrist, actuator=f"<actuator>{motors}</actuator>")
     robot = agrees(text, lock={"w": -0.3})
-    assert {n: dict(c.weights) for n, c in robot.combinations.items()} == {
+    assert {n: dict(c) for n, c in robot.combinations.items()} == {
         "cable": {"shoulder": 1.3, "elbow": -0.5}
     }
     assert robot.rest["cable"] == pytest.approx(0.2 + 0.8 * 0.3)

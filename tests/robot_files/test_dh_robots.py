@@ -77,7 +77,7 @@ def test_the_motors_of_the_other_arm_mix_its_wrist_as_published():
     robot = Robot.load("dvrk-psm")
     M = np.array([[1.0186, 0, 0], [-0.8306, 1.2178, 0], [-0.8306, 0, 1.2178]])
     np.testing.assert_allclose(robot.transmission.coupling[4:, 4:] @ M, np.eye(3), atol=1e-12)
-    assert {n: dict(c.weights) for n, c in robot.combinations.items()} == {
+    assert {n: dict(c) for n, c in robot.combinations.items()} == {
         "jaws": {"jaw2": 1.0, "jaw1": -1.0}
     }
     assert [a.name for a in robot.axes if a.mixed] == ["m6", "m7", "jaws"]

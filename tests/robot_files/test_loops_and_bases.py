@@ -111,5 +111,5 @@ def test_a_ball_joint_is_told_and_the_advice_helps(actuator, load_text):
 
 def test_friction_of_a_ball_is_refused(load_text):
     text = BALL.replace('type="ball"', 'type="ball" damping="1"')
-    with pytest.raises(RobotError, match="the ball or free joint 'elbow' has damping"):
+    with pytest.raises(RobotError, match="'elbow' has damping, and is a ball"):
         load_text(text)

@@ -66,7 +66,7 @@ def test_files_that_no_inertia_needs_may_be_missing(agrees, load_text):
     shape = '<geom type="mesh" mesh="shape" material="m"/>'
     robot, bare = load_text(arm(after=MISSING, inside=shape)), agrees(arm())
     assert robot.nominal == bare.nominal
-    with pytest.raises(RobotError, match=r"cannot be read as MJCF: .*none\.stl"):
+    with pytest.raises(RobotError, match=r"cannot be read by MuJoCo: .*none\.stl"):
         load_text(arm(after=MISSING, inside=f'<body name="tool">{shape}</body>'))
 
 

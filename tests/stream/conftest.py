@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.logs import signals, tables
-from identifiability.logs import tables as scan
+from identifiability.logs import rows as rows_of
+from identifiability.logs import tables
 from identifiability.logs.prepare import dataset
 from identifiability.regression import regression as windows
 from identifiability.robot import Robot
@@ -14,21 +14,29 @@ from identifiability.simulation import Noise, PrescribedMotion, shipped_trajecto
 
 @pytest.fixture
 def sizes(monkeypatch):
-    """A function that sets how long pieces and stretches are."""
+    """A function that makes logs long from some hundred rows on, and sets how long pieces are."""
 
-    def chosen(piece=700, shortest=1500, rows=400, characters=30_000, window=None):
+    def chosen(piece=700, shortest=1500, rows=400, characters=30_000):
+        monkeypatch.setattr(rows_of, "LONG", 0)
+        monkeypatch.setattr(rows_of.divide_rows, "__defaults__", (shortest,))
         monkeypatch.setattr(dataset, "PIECE", piece)
         monkeypatch.setattr(dataset, "MARGINS", 0)
-        monkeypatch.setattr(dataset, "SHORTEST", shortest)
-        monkeypatch.setattr(tables, "PIECE_ROWS", rows)
-        monkeypatch.setattr(scan, "PIECE_BYTES", characters)
-        if window is not None:
-            monkeypatch.setattr(signals, "WINDOW", window)
-            monkeypatch.setattr(windows, "EXCERPT", 10 * window)
-            monkeypatch.setattr(windows, "WINDOWS", 10)
-            monkeypatch.setattr(windows, "WINDOW", window)
+        monkeypatch.setattr(tables, "PIECE_CELLS", 10 * rows)
+        monkeypatch.setattr(tables, "PIECE_LETTERS", characters)
 
-    chosen()
+    return chosen
+
+
+@pytest.fixture
+def few_windows(monkeypatch):
+    """A function that sets how long windows are on which logs are decided upon."""
+
+    def chosen(window):
+        monkeypatch.setattr(rows_of, "WINDOW", window)
+        monkeypatch.setattr(windows, "EXCERPT", 10 * window)
+        monkeypatch.setattr(windows, "WINDOWS", 10)
+        monkeypatch.setattr(windows, "WINDOW", window)
+
     return chosen
 
 

@@ -12,16 +12,18 @@ MOST = 400
 
 
 @pytest.fixture
-def few(sizes, monkeypatch):
+def few(monkeypatch):
     monkeypatch.setattr(motion_of, "MOST_SAMPLES", MOST)
     monkeypatch.setattr(motion_of, "STRETCH", 40)
 
 
 @pytest.mark.parametrize("derivatives", [True, False])
-def test_the_same_stretches_are_looked_at(derivatives, few, frame_of, saved):
+def test_the_same_stretches_are_looked_at(derivatives, few, sizes, frame_of, saved):
     path = saved(frame_of("two-link", periods=6, samples=2000, derivatives=derivatives))
     robot = Robot.load("two-link")
-    whole, parts = (prepare_rows(robot, read(path), None, MOST) for read in (Log.read, Log.scan))
+    whole = prepare_rows(robot, Log.read(path), None, MOST)
+    sizes()
+    parts = prepare_rows(robot, Log.read(path), None, MOST)
     assert MOST / 2 < parts.outputs == whole.outputs <= MOST
     assert parts.notes == whole.notes
     np.testing.assert_array_equal(parts.motion.kept, whole.motion.kept)

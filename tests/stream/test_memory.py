@@ -18,7 +18,7 @@ def peak(robot, path) -> int:
     """The largest memory [bytes] from the file to the prediction errors."""
     model = Model.of("rigid_body", "viscous_friction")
     tracemalloc.start()
-    samples = prepare_log(robot, Log.scan(path), engine=Serial())
+    samples = prepare_log(robot, Log.read(path), engine=Serial())
     regression = Regression(robot, model, (samples,), np.array([3, 6, 10, 11]))
     gather_information(regression, blocks=16)
     predict(regression, np.zeros((4, 2)))
@@ -33,11 +33,12 @@ def peak(robot, path) -> int:
     [("parquet", 8_000), pytest.param("csv", 48_000, marks=pytest.mark.everything)],
 )
 def test_three_times_the_samples_take_the_same_memory(
-    form, samples, sizes, frame_of, saved, monkeypatch
+    form, samples, sizes, few_windows, frame_of, saved, monkeypatch
 ):
     from identifiability.regression import regression as model
 
-    sizes(piece=500, shortest=2000, rows=500, characters=50_000, window=250)
+    sizes(piece=500, shortest=2000, rows=500, characters=50_000)
+    few_windows(250)
     monkeypatch.setattr(model, "KEEP_BYTES", 0)
     robot, frame = (
         Robot.load("two-link"),

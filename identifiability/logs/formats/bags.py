@@ -15,7 +15,6 @@ They stand for torque where no joint has effort.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Collection, Iterable, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -30,7 +29,7 @@ from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array, numbered
 from identifiability.logs.form import PLAIN
-from identifiability.logs.formats.reader import Whole, reader
+from identifiability.logs.formats.reader import Whole, hash_files, reader
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -92,16 +91,6 @@ def is_bag(path: Path) -> bool:
         return path.suffix.lower() in BAGS or (path / "metadata.yaml").is_file()
     except OSError:  # no name of a file
         return False
-
-
-def hash_files(path: Path) -> str:
-    """Return the SHA-256 of a file, or of a folder's files in order of name."""
-    files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
-    digest = hashlib.sha256()
-    for file in files:
-        with file.open("rb") as stream:
-            hashlib.file_digest(stream, lambda: digest)
-    return digest.hexdigest()
 
 
 def read_bag(path: str | Path, known: Conventions) -> pd.DataFrame:
@@ -354,11 +343,7 @@ def read_joints(path: Path, known: Conventions) -> Whole:
     LogError
         If the bag cannot be read, or has no such topic or joints.
     """
-    bag = split_topic(path)[0]
-    digest = hash_files(bag) if bag.exists() else ""
     frame = read_bag(path, known)
-    if hash_files(bag) != digest:
-        raise LogError(f"{bag} changed while it was read; wait until it is complete.")
     note = "messages that do not tell of the robot's joints were passed over"
     form = replace(PLAIN, notes=(note,)) if frame.attrs.pop("mixed") else PLAIN
-    return frame, form, digest
+    return frame, form, hash_files(split_topic(path)[0])

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from hashlib import sha256
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +17,7 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import numbered
 from identifiability.logs.form import PLAIN, Form, find_form
-from identifiability.logs.formats.reader import Whole, reader
+from identifiability.logs.formats.reader import Whole, hash_files, reader
 from identifiability.logs.names import guess_column
 
 if TYPE_CHECKING:
@@ -43,15 +41,14 @@ def read_npz(path: Path, _: Conventions) -> Whole:
     LogError
         If it holds no table.
     """
-    content = path.read_bytes()
     try:
-        with np.load(BytesIO(content), allow_pickle=False) as file:
+        with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
     except ValueError as error:
         if "pickle" not in str(error):  # whose advice would be to load it all the same
             raise
         raise LogError(Finding("arrays.objects", path)) from None
-    return frame_of(arrays, str(path)), PLAIN, sha256(content).hexdigest()
+    return frame_of(arrays, str(path)), PLAIN, hash_files(path)
 
 
 @reader("MATLAB", ".mat")
@@ -65,13 +62,14 @@ def read_mat(path: Path, _: Conventions) -> Whole:
     """
     from scipy.io import loadmat  # noqa: PLC0415 - only who has such a file pays for it
 
-    content = path.read_bytes()
-    if content.startswith(_NEWER):
+    with path.open("rb") as file:
+        newer = file.read(len(_NEWER)) == _NEWER
+    if newer:
         raise LogError(Finding("arrays.matlab", path, name=path.name))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # on objects of MATLAB's own, which hold no arrays
-        arrays = loadmat(BytesIO(content), simplify_cells=True)
-    return frame_of(arrays, str(path)), PLAIN, sha256(content).hexdigest()
+        arrays = loadmat(path, simplify_cells=True)
+    return frame_of(arrays, str(path)), PLAIN, hash_files(path)
 
 
 @reader("Excel", ".xlsx", ".xlsm")
@@ -85,11 +83,8 @@ def read_sheet(path: Path, _: Conventions) -> Whole:
     """
     import pandas as pd  # noqa: PLC0415
 
-    content = path.read_bytes()
     try:
-        sheets = pd.read_excel(
-            BytesIO(content), sheet_name=None, header=None, dtype=object, engine="openpyxl"
-        )
+        sheets = pd.read_excel(path, sheet_name=None, header=None, dtype=object, engine="openpyxl")
     except ImportError:
         raise LogError(Finding("arrays.excel", path)) from None
     cut = {str(k): x.dropna(how="all").dropna(axis=1, how="all") for k, x in sheets.items()}
@@ -106,7 +101,7 @@ def read_sheet(path: Path, _: Conventions) -> Whole:
     if others:
         notes = (*notes, f"only its sheet '{name}' was read, not {listing(others, 4)}")
     form = Form(columns=form.columns, units=form.units, notes=notes)
-    return rows.infer_objects(), form, sha256(content).hexdigest()
+    return rows.infer_objects(), form, hash_files(path)
 
 
 def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:

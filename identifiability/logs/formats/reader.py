@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -83,8 +84,7 @@ def reader(
 
         @reader("HDF5", ".h5", ".hdf5")
         def read_hdf5(path, known):
-            content = path.read_bytes()
-            return frame_of(arrays_of(content), str(path)), PLAIN, sha256(content).hexdigest()
+            return frame_of(arrays_of(path), str(path)), PLAIN, hash_files(path)
     """
 
     def decorate(read: Read) -> Read:
@@ -139,15 +139,29 @@ def check_suffix(path: Path) -> None:
         raise LogError(Finding("file.foreign", path, what=what))
 
 
-def check_text(path: Path, start: bytes) -> None:
-    """Refuse a file that is no text, by its first bytes.
+def check_text(path: Path, start: str) -> None:
+    """Refuse a file that is no text, by its beginning.
 
     Raises
     ------
     LogError
     """
-    if start.startswith(b"PAR1"):
+    if start.startswith("PAR1"):
         raise LogError(f"{path} is Parquet by its content; name it so: {path.stem}.parquet.")
-    if b"\0" in start:
+    if "\0" in start:
         kind = f"a {path.suffix} file" if path.suffix else "a file without an ending"
         raise LogError(Finding("file.kind", path, kind=kind, read=READ))
+
+
+def list_files(place: Path) -> list[Path]:
+    """Return a file, or those in a folder in order of name."""
+    return sorted(p for p in place.iterdir() if p.is_file()) if place.is_dir() else [place]
+
+
+def hash_files(place: Path) -> str:
+    """Return the SHA-256 of a file, or of a folder's files in order of name."""
+    digest = hashlib.sha256()
+    for file in list_files(place):
+        with file.open("rb") as stream:
+            hashlib.file_digest(stream, lambda: digest)
+    return digest.hexdigest()

@@ -1,17 +1,15 @@
-"""`Dataset`: the rows of a log, made ready for the regression, in memory or when asked for.
+"""`Dataset`: the rows of a log, made ready for the regression.
 
 Motion of every joint, torque, how much each row counts, and what was done; a `Survey` is what there
-is to know of it as a whole, and parts of a log add up. A log that does not fit in memory is
-prepared anew, stretch by stretch, whenever its rows are gone through.
+is to know of it as a whole. A long log is prepared piece by piece, and its rows stay on the disk.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
-from functools import cached_property, reduce
+from functools import cached_property, partial
 from itertools import pairwise
-from operator import add
 from typing import Any
 
 import numpy as np
@@ -27,14 +25,14 @@ from identifiability.logs import Log, signals
 from identifiability.logs.base import AFTER, UP
 from identifiability.logs.log import join_logs
 from identifiability.logs.prepare.preparation import Plan, Preparation, joint_log, make_plan
+from identifiability.logs.rows import divide_rows, find_range, forget, gather, is_long
 from identifiability.logs.rules import RULES
 from identifiability.logs.signals import is_constant, never_moves
-from identifiability.logs.tables import is_parquet
 from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
 from identifiability.robot.closure import known_torque, project
 from identifiability.robot.floating import SIX, closed_contacts, wrench_torque
 
-# `Survey`: what there is to know of a prepared log as a whole; parts of a log add up.
+# `Survey`: what there is to know of a prepared log as a whole.
 #
 # Here it is said once whether logs have anything to explain (`find_signal`, `explain_silence`):
 # ε_RA has no denominator where they have not, and nothing is fitted to them.
@@ -55,16 +53,6 @@ class Survey:
     ----------
     kept, outputs : int
         Samples that were prepared, and left after decimation.
-    dropped : int
-        Samples at which the loops do not close.
-    first_dropped : tuple of int
-        The first of their rows.
-    singular : int
-        Samples near a singular configuration.
-    first_singular : tuple of int
-        The first of their rows, if any.
-    condition : float
-        Largest condition number of the closure (1 for an open chain).
     start, stop : float [s]
         Times of the first and the last sample; NaN without any.
     low, high : (3, n)
@@ -73,90 +61,19 @@ class Survey:
         Sum of the measured torque over the outputs.
     torque_range : (2, n) [N·m or N]
         Its smallest and its largest value.
-    lost : int
-        Samples that were left out because they lie beside a gap.
     rows : (n,) int
         Outputs at which torque of each joint is data: it does not dwell there.
     """
 
     kept: int
     outputs: int
-    dropped: int
-    first_dropped: tuple[int, ...]
-    singular: int
-    first_singular: tuple[int, ...]
-    condition: float
     start: float
     stop: float
     low: Array
     high: Array
     torque: Array
     torque_range: Array
-    lost: int = 0
     rows: np.ndarray = field(default_factory=lambda: np.zeros(1, int))
-
-    @staticmethod
-    def of(motion: Motion, own: Rows | None, outputs: int, torque: Array, span: Array) -> Survey:
-        """Return the survey of a motion, or of those of its rows that are its own."""
-        inside = slice(None) if own is None else slice(*np.searchsorted(motion.kept, own))
-        dropped, near = _inside(motion.dropped, own), _inside(motion.near_singular, own)
-        t = motion.t[inside]
-        parts = [x[inside] for x in (motion.actuated_q, motion.actuated_v, motion.actuated_a)]
-        return Survey(
-            kept=len(t),
-            outputs=outputs,
-            dropped=len(dropped),
-            first_dropped=tuple(dropped[:LISTED].tolist()),
-            singular=len(near),
-            first_singular=tuple(near[:1].tolist()),
-            condition=motion.condition,
-            start=float(t[0]) if len(t) else np.nan,
-            stop=float(t[-1]) if len(t) else np.nan,
-            low=np.stack([x.min(0, initial=np.inf) for x in parts]),
-            high=np.stack([x.max(0, initial=-np.inf) for x in parts]),
-            torque=torque,
-            torque_range=span,
-            rows=np.full(len(torque), outputs),
-        )
-
-    def __add__(self, later: Survey) -> Survey:
-        """Return the survey of both, this one first in time."""
-        counts: dict[str, Any] = {
-            name: getattr(self, name) + getattr(later, name)
-            for name in ("kept", "outputs", "dropped", "singular", "torque", "lost", "rows")
-        }
-        (low, high), (later_low, later_high) = self.torque_range, later.torque_range
-        return Survey(
-            **counts,
-            first_dropped=(*self.first_dropped, *later.first_dropped)[:LISTED],
-            first_singular=(*self.first_singular, *later.first_singular)[:1],
-            condition=max(self.condition, later.condition),
-            start=later.start if np.isnan(self.start) else self.start,
-            stop=self.stop if np.isnan(later.stop) else later.stop,
-            low=np.minimum(self.low, later.low),
-            high=np.maximum(self.high, later.high),
-            torque_range=np.stack([np.minimum(low, later_low), np.maximum(high, later_high)]),
-        )
-
-    def notes(self, name: str, joints: Sequence[str], total: int) -> list[Finding]:
-        """Return what was done with the samples of a log with `total` of them."""
-        notes, first = [], ", ".join(str(k + 1) for k in self.first_dropped)
-        if self.dropped:
-            first += " …" if self.dropped > LISTED else ""
-            notes.append(Finding("unclosed", name, rows=self.dropped, all=total, where=first))
-        if self.singular:
-            at = {"first": self.first_singular[0] + 1, "condition": self.condition}
-            notes.append(Finding("singular", name, rows=self.singular, **at))
-        if self.lost:
-            notes.append(Finding("beside_gaps", name, rows=self.lost, all=total))
-        rest = dict(zip(joints, (self.outputs - self.rows).tolist(), strict=True))
-        rest = {j: k for j, k in rest.items() if k > 0}
-        if rest:
-            where = ", ".join(f"{j} {percent(k / self.outputs)}" for j, k in rest.items())
-            columns = tuple(f"{j}.tau" for j in rest)
-            rows = sum(rest.values())
-            notes.append(Finding("standing", name, rows=rows, columns=columns, where=where))
-        return notes
 
 
 def stands_still(surveys: Sequence[Survey]) -> np.ndarray:
@@ -196,10 +113,6 @@ def explain_silence(surveys: Sequence[Survey]) -> str:
     if not torque_varies(surveys).any():
         return "the measured torque never changes in these logs"
     return ""
-
-
-def _inside(rows: np.ndarray, own: Rows | None) -> np.ndarray:
-    return rows if own is None else rows[(rows >= own[0]) & (rows < own[1])]
 
 
 # `Dataset`: a log made ready for the regression: motion of every joint, torque, and how.
@@ -286,8 +199,7 @@ class Dataset:
     ----------
     name : str
     motion : Motion
-        Of every joint, at the samples whose loops close; of a log that is too long for memory at
-        some of them, evenly spaced.
+        Of every joint, at the samples whose loops close.
     tau : (N, n) [N·m or N]
         Measured torque at the same samples, less what is known beforehand.
     weight : (N, n)
@@ -316,8 +228,6 @@ class Dataset:
         What seems to be wrong with the log.
     path : str
         As of the log.
-    stretches : tuple of Stretch
-        What all rows of a long log are prepared from; none where they are in memory.
     """
 
     name: str
@@ -335,7 +245,6 @@ class Dataset:
     hints: tuple[str, ...] = ()
     path: str = ""
     weight: Array = field(default_factory=lambda: np.ones((1, 1)))
-    stretches: tuple[Stretch, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         """Count every row alike where nobody says otherwise."""
@@ -349,15 +258,19 @@ class Dataset:
 
     @property
     def long(self) -> bool:
-        """Whether its rows do not fit in memory, and are prepared when they are gone through."""
-        return bool(self.stretches)
+        """Whether it has so many rows that they stay on the disk."""
+        return is_long(len(self.tau))
 
     def divided(self) -> list[Dataset]:
-        """Return what is worked on one by one: the stretches of a long log, or all in memory."""
+        """Return what is worked on one by one: stretches of a long log, or all of it."""
         if not self.long:
             return [self]
-        none = self.take(slice(0))  # small to send, large to compute
-        return [replace(none, stretches=(stretch,)) for stretch in self.stretches]
+        reach = 0 if self.decimation is None else self.decimation.reach
+        kept, parts = self.motion.kept, []
+        for a, b in divide_rows(len(kept)):
+            part = self.take(slice(max(0, a - reach), b + reach))
+            parts.append(replace(part, own=(int(kept[a]), int(kept[b - 1]) + 1)))
+        return parts
 
     @property
     def beside(self) -> Dataset | None:
@@ -366,179 +279,135 @@ class Dataset:
         return None if other is None else replace(self, motion=other, instrument=None)
 
     @cached_property
-    def runs(self) -> list[tuple[int, int]]:
-        """Stretches of samples that make outputs without a gap, as (start, stop)."""
-        return [(start, stop) for start, stop, _ in self._stretches]
-
-    @cached_property
-    def run_outputs(self) -> list[int]:
-        """Number of samples after decimation of each of `runs`."""
-        return [count for *_, count in self._stretches]
-
-    @cached_property
     def outputs(self) -> int:
         """Number of samples after decimation."""
-        return self.survey.outputs if self.long else sum(self.run_outputs)
+        return sum(count for *_, count in self.runs)
 
     @cached_property
     def starts(self) -> tuple[int, ...]:
         """The outputs with which a stretch begins: the first, and those behind a long gap."""
         if not len(self.breaks):
             return (0,)
-        if self.long:
-            before = np.cumsum([0, *(s.outputs for s in self.divided())])[:-1]
-            at = before[np.isin([s.first for s in self.stretches], self.breaks)]
-            return (0, *(int(k) for k in np.unique(at) if 0 < k < self.outputs))
-        kept, d = self.motion.kept, self.decimation
-        at = np.arange(len(kept))
-        if d is not None:
-            runs = [a + d.reach + d.factor * np.arange(n) for a, _, n in self._stretches]
-            at = np.concatenate([np.empty(0, int), *runs])
-        before = np.searchsorted(kept[at], self.breaks)
-        return (0, *(int(k) for k in np.unique(before) if 0 < k < len(at)))
+        before = np.searchsorted(self.motion.kept[self._at_outputs], self.breaks)
+        return (0, *(int(k) for k in np.unique(before) if 0 < k < self.outputs))
 
     @cached_property
-    def _stretches(self) -> list[tuple[int, int, int]]:
-        """First sample and last (exclusive) that outputs draw on, and how many there are."""
-        d = self.decimation
+    def runs(self) -> list[tuple[int, int, int]]:
+        """Stretches of samples that make outputs without a gap, (start, stop, outputs) each."""
+        d, kept = self.decimation, self.motion.kept
         if d is None:
-            return [(0, len(self.tau), len(self.tau))]
-        kept = self.motion.kept
-        breaks = np.flatnonzero(np.diff(kept) > 1) + 1
-        low, high = self.own or (0, np.inf)
-        out = []
-        for start, stop in pairwise([0, *breaks.tolist(), len(kept)]):
-            row = int(kept[start]) if stop > start else 0
-            centres = [k for k in d.centres(row, row + stop - start) if low <= k < high]
+            return [(0, len(kept), len(kept))]
+        edges, out = [0], []
+        for a, b in divide_rows(len(kept) - 1):
+            edges += (a + 1 + np.flatnonzero(np.diff(kept[a : b + 1]) > 1)).tolist()
+        for start, stop in pairwise([*edges, len(kept)]) if len(kept) else ():
+            row, shift = int(kept[start]), start - int(kept[start])
+            low, high = self.own or (0, row + stop - start)
+            # Multiples of the factor, so that it does not matter in which parts a log is read.
+            first = -(-max(row + d.reach, low) // d.factor) * d.factor
+            centres = range(first, min(row + stop - start - d.reach, high), d.factor)
             if centres:
-                first = start + centres[0] - row - d.reach
-                out.append((first, start + centres[-1] - row + d.reach + 1, len(centres)))
+                ends = (centres[0] + shift - d.reach, centres[-1] + shift + d.reach + 1)
+                out.append((*ends, len(centres)))
         return out
 
     @cached_property
     def survey(self) -> Survey:
         """What there is to know of the whole log."""
-        if self.long:
-            every: list[Survey] = [s.survey for s in self.stretches]
-            return reduce(add, every)
-        n = self.tau.shape[1]
-        # Samples a piece when torque is summed.
-        parts = [(p.torque, p.raw, p.moves) for p in self.pieces(1024)]
-        tau, raw = (np.concatenate([np.empty((0, n)), *(p[k] for p in parts)]) for k in (0, 1))
-        where = np.concatenate([np.empty((0, n), bool), *(p[2] for p in parts)])
-        # As measured: what is low-passed changes beside rows that are no data.
-        low, high = (
-            f(0, initial=s * np.inf, where=where) for f, s in ((raw.min, 1), (raw.max, -1))
+        m, n = self.motion, self.tau.shape[1]
+        total, rows, ends = np.zeros(n), np.zeros(n, int), [np.full((2, n), [[np.inf], [-np.inf]])]
+        for p in self.pieces(1024):
+            raw, where = p.raw, p.moves
+            total, rows = total + p.torque.sum(0), rows + where.sum(0)
+            # As measured: what is low-passed changes beside rows that are no data.
+            low = raw.min(0, initial=np.inf, where=where)
+            ends.append(np.stack([low, raw.max(0, initial=-np.inf, where=where)]))
+        low, high = np.stack(ends, 1)
+        ranges = [find_range(x) for x in (m.actuated_q, m.actuated_v, m.actuated_a)]
+        start, stop = (m.t[0], m.t[-1]) if len(m) else (np.nan, np.nan)
+        return Survey(
+            kept=len(m),
+            outputs=self.outputs,
+            start=float(start),
+            stop=float(stop),
+            low=np.stack([low for low, _ in ranges]),
+            high=np.stack([high for _, high in ranges]),
+            torque=total,
+            torque_range=np.stack([low.min(0), high.max(0)]),
+            rows=rows,
         )
-        survey = Survey.of(self.motion, self.own, self.outputs, tau.sum(0), np.stack([low, high]))
-        return replace(survey, lost=self.lost, rows=where.sum(0))
 
     def pieces(self, size: int) -> Iterator[Piece]:
-        """Yield pieces of about `size` samples of the motion.
-
-        Raises
-        ------
-        LogError
-            If the file of a long log changed meanwhile.
-        """
-        if self.long:
-            for stretch in self.stretches:
-                for part in stretch.parts():
-                    yield from part.pieces(size)
-            return
+        """Yield pieces of about `size` samples of the motion."""
         d = self.decimation
-        if d is None:
-            for start in range(0, len(self.tau), size):
-                rows = slice(start, start + size)
-                yield Piece(self.motion[rows], self.tau[rows], None, self.weight[rows])
-            return
-        step = max(1, size // d.factor)
-        for start, _, count in self._stretches:
+        factor, more = (1, 0) if d is None else (d.factor, 2 * d.reach)
+        step = max(1, size // factor)
+        for start, _, count in self.runs:
             for first in range(0, count, step):
-                begin, few = start + first * d.factor, min(step, count - first)
-                rows = slice(begin, begin + (few - 1) * d.factor + 2 * d.reach + 1)
+                begin, few = start + first * factor, min(step, count - first)
+                rows = slice(begin, begin + (few - 1) * factor + more + 1)
                 yield Piece(self.motion[rows], self.tau[rows], d, self.weight[rows])
+                if self.long:
+                    forget()
 
     def take(self, rows: slice | np.ndarray) -> Dataset:
-        """Return some of the samples in memory."""
+        """Return some of the samples."""
         other = None if self.instrument is None else self.instrument[rows]
         motion, tau, weight = self.motion[rows], self.tau[rows], self.weight[rows]
-        taken = replace(self, motion=motion, tau=tau, weight=weight)
-        return replace(taken, instrument=other, stretches=())
+        return replace(self, motion=motion, tau=tau, weight=weight, instrument=other)
 
     def thin(self, step: int) -> Dataset:
-        """Return about every `step`-th sample of all, of those in memory; without decimation."""
-        rows = self.stretches[-1].last if self.long else len(self.tau)
-        every = max(1, round(step * len(self.tau) / max(rows, 1)))
-        return replace(self.take(slice(None, None, every)), decimation=None)
+        """Return every `step`-th sample, without decimation."""
+        return replace(self.take(slice(None, None, step)), decimation=None)
 
     def output_times(self, at: slice | np.ndarray = slice(None)) -> Array:
-        """Return the times of samples after decimation [s], all by default; of long logs about."""
-        if self.long:
-            span = self.survey.stop - self.survey.start
-            return self.survey.start + span * np.arange(self.outputs)[at] / self.outputs
-        if self.decimation is None:
-            return self.motion.t[at]
-        d = self.decimation
-        rows = [start + d.reach + d.factor * np.arange(n) for start, _, n in self._stretches]
-        times: Array = self.motion.t[np.concatenate([np.empty(0, int), *rows])[at]]
+        """Return the times of samples after decimation [s], all by default."""
+        times: Array = self.motion.t[self._at_outputs[at]]
         return times
 
+    @property
+    def _at_outputs(self) -> np.ndarray:
+        """The samples of the motion at which the outputs are."""
+        factor, reach = (1, 0) if (d := self.decimation) is None else (d.factor, d.reach)
+        rows = [start + reach + factor * np.arange(count) for start, _, count in self.runs]
+        return np.concatenate([np.empty(0, int), *rows])
 
-@frozen
-class Stretch:
-    """Consecutive rows of a long log and all that it takes to prepare them: one task of a pass.
-
-    Attributes
-    ----------
-    robot : Robot
-    log : Log
-    plan : Plan
-    first, last : int
-        Rows [first, last).
-    piece : int
-        Samples that are prepared at a time.
-    survey : Survey
-        What there is to know of them; None while it is made.
-    """
-
-    robot: Robot
-    log: Log
-    plan: Plan
-    first: int
-    last: int
-    piece: int
-    survey: Any = None
-
-    def parts(self) -> Iterator[Dataset]:
-        """Yield the rows prepared, some thousand at a time.
-
-        Raises
-        ------
-        LogError
-            If the file changed meanwhile.
-        """
-        reach, rows = self.plan.reach, (self.first, self.last)
-        for first, last, origin, log in self.log.pieces(self.piece, reach, *rows):
-            own = (first, last)
-            yield prepare_rows(self.robot, log, origin, self.plan, own, anywhere=False)
+    def describe(self, joints: Sequence[str], total: int) -> list[Finding]:
+        """Return what was done with the samples of a log with `total` of them."""
+        m, s, notes = self.motion, self.survey, []
+        if len(m.dropped):
+            first = ", ".join(str(k + 1) for k in m.dropped[:LISTED])
+            first += " …" if len(m.dropped) > LISTED else ""
+            notes.append(
+                Finding("unclosed", self.name, rows=len(m.dropped), all=total, where=first)
+            )
+        if m.singular:
+            at = {"first": int(m.near_singular[0]) + 1, "condition": m.condition}
+            notes.append(Finding("singular", self.name, rows=m.singular, **at))
+        if self.lost:
+            notes.append(Finding("beside_gaps", self.name, rows=self.lost, all=total))
+        rest = dict(zip(joints, (s.outputs - s.rows).tolist(), strict=True))
+        rest = {j: k for j, k in rest.items() if k > 0}
+        if rest:
+            where = ", ".join(f"{j} {percent(k / s.outputs)}" for j, k in rest.items())
+            columns = tuple(f"{j}.tau" for j in rest)
+            rows = sum(rest.values())
+            notes.append(Finding("standing", self.name, rows=rows, columns=columns, where=where))
+        return notes
 
 
-def prepare_rows(
-    robot: Robot, log: Log, origin: int, plan: Plan, own: Rows, *, anywhere: bool = True
+def _prepare_rows(
+    rows: tuple[Log, int, Rows], robot: Robot, plan: Plan, *, anywhere: bool
 ) -> Dataset:
     """Prepare some rows of a log by a plan.
 
     Parameters
     ----------
+    rows : (Log, int, (int, int))
+        The rows and what the filters draw on at both ends, the row of its first sample in the whole
+        log, and which rows of that are wanted.
     robot : Robot
-    log : Log
-        The rows and what the filters draw on at both ends.
-    origin : int
-        Row of its first sample in the whole log.
     plan : Plan
-    own : (int, int)
-        Rows of the whole log at which outputs are wanted.
     anywhere : bool
         The loops must close somewhere in these rows.
 
@@ -546,10 +415,10 @@ def prepare_rows(
     ------
     LogError, ClosureError
     """
+    log, origin, own = rows
     log = joint_log(robot, plan.mend(log, origin))
     q, dq, ddq = plan.derive(log, origin)
-    reach = plan.reach - plan.filter_reach
-    part = slice(max(0, own[0] - reach - origin), min(len(log), own[1] + reach - origin))
+    part = slice(own[0] - origin, own[1] - origin)
     try:
         touch = _touch(robot, log)
         touch = None if touch is None else touch[part]
@@ -570,18 +439,14 @@ def prepare_rows(
     if log.unmeasured is not None:
         lacking = plan.lacking(log.unmeasured)[part][motion.kept]
         dwells = lacking if dwells is None else dwells | lacking
-    lost, breaks = 0, np.empty(0, int)
+    lost = 0
     if plan.grid is not None:
-        apart = plan.grid.left_out(origin, origin + len(log))
-        breaks = plan.grid.breaks
-        low, high = (min(max(k - origin, 0), len(log)) for k in own)
-        lost = int(np.isin(motion.kept + part.start, low + np.flatnonzero(apart[low:high])).sum())
-        left = ~apart[part][motion.kept]
+        left = ~plan.grid.left_out(origin, origin + len(log))[part][motion.kept]
+        lost = int((~left).sum())
         motion, tau = motion[left], tau[left]
         dwells = None if dwells is None else dwells[left]
-    rows = ("kept", "dropped", "near_singular")
-    moved = {k: getattr(motion, k) + origin + part.start for k in rows}
-    motion = replace(motion, **moved, start=log.start)
+    indices = ("kept", "dropped", "near_singular")
+    motion = replace(motion, **{k: getattr(motion, k) + own[0] for k in indices}, start=log.start)
     return Dataset(
         log.name,
         motion,
@@ -589,11 +454,10 @@ def prepare_rows(
         plan.decimation,
         (),
         log.sha256,
-        own=own,
         cutoff=plan.cutoff,
         band=plan.band,
         lost=lost,
-        breaks=breaks,
+        breaks=np.empty(0, int) if plan.grid is None else plan.grid.breaks,
         hints=plan.hints,
         path=log.path,
         weight=np.ones((1, 1)) if dwells is None else 1.0 - dwells,
@@ -677,10 +541,7 @@ def check_left(name: str, left: int, total: int, notes: Sequence[str]) -> None:
 
 
 #: Samples that are prepared at a time, at least; and in units of what filters draw on.
-PIECE, MARGINS = 8_192, 4
-
-#: Stretches that a log is divided into, at most, and the fewest samples of one.
-STRETCHES, SHORTEST = 64, 65_536
+PIECE, MARGINS = 16_384, 4
 
 
 @checked
@@ -707,17 +568,23 @@ def prepare_log(
     ------
     LogError, ClosureError
     """
-    how = how or Preparation()
+    how, total = how or Preparation(), len(log)
     plan = make_plan(robot, log, how)
-    if log.long:
-        found = _prepare_long(robot, log, plan, engine or Serial(), progress)
-    else:
-        found = prepare_rows(robot, log, 0, plan, (0, len(log)))
-    survey = found.survey
-    notes = [*plan.notes, *survey.notes(log.name, robot.joints, len(log))]
-    check_left(log.name, survey.kept, len(log), notes)
+    if log.long and robot.closed:  # before a long time is spent on loops that close nowhere
+        some = [joint_log(robot, x.rows(0, 64)) for _, x in log.windows()]
+        tried = join_logs(some)
+        complete_motion(robot, tried.t, tried.q, 0 * tried.q, 0 * tried.q)
+    reach, rows = plan.reach, []
+    for a, b in divide_rows(total, max(PIECE, MARGINS * reach)):
+        low = max(0, a - reach)
+        rows.append((log.rows(low, min(total, b + reach)), low, (a, b)))
+    work = partial(_prepare_rows, robot=robot, plan=plan, anywhere=not log.long)
+    done = (engine if engine and log.long else Serial()).map(work, rows, progress=progress)
+    found = _join(done)
+    notes = [*plan.notes, *found.describe(robot.joints, total)]
+    check_left(log.name, len(found.tau), total, notes)
     while plan.factor > 1 and found.outputs < RULES.fewest:
-        if how.decimate is not None or log.long:
+        if how.decimate is not None:
             raise LogError(
                 f"{log.name} is too short to be decimated by {plan.factor}: of its {len(log)} "
                 f"samples fewer than {RULES.fewest} are left; give a longer log or a smaller "
@@ -728,59 +595,23 @@ def prepare_log(
     if plan.decimation is not None:
         what = {"factor": plan.factor, "rate": 1.0 / (plan.step * plan.factor)}
         notes.append(Finding("decimated", log.name, rows=len(log), columns=("all",), **what))
-    return replace(found, notes=tuple(notes), own=None)
+    return replace(found, notes=tuple(notes))
 
 
-def _prepare_long(
-    robot: Robot, log: Log, plan: Plan, engine: Engine, progress: Steps | None
-) -> Dataset:
-    """Return a log divided into stretches that were surveyed, with some samples of it."""
-    if robot.closed:  # before a long time is spent on loops that close nowhere
-        # Samples in the middle of each window whose loops are tried first.
-        middles = [(a + b) // 2 for a, b in signals.spread_windows(len(log))]
-        tried = joint_log(robot, join_logs([log.rows(m, m + 64) for m in middles]))
-        complete_motion(robot, tried.t, tried.q, 0 * tried.q, 0 * tried.q)
-    stretches = divide(robot, log, plan)
-    found = list(engine.map(survey_stretch, stretches, progress=progress))
-    surveyed = (replace(s, survey=own) for s, (own, _) in zip(stretches, found, strict=True))
-    return replace(_join([part for _, part in found]), stretches=tuple(surveyed))
-
-
-def divide(robot: Robot, log: Log, plan: Plan) -> tuple[Stretch, ...]:
-    """Return the stretches of a log; they depend on the file alone, not on who works on them."""
-    assert log.file is not None
-    rows, table, most = len(log), log.file.table, STRETCHES
-    if is_parquet(table.path):
-        # Rows inside a group are reached by reading all that come before them.
-        groups = [row for row, _ in table.pieces]
-        # Times a log that may be read to reach the rows of its stretches, before these
-        # become fewer.
-        if max(b - a for a, b in pairwise(groups)) * STRETCHES > 4 * rows:
-            most = max(8, min(STRETCHES, 2 * (len(groups) - 1)))
-    count = min(most, max(1, rows // SHORTEST))
-    edges = np.linspace(0, rows, count + 1).astype(int).tolist()
-    if plan.grid is not None:
-        edges = sorted({*edges, *plan.grid.breaks.tolist()})
-    piece = max(PIECE, MARGINS * plan.reach)
-    return tuple(Stretch(robot, log, plan, a, b, piece) for a, b in pairwise(edges))
-
-
-def survey_stretch(stretch: Stretch) -> tuple[Survey, Dataset]:
-    """Return the survey of a stretch, and some of its samples."""
-    # Samples of the whole log that are kept, evenly spaced.
-    step = max(1, len(stretch.log) // 4096)
-    surveys, shown = [], []
-    for part in stretch.parts():
-        assert part.own is not None
-        surveys.append(part.survey)
-        kept = part.motion.kept
-        own = (kept % step == 0) & (kept >= part.own[0]) & (kept < part.own[1])
-        shown.append(part.take(np.flatnonzero(own)))
-    return reduce(add, surveys), _join(shown)
-
-
-def _join(parts: Sequence[Dataset]) -> Dataset:
+def _join(parts: Iterator[Dataset]) -> Dataset:
     """Return rows one after the other."""
-    motion = join_motions([s.motion for s in parts if len(s.motion)] or [parts[0].motion])
-    tau, weight = (np.concatenate([getattr(s, k) for s in parts]) for k in ("tau", "weight"))
-    return replace(parts[0], motion=motion, tau=tau, weight=weight)
+    aside: list[Dataset] = []
+
+    def arrays() -> Iterator[dict[str, Array]]:
+        for part in parts:
+            aside.append(part.take(np.empty(0, int)))  # a slice would keep all of it
+            if len(part.tau):
+                yield {**part.motion.each, "tau": part.tau, "weight": part.weight}
+
+    found, first, none = gather(arrays()), aside[0], aside[0].motion
+    own: dict[str, Any] = {k: found.pop(k) for k in ("tau", "weight") if found}
+    for name in ("dropped", "near_singular"):
+        found[name] = np.concatenate([getattr(part.motion, name) for part in aside])
+    condition = max(part.motion.condition for part in aside)
+    motion = replace(none, **found, condition=condition)
+    return replace(first, motion=motion, lost=sum(part.lost for part in aside), **own)

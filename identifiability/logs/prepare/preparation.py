@@ -26,6 +26,7 @@ from identifiability.logs.commands import of_commands
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.gaps import Gaps, Grid, StaleRule, fill
 from identifiability.logs.log import join_logs
+from identifiability.logs.rows import WINDOW
 from identifiability.logs.rules import RULES
 from identifiability.logs.spectrum import (
     ORDER,
@@ -702,7 +703,7 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
     if len(windows) > 1:
         notes.append(
             f"what holds for the whole log was decided on {len(windows)} windows of "
-            f"{signals.WINDOW} samples, evenly spaced in time"
+            f"{WINDOW} samples, evenly spaced in time"
         )
     if robot.known_torque:
         known = "; ".join(k.text for k in robot.known_torque)

@@ -508,7 +508,7 @@ def predict_everywhere(
     hidden = opening.robot.base is not None or any(x.unmeasured is not None for x in logs)
     if opening.silence or hidden or not stand:
         return None
-    regression = replace(opening.unseen or opening.regression, dwelling=True, memory=None)
+    regression = replace(opening.unseen or opening.regression, dwelling=True)
     turns = None if opening.validation else turns
     values = own.values[None] if turns is None else own.turned
     task = Task(values[:, :, [which]], turns, kept=False)

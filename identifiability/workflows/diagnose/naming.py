@@ -162,32 +162,28 @@ class Naming:
             left[:, j] -= self.columns(parts, j, unseen=unseen) @ values[b:]
         return left
 
-    def free(self, parts: Sequence[int]) -> Terms:
-        """Return parts as an analysis fits them: only functions are as large as they were found."""
-        return tuple(
+    def fit(self, parts: Sequence[int]) -> Array:
+        """Return the values (b + m,) of model and some parts as an analysis fits them.
+
+        Rows are weighed by the errors of their joint. Whitened ones judge better what is missing,
+        but of slow noise they keep no levels, and predict worse. Functions are as large as they
+        were found.
+        """
+        rows, b, scale = self.fitted, self.missing.fixed, self.model.scale
+        terms = tuple(
             self.terms[p]
             if self.parts[p].candidate.family.flexible
             else replace(self.terms[p], variance=np.inf)
             for p in parts
         )
-
-    def fit(self, parts: Sequence[int]) -> Array:
-        """Return the values (b + m,) of model and some parts as an analysis fits them.
-
-        Rows are weighed by the errors of their joint. Whitened ones judge better what is missing,
-        but of slow noise they keep no levels, and predict worse.
-        """
-        rows, b, scale = self.fitted, self.missing.fixed, self.model.scale
-        terms = self.free(parts)
-        least = ROUNDOFF * float((rows.seen.y**2).sum(0).max(initial=0.0))
+        root = self.setting.known.root
+        prior, least = root.T @ root, ROUNDOFF * float((rows.seen.y**2).sum(0).max(initial=0.0))
         squares, memory, value = np.sum(rows.seen.y**2, axis=0), 1.0, np.empty(0)
         # Rounds in which joints are weighed by what is left of them, and that by its memory.
         for k in range(6):
             variance = np.maximum(squares, least) * memory / rows.counts
             weights = 1.0 / np.where(variance > 0, variance, 1.0)
-            s = MixedModel(self._plain.weigh(weights[:, None]), b, (), scale, self.prior).solve(
-                terms
-            )
+            s = MixedModel(self._plain.weigh(weights[:, None]), b, (), scale, prior).solve(terms)
             value = s.value / scale[s.columns]
             left = self.left(parts, value)
             squares = np.sum(left**2, axis=0)
@@ -197,18 +193,9 @@ class Naming:
 
     @cached_property
     def _plain(self) -> Information:
-        return self.plain([0, len(self.fitted)])
-
-    @property
-    def prior(self) -> Array:
-        """What is known of the model's values beforehand: the inverse of a covariance."""
-        prior: Array = self.setting.known.root.T @ self.setting.known.root
-        return prior
-
-    def plain(self, edges: Sequence[int]) -> Information:
-        """Return the information of the rows as they are, not whitened."""
-        noise = (JointNoise(np.empty(0), 1.0),) * self.fitted.seen.y.shape[1]
-        return self.missing.products(edges=edges, noise=noise)
+        """Of the rows as they are, not whitened."""
+        plain = (JointNoise(np.empty(0), 1.0),) * self.fitted.seen.y.shape[1]
+        return self.missing.products(edges=[0, len(self.fitted)], noise=plain)
 
     def error(self, parts: Sequence[int] | None = None) -> float:
         """Return the error of model and parts on unseen rows over each joint's own scale."""
@@ -337,13 +324,10 @@ def _candidates(missing: Missing, model: MixedModel, terms: Terms, k: int) -> li
     for c in chosen:
         places.setdefault(c.place, []).append(c)
     found = [
-        replace(
-            own[0],
-            kinds=tuple(k for c in own for k in c.kinds),
-            columns=tuple(k for c in own for k in c.columns),
-        )
+        replace(own[0], kinds=tuple(k for c in own for k in c.kinds),
+                columns=tuple(k for c in own for k in c.columns))
         for own in places.values()
-    ]
+    ]  # fmt: skip
     if term.group.place != EVERYWHERE:
         return found
     each = [

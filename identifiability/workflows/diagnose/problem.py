@@ -227,7 +227,7 @@ class Rows:
         known : KnownValues
             What is known of the values beforehand.
         """
-        regression = structure.regression(samples, keep=True)
+        regression = structure.regression(samples)
         every = sum(s.outputs for s in samples)
         seen = Excerpt.of(regression, (every, 1, every))
         torque, X = seen.y, seen.X
@@ -430,8 +430,8 @@ def _one_log(log: Log) -> Roles:
         )
     end = (1 - LAST) * len(log)
     start = end + PAUSE * (len(log) - end)
-    fit = log.cut(0, int((1 - PAUSE) * end), f"{log.name}{PART}1")
-    verify = log.cut(int(np.ceil(start)), len(log), f"{log.name}{PART}2")
+    fit = log.rows(0, int((1 - PAUSE) * end), f"{log.name}{PART}1")
+    verify = log.rows(int(np.ceil(start)), len(log), f"{log.name}{PART}2")
     verified_on = f"the last {100 * LAST:.0f} % of {log.name}, set aside"
     return (fit,), (verify,), verified_on
 
@@ -446,7 +446,7 @@ def prepare_rows(
     """
     looks = [window for _, window in log.windows()]
     step = float(np.median(np.concatenate([np.diff(w.t) for w in looks])))
-    even = log.clock.longest.length < LOG_RULES.gap * step  # no filter reaches across a gap
+    even = log.clock.longest < LOG_RULES.gap * step  # no filter reaches across a gap
     if how is None and even and {"dq", "ddq"} <= set(log.channels):
         band = LOG_RULES.cutoff_wide * bandwidth_of_windows([w.q for w in looks], step)
         factor = int(

@@ -47,7 +47,6 @@ from identifiability.workflows.commands import (
     source_name,
 )
 from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
-from identifiability.workflows.diagnose.predictor import Predictor
 from identifiability.workflows.diagnose.problem import Discrepancy, Gap, Setting
 from identifiability.workflows.predict import Fit, Predicts, settled
 from identifiability.workflows.rules import RULES as WORKFLOW_RULES
@@ -262,8 +261,6 @@ class Diagnosis(Result, Setting, Predicts):
         The base model with the named effects.
     moved : Moved or None
         How far rollouts of the nearest real robot are off, of logs of commands.
-    predictor : Predictor
-        What predicts: the plain model, or the named one.
     forward : ForwardGap or None
         Forward simulation before and after, where it was made.
     hints : tuple of str
@@ -290,7 +287,6 @@ class Diagnosis(Result, Setting, Predicts):
     evidence: tuple[Odds, ...]
     values: Array
     model: Model
-    predictor: Predictor
     forward: ForwardGap | None = None
     hints: tuple[str, ...] = ()
     nothing: str = ""
@@ -327,9 +323,9 @@ class Diagnosis(Result, Setting, Predicts):
 
     @cached_property
     def fit(self) -> Fit:
-        """The model that predicts: values, covariance, and how torque scatters."""
+        """The model with the named effects: values, covariance, and how torque scatters."""
         with one_thread("blas"):
-            return keep_predictor(self)
+            return keep_completed(self)
 
     def moved_by(self, logs: Recordings) -> Diagnosis:
         """Return the diagnosis with how far rollouts are off, where logs are of commands."""
@@ -445,7 +441,6 @@ class Diagnosis(Result, Setting, Predicts):
             "after": pick(self, error_ra="error_after", error_ra_validation="held_after"),
             "errors": {"joints": self.error_frame().to_dict("records")},
             "earlier": {"source": "", "error_ra_validation": None, "turns": []},  # for one release
-            "predictor": pick(self.predictor, "named", "statement"),
             "change": {"interval95": list(self.interval), "measured": f"on {self.verified_on}"},
             "roles": {
                 "chosen": "by the evidence of the fitted logs",
@@ -609,8 +604,7 @@ def _left(d: Diagnosis) -> Answer:
     error = d.held_after if d.effects else d.held_before
     question = "How good is the model then?"
     each = d.error_frame()["after"].to_numpy()
-    text = " ".join(filter(None, (d.unexplained, d.predictor.statement)))
-    return answer_quality(error, d.robot.joints, each, text, question)
+    return answer_quality(error, d.robot.joints, each, d.unexplained, question)
 
 
 #: Places that the headline lists of each effect.
@@ -737,18 +731,14 @@ ERRORS = with_hints(
 )
 
 
-def keep_predictor(d: Diagnosis) -> Fit:
-    """Return the model that predicts, with the values that its error is stated of.
+def keep_completed(d: Diagnosis) -> Fit:
+    """Return the model with the named effects, with the values that its error is stated of.
 
     Intervals are those of a refit, whatever was known beforehand.
     """
-    if not d.predictor.named:
-        gap = replace(d.gap, residual=d.gap.residual[:, :, :1])
-        own = d.predictor.values
-        d = replace(d, effects=(), model=d.structure.model, values=own, gap=gap)
     structure = d.completed
     submodel = full_model(structure.base, "the diagnosed model")
-    regression = structure.regression(d.samples, keep=True)
+    regression = structure.regression(d.samples)
     regression = replace(regression, instruments=None)
     information = gather_information(regression)
     fit = estimate(information)
@@ -799,7 +789,7 @@ def fit_physical(
     IdentifiabilityError
         If the solver finds none.
     """
-    information = gather_information(structure.regression(samples, keep=True))
+    information = gather_information(structure.regression(samples))
     joints, wls = structure.robot.joints, find_estimator("wls")
     information = weigh_rows(joints, samples, information, wls)[0]
     submodel, fit = full_model(structure.base), estimate(information)

@@ -48,7 +48,6 @@ from identifiability.workflows.diagnose.naming import (
     name_missing,
     without_outliers,
 )
-from identifiability.workflows.diagnose.predictor import choose_predictor
 from identifiability.workflows.diagnose.problem import (
     MOST_IN_ALL,
     MOST_SAMPLES,
@@ -274,7 +273,7 @@ class _Asked:
         if setting.fixed or found.changes:
             return found
         joints, wls = found.robot.joints, find_estimator("wls")
-        information = gather_information(found.completed.regression(found.samples, keep=True))
+        information = gather_information(found.completed.regression(found.samples))
         _, decided, outliers = weigh_rows(joints, found.samples, information, wls)
         # Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
         outliers = None if outliers is None else outliers.below(0.1)
@@ -411,7 +410,6 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         ),
         values=known.base + known.directions @ fits[-1][: len(known.precision)],
         model=Model((*structure.model.effects, *added)),
-        predictor=choose_predictor(naming, known.base + known.directions @ fits[0]),
     )
 
 

@@ -563,7 +563,8 @@ def _reread(robot: Robot, path: Path, sidecar: Path | None, *, alone: bool) -> R
         kept = {key: x for key, x in given.items() if not alone or key not in _BESIDE}
         beside = Path(folder) / "sidecar.toml"
         write_text(beside, toml_text(kept))
-        lock = {name: robot.locked[name] for name in robot.lock_option}
+        # What was written says itself what is locked, or has it as one body with its host.
+        lock = {name: robot.locked[name] for name in robot.lock_option if path == robot.path}
         base: Any = robot.base_option
         copy = Robot.load(path, beside, lock=lock, base=base)
     return replace(

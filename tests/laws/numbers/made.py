@@ -37,7 +37,6 @@ def fit_of(value, sigma, determined=None, weights=(1.0,), rss=(100.0,), columns=
         rss=rss,
         dof=100,
         condition=1.0,
-        singular_values=np.ones(k),
         weights=np.asarray(weights, float),
         times=np.ones(len(weights)),
         estimator=Estimator(weighted=False),

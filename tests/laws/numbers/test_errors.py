@@ -166,10 +166,9 @@ class Rows:
         for a in range(first, last, self.size):
             rows = slice(a, min(a + self.size, last))
             tau = self.tau[rows]
-            yield Chunk(
-                log=log, start=a - first, W=self.W[rows], tau=tau, raw=self.raw[rows],
-                t=np.arange(len(tau)) + float(a), velocity=np.sign(tau),
-            )  # fmt: skip
+            t, data = np.arange(len(tau)) + float(a), np.ones(tau.shape, bool)
+            what = self.W[rows], tau, self.raw[rows], t, np.sign(tau), data
+            yield Chunk(log, a - first, *what)
 
 
 def test_every_sample_is_predicted_by_the_fit_that_has_not_seen_it_over_several_logs():

@@ -122,11 +122,9 @@ def test_sums_follow_the_information_wherever_it_goes():
     information = gather(W, tau, 10, (130, 100))
     at = np.arange(0, 230, 10)
     small = information.reduce(M, ["a", "b"], held)
-    both = gather(W[:130], tau[:130], 10) + gather(W[130:], tau[130:], 10)
     for a in range(2):
         full = by_hand(a, at, W, tau)
         np.testing.assert_allclose(sums_of(information)[a], full, atol=1e-9)
-        np.testing.assert_allclose(sums_of(both)[a], full, atol=1e-9)
         np.testing.assert_allclose(sums_of(information.take(at < 60))[a], full[at < 60], atol=1e-9)
         merged = information.merge(np.array([0, 5, 13, 20]))
         np.testing.assert_allclose(

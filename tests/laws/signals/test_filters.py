@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.logs import signals
+from identifiability.logs import rows, signals
 from identifiability.logs.spectrum import Spectrum, bandwidth_of_windows, choose_band
 
 DT = 0.002
@@ -88,11 +88,11 @@ def test_the_cut_off_is_ten_bandwidths_within_its_bounds():
 
 
 def test_long_logs_are_decided_on_even_windows():
-    most = signals.WINDOWS * signals.WINDOW
-    assert signals.spread_windows(most) == [(0, most)]
-    windows = signals.spread_windows(most + 7000)
-    assert len(windows) == signals.WINDOWS
-    assert {b - a for a, b in windows} == {signals.WINDOW}
+    most = rows.WINDOWS * rows.WINDOW
+    assert rows.spread_windows(most) == [(0, most)]
+    windows = rows.spread_windows(most + 7000)
+    assert len(windows) == rows.WINDOWS
+    assert {b - a for a, b in windows} == {rows.WINDOW}
     assert (windows[0][0], windows[-1][1]) == (0, most + 7000)
     assert np.ptp(np.diff([a for a, _ in windows])) <= 1
 
@@ -123,17 +123,6 @@ def test_decimation_is_a_symmetric_average_of_20_neighbours_a_sample(factor):
         y = d.apply(np.exp(2j * np.pi * share / factor * t)[:, None].real)[:, 0]
         z = d.apply(np.exp(2j * np.pi * share / factor * t)[:, None].imag)[:, 0]
         assert np.sqrt(np.mean(y**2 + z**2)) == pytest.approx(gain, abs=slack)
-
-
-@pytest.mark.parametrize("factor", [2, 5])
-def test_outputs_lie_on_the_logs_grid_wherever_a_run_begins(factor):
-    d = signals.Decimation(factor)
-    for start in range(7):
-        for stop in (start, start + 2 * d.reach, start + 2 * d.reach + 1, start + 2 * d.reach + 23):
-            wanted = [
-                r for r in range(0, 400, factor) if r - d.reach >= start and r + d.reach < stop
-            ]
-            assert list(d.centres(start, stop)) == wanted
 
 
 def test_measured_derivatives_are_fitted_with_the_positions_by_how_noisy_they_are():

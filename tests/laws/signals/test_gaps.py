@@ -11,6 +11,7 @@ from identifiability.effects.measurement import TimeDelay
 from identifiability.foundation.engines import Serial
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
+from identifiability.logs import rows as log_rows
 from identifiability.logs.gaps import Gaps, fill
 from identifiability.logs.prepare import Preparation, dataset, prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
@@ -74,7 +75,7 @@ def test_a_gap_is_bridged_below_half_of_the_period_of_the_cut_off(two, lost, spl
     s = prepared(two, without(4000, (1999, lost)))
     assert len(s.breaks) == split == len(s.hints)
     assert not split or "after data row 2000: it was taken as 2 stretches" in s.hints[0]
-    assert s.survey.lost == split
+    assert s.lost == split
     assert sum("beside long gaps" in note for note in s.notes) == split
 
 
@@ -99,7 +100,7 @@ def test_neither_outputs_nor_blocks_nor_delays_reach_across_a_gap(two):
     assert decimated.decimation is not None
     before = np.searchsorted(decimated.output_times(), DT * np.array([1500, 4000]))
     assert decimated.starts == (0, *before)
-    for start, stop in decimated.runs:
+    for start, stop, _ in decimated.runs:
         assert np.ptp(decimated.motion.t[start:stop]) < (stop - start) * DT
     model = Model.of("rigid_body")
     for samples in (s, decimated):
@@ -118,9 +119,9 @@ def test_neither_outputs_nor_blocks_nor_delays_reach_across_a_gap(two):
 def test_a_stretch_shorter_than_a_period_of_the_cut_off_is_left_out(two):
     rows = without(4000, (1999, 100), (2099 + 51, 100))  # 51 samples between, a period is 51.5
     s = prepared(two, rows, decimate=1)
-    assert s.survey.lost == 51 + 1
+    assert s.lost == 51 + 1
     assert not np.isin(np.arange(2000, 2051), s.motion.kept).any()
-    assert prepared(two, without(4000, (1999, 100), (2099 + 52, 100))).survey.lost == 2
+    assert prepared(two, without(4000, (1999, 100), (2099 + 52, 100))).lost == 2
 
 
 def test_the_band_is_that_of_the_motion_and_not_of_its_gaps(two):
@@ -170,29 +171,31 @@ def test_repeated_values_are_not_interpolated_from_beyond_a_gap(two):
 
 
 def test_a_long_file_with_gaps_is_read_as_a_short_one(two, tmp_path, monkeypatch):
-    monkeypatch.setattr(dataset, "PIECE", 700)
-    monkeypatch.setattr(dataset, "MARGINS", 0)
-    monkeypatch.setattr(dataset, "SHORTEST", 1500)
     table = frame(without(9000, (1999, 5), (3499, 200), (3699 + 30, 400), (6999, 11)))
     path = tmp_path / "log.parquet"
     table.to_parquet(path, index=False)
     how = Preparation(cutoff=CUTOFF)
-    whole = prepare_log(two, Log.read(path), how)
-    parts = prepare_log(two, Log.scan(path), how, engine=Serial())
-    assert (parts.outputs, parts.starts, parts.hints) == (whole.outputs, whole.starts, whole.hints)
-    assert (parts.notes, parts.survey.lost) == (whole.notes, whole.survey.lost)
     model = Model.of("rigid_body")
     kept = find_base_parameters(two, model).kept
-    one, other = (gather_information(Regression(two, model, (s,), kept)) for s in (whole, parts))
+    whole = prepare_log(two, Log.read(path), how)
+    one = gather_information(Regression(two, model, (whole,), kept))
+    monkeypatch.setattr(dataset, "PIECE", 700)
+    monkeypatch.setattr(dataset, "MARGINS", 0)
+    monkeypatch.setattr(log_rows, "LONG", 0)
+    parts = prepare_log(two, Log.read(path), how, engine=Serial())
+    other = gather_information(Regression(two, model, (parts,), kept))
+    assert (parts.outputs, parts.starts, parts.hints) == (whole.outputs, whole.starts, whole.hints)
+    assert (parts.notes, parts.lost) == (whole.notes, whole.lost)
     np.testing.assert_array_equal(one.counts, other.counts)
     R, S = one.factor(), other.factor()
     np.testing.assert_allclose(S.T @ S, R.T @ R, rtol=0, atol=1e-8 * np.abs(R.T @ R).max())
 
 
-def test_gaps_of_a_part_of_a_file_are_counted_from_its_first_row(tmp_path):
+def test_gaps_of_a_part_of_a_file_are_counted_from_its_first_row(tmp_path, read_long):
     path = tmp_path / "log.parquet"
     frame(without(3000, (999, 5), (1999, 50))).to_parquet(path, index=False)
-    whole, part = Log.scan(path), Log.scan(path).cut(900, 2500, "part").cut(10, 1500, "p")
+    whole = read_long(path)
+    part = whole.rows(900, 2500, "part").rows(10, 1500, "p")
     t = Log.read(path).t
     found = Gaps.of("p", part.clock, [part.rows(0, len(part)).t])
     assert found.rows.tolist() == [999 - 910, 1994 - 910]

@@ -11,7 +11,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.contradictions import check_units, contradictions
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
-from identifiability.logs.prepare.dataset import Survey, explain_silence, find_signal
+from identifiability.logs.prepare.dataset import explain_silence, find_signal
 from identifiability.logs.signals import Decimation
 from identifiability.robot import Robot, complete_motion
 
@@ -59,8 +59,8 @@ def test_outputs_are_at_every_nth_row_whose_neighbours_are_all_there(two, factor
     ]  # fmt: skip
     assert 0 < s.outputs == len(rows) < 100
     np.testing.assert_allclose(s.output_times(), 0.01 * np.array(rows))
-    assert sum(s.run_outputs) == len(rows)
-    for start, stop in s.runs:
+    assert sum(count for *_, count in s.runs) == len(rows)
+    for start, stop, _ in s.runs:
         assert (np.diff(kept[start:stop]) == 1).all()
     for size in (1, 25, 10**6):
         pieces = list(s.pieces(size))
@@ -115,27 +115,22 @@ def test_derivatives_are_those_of_the_motion_inside_a_log(two):
         assert inside.max() < 2e-3 * np.abs(x).max()
 
 
-def test_the_survey_of_two_parts_is_that_of_both(two):
-    m = complete_motion(two, 0.01 * np.arange(50), *wave(0.01 * np.arange(50)))
-    m = replace(m, dropped=np.array([3, 4, 5, 6, 7, 8, 30]), near_singular=np.array([9, 40]),
-                condition=7.0)  # fmt: skip
-    torque, span = np.array([1.0, 2.0]), np.array([[-1.0, 3.0], [4.0, 3.0]])
-    whole = Survey.of(m, None, 50, torque, span)
-    halves = np.array([[[0.0, 3.0], [4.0, 3.0]], [[-1.0, 3.0], [2.0, 3.0]]])
-    parts = [
-        Survey.of(m, own, n, torque / 2, half)
-        for own, n, half in (((0, 20), 20, halves[0]), ((20, 50), 30, halves[1]))
-    ]
-    both = parts[0] + parts[1]
-    for name in ("kept", "outputs", "dropped", "first_dropped", "singular", "first_singular",
-                 "condition", "start", "stop"):  # fmt: skip
-        assert getattr(both, name) == getattr(whole, name), name
-    for name in ("low", "high", "torque", "torque_range"):
-        np.testing.assert_array_equal(getattr(both, name), getattr(whole, name))
-    assert (whole.dropped, whole.first_dropped) == (7, (3, 4, 5, 6, 7))
+def test_the_survey_says_whether_there_is_anything_to_explain(two):
+    t = 0.01 * np.arange(50)
+    m = replace(complete_motion(two, t, *wave(t)), dropped=np.arange(3, 9))
+    tau = np.stack([np.linspace(-1, 4, 50), np.full(50, 3.0)], 1)
+    data = Dataset("log", m, tau, None, (), "")
+    whole, parts = data.survey, [data.take(slice(20)).survey, data.take(slice(20, None)).survey]
+    assert (whole.kept, whole.outputs, whole.start, whole.stop) == (50, 50, t[0], t[-1])
+    np.testing.assert_allclose(whole.torque, tau.sum(0))
+    np.testing.assert_array_equal(whole.torque_range, [tau.min(0), tau.max(0)])
+    np.testing.assert_array_equal(whole.high[0], m.actuated_q.max(0))
+    (said,) = data.describe(two.joints, 56)
+    assert "6 of 56 samples" in said
+    assert "4, 5, 6, 7, 8 …" in said
     # The first joint's torque changes, the second one's does not; no torque matters at rest.
     assert find_signal([whole]).tolist() == [True, False]
-    assert find_signal([parts[0], parts[1]]).tolist() == [True, False]
+    assert find_signal(parts).tolist() == [True, False]
     assert explain_silence([whole]) == ""
     still = replace(whole, high=whole.low + 1e-10)
     assert not find_signal([still]).any()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability.logs import spikes
-from identifiability.logs.spikes import Spike, SpikeFinder, find_spikes, mend_column
+from identifiability.logs.spikes import Spike, find_spikes, mend_column
 
 ROWS = 1000
 TIME = np.arange(ROWS) * 0.01
@@ -136,19 +136,12 @@ def test_what_robots_do_is_not_taken_for_wrong(name):
     assert not any(found.values())
 
 
-@pytest.mark.parametrize("piece", [1, 7, 333, 5000])
-def test_pieces_do_not_matter(piece, monkeypatch):
-    """Neither those that are given nor those that are looked at."""
+def test_blocks_do_not_matter(monkeypatch):
     good = np.concatenate([friction(k) + noise(0.05, k) for k in range(4)])
     bad = good.copy()
     bad[[0, 331, 1400, 1402, 2000, 3999]] += 200.0
     monkeypatch.setattr(spikes, "BLOCK", 1000)
-    wanted = find_spikes(bad)
-    assert [s.row for s in wanted] == [0, 331, 1400, 1402, 2000, 3999]
-    finder = SpikeFinder()
-    for k in range(0, len(bad), piece):
-        finder.add(bad[k : k + piece])
-    assert finder.finish() == wanted
+    assert [s.row for s in find_spikes(bad)] == [0, 331, 1400, 1402, 2000, 3999]
 
 
 @pytest.mark.parametrize("rows", range(1, 40))

@@ -72,7 +72,7 @@ def test_times_since_1970_count_from_the_first(unit):
     log = read(frame.assign(t=given))
     np.testing.assert_allclose(log.t, frame["t"], rtol=0, atol=5e-7)
     assert log.start == pytest.approx(since, abs=1e-6)
-    assert log.cut(10, 90, "part").start == log.start
+    assert log.rows(10, 90, "part").start == log.start
     assert "the times count from 1970" in log.notes[-1]
     assert len(log.notes) == 1 + (unit != "s")
 
@@ -119,7 +119,7 @@ def test_what_is_no_time_is_refused_as_before():
 
 @pytest.mark.parametrize("form", ["csv", "parquet"])
 @pytest.mark.parametrize("times", ["ms", "epoch", "dates"])
-def test_a_long_file_has_the_times_of_a_short_one(form, times, tmp_path):
+def test_a_long_file_has_the_times_of_a_short_one(form, times, tmp_path, read_long):
     frame = table(0.004, 3000)
     since = pd.Timestamp("2026-11-20 18:00:00.123")
     given = {
@@ -130,13 +130,13 @@ def test_a_long_file_has_the_times_of_a_short_one(form, times, tmp_path):
     path = tmp_path / f"log.{form}"
     made = frame.assign(t=given)
     made.to_csv(path, index=False) if form == "csv" else made.to_parquet(path, index=False)
-    short, long = Log.read(path), Log.scan(path)
+    short, long = Log.read(path), read_long(path)
     np.testing.assert_allclose(short.t, frame["t"], rtol=0, atol=5e-7)
     np.testing.assert_array_equal(long.rows(100, 900).t, short.t[100:900])
     assert (long.clock.first, long.clock.last) == (short.t[0], short.t[-1])
     assert long.notes == short.notes != ()
     assert (times == "ms") == (short.start is None)
-    assert long.start == long.rows(5, 50).start == long.cut(5, 50, "part").start == short.start
+    assert long.start == long.rows(5, 50).start == long.rows(5, 50, "part").start == short.start
 
 
 @pytest.mark.parametrize(("rate", "of_commands"), [(125, 50), (100, 60), (500, 30), (1000, 7.3)])

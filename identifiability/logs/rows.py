@@ -1,0 +1,117 @@
+"""Rows of a log of any length: gone through some at a time, in memory or mapped from a file."""
+
+from __future__ import annotations
+
+import mmap
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Any
+from weakref import WeakSet
+
+import numpy as np
+
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import Finding
+from identifiability.foundation.names import Array
+
+#: Decisions about a long log are made on this many windows of so many samples.
+WINDOWS, WINDOW = 8, 16_384
+
+#: Logs of more rows are long: these stay on the disk.
+LONG = WINDOWS * WINDOW
+
+#: Rows that are gone through at a time.
+PIECE = 65_536
+
+#: Where mapped rows lie unless TMPDIR names a folder: other temporary folders may be memory.
+DISK = Path("/var/tmp")
+
+_MAPS: WeakSet[mmap.mmap] = WeakSet()
+
+
+def is_long(rows: int) -> bool:
+    """Whether so many rows stay on the disk, mapped from a file."""
+    return rows > LONG
+
+
+def spread_windows(rows: int) -> list[tuple[int, int]]:
+    """Return the rows (start, stop) that decisions about a whole log are made on.
+
+    All of them, or windows of a long log, evenly spaced from the first row to the last.
+    """
+    if rows <= WINDOWS * WINDOW:
+        return [(0, rows)]
+    starts = np.linspace(0, rows - WINDOW, WINDOWS).astype(int)
+    return [(int(s), int(s) + WINDOW) for s in starts]
+
+
+def divide_rows(rows: int, size: int = PIECE) -> Iterator[tuple[int, int]]:
+    """Yield pieces (start, stop) of rows, in order: all of them, or so many a piece of a long log.
+
+    What was read of mapped rows is let go of behind each.
+    """
+    count = max(1, rows // size) if is_long(rows) else 1
+    for start, stop in pairwise(np.linspace(0, rows, count + 1).astype(int).tolist()):
+        yield start, stop
+        forget()
+
+
+def find_range(x: Array) -> tuple[Array, Array]:
+    """Return the smallest and the largest values of x (N, …) along its rows, (…) each."""
+    parts = [x[a:b] for a, b in divide_rows(len(x))]
+    low = np.min([part.min(0, initial=np.inf) for part in parts], axis=0)
+    return low, np.max([part.max(0, initial=-np.inf) for part in parts], axis=0)
+
+
+def gather(pieces: Iterable[Mapping[str, Array]]) -> dict[str, Any]:
+    """Return arrays whose rows come piece by piece, by name; none if there are no pieces.
+
+    Many rows go to files that have no name, and are mapped from there: they end with the arrays.
+
+    Raises
+    ------
+    LogError
+        If a disk is full.
+    """
+    kept: list[Mapping[str, Array]] = []
+    files: dict[str, Any] = {}
+    rows, folder = 0, os.environ.get("TMPDIR") or (DISK if DISK.is_dir() else None)
+    with ExitStack() as stack:
+        for piece in pieces:
+            kept.append(piece)
+            rows += len(next(iter(piece.values())))
+            if is_long(rows):
+                try:
+                    for name in piece if not files else ():
+                        files[name] = stack.enter_context(TemporaryFile(dir=folder))
+                    for name, x in ((name, x) for part in kept for name, x in part.items()):
+                        x.tofile(files[name])
+                except OSError as error:
+                    raise LogError(Finding("long.disk", folder, why=str(error))) from None
+                last = {name: x[:0] for name, x in piece.items()}
+                kept.clear()
+                forget()
+        if files:
+            return {name: _mapped(file, rows, last[name]) for name, file in files.items()}
+    one = len(kept) == 1
+    names = kept[0] if kept else ()
+    return {k: kept[0][k] if one else np.concatenate([p[k] for p in kept]) for k in names}
+
+
+def _mapped(file: Any, rows: int, like: Array) -> Array:
+    """Return the rows in a file that are like others."""
+    if 0 in like.shape[1:]:
+        return np.empty((rows, *like.shape[1:]), like.dtype)
+    stored = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    _MAPS.add(stored)
+    return np.frombuffer(stored, like.dtype).reshape(rows, *like.shape[1:])
+
+
+def forget() -> None:
+    """Let go of what was read of mapped rows: they are on the disk."""
+    for stored in tuple(_MAPS):
+        stored.madvise(mmap.MADV_DONTNEED)
