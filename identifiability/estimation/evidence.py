@@ -324,7 +324,9 @@ class HeldOut:
         density = -0.5 * squares @ (1.0 / self.noise)
         for f, (L, x) in enumerate(zip([] if roots is None else roots, left, strict=False)):
             half = L.T @ self.products[f, :-1]
-            density[f] += Normal.of(np.eye(len(half)) + half[:, :-1] @ L, half @ x).evidence
+            sizes, turn = np.linalg.eigh(half[:, :-1] @ L)
+            sizes = 1.0 + np.maximum(sizes, 0.0)  # below is rounding, of exact data
+            density[f] += 0.5 * ((turn.T @ half @ x) ** 2 / sizes - np.log(sizes)).sum()
         ratio = self.folds.ratio if values.ndim > 1 else 0.0
         return Score(density, squares, self.information.variation, ratio)
 

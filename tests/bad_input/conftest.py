@@ -83,6 +83,10 @@ def refused(command, tmp_path):
     return run
 
 
+#: An earlier result, which alone may be written over.
+OLD = '{"schema": "identifiability/analysis/1"}'
+
+
 @pytest.fixture
 def refuses(refused, write):
     """A function (robot, log, options) -> the sentence with which `analyze` refuses them.
@@ -92,7 +96,7 @@ def refuses(refused, write):
 
     def run(robot, log, *options) -> str:
         log = log if isinstance(log, str | Path) else write("log.csv", log)
-        return refused("analyze", robot, log, "--json", write("old.json", "old"), *options)
+        return refused("analyze", robot, log, "--json", write("old.json", OLD), *options)
 
     return run
 

@@ -139,7 +139,9 @@ class WhitenedRegression:
         precision = turn.T @ self.refits.grams[1:] @ turn / self.unit
         for f, (gram, P) in enumerate(zip(self.gram, precision, strict=True)):
             before = Normal.ridged(P, none)
-            after = Normal.of(before.factor @ before.factor.T + turn.T @ gram[:k, :k] @ turn, none)
+            after = Normal.ridged(
+                before.factor @ before.factor.T + turn.T @ gram[:k, :k] @ turn, none
+            )
             own = gram @ left[:, f].T
             half = after.halves(turn.T @ own[:k], free)
             volume = np.log(np.diag(before.factor)) - np.log(np.diag(after.factor))
