@@ -112,6 +112,8 @@ def fit_loads(structure: Structure, X: Array, y: Array, data: np.ndarray) -> Rob
 
 #: Samples of all logs up to which all are looked at; of more so many windows of so many samples.
 EXCERPT = (6_000, 6, 1_000)
+#: Numbers that columns of what may be missing may be, where all act at all joints.
+NUMBERS = 2**27
 #: Families of bodies, with typical values of their kinds.
 BODIES = {"rigid_body": LOAD, "payload": {f"payload_{kind}": x for kind, x in LOAD.items()}}
 #: Names at most beside which the noise of a joint is measured.
@@ -229,7 +231,12 @@ class Missing:
         seen = Excerpt.of(regression)
         motions = [piece.motion for piece in seen.pieces]
         listed, _ = list_candidates(seen.robot, families, present, motions, fixed=False)
-        return Missing(with_reversals(seen.robot, listed, present), seen)
+        candidates = with_reversals(seen.robot, listed, present)
+        columns = sum(len(c.columns) for c in candidates)
+        most = max(NUMBERS // (columns * seen.y.shape[1] or 1), EXCERPT[1])
+        if len(seen.y) > most:
+            seen = Excerpt.of(regression, (most, EXCERPT[1], most // EXCERPT[1]))
+        return Missing(candidates, seen)
 
     @cached_property
     def entries(self) -> Entries:
@@ -254,12 +261,7 @@ class Missing:
         Pieces of one curve are alike, reached or not: beyond the data it returns to zero. Those of
         a body are as a compact one has them.
         """
-        width = max((c.columns[-1] + 1 for c in self.candidates), default=0)
-        square = np.zeros(width)
-        torque = np.sum(self.seen.raw**2 * self.seen.data, axis=0)
-        for (j, k), x in self.entries.items():
-            if torque[j] > 0:
-                square[k] += x @ x / torque[j]
+        square = self._squares.sum(0)
         for c in self.candidates:
             at = list(c.columns)
             if c.family.flexible:
@@ -324,17 +326,37 @@ class Missing:
         """Return the noise of a joint in some stretches, beside columns of names, too."""
         X, random = self.seen.X[:, joint], list[Array]()
         model = [X[:, X.any(0)]]
-        for session, columns in [*((False, x) for x in named), *self._beside_noise]:
+        # In rows in which all act, those of its own joint are first.
+        functions = sorted(self._beside_noise, key=lambda own: -self._share(joint, own[1]))
+        for session, columns in [*((False, x) for x in named), *functions]:
             own = [self.entries[joint, k] for k in columns if (joint, k) in self.entries]
             if own:
                 (model if session else random).append(np.stack(own, 1))
         return rich_noise([np.column_stack(model), *random], self.seen.y[:, joint], runs)
+
+    def _share(self, joint: int, columns: Sequence[int]) -> float:
+        """Return the share of the torque of columns that lies in a joint."""
+        size = np.array([self._squares[:, k] for k in columns]).sum(0)
+        return float(size[joint] / size.sum())
+
+    @cached_property
+    def _squares(self) -> Array:
+        """Sum of squares of each column in each joint over the torque's, (n, c)."""
+        torque = np.sum(self.seen.raw**2 * self.seen.data, axis=0)
+        width = max((c.columns[-1] + 1 for c in self.candidates), default=0)
+        square = np.zeros((len(torque), width))
+        for (j, k), x in self.entries.items():
+            if torque[j] > 0:
+                square[j, k] = x @ x / torque[j]
+        return square
 
     def products(
         self,
         of: Excerpt | None = None,
         edges: Sequence[int] | None = None,
         noise: ARNoise | None = None,
+        *,
+        together: bool = False,
     ) -> Information:
         """Return the information of whitened rows: fitted ones, or others with the same columns.
 
@@ -345,6 +367,8 @@ class Missing:
             Rows at which blocks begin and end.
         noise : ARNoise, optional
             Other than theirs.
+        together : bool
+            Whether products of all joints are added up.
         """
         rows = of or self.seen
         entries = self.entries if of is None else rows.entries(self.candidates)
@@ -363,7 +387,8 @@ class Missing:
         # One joint after the other: in rows of a base that floats every column acts.
         blocks = map(of_joint, range(len(columns)))
         usual = np.ceil(np.linspace(0, len(rows.y), BLOCKS + 1)).astype(int).tolist()
-        return whitened_information(columns, blocks, noise or self.noise, rows.runs, edges or usual)
+        known, edges = noise or self.noise, edges or usual
+        return whitened_information(columns, blocks, known, rows.runs, edges, together=together)
 
     @cached_property
     def sets(self) -> dict[tuple[str, str], list[list[Candidate]]]:
@@ -396,13 +421,13 @@ class Missing:
             out.append(Group(name, place, _members(sets, self.fixed), price, positive))
         return tuple(out)
 
-    def model(self, products: Information | None = None) -> MixedModel:
+    def model(self) -> MixedModel:
         """Return the mixed model of the fitted rows.
 
         What every hypothesis has, friction at reversals, is a part of its fixed columns, with the
         variance that it has beside the model.
         """
-        own, p = products or self.products(), self.fixed
+        own, p = self.products(edges=[0, len(self.seen.y)], together=True), self.fixed
         diagonal = np.diag(own.between(np.arange(p), np.arange(p)))
         scale = np.concatenate([np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), self.scale])
         prior, always = self.root.T @ self.root, (REVERSALS.name, EVERYWHERE)
@@ -608,7 +633,7 @@ def find_alternatives(
     missing = Missing.of(plain, families, structure.present)
     if not len(missing.seen.y) or not missing.groups:
         return NO_ALTERNATIVES
-    model = missing.model(missing.products(edges=[0, len(missing.seen.y)]))
+    model = missing.model()
     terms = model.search()
     if terms and record is not None:
         second = Missing.of(replace(plain, samples=record), families, structure.present)

@@ -19,7 +19,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import log_ndtr, logsumexp, softmax
+from scipy.special import log_ndtr, softmax
 
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.noise import THIN, ARNoise, JointRuns, whiten
@@ -27,7 +27,7 @@ from identifiability.estimation.rules import RULES
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.regression.information import ActuatorBlocks, Information
+from identifiability.regression.information import ActuatorBlocks, Information, factor_each
 
 #: Sizes that a group may have, relative to the torque of its joint: uniform in the logarithm.
 SIZES = np.geomspace(1e-4, 1.0, 40)
@@ -39,6 +39,8 @@ def whitened_information(
     noise: ARNoise,
     runs: JointRuns,
     edges: Sequence[int],
+    *,
+    together: bool = False,
 ) -> Information:
     """Return the information of rows of each joint, whitened within stretches of data.
 
@@ -53,14 +55,30 @@ def whitened_information(
         A row without data ends a stretch.
     edges : sequence of int
         Rows at which blocks begin and end.
+    together : bool
+        Whether products of all joints may be added up, as they are where that takes less memory:
+        where most columns act in most joints.
     """
     parts = []
+    size = columns[0][-1] + 1
+    together = together and sum(len(at) ** 2 for at in columns) > size**2
+    total = np.zeros((len(edges) - 1, size, size) if together else 0)
     for at, own, of_joint, stretches in zip(columns, rows, noise, runs.each, strict=True):
         white = whiten(own, stretches, of_joint.pacf) / of_joint.sigma
+        if together:
+            for sums, (a, b) in zip(total, pairwise(edges), strict=True):
+                sums[at[:, None], at] += white[a:b].T @ white[a:b]
+            continue
         blocks = np.zeros((len(edges) - 1, int(np.diff(edges).max()), white.shape[1]))
         for block, (a, b) in zip(blocks, pairwise(edges), strict=True):
             block[: b - a] = white[a:b]
         parts.append(ActuatorBlocks(at[:-1], None, blocks, np.zeros(blocks[:, 0].shape)))
+    if together:
+        length = np.sqrt(np.maximum(np.einsum("fii->i", total), 1e-300))
+        blocks = factor_each(total / length / length[:, None]) * length
+        parts.append(
+            ActuatorBlocks(np.arange(size - 1), None, blocks, np.zeros(blocks[:, 0].shape))
+        )
     names, counts = [str(k) for k in range(columns[0][-1])], np.diff(edges)
     data = np.repeat(counts[:, None], len(parts), 1)
     return Information(tuple(names), tuple(parts), counts, data, np.zeros(len(counts), int))
@@ -247,15 +265,17 @@ class MixedModel:
         """
         asked = self.beside(terms) if among is None else list(among)
         s = self.solve(terms)
-        every = np.arange(self.products.size)
-        along = s.root @ self._between(s.columns, every)
-        left = self.target - along.T @ s.half
         sets = [at for g in asked for at in g.members]
+        every = np.unique(np.concatenate([np.empty(0, int), *sets]))
+        along = s.root @ self._between(s.columns, every)
+        left = self.target[every] - along.T @ s.half
         widths = np.array([len(at) for at in sets])
         rises, signs = np.zeros((2, len(sets), len(self.sizes)))
         for width in np.unique(widths):
             own = np.flatnonzero(widths == width)
-            rises[own], signs[own] = self._rise(np.array([sets[k] for k in own]), along, left)
+            some = np.array([sets[k] for k in own])
+            where = np.searchsorted(every, some)
+            rises[own], signs[own] = self._rise(some, along[:, where], left[where])
         out, stop = [], 0
         for g in asked:
             at = slice(stop, stop := stop + len(g.members))
@@ -268,12 +288,13 @@ class MixedModel:
             # Half of the prior is for all shapes at once.
             share = np.where(narrow, 1 / narrow.sum(), 1 / max((~narrow).sum(), 1))
             share /= (1 + (~narrow).any()) * len(self.sizes)
-            odds = float(logsumexp(each, b=share) - g.price)
+            top = float(each[member, size])
+            odds = top + float(np.log(np.sum(share * np.exp(each - top)))) - g.price
             out.append(Term(g, int(member), float(self.sizes[size] ** 2), odds))
         # What is as likely stands as it came, whatever rounding says.
         return sorted(out, key=lambda t: -round(t.odds, 6))
 
-    def _rise(self, sets: np.ndarray, along: Array, left: Array) -> tuple[Array, Array]:
+    def _rise(self, sets: np.ndarray, part: Array, left: Array) -> tuple[Array, Array]:
         """Return the rise of the log-likelihood by sets of columns (s, k), and what signs add.
 
         Both by size, (s, sizes).
@@ -281,15 +302,15 @@ class MixedModel:
         Parameters
         ----------
         sets : (s, k) int
-        along, left : (c, m), (m,)
-            What of all columns is along the model, and their products with what it leaves.
+        part, left : (c, s, k), (s, k)
+            What of them is along the model, and their products with what it leaves.
         """
-        part, scale = along[:, sets], self.scale[sets]
+        scale = self.scale[sets]
         S = self.products.within(sets) / (scale[:, :, None] * scale[:, None, :])
         outside = S - np.einsum("csk,csl->skl", part, part, optimize=True)
         e, U = np.linalg.eigh(0.5 * (outside + outside.transpose(0, 2, 1)))
         told = e > THIN * np.einsum("skk->sk", S).max(1)[:, None]
-        e, z = (np.where(told, x, 0.0) for x in (e, np.einsum("skl,sk->sl", U, left[sets])))
+        e, z = (np.where(told, x, 0.0) for x in (e, np.einsum("skl,sk->sl", U, left)))
         v = self.sizes[:, None] ** 2
         shrunk = v / (1.0 + v * e[:, None])
         rise = 0.5 * (z[:, None] ** 2 * shrunk + np.log(shrunk / v)).sum(2)

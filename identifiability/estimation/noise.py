@@ -36,6 +36,8 @@ THIN: Tolerance = 1e-6
 #: and rounds in which those of all functions and the noise take turns.
 PRECISIONS = np.geomspace(1e-6, 1e6, 13)
 ROUNDS = 4
+#: Most columns of what may be missing beside which the noise is measured.
+DIRECTIONS = 120
 
 
 def autocorrelation(residual: Array) -> Array:
@@ -116,17 +118,14 @@ def levinson(pacf: Array) -> tuple[list[Array], Array]:
 
     Parameters
     ----------
-    pacf : (p,) or (p, B)
-        Partial autocorrelations, of several series side by side.
+    pacf : (p,)
+        Partial autocorrelations.
     """
-    predictors = [np.empty((0, *pacf.shape[1:]))]
+    predictors = [np.empty(0)]
     for r in pacf:
         before = predictors[-1]
-        longer = np.empty((len(before) + 1, *pacf.shape[1:]))
-        longer[:-1], longer[-1] = before - r * before[::-1], r
-        predictors.append(longer)
-    ones = np.ones((1, *pacf.shape[1:]))
-    shrink = np.concatenate([ones, np.cumprod(1 - pacf**2, axis=0)])
+        predictors.append(np.append(before - r * before[::-1], r))
+    shrink = np.append(1.0, np.cumprod(1 - pacf**2))
     return predictors, shrink / shrink[-1]
 
 
@@ -185,96 +184,54 @@ HIGHEST_ORDER = 4
 BOUND: Tolerance = 3.5
 
 
-#: Rows by how many of their stretch are known before them, the highest order or more together, and
-#: which two of a row and those before it are multiplied.
-_PAIRS = [
-    (known, i, j)
-    for known in range(HIGHEST_ORDER + 1)
-    for i in range(known + 1)
-    for j in range(i, known + 1)
-]
-
-
 @frozen
 class LaggedProducts:
-    """Products of rows with those a few samples before: what whitening by a short memory needs.
+    """Products of rows with those a few samples later: what whitening by a short memory needs.
 
-    Rows are met once, however many noises are tried: a row that autoregressive noise whitens is a
-    sum of itself and those before it.
+    Rows are met once, however many noises are tried. A series of n ≥ p samples that is whitened
+    by the filter a = (1, -φ) has the products ``Σ a_i a_j Σ_t z_(i+t) z_(j+t), t < n - i - j``
+    [Box & Jenkins 1976, A7.5].
 
     Attributes
     ----------
-    products : (M, m, m)
-        Summed over rows, for each of `_PAIRS`; those of two different rows are symmetric sums.
-    counts : (p + 1,)
-        How many rows know so many before them.
+    products : (p + 1, p + 1, m, m)
+        By i and j, made symmetric.
+    rows, runs : int
+        How many there are; shorter stretches than the highest order are left out.
     """
 
     products: Array
-    counts: Array
+    rows: int
+    runs: int
 
     @staticmethod
     def of(Z: Array, runs: Runs) -> LaggedProducts:
         """Return those of rows (N, m) in stretches."""
-        P = HIGHEST_ORDER
+        P, m = HIGHEST_ORDER, Z.shape[1]
+        runs = [(a, b) for a, b in runs if b - a >= P]
         first, stop = np.array(runs, int).reshape(-1, 2).T
-        rows = [(first + known)[first + known < stop] for known in range(P)]
-        first, stop = first[stop - first > P], stop[stop - first > P]
-        rest = [np.arange(a + P, b) for a, b in zip(first, stop, strict=True)]
-        rows.append(np.concatenate([np.empty(0, int), *rest]))
-        products = dict[tuple[int, int, int], Array]()
-        for known, i, j in _PAIRS:
-            if known < P or i == 0:
-                products[known, i, j] = Z[rows[known] - i].T @ Z[rows[known] - j]
-            else:  # one row earlier at the beginning of each stretch, and one less at its end
-                early, late = first + P - i, stop - i
-                ends = Z[early].T @ Z[early + i - j] - Z[late].T @ Z[late + i - j]
-                products[known, i, j] = products[known, i - 1, j - 1] + ends
-        found = np.array(list(products.values()))
-        same = np.array([i == j for _, i, j in _PAIRS])[:, None, None]
-        counts = np.array([len(own) for own in rows], float)
-        return LaggedProducts(np.where(same, 0.5, 1.0) * (found + found.transpose(0, 2, 1)), counts)
+        out = np.empty((P + 1, P + 1, m, m))
+        for lag in range(P + 1):
+            at = np.concatenate([np.arange(0), *(np.arange(a, b - lag) for a, b in runs)])
+            own = Z[at].T @ Z[at + lag]
+            for i in range(P + 1 - lag):
+                for ends in (first + i - 1, stop - i - lag) if i else ():
+                    own = own - Z[ends].T @ Z[ends + lag]
+                out[i, i + lag] = out[i + lag, i] = 0.5 * (own + own.T)
+        return LaggedProducts(out, int((stop - first).sum()), len(runs))
 
-    @property
-    def rows(self) -> int:
-        """Number of rows."""
-        return int(self.counts.sum())
+    def weigh(self, pacf: Array) -> tuple[Array, float, float]:
+        """Return what products (p + 1, p + 1) count for in those of what noise leaves of the rows.
 
-    def weigh(self, pacf: Array) -> tuple[Array, Array, Array]:
-        """Return what products count for in those of what noise leaves of the rows.
-
-        Its innovations have unit variance.
-
-        Parameters
-        ----------
-        pacf : (p, B)
-            Partial autocorrelations of B noises.
-
-        Returns
-        -------
-        weights : (M, B)
-        logdet : (B,)
-            Of the covariance of a series.
-        white : (B,)
-            Sum of the squares to be expected of white noise of unit variance in their stead.
+        Beside it the log determinant of the covariance of all series, of unit innovations, and the
+        sum of squares to be expected of white noise of unit variance in their stead.
         """
-        predictors, variances = levinson(pacf)
-        P, B = HIGHEST_ORDER, pacf.shape[1]
-        filters = np.zeros((P + 1, P + 1, B))
-        filters[:, 0] = 1.0
-        own = np.minimum(np.arange(P + 1), len(pacf))
-        for known, order in enumerate(own):
-            np.negative(predictors[order], out=filters[known, 1 : order + 1])
-        filters /= np.sqrt(variances)[own, None]
-        known, i, j = np.array(_PAIRS).T
-        weights = filters[known, i] * filters[known, j]
-        return weights, self.counts @ np.log(variances)[own], self.counts @ (filters**2).sum(1)
-
-    def weighed(self, weights: Array) -> Array:
-        """Return the sum of products by weights, (m, m)."""
-        flat = self.products.reshape(len(weights), -1)
-        total: Array = (weights @ flat).reshape(self.products.shape[1:])
-        return total
+        a = np.zeros(HIGHEST_ORDER + 1)
+        a[: len(pacf) + 1] = innovation_filter(levinson(pacf)[0][-1])
+        order = np.arange(len(pacf)) + 1
+        logdet = -self.runs * float(order @ np.log1p(-(pacf**2)))
+        white = float(a**2 @ (self.rows - 2 * self.runs * np.arange(len(a))))
+        return np.outer(a, a), logdet, white
 
 
 class RestrictedLikelihood:
@@ -335,8 +292,8 @@ class RestrictedLikelihood:
 
         The others as the prior says: what they leave is met once.
         """
-        weights, (logdet,), (white,) = self.lagged.weigh(np.tanh(theta)[:, None])
-        G, others = self._products(weights[:, 0], white), np.delete(np.arange(self.k), at)
+        weights, logdet, white = self.lagged.weigh(np.tanh(theta))
+        G, others = self._products(weights, white), np.delete(np.arange(self.k), at)
         G[others, others] += self.prior[others]
         own = np.append(at, self.k)
         rest = Normal.of(G[np.ix_(others, others)], G[others, -1])
@@ -351,7 +308,7 @@ class RestrictedLikelihood:
         return found
 
     def _products(self, weights: Array, white: float) -> Array:
-        G = self.lagged.weighed(weights)
+        G: Array = np.tensordot(weights, self.lagged.products)
         G[-1, -1] += self.floor * white
         G.ravel()[:: len(G) + 1] += 0.01 * TINY * np.trace(G)
         return G
@@ -369,8 +326,8 @@ class RestrictedLikelihood:
 
     def deviance(self, theta: Array) -> float:
         """Return minus twice the restricted log-likelihood, sigma profiled out."""
-        weights, (logdet,), (white,) = self.lagged.weigh(np.tanh(theta)[:, None])
-        return self._deviance(self._factor(weights[:, 0], white), logdet)
+        weights, logdet, white = self.lagged.weigh(np.tanh(theta))
+        return self._deviance(self._factor(weights, white), logdet)
 
     def _deviance(self, L: Array, logdet: float) -> float:
         diagonal = np.diag(L)
@@ -384,23 +341,26 @@ class RestrictedLikelihood:
 
         Products are met once: what changes with theta is what each of them counts for.
         """
-        p, step = len(theta), 1e-4
-        steps = step * np.eye(p)
-        near = theta[:, None] + np.concatenate([np.zeros((p, 1)), steps, -steps], axis=1)
-        weights, logdets, white = self.lagged.weigh(np.tanh(near))
-        L = self._factor(weights[:, 0], white[0])
+        weights, logdet, white = self.lagged.weigh(np.tanh(theta))
+        L = self._factor(weights, white)
         inverse, _ = scipy.linalg.lapack.dtrtri(L, lower=1)
         inverse[-1] *= np.sqrt(self.dof)
         toward = inverse.T @ inverse  # derivative by the whitened products
-        flat = self.lagged.products.reshape(len(weights), -1) @ toward.ravel()
-        around = flat @ weights + logdets + toward[-1, -1] * self.floor * white
-        slope = (around[1 : p + 1] - around[p + 1 :]) / (2 * step)
-        return self._deviance(L, float(logdets[0])), slope
+        each = np.tensordot(self.lagged.products, toward)
+
+        def around(theta: Array) -> float:
+            weights, logdet, white = self.lagged.weigh(np.tanh(theta))
+            size = np.sum(weights * each) + toward[-1, -1] * self.floor * white
+            return float(size + logdet)
+
+        steps = 1e-4 * np.eye(len(theta))
+        slope = [(around(theta + step) - around(theta - step)) / 2e-4 for step in steps]
+        return self._deviance(L, logdet), np.array(slope)
 
     def sigma(self, theta: Array) -> float:
         """Return the standard deviation of the innovations."""
-        weights, _, (white,) = self.lagged.weigh(np.tanh(theta)[:, None])
-        L = self._factor(weights[:, 0], white)
+        weights, _, white = self.lagged.weigh(np.tanh(theta))
+        L = self._factor(weights, white)
         return max(float(L[-1, -1]) * self.scale / float(np.sqrt(self.dof)), 1e-12 * self.scale)
 
     def maximise(self) -> Array:
@@ -561,12 +521,12 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
     """
     runs, (y, X, *random) = take_data(runs, y, *blocks)
     silent = JointNoise(np.empty(0), np.inf)
-    if not len(y):
+    if not any(b - a >= HIGHEST_ORDER for a, b in runs):
         return silent
     most = int(RULES.columns_most * len(y))
     basis = span_columns(X, most)
     # As many columns as rows would leave nothing, and no noise.
-    parts, room = list[Array](), 2 * most - basis.shape[1]
+    parts, room = list[Array](), min(2 * most - basis.shape[1], DIRECTIONS)
     for part in (np.sqrt(len(y)) * principal_columns(Z)[0] for Z in random):
         if 0 < part.shape[1] <= room:
             parts.append(part)

@@ -15,16 +15,18 @@ from identifiability.workflows.predict import read_fit
 
 @pytest.mark.parametrize("order", range(5))
 def test_lagged_products_whiten_as_rows_do_whatever_the_lengths_of_stretches(order):
-    rng, runs = np.random.default_rng(order), [(0, 40), (40, 41), (43, 45), (45, 48), (48, 52)]
+    rng, runs = np.random.default_rng(order), [(0, 40), (40, 44), (45, 50), (50, 58)]
     Z = rng.standard_normal((60, 4))
     pacf = rng.uniform(-0.9, 0.95, order)
     rows = whiten(Z, runs, pacf)
     lagged = LaggedProducts.of(Z, runs)
-    weights, _, (white,) = lagged.weigh(pacf[:, None])
-    found = lagged.weighed(weights[:, 0])
+    weights, logdet, white = lagged.weigh(pacf)
+    found = np.tensordot(weights, lagged.products)
     np.testing.assert_allclose(found, rows.T @ rows, rtol=1e-9, atol=1e-9)
     known = whiten(np.eye(60), runs, pacf)
     assert white == pytest.approx(np.sum(known**2))
+    inside = np.concatenate([np.arange(a, b) for a, b in runs])
+    assert logdet == pytest.approx(-2 * np.linalg.slogdet(known[np.ix_(inside, inside)])[1])
 
 
 def test_derivatives_of_the_restricted_likelihood_are_those_of_its_values():

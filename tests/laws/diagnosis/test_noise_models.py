@@ -16,7 +16,7 @@ from identifiability.estimation.noise import (
 )
 
 PACF = np.array([0.6, -0.3])
-RUNS = [(0, 25), (25, 27), (27, 70)]
+RUNS = [(0, 25), (25, 29), (29, 70)]
 
 
 def autocovariance(pacf, most):
