@@ -20,6 +20,7 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.answers import Answer, Column, Note, Table
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.output import write_text
@@ -379,7 +380,7 @@ class Diagnosis(Result, Setting, Predicts):
     @property
     def unexplained(self) -> str:
         """What is left, in words."""
-        if max(self.held_after, self.error_after) < ROUNDING:
+        if max(self.held_after, self.error_after) < ROUNDOFF:
             return "The residual is rounding: the logs are explained to their last digits."
         parts = []
         left = [x for x in self.evidence if np.isfinite(x.after)]
@@ -609,8 +610,6 @@ def _left(d: Diagnosis) -> Answer:
 
 #: Places that the headline lists of each effect.
 PLACES = 3
-#: An error below this share of the torque is rounding.
-ROUNDING: Tolerance = 1e-9
 #: Share of its variance from which on what a residual depends on is said.
 VISIBLE: Tolerance = 0.05
 
