@@ -99,8 +99,9 @@ def check_kind(path: Path, kinds: Sequence[str]) -> None:
     OutputError
     """
     head = b""
-    with suppress(OSError), path.open("rb") as stream:
-        head = stream.read(2000)
+    if path.is_file():  # to read a pipe would wait for who writes it
+        with suppress(OSError), path.open("rb") as stream:
+            head = stream.read(2000)
     found = re.search(rb'"identifiability/(\w+)/\d', head)
     if head and (found is None or found[1].decode() not in kinds):
         what = f"the result of another verb ({found[1].decode()})" if found else "no such result"

@@ -117,6 +117,8 @@ def read_pieces(path: Path, known: Conventions | None = None) -> Iterator[Whole]
                 f"{path} is a folder, and none of a bag (metadata.yaml) or of LeRobot "
                 "(meta/info.json); name the files in it."
             )
+        elif not path.is_file():
+            raise LogError(f"{path} is no file, but a pipe or a device; give a file.")
         else:
             check_suffix(path)
             digest = hash_files(path)
