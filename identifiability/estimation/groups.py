@@ -337,7 +337,7 @@ class Missing:
     def _share(self, joint: int, columns: Sequence[int]) -> float:
         """Return the share of the torque of columns that lies in a joint."""
         size = np.array([self._squares[:, k] for k in columns]).sum(0)
-        return float(size[joint] / size.sum())
+        return float(size[joint] / size.sum()) if size.any() else 0.0
 
     @cached_property
     def _squares(self) -> Array:
