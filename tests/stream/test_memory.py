@@ -49,4 +49,4 @@ def test_three_times_the_samples_take_the_same_memory(
         peak(robot, saved(frame.iloc[np.arange(n) % 4000].assign(t=step * np.arange(n)), form))
         for n in (4_000, samples, 3 * samples)
     )
-    assert long < 1.25 * short
+    assert long < 1.35 * short  # of a megabyte
