@@ -24,13 +24,13 @@ from shared import study_parser
 from identifiability.estimation.estimate import find_estimator, weigh_outliers
 from identifiability.estimation.noise import Noise as Remembering
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import REACH
 from identifiability.foundation.output import write_json
+from identifiability.foundation.rounding import REACH
 from identifiability.logs.prepare import prepare_log
 from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import Submodel
 from identifiability.report import Picture, Prose, Section, check_cell, frame_table, write_page
-from identifiability.report.drawing import (
+from identifiability.report.figures import (
     INK,
     MUTED,
     VERMILION,

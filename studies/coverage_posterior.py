@@ -21,8 +21,8 @@ from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.fit import Fit
 from identifiability.estimation.noise import Noise as Remembering
 from identifiability.estimation.noise import autocorrelation_time
-from identifiability.foundation.numbers import REACH
 from identifiability.foundation.output import write_json
+from identifiability.foundation.rounding import REACH
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.information import Information
 from identifiability.report import Prose, Section, check_cell, frame_table, write_page

@@ -29,7 +29,7 @@ from shared import study_parser, write_answer
 from identifiability import Log, Robot, analyze, compare, payload
 from identifiability.estimation.differences import tool_bodies
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import REACH
+from identifiability.foundation.rounding import REACH
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import PrescribedMotion, random_trajectory

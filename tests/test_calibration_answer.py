@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
-from identifiability.foundation.numbers import Share
+from identifiability.foundation.rounding import Share
 from identifiability.logs.spectrum import noise_size
 from identifiability.physical.pseudo_inertia import margin, natural_scale
 from identifiability.regression.reduction import LadderEntry, ModelEntry

@@ -38,7 +38,7 @@ from identifiability.foundation.answers import Table, frame_table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import GROUPED_KINDS, Array
-from identifiability.foundation.numbers import REACH, measured
+from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.structure import Structure

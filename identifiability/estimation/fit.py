@@ -18,7 +18,7 @@ from identifiability.estimation.groups import LabelAlternatives
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import ROUNDOFF, sandwich, unit_coordinates
 from identifiability.foundation.names import GROUPED_KINDS, Array
-from identifiability.foundation.numbers import ENDS, LEVEL, REACH
+from identifiability.foundation.rounding import ENDS, LEVEL, REACH
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information

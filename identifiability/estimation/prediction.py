@@ -20,7 +20,7 @@ from identifiability.estimation.fit import Fit, remembering_covariance
 from identifiability.foundation.engines import Engine, Steps
 from identifiability.foundation.linalg import few_at_once
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import ENDS, REACH
+from identifiability.foundation.rounding import ENDS, REACH
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import find_signal
 from identifiability.logs.signals import is_constant

@@ -13,8 +13,7 @@ from scipy.special import ndtr
 from identifiability.estimation.fit import OF_VALUES, Fit
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import REACH
-from identifiability.foundation.rounding import percent_digits
+from identifiability.foundation.rounding import REACH, percent_text
 from identifiability.foundation.values import frozen
 
 
@@ -303,12 +302,12 @@ def _bias(fit: Fit, sigma: Array) -> list[float | None]:
 def _say_missing(fit: Fit, k: int, without: Verdict, percent: float) -> str:
     """Return why a parameter loses the verdict that it would have if nothing were missing."""
     assert fit.alternatives is not None
-    known = f"±{percent_digits(without.sigma_label_percent)} % ({without.word})"
+    known = f"±{percent_text(without.sigma_label_percent)} ({without.word})"
     seems = "seems to be" if fit.alternatives.named[k] else "may be"
     return (
         f"By the logs {fit.alternatives.names[k]} {seems} missing in the model. Without it this "
         f"would be {without.value:.4g}, known to {known}; with it the value is known only to "
-        f"±{percent_digits(percent)} %: find out what is missing (diagnose)."
+        f"±{percent_text(percent)}: find out what is missing (diagnose)."
     )
 
 
@@ -316,12 +315,12 @@ def _decide(
     certain: bool, percent: float, effect: float, rules: Thresholds
 ) -> tuple[Class, tuple[Flag, ...], str]:
     """Return the verdict on a value of which enough is known to judge, its flags, and why."""
-    about = percent_digits(percent)
+    about = percent_text(percent)
     if certain and percent <= rules.sigma_percent:
         limit = f"limit {rules.sigma_percent:g} %"
-        return Class.IDENTIFIABLE, (), f"Known to ±{about} % ({limit}) and its sign is certain."
+        return Class.IDENTIFIABLE, (), f"Known to ±{about} ({limit}) and its sign is certain."
     if certain:
-        return Class.SIGN_ONLY, (), f"Its sign is certain, but it is known only to ±{about} %."
+        return Class.SIGN_ONLY, (), f"Its sign is certain, but it is known only to ±{about}."
     if effect <= rules.negligible_share:
         reason = (
             "No value in its interval moves the torque of any joint by more than "
@@ -331,7 +330,7 @@ def _decide(
     chance = (
         "even the sign may be chance" if percent < 100 else "zero and the other sign fit as well"
     )
-    return Class.NOT_IDENTIFIABLE, (), f"σ is {about} % of the value: {chance}."
+    return Class.NOT_IDENTIFIABLE, (), f"σ is {about} of the value: {chance}."
 
 
 def _condition(fit: Fit, k: int, robust: float) -> str:
@@ -353,6 +352,6 @@ def _condition(fit: Fit, k: int, robust: float) -> str:
         return ""
     own = percent_of(robust, float(fit.estimate.value[k]))
     return (
-        f" In this model it stands for {left.stands_for[k]}, known to ±{percent_digits(own)} %; "
+        f" In this model it stands for {left.stands_for[k]}, known to ±{percent_text(own)}; "
         "the rest of the uncertainty is what the model leaves out."
     )

@@ -1,6 +1,7 @@
 """Numbers as documents and as text: the only place where results are rounded; looks of verdicts.
 
-Colour and symbol, never colour alone, in tables and figures alike.
+Colour and symbol, never colour alone, in tables and figures alike. Shares of simulated experiments
+have binomial intervals where trials are independent, clustered ones where they are not.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from functools import partial
 from typing import Any, Literal
 
 import numpy as np
+import scipy
 
 from identifiability.foundation.values import frozen
 
@@ -77,8 +79,8 @@ def mark_of(kind: str) -> Mark:
 # values by their own moves the sum that is known best by several of its σ.
 
 
-#: Digits of a number without σ, and of a probability.
-STATED, OF_CHANCE = 6, 3
+#: Digits of a number without σ.
+STATED = 6
 
 #: What a row with ``sigma`` or ``sd`` has in the same unit, and what is as uncertain as its value.
 OF_UNIT = re.compile(
@@ -107,8 +109,8 @@ def stated(content: Any, sigma: Any = None) -> Any:
 
     Examples
     --------
-    >>> stated({"value": 0.8272061, "sigma": 0.1192, "error": 0.026174895, "p": 4.29019e-16})
-    {'value': 0.827, 'sigma': 0.119, 'error': 0.0261749, 'p': 4.29e-16}
+    >>> stated({"value": 0.8272061, "sigma": 0.1192, "error": 0.026174895})
+    {'value': 0.827, 'sigma': 0.119, 'error': 0.0261749}
     """
     if isinstance(content, dict):
         if sigma is not None:  # all of it is in the unit of its row
@@ -125,15 +127,11 @@ def stated(content: Any, sigma: Any = None) -> Any:
     if isinstance(sigma, float) and 0 < sigma < math.inf:
         # Twice: 0.00605 ± rounding must not be 0.006 here and 0.0061 on another processor.
         return round(float(f"{content:.12g}"), 2 - _exponent(sigma)) + 0.0
-    return float(f"{content:.{(sigma if isinstance(sigma, int) else STATED) - 1}e}")
+    return float(f"{content:.{STATED - 1}e}")
 
 
 def _sigma_of(key: object, row: dict[Any, Any], sigma: Any) -> Any:
-    """Return σ of what stands in a row, or how many digits it has; None if nothing says."""
-    if key in ("p", "p_value"):
-        return OF_CHANCE
-    if key == "bias_sigma":  # in units of σ
-        return 1.0
+    """Return σ of what stands in a row; None if nothing says."""
     if key in OF_VALUE and sigma and row.get("value"):
         return abs((row[key] or 0.0) * sigma / row["value"])
     return sigma if OF_UNIT.fullmatch(str(key)) else None
@@ -180,6 +178,18 @@ def format_measured(value: float, sigma: float) -> tuple[str, str]:
     return first, second
 
 
+def measured(value: float, half: float, unit: str = "") -> str:
+    """Return a value with its unit and half of its interval, rounded together.
+
+    Examples
+    --------
+    >>> measured(1.5234, 0.0412, "kg"), measured(-60.4, 250.0)
+    ('1.52 kg ± 0.04', '−60 ± 250')
+    """
+    first, second = format_measured(value, half)
+    return f"{first}{f' {unit}' if unit else ''} ± {second}"
+
+
 def format_number(value: float | None, digits: int = 4, *, pad: bool = False) -> str:
     """Return a number with some significant digits, with a power of ten where it is far from 1.
 
@@ -220,19 +230,6 @@ def digits(count: int) -> Callable[[float | None], str]:
     ('0.123', '61.0')
     """
     return lambda x: format_number(x, count, pad=True)
-
-
-def percent_digits(percent: float) -> str:
-    """Return a percentage with two to four digits, never in powers of ten.
-
-    Examples
-    --------
-    >>> percent_digits(1.234), percent_digits(2345.6), percent_digits(1e6)
-    ('1.2', '2346', 'more than 9999')
-    """
-    if percent < 1000:
-        return f"{percent:.2g}" if percent < 10 else f"{percent:.3g}"
-    return f"{percent:.0f}" if percent <= 9999 else "more than 9999"
 
 
 def percent(share: float, count: int = 3, *, pad: bool = False) -> str:
@@ -311,3 +308,89 @@ def _last_place(sigma: float) -> int:
 def _fixed(x: float, place: int) -> str:
     rounded = Decimal(repr(float(x))).quantize(Decimal(1).scaleb(place))  # a half to the even digit
     return f"{rounded + 0:f}".replace("-", "−")
+
+
+# Shares counted in simulated experiments, with the Monte-Carlo error of the count.
+
+
+#: Level of every interval.
+LEVEL = 0.95
+
+#: Standard deviations to each side of a normal interval of that level, and quantiles at its ends.
+REACH, ENDS = 1.96, (0.025, 0.975)
+
+
+@frozen
+class Share:
+    """A share that was counted.
+
+    Attributes
+    ----------
+    value : float
+        NaN where there was nothing to count.
+    low, high : float
+        Interval within which the true share lies.
+    """
+
+    value: float
+    low: float
+    high: float
+
+
+def exact_share(count: float, total: float, level: float = LEVEL) -> Share:
+    """Return a binomial share with its exact interval [Clopper & Pearson 1934].
+
+    Parameters
+    ----------
+    count, total : float
+        Need not be whole: effective numbers are allowed.
+    level : float
+        Of the interval.
+    """
+    if not total > 0:
+        return Share(float("nan"), float("nan"), float("nan"))
+    tail = 0.5 * (1 - level)
+    beta = scipy.stats.beta
+    low = float(beta.ppf(tail, count, total - count + 1)) if count > 0 else 0.0
+    high = float(beta.ppf(1 - tail, count + 1, total - count)) if count < total else 1.0
+    return Share(count / total, low, high)
+
+
+def clustered_share(events: np.ndarray, among: np.ndarray, related: np.ndarray) -> Share:
+    """Return the share of events among what was looked at, several in each experiment.
+
+    Events of one experiment come together, so the count is worth that of fewer independent ones
+    [Korn & Graubard 1998]. Where events are rare, how much they come together is taken from
+    related events that are not.
+
+    Parameters
+    ----------
+    events, among, related : (T, k) bool
+        Rows are experiments.
+    """
+    total = float(among.sum())
+    if not total:
+        return exact_share(0, 0)
+    together = max(design_effect(events, among), design_effect(related, among), 1.0)
+    effective = total / together
+    return exact_share(float((events & among).sum()) / total * effective, effective)
+
+
+def design_effect(events: np.ndarray, among: np.ndarray) -> float:
+    """Return by how much the variance of a share exceeds that of independent events, or 0."""
+    trials = len(events)
+    size = among.sum(1).astype(float)
+    count = (events & among).sum(1).astype(float)
+    share = count.sum() / size.sum()
+    independent = share * (1 - share) / size.sum()
+    if not independent > 0 or trials < 2:
+        return 0.0
+    left = count - share * size
+    return float(left @ left / size.sum() ** 2 * trials / (trials - 1) / independent)
+
+
+def each_share(events: np.ndarray) -> tuple[Share, ...]:
+    """Return the share of every column of (T, k), all intervals right together [Bonferroni]."""
+    trials, count = events.shape
+    level = 1 - (1 - LEVEL) / max(count, 1)
+    return tuple(exact_share(float(c), float(trials), level) for c in events.sum(0))

@@ -28,7 +28,7 @@ from identifiability.report.blocks import (
     Terms,
     Tile,
 )
-from identifiability.report.drawing import COLOURS, canvas, drawn, plain, svg
+from identifiability.report.figures import COLOURS, canvas, drawn, plain, svg
 from identifiability.report.results import Page, build_page, render_page, write_page, write_result
 
 build_analysis_page, write_analysis_report = build_page, write_result

@@ -17,8 +17,8 @@ from identifiability.estimation.prediction import loaded_joints
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Cell, Column, Note, Table
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import REACH
 from identifiability.foundation.rounding import (
+    REACH,
     digits,
     format_count,
     format_number,

@@ -20,8 +20,14 @@ from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_number, rough_percent
 from identifiability.foundation.values import frozen
-from identifiability.report.drawing import break_gaps, peak_rows, svg
-from identifiability.report.figures import POINTS, medians_along, spread_rows
+from identifiability.report.figures import (
+    POINTS,
+    break_gaps,
+    medians_along,
+    peak_rows,
+    spread_rows,
+    svg,
+)
 from identifiability.workflows.answers import WORDS, sentence, words
 
 

@@ -33,7 +33,7 @@ from identifiability.report.blocks import (
     Tile,
     section,
 )
-from identifiability.report.drawing import TEMPLATES
+from identifiability.report.figures import TEMPLATES
 from identifiability.workflows.answers import note, rule_table
 
 # `Page`: a title, the answer, and sections, as one self-contained HTML file.

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from identifiability.foundation.names import Array
 from identifiability.report.blocks import Moving, Trace
-from identifiability.report.drawing import plain
+from identifiability.report.figures import plain
 from identifiability.robot import Motion, Robot
 from identifiability.robot.kinematics import Point, shortest_turn
 from identifiability.workflows.answers import sentence

@@ -38,9 +38,9 @@ from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
-from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, Positive, checked
 from identifiability.foundation.result import Result
+from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log

@@ -30,8 +30,8 @@ from identifiability.estimation.groups import NO_ALTERNATIVES, Alternatives, fin
 from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
-from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import OptionError
+from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from identifiability.report.drawing import (
+from identifiability.report.figures import (
     COLOURS,
     INK,
     MUTED,

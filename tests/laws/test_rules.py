@@ -24,12 +24,11 @@ FEW = 4
 
 #: Where a decimal at the head of a file is no rule, and why.
 ELSEWHERE = {
-    "foundation/rounding.py": "how numbers are written",
     "report/": "how a page is drawn",
     "cli/": "seconds between lines of progress",
     "foundation/engines.py": "seconds that processes wait for each other",
     "foundation/linalg.py": "tolerances that the whole package shares",
-    "foundation/numbers.py": "the level of every interval, and its quantiles",
+    "foundation/rounding.py": "how numbers are written, the level of every interval and its quantiles",
 }
 
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from identifiability import Analysis, Robot, analyze, diagnose, predict, prune
 from identifiability.cli import app
 from identifiability.foundation.errors import IdentifiabilityError, LogError
-from identifiability.foundation.numbers import REACH
+from identifiability.foundation.rounding import REACH
 from identifiability.logs import Log
 
 

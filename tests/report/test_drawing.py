@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.report import figures, svg
-from identifiability.report.drawing import break_gaps, peak_rows
+from identifiability.report.figures import break_gaps, peak_rows
 
 pytestmark = pytest.mark.pictures
 

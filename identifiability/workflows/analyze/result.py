@@ -37,11 +37,11 @@ from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import check_choice
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import (
     NONE,
+    REACH,
     digits,
     error_text,
     exact,

@@ -41,8 +41,8 @@ from identifiability.foundation.errors import LogError, ModelError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import NotNegative, Replicates, Seed, checked, settle_count
+from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log

@@ -22,7 +22,6 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.engines import Engine, Serial, Steps
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.numbers import REACH, Share, exact_share
 from identifiability.foundation.options import (
     Repeated,
     Replicates,
@@ -32,7 +31,7 @@ from identifiability.foundation.options import (
     settle_count,
 )
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import join, rough_percent
+from identifiability.foundation.rounding import REACH, Share, exact_share, join, rough_percent
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import prepare_log

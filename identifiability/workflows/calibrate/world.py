@@ -21,7 +21,7 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, judge
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import LEVEL, REACH, Share, clustered_share, each_share
+from identifiability.foundation.rounding import LEVEL, REACH, Share, clustered_share, each_share
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log

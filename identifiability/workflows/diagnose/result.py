@@ -22,10 +22,9 @@ from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import BASE, Array
-from identifiability.foundation.numbers import REACH
 from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import digits, error_text, exact, join, percent
+from identifiability.foundation.rounding import REACH, digits, error_text, exact, join, percent
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset

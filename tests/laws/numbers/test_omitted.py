@@ -11,7 +11,7 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, judge
 from identifiability.foundation.names import GROUPED_KINDS
-from identifiability.foundation.numbers import REACH
+from identifiability.foundation.rounding import REACH
 from identifiability.regression.reduction import Submodel
 
 from .made import fit_known, fit_of, gather

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
-from identifiability.foundation.numbers import (
+from identifiability.foundation.rounding import (
     clustered_share,
     design_effect,
     each_share,

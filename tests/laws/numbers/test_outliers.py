@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import find_estimator, weigh_outliers
-from identifiability.foundation.numbers import REACH
+from identifiability.foundation.rounding import REACH
 from identifiability.regression.information import Information
 from identifiability.workflows.session import weigh_rows
 
