@@ -140,7 +140,6 @@ hand_down(
     notebook_result="report.results",
     draw_figures="report.results",
     write_result="report.results",
-    Plots="report.plot",
     save_robot="workflows.export.workflow",
 )
 

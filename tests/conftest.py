@@ -27,7 +27,7 @@ from matplotlib.figure import Figure
 from identifiability import report
 from identifiability.logs import Log, rows, tables
 from identifiability.regression.regression import Model
-from identifiability.report import blocks, drawing
+from identifiability.report import blocks, figures
 from identifiability.robot import Robot
 from identifiability.simulation import (
     PAPER_NOISE,
@@ -153,7 +153,7 @@ def _leave_out(draw: Callable, nothing: object) -> Callable:
     return wraps(draw)(lambda *args, **named: draw(*args, **named) if _looks["now"] else nothing)
 
 
-_drawn = drawing.drawn(Figure).__code__
+_drawn = figures.drawn(Figure).__code__
 for _found in iter_modules(report.__path__, "identifiability.report."):
     _module = import_module(_found.name)
     for _name, _draw in list(vars(_module).items()):

@@ -215,11 +215,6 @@ def measured_cells(value: float, sigma: float) -> tuple[Cell, Cell]:
     return Cell(first, value), Cell(f"± {second}", sigma)
 
 
-def badge_cell(word: str, note: str = "") -> Cell:
-    """Return a word with its mark, to sort and to filter by."""
-    return Cell(word, word, note, word)
-
-
 def as_cell(x: Any, digits: int = 4) -> Cell:
     """Return a value as a cell."""
     if isinstance(x, Cell):

@@ -109,11 +109,6 @@ class Result(ABC):
         found: dict[str, Figure] = handed("draw_figures")(self)
         return found
 
-    @property
-    def plot(self) -> Any:
-        """The figures of `identifiability.plot` that this result has, as its methods."""
-        return handed("Plots")(self)
-
     def to_json(self, path: str | Path) -> Path:
         """Write the result and its `answers` as JSON, whole or not at all.
 
@@ -154,7 +149,6 @@ class Result(ABC):
             "findings",
             "from_json",
             "next",
-            "plot",
             "statement",
             "tables",
         }

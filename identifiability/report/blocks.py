@@ -16,9 +16,9 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from identifiability.foundation.answers import Answer, Cell, Note, Table
+from identifiability.foundation.answers import Answer, Note, Table
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import format_number, rough_percent
+from identifiability.foundation.rounding import format_number
 from identifiability.foundation.values import frozen
 from identifiability.report.figures import (
     POINTS,
@@ -321,11 +321,6 @@ class Fold:
     blocks: tuple[Block, ...]
     detail: bool = False
     kind: ClassVar[str] = "fold"
-
-
-def share_cell(share: float) -> Cell:
-    """Return a share with its bar; none where it is not known."""
-    return Cell(rough_percent(share), share, share=float(np.clip(np.nan_to_num(share), 0.0, 1.0)))
 
 
 def fold_rows(

@@ -13,7 +13,7 @@ import re
 import unicodedata
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial, wraps
+from functools import wraps
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, ParamSpec
@@ -27,11 +27,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from matplotlib.transforms import ScaledTranslation
 
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import REACH, format_number, mark_of, superscript
+from identifiability.foundation.rounding import REACH, format_number, mark_of
 
 # Figures in the page's style, and the one way from a Matplotlib figure to inline SVG.
 #
@@ -300,26 +300,10 @@ def log_scale(axes: Axes, low: float, high: float) -> None:
     """Make x logarithmic from `low` to `high`, with few ticks: powers of ten, or 1, 2 and 5."""
     axes.set_xscale("log")
     axes.set_xlim(low, high)
-    decades = np.log10(high / low)
-    powers = np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
-    write = power_of_ten
-    if decades < 2.5:
-        ticks = np.outer(10.0**powers, [1, 2, 5]).ravel()
-        write = partial(format_number, digits=2)
-    else:
-        ticks = 10.0 ** powers[:: max(1, int(decades // 6))]
-    shown = ticks[(low <= ticks) & (ticks <= high)]
-    axes.xaxis.set_major_locator(FixedLocator(shown.tolist()))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: write(x)))
+    steps = (1.0, 2.0, 5.0) if np.log10(high / low) < 2.5 else (1.0,)
+    axes.xaxis.set_major_locator(LogLocator(subs=steps, numticks=7))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: format_number(x, 2)))
     axes.xaxis.set_minor_locator(NullLocator())
-
-
-def power_of_ten(x: float) -> str:
-    """Return a power of ten as a plain number where that is short, else as 10ⁿ."""
-    power = round(np.log10(x)) if x > 0 else 0
-    if -3 <= power <= 4:
-        return f"{10.0**power:.{max(0, -power)}f}"
-    return "10" + superscript(power)
 
 
 # Torque and motion along time.
@@ -366,33 +350,6 @@ def draw_torque(
     above.locator_params(axis="y", nbins=5)
     below.locator_params(axis="y", nbins=3)
     figure.align_ylabels([above, below])
-    return figure
-
-
-@drawn
-def draw_residual(
-    x: Array, residuals: Mapping[str, Array], title: str, labels: tuple[str, str]
-) -> Figure:
-    """Draw what models leave of a joint's torque over a motion, with medians along it.
-
-    Parameters
-    ----------
-    x : (N,)
-        Motion.
-    residuals : mapping of str to (N,)
-        By model, at most two.
-    title : str
-    labels : (str, str)
-        Of the axes.
-    """
-    figure, (axes,) = canvas(400, 250, (60, 10, 50, 38))
-    axes.axhline(0, color=MUTED, linewidth=0.8)
-    rows = spread_rows(len(x), POINTS)
-    for (label, y), (colour, _) in zip(residuals.items(), STATES, strict=False):
-        dots(axes, x[rows], y[rows], colour, 2.4, 0.35)
-        axes.plot(*medians_along(x, y), color=colour, lw=1.8, label=label)
-    legend_above(axes, handlelength=1.4)
-    label_axes(axes, *labels, title, pad=26)
     return figure
 
 
@@ -455,24 +412,6 @@ def draw_forward(t: Array, before: Array, after: Array) -> Figure:
     axes.set_xlim(0, float(t[-1]))
     axes.set_ylim(bottom=0)
     label_axes(axes, "time since the start of a stretch [s]", "position error [%]")
-    return figure
-
-
-@drawn
-def draw_shrink(names: Sequence[str], errors: Array) -> Figure:
-    """Draw the error on unseen motion as effects are added.
-
-    Parameters
-    ----------
-    names : sequence of str
-        The model as it was, then each effect.
-    errors : (m,)
-        ε_RA as fractions.
-    """
-    figure, axes = row_canvas(names, 28, top=14, right=60, xlabel="error on unseen motion [%]")
-    shown = 100 * np.where(np.isfinite(errors), errors, np.nan)
-    bars = axes.barh(np.arange(len(names)), shown, height=0.55, color=BLUE, alpha=0.75)
-    axes.bar_label(bars, fmt="%.3g %%", padding=5)
     return figure
 
 

@@ -44,13 +44,7 @@ from identifiability.report.blocks import (
     torque_traces,
     traces,
 )
-from identifiability.report.figures import (
-    draw_curve,
-    draw_forward,
-    draw_gain,
-    draw_intervals,
-    draw_residual,
-)
+from identifiability.report.figures import draw_curve, draw_forward, draw_gain, draw_intervals
 from identifiability.report.skeleton import move_skeletons, move_with_torque
 from identifiability.robot import complete_motion
 from identifiability.workflows.answers import count_joints, level_table, note, sentence, words
@@ -141,16 +135,8 @@ def diagnosis_moving(d: Diagnosis) -> Moving | None:
 
 
 def diagnosis_below(d: Diagnosis) -> Picture | None:
-    """Return what is left of unseen torque over what names the first effect, before and after."""
-    if not d.curves:
-        return None
-    c = d.curves[0]
-    joint, rows = d.robot.joints[c.joint], d.gap.rows.data[:, c.joint]
-    before, after = d.gap.residual[rows, c.joint][:, [0, -1]].T
-    x = d.gap.rows.along(c.of)[c.against][rows]
-    states = {"before": before, "after": after}
-    figure = draw_residual(x, states, f"{joint} on unseen motion", _labels(d, c))
-    return picture("named", figure, joint=joint, over=_over(c))
+    """Return what the first effect was learned to be."""
+    return _curves(d, 1)[0] if d.curves else None
 
 
 def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
@@ -182,12 +168,7 @@ def section_effects(d: Diagnosis) -> Section:
             shape = f"shape {format_number(p.shape, 3)}" if np.isfinite(p.shape) else ""
             first = (Cell(" or ".join(e.names), note=shape), p.place)
             rows += [(*first, *row, p.odds, p.rms) for row in p.rows]
-    pictures = []
-    for c in d.curves[:SHOWN]:  # a function needs not say that it has no name
-        title = f"{c.title.removeprefix('an unnamed ')}, {d.robot.joints[c.joint]}"
-        figure = draw_curve(c.x, c.learned, c.spread, c.data, title, _labels(d, c))
-        pictures.append(picture("curve", figure, title=title))
-    found = (Table.of("Their parameters", EFFECTS, rows), gallery("curves", pictures))
+    found = (Table.of("Their parameters", EFFECTS, rows), gallery("curves", _curves(d, SHOWN)))
     unseen = Column("on unseen motion", digits(3), "unseen", f"On {d.verified_on}.")
     caption = "Not confirmed by the motion that verifies, and in no model"
     refuted = Table.of(caption, (*GROUP, unseen), d.refuted) if d.refuted else None
@@ -196,17 +177,24 @@ def section_effects(d: Diagnosis) -> Section:
     return section("diagnosis.effects", *blocks, nothing)
 
 
+def _curves(d: Diagnosis, most: int) -> list[Picture]:
+    """Return what some effects were learned to be, against the data."""
+    pictures = []
+    for c in d.curves[:most]:  # a function needs not say that it has no name
+        title = f"{c.title.removeprefix('an unnamed ')}, {d.robot.joints[c.joint]}"
+        figure = draw_curve(c.x, c.learned, c.spread, c.data, title, _labels(d, c))
+        pictures.append(picture("curve", figure, title=title))
+    return pictures
+
+
 def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
     """Return the labels of the axes of a curve."""
     other = "" if c.of == c.joint else f" of {d.robot.joints[c.of]}"
     position = "m" if d.robot.is_prismatic(int(d.robot.actuated[c.of])) else "rad"
     units = {"velocity": f"{position}/s", "position": position, "load": d.robot.torque_units[c.of]}
-    labels = f"{_over(c)}{other} [{units.get(c.against, 's')}]"
+    over = "time of the session" if c.against == "session" else c.against
+    labels = f"{over}{other} [{units.get(c.against, 's')}]"
     return labels, f"torque [{d.robot.torque_units[c.joint]}]"
-
-
-def _over(c: Curve) -> str:
-    return "time of the session" if c.against == "session" else c.against
 
 
 def _section_gap(d: Diagnosis) -> Section:
@@ -347,7 +335,6 @@ def excitation_notes(result: Excitation) -> list[Note]:
 def excitation_sections(result: Excitation) -> list[Section]:
     """Return the sections of the page: the motion, what it tells, how it was found."""
     path, logs = result.trajectory, ", ".join(shorten_paths(result.logs))
-    gain = picture("gain", draw_gain(result.names, result.gain), beside=result.beside)
     text = words(
         "excitation.how",
         harmonics=path.harmonics,
@@ -357,12 +344,7 @@ def excitation_sections(result: Excitation) -> list[Section]:
         measured=sentence("excitation.measured", logs=logs) if logs else "",
     )
     return [
-        section(
-            "excitation.motion",
-            *_motion(result),
-            result.tables()[0],
-        ),
-        section("excitation.gain", gain, beside=result.beside),
+        section("excitation.motion", *_motion(result), result.tables()[0]),
         section("excitation.method", Prose(tuple(text.values()))),
     ]
 
@@ -554,15 +536,6 @@ def prediction_moving(result: TorquePrediction) -> Moving | None:
     residual = measured - predicted
     lines = {"measured": measured, "predicted": predicted, "residual": residual}
     return move_with_torque(*along, measured, lines, name, residual)
-
-
-def prediction_below(result: TorquePrediction) -> Picture | None:
-    """Return measured and predicted torque of the joint that is predicted worst."""
-    errors = result.error_frame()["error"].to_numpy(float)
-    if not np.isfinite(errors).any():
-        return None
-    joint = result.robot.joints[int(np.nanargmax(errors))]
-    return picture("torque", plot.torque(result, joint), joint=joint)
 
 
 def prediction_sections(result: TorquePrediction) -> list[Section]:

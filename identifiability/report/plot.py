@@ -2,21 +2,18 @@
 
 What to use when: `precision` for how well each parameter is known, `models` for the models of a
 ladder, `reduction_path` for a pruning, `correlated` for parameters that hang together, `torque` for
-measured and predicted torque, `missing` for what a diagnosis found. Each takes a result and
-returns a Matplotlib figure, which nobody else holds: change it, or ``figure.savefig("a.pdf")``.
+measured and predicted torque. Each takes a result and returns a Matplotlib figure, which nobody
+else holds: change it, or ``figure.savefig("a.pdf")``. `Result.figures` gives those of its page.
 
 Example
 -------
 >>> from identifiability import analyze, plot  # doctest: +SKIP
 >>> result = analyze("arm.urdf", "run.csv")  # doctest: +SKIP
 >>> plot.precision(result).savefig("precision.pdf")  # doctest: +SKIP
->>> result.plot.precision()  # the same  # doctest: +SKIP
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +21,7 @@ from matplotlib.figure import Figure
 
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
-from identifiability.foundation.errors import listing, near_match
+from identifiability.foundation.errors import near_match
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import OptionError
 from identifiability.report.figures import (
@@ -32,18 +29,16 @@ from identifiability.report.figures import (
     draw_errors,
     draw_ladder,
     draw_precision,
-    draw_shrink,
     draw_torque,
     order_correlated,
 )
 
 if TYPE_CHECKING:  # every report loads this module, and few need what prunes or diagnoses
     from identifiability.workflows.analyze import Analysis
-    from identifiability.workflows.diagnose import Diagnosis
     from identifiability.workflows.predict import Predicts, TorquePrediction
     from identifiability.workflows.prune import Ladder
 
-__all__ = ["correlated", "missing", "models", "precision", "reduction_path", "torque"]
+__all__ = ["correlated", "models", "precision", "reduction_path", "torque"]
 
 
 def precision(result: Analysis, model: str | None = None) -> Figure:
@@ -129,52 +124,3 @@ def torque(result: TorquePrediction, joint: str, log: int = 0) -> Figure:
     measured, predicted = result.tau[rows, k], result.predicted[rows, k]
     title = f"{joint}, {shorten_paths(result.logs)[log]}"
     return draw_torque(result.t[rows], measured, predicted, title, result.robot.torque_units[k])
-
-
-def missing(result: Diagnosis) -> Figure:
-    """Draw how the error on unseen motion falls with each effect that was found."""
-    labels = ["model as it was", *(f"+ {e.title}" for e in result.effects)]
-    return draw_shrink(labels, np.array([result.held_before, *(e.after for e in result.effects)]))
-
-
-#: The figures by name, and whose they are.
-FIGURES: dict[str, tuple[Callable[..., Figure], tuple[str, ...]]] = {
-    "precision": (precision, ("Analysis",)),
-    "models": (models, ("Analysis",)),
-    "reduction_path": (reduction_path, ("Ladder",)),
-    "correlated": (correlated, ("Analysis", "Ladder", "Diagnosis", "Fit")),
-    "torque": (torque, ("TorquePrediction",)),
-    "missing": (missing, ("Diagnosis",)),
-}
-
-
-class Plots:
-    """The figures of one result, as `Result.plot` gives them: methods without the result."""
-
-    def __init__(self, result: object) -> None:
-        self._result = result
-
-    def __dir__(self) -> list[str]:
-        """Return the figures that the result has."""
-        kinds = {kind.__name__ for kind in type(self._result).__mro__}
-        return [name for name, (_, whose) in FIGURES.items() if kinds & set(whose)]
-
-    def __getattr__(self, name: str) -> Callable[..., Figure]:
-        """Return one of them.
-
-        Raises
-        ------
-        AttributeError
-            If the result has none of that name.
-        """
-        known = dir(self)
-        if name not in known:
-            kind = type(self._result).__name__
-            own = listing(sorted(known), len(FIGURES)) or "only those of .figures()"
-            near = near_match(name, known)
-            raise AttributeError(f"{kind}.plot has no '{name}'{near} It has {own}.")
-        return partial(FIGURES[name][0], self._result)
-
-    def __repr__(self) -> str:
-        """Return what there is."""
-        return f"<figures: {', '.join(sorted(dir(self)))}>"

@@ -21,36 +21,29 @@ WIDTH, HEIGHT, MARGIN = 400, 380, 46
 #: Direction that one looks along: azimuth and height [rad].
 TURN, LIFT = -0.95, 0.42
 
-#: A robot whose points lie in a plane up to this share of its size is drawn in that plane.
-FLAT = 0.03
 
-
-def _trace(robot: Robot, poses: Array) -> tuple[dict[str, Array], Array]:
-    """Return lines of moving bodies, (2 s, F, 3) each, and places of joints, (j, F, 3) [m].
+def _trace(robot: Robot, poses: Array) -> tuple[Array, list[tuple[int, int]]]:
+    """Return points (F, P, 3) [m], joints first, and those between which bodies are.
 
     Of F poses (F, nq). A body goes from its joint to those that hang on it, to the points at which
     loops close, and, where there are none, to its centre of mass and as far again.
     """
     tree = robot.tree
     frames = tree.frames(poses, range(len(tree.joints)))
-
-    def each(points: Array) -> Array:  # (3, F), or (3, 1) of what stands
-        return np.broadcast_to(points.T, (len(poses), 3))
-
-    at = np.stack([each(frames.origin[k]) for k in range(len(tree.joints))])
-    limbs: dict[str, Array] = {}
+    points = [frames.origin[k] for k in range(len(tree.joints))]
+    lines: list[tuple[int, int]] = []
     closing = [p for loop in robot.loops for p in (loop.first, loop.second)]
     for body, link in zip(robot.bodies, robot.links, strict=True):
         k = link.last
-        ends = [at[c] for c, j in enumerate(tree.joints) if j.parent == k]
-        ends += [each(tree.world_point(frames, p)) for p in closing if p.joint == k]
-        if not ends:
-            mass = robot.nominal.get(f"{body}.m", 0.0)
+        hanging = [c for c, j in enumerate(tree.joints) if j.parent == k]
+        ends = [tree.world_point(frames, p) for p in closing if p.joint == k]
+        if not (hanging or ends) and (mass := robot.nominal.get(f"{body}.m", 0.0)) > 0:
             first = np.array([robot.nominal.get(f"{body}.{x}", 0.0) for x in ("mx", "my", "mz")])
-            if mass > 0:
-                ends = [each(tree.world_point(frames, Point(k, 1.6 * first / mass)))]
-        limbs[body] = np.array([p for end in ends or [at[k]] for p in (at[k], end)])
-    return limbs, at
+            ends = [tree.world_point(frames, Point(k, 1.6 * first / mass))]
+        lines += [(k, end) for end in (*hanging, *range(len(points), len(points) + len(ends)))]
+        points += ends
+    # Those of what stands are (3, 1).
+    return np.stack([np.broadcast_to(x.T, (len(poses), 3)) for x in points], 1), lines
 
 
 #: Poses that are drawn of a motion, at most, and how many a second.
@@ -79,21 +72,14 @@ def move_skeletons(
         Gives what is said of rows (F,), for each motion but the first or for the torque.
     caption : str
     """
-    rows = _frames(t)
-    traced = []
+    rows, traced = _frames(t), []
+    lines: list[tuple[int, int]] = []
     for _, poses in motions.values():
-        limbs, at = _trace(robot, np.nan_to_num(poses[rows]))
-        ends = [lines[1::2] for lines in limbs.values()]
-        every = np.concatenate([at, *ends]).transpose(1, 0, 2)
-        traced.append(np.where(np.isnan(poses[rows]).any(1)[:, None, None], np.nan, every))
+        points, lines = _trace(robot, np.nan_to_num(poses[rows]))
+        traced.append(np.where(np.isnan(poses[rows]).any(1)[:, None, None], np.nan, points))
     if not np.ptp(traced[0].reshape(-1, 3), axis=0).max() > 0:
         return None
     place = _look(traced[0].reshape(-1, 3), robot)
-    lines, start = [], len(robot.tree.joints)
-    for link, own in zip(robot.links, limbs.values(), strict=True):
-        count = len(own) // 2
-        lines += [(link.last, start + i) for i in range(count)]
-        start += count
     return Moving(
         names=tuple((name, tone) for name, (tone, _) in motions.items()),
         t=t[rows] - t[0],
@@ -173,23 +159,13 @@ def move_with_torque(
 
 
 def _look(points: Array, robot: Robot) -> Callable[[Array], Array]:
-    """Return what takes points (N, 3) to the paper, (N, 2) [px], so that some fill it.
-
-    Of a flat robot it shows the plane, from above if it is level, else upright.
-    """
+    """Return what takes points (N, 3) to the paper, (N, 2) [px], so that some fill it."""
     up, gravity = np.array([0.0, 0.0, 1.0]), robot.gravity
     vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else up
     east, north, _ = pin.exp3(shortest_turn(up, vertical)).T
     right = np.cos(TURN) * east + np.sin(TURN) * north
     level = np.cos(TURN) * north - np.sin(TURN) * east
     away = np.cos(LIFT) * level - np.sin(LIFT) * vertical
-    _, extent, axes = np.linalg.svd(points - points.mean(0), full_matrices=False)
-    if extent[0] > 0 and extent[2] < FLAT * extent[0] < extent[1]:
-        away = -axes[2] if axes[2][np.argmax(np.abs(axes[2]))] > 0 else axes[2]
-        right = np.cross(away, vertical)
-        if abs(away @ vertical) > 0.9:  # level
-            right, away = east, -vertical
-        right /= np.linalg.norm(right)
     paper = np.stack([right, -np.cross(right, away)], 1)
     low, high = (points @ paper).min(0), (points @ paper).max(0)
     least = 1e-9 + 0.02 * float(np.max(high - low))

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
+from identifiability.foundation.rounding import format_number
 from identifiability.report.figures import (
     COLOURS,
     INK,
@@ -18,7 +19,6 @@ from identifiability.report.figures import (
     drawn,
     log_scale,
     plain,
-    power_of_ten,
     row_canvas,
 )
 
@@ -79,9 +79,8 @@ def _log_y(axes: Axes, values: Array) -> None:
 
 
 def mark(y: float) -> str:
-    """Return a number at an axis: powers of ten as such, others plain."""
-    power = 10.0 ** round(np.log10(y))
-    return power_of_ten(y) if abs(y / power - 1) < 1e-9 else f"{y:g}"
+    """Return a number at an axis."""
+    return format_number(y, 2)
 
 
 def times_faster(ratio: float) -> str:

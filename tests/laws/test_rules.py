@@ -28,7 +28,7 @@ ELSEWHERE = {
     "cli/": "seconds between lines of progress",
     "foundation/engines.py": "seconds that processes wait for each other",
     "foundation/linalg.py": "tolerances that the whole package shares",
-    "foundation/rounding.py": "how numbers are written, the level of every interval and its quantiles",
+    "foundation/rounding.py": "how numbers are written, and the level of intervals",
 }
 
 

@@ -43,11 +43,7 @@ def draw_all(names, value=1.0):
         figures.draw_errors(names, x, x, x, 0),
         figures.draw_ladder(np.arange(k)[::-1] + 1.0, x, x, x, 0, k - 1),
         figures.draw_torque(t, wave, np.sin(9 * t), names[0], "N·m"),
-        figures.draw_residual(
-            value * t, {"median": t}, names[0], ("velocity [rad/s]", "torque [N]")
-        ),
         figures.draw_curve(t, wave, t, t, names[0], ("velocity [rad/s]", "torque [N·m]")),
-        figures.draw_shrink(names, x),
         figures.draw_gain(names, x),
         figures.draw_intervals(names, x, np.abs(x), "mass [kg]"),
         figures.draw_forest(

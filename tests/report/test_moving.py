@@ -38,17 +38,6 @@ def test_places_are_in_the_picture_and_few(moving):
     assert len(moving.data) < 200_000
 
 
-def test_bodies_keep_their_length_on_a_robot_that_lies_in_its_plane():
-    robot = Robot.load("two-link")
-    t = np.arange(0, 4, 0.02)
-    q = np.stack([np.sin(t), np.cos(2 * t)], 1)
-    poses = {"recording": ("grey", robot.configuration(q))}
-    drawn = move_skeletons(robot, t, poses, lambda rows: [], "")
-    for a, b in drawn.lines:
-        length = np.linalg.norm(drawn.points[0][:, a] - drawn.points[0][:, b], axis=1)
-        np.testing.assert_allclose(length, length[0], rtol=1e-6)
-
-
 def test_a_page_carries_the_script_only_where_robots_move(moving):
     page = Page("a", sections=(Section("a", "b", blocks=(moving,)),))
     assert "drawMoving" in render_page(page)
