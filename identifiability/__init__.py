@@ -27,7 +27,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from identifiability.foundation import __version__, hand_down
+from identifiability.foundation import __version__
 
 if TYPE_CHECKING:
     from identifiability.effects.effect import Effect as Effect
@@ -132,16 +132,6 @@ def __getattr__(name: str) -> Any:
     value = getattr(import_module(f"identifiability.{home}"), name)
     globals()[name] = value
     return value
-
-
-# Lower rooms ask for these, which stand above them, or are extras that no room imports.
-hand_down(
-    notebook_piece="report.results",
-    notebook_result="report.results",
-    draw_figures="report.results",
-    write_result="report.results",
-    save_robot="workflows.export.workflow",
-)
 
 
 def __dir__() -> list[str]:

@@ -83,7 +83,7 @@ def test_the_command_writes_a_report(simulated_session, tmp_path):
             str(log),
             "--quick",
             "--set",
-            "engine=serial",
+            "workers=1",
             "--replicates",
             "16",
             "-v",

@@ -60,7 +60,7 @@ def logs():
 def call(words):
     """Run a command in this process, quickly; return what it says."""
     command = COMMANDS[words[0]]
-    more = [["--set", "engine=serial"]] if "engine" in command.settings else []
+    more = [["--set", "workers=1"]] if "workers" in command.settings else []
     more += [["--quick"]] if "--quick" in {o for p in command.params for o in p.opts} else []
     done = CliRunner().invoke(app, [*words, *(w for pair in more for w in pair)])
     assert done.exit_code == 0, f"{shlex.join(words)}\n{done.output}\n{done.exception}"

@@ -63,7 +63,7 @@ def type_in(line: str, *, quick: bool) -> None:
             return
         command = COMMANDS[words[0]]
         options = {o for p in command.params for o in p.opts}
-        words += ["--set", "engine=serial"] if quick and "engine" in command.settings else []
+        words += ["--set", "workers=1"] if quick and "workers" in command.settings else []
         words += ["--quick"] if quick and "--quick" in options.difference(words) else []
         if quick and words[0] == "analyze" and "--report" in words:  # its Python writes that page
             at = words.index("--report")

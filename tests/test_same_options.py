@@ -16,7 +16,7 @@ from identifiability.foundation.engines import choose_engine
 #: Verbs that take logs, and options and settings that mean the same in each.
 VERBS = ("analyze", "prune", "diagnose", "calibrate", "excite", "inspect")
 SHARED = ("set", "map", "seed", "lock", "sidecar", "plugin")
-SETTINGS = ("derivatives", "cutoff", "decimate", "engine", "workers", "scheduler",
+SETTINGS = ("derivatives", "cutoff", "decimate", "workers", "scheduler",
             "resume", "time_unit", "angles", "base")  # fmt: skip
 
 
@@ -53,7 +53,6 @@ def test_no_verb_has_more_than_sixteen_options(commands):
         (["cutof=3"], "--set cutof=3 is no KEY=VALUE of base, .*, did you mean 'cutoff'?"),
         (["cutoff"], "--set cutoff is no KEY=VALUE"),
         (["cutoff=abc"], "cutoff must be a number above 0, not 'abc'"),
-        (["engine=dusk"], "engine must be .*, not 'dusk', did you mean 'dask'?"),
         (["decimate=2.5"], "decimate must be a whole number of at least 1, not '2.5'"),
     ],
 )

@@ -42,7 +42,6 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.options import (
     Count,
     Derivatives,
-    EngineName,
     EstimatorKind,
     Expected,
     NotNegative,
@@ -599,7 +598,6 @@ class Place:
 
     table: ClassVar[str] = "run"
 
-    engine: EngineName | None = None
     workers: Count | None = None
     scheduler: str | None = None
     resume: Path | None = None

@@ -30,7 +30,7 @@ from threadpoolctl import ThreadpoolController
 
 from identifiability.foundation.errors import EngineError, OutputError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.options import Count, EngineName, FilePath, checked
+from identifiability.foundation.options import Count, FilePath, checked
 from identifiability.foundation.output import temporary_folder, write_bytes
 
 Item = TypeVar("Item")
@@ -303,11 +303,6 @@ class Resumed(Engine):
     folder : path
         Made if it does not exist, for the user alone. One folder serves any number of runs.
 
-    Attributes
-    ----------
-    found, done : int
-        Items whose results were there, and that had to be done, in all calls of `map` so far.
-
     Raises
     ------
     OutputError
@@ -316,7 +311,6 @@ class Resumed(Engine):
 
     def __init__(self, engine: Engine, folder: str | Path) -> None:
         self.engine, self.folder = engine, Path(folder)
-        self.found = self.done = 0
         why: object = ""
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -334,8 +328,6 @@ class Resumed(Engine):
             function, [item for item, old in zip(items, kept, strict=True) if not old]
         )
         for path, old in zip(paths, kept, strict=True):
-            self.found += bool(old)
-            self.done += not old
             if not old:
                 write_bytes(path, pickle.dumps(next(fresh), protocol=5))
             # Bit by bit what is read back, and so is what follows.
@@ -386,22 +378,17 @@ def find_version(name: str) -> str:
 
 @checked
 def choose_engine(
-    engine: EngineName | None = None,
-    workers: Count | None = None,
-    scheduler: str | None = None,
-    resume: FilePath | None = None,
+    workers: Count | None = None, scheduler: str | None = None, resume: FilePath | None = None
 ) -> Engine:
-    """Return the engine that some options ask for.
+    """Return the engine that some options ask for; the result is the same with any.
 
     Parameters
     ----------
-    engine : {"serial", "processes", "dask"}, optional
-        In this process, in several, or on a Dask cluster; the result is the same. By default in
-        several once that is faster; with a scheduler's address, on its cluster.
     workers : int, optional
-        Processes on this machine, from the first item on; by default one for each core.
+        Processes on this machine, from the first item on; one is this process. By default one for
+        each core, once that is faster.
     scheduler : str, optional
-        Address of a Dask scheduler, such as ``tcp://host:8786``.
+        Address of a Dask scheduler, such as ``tcp://host:8786``, whose cluster does the work.
     resume : path, optional
         Folder that keeps finished work; the same command takes it from there when it runs again.
 
@@ -410,17 +397,7 @@ def choose_engine(
     EngineError
         If options contradict each other, or the cluster cannot be used.
     """
-    name = engine or ("processes" if scheduler is None else "dask")
-    if scheduler is None and name == "dask":
-        raise EngineError(Finding("cluster.address"))
-    if scheduler is not None and name != "dask":
-        raise EngineError(f"The engine '{name}' has no scheduler; give the engine 'dask' with it.")
     if scheduler is not None and workers is not None:
         raise EngineError(Finding("cluster.workers", scheduler))
-    if scheduler is not None:
-        made: Engine = Dask(scheduler)
-    elif name == "serial":
-        made = Serial()
-    else:
-        made = Processes(Processes().workers if engine and workers is None else workers)
+    made = Processes(workers) if scheduler is None else Dask(scheduler)
     return made if resume is None else Resumed(made, resume)

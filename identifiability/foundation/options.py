@@ -85,7 +85,6 @@ Effects = Names
 
 #: Choices that a command line offers without the rooms that know what they mean.
 Derivatives = Literal["auto", "given", "butterworth"]
-EngineName = Literal["serial", "processes", "dask"]
 EstimatorKind = Literal["auto", "ls", "iv"]
 ExportFormat = Literal["mjcf", "urdf", "json", "isaaclab"]
 

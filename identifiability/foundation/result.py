@@ -143,15 +143,7 @@ class Result(ABC):
 
     def __dir__(self) -> list[str]:
         """What completion offers: what is asked of results, not what they are made of."""
-        asked = {
-            "answers",
-            "figures",
-            "findings",
-            "from_json",
-            "next",
-            "statement",
-            "tables",
-        }
+        asked = {"answers", "figures", "findings", "from_json", "next", "statement", "tables"}
         asked |= {"chosen", "hints", "models", "play", "predict", "robot"}
         offered = ("_", "to_", "write_")
         return [n for n in super().__dir__() if n in asked or n.startswith(offered)]
