@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Literal, TypeAlias
 import numpy as np
 import pandas as pd
 
-from identifiability.foundation.rounding import MARKS, NONE, format_measured, format_number
+from identifiability.foundation.rounding import NONE, format_measured, format_number
 from identifiability.foundation.values import frozen
 
 Kind = Literal["text", "number", "error", "bar", "badge", "code"]
@@ -114,8 +114,6 @@ class Table:
         Badge column with a chip for each of its words; -1 for the last.
     marked : int or None
         Row that is emphasised.
-    cards : bool
-        Whether rows become cards on a phone; otherwise the table scrolls in its own box.
     long : bool
         Whether it is too long for a terminal.
     worst : int or None
@@ -127,7 +125,6 @@ class Table:
     rows: tuple[tuple[Cell, ...], ...]
     filter_by: int | None = None
     marked: int | None = None
-    cards: bool = True
     long: bool = False
     worst: int | None = None
     kind: ClassVar[str] = "table"
@@ -145,7 +142,7 @@ class Table:
             Say what of each row they show, and how.
         rows : iterable
         options
-            `filter_by`, `marked`, `cards`, `long` and `worst`.
+            `filter_by`, `marked`, `long` and `worst`.
         """
         cells = (tuple(c.cell(row, k) for k, c in enumerate(columns)) for row in rows)
         return cls(caption, tuple(columns), tuple(cells), **options)
@@ -167,18 +164,9 @@ class Table:
 
     @property
     def words(self) -> list[tuple[str, int]]:
-        """The words to filter by, in order of appearance in `MARKS`, with their counts."""
+        """The words to filter by, in order of appearance, with their counts."""
         words = [row[self.filter_by].badge for row in self.rows if self.filter_by is not None]
-        return [(w, words.count(w)) for w in dict.fromkeys([*MARKS, *words]) if w in words]
-
-
-def check_cell(text: str, passed: bool | None, reason: str = "") -> Cell:
-    """Return a number beside what it should be, for a cell of a DataFrame given to `frame_table`.
-
-    `passed` is None where nothing was checked; the reason is the tolerance, or why it differs.
-    """
-    word = {True: "pass", False: "differs", None: "not checked"}[passed]
-    return Cell(text or word, word, reason, word)
+        return [(word, words.count(word)) for word in dict.fromkeys(words)]
 
 
 def frame_table(
@@ -204,7 +192,7 @@ def frame_table(
     ]
     rows = [[as_cell(x, digits) for x in row] for row in frame.itertuples(index=False, name=None)]
     at = [c.title for c in columns].index(filter_by) if filter_by is not None else None
-    return Table.of(caption, columns, rows, filter_by=at, cards=len(columns) > 2)
+    return Table.of(caption, columns, rows, filter_by=at)
 
 
 def measured_cells(value: float, sigma: float) -> tuple[Cell, Cell]:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from functools import wraps
 from pathlib import Path
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -12,7 +10,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from identifiability.foundation import handed
 from identifiability.foundation.findings import Finding, ledger, of_key
 from identifiability.foundation.output import check_ending, write_json
-from identifiability.foundation.rounding import stated
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,31 +25,10 @@ def shown(statement: str, frame: pd.DataFrame | None = None, more: str = "") -> 
     return html
 
 
-def _stating(tell: Callable[..., Any]) -> Callable[..., Any]:
-    @wraps(tell)
-    def told(self: Result, *given: Any, **named: Any) -> Any:
-        found = tell(self, *given, **named)
-        if isinstance(found, dict):
-            return stated(found)
-        if "t" in found:  # samples
-            return found
-        rows = stated(found.to_dict("records"))
-        inexact = [name for name in found if found[name].dtype.kind in "fO"]
-        return found.assign(**{name: [row[name] for row in rows] for name in inexact})
-
-    return told
-
-
 class Result(ABC):
     """An answer; `schema` names its kind in JSON and finds its page."""
 
     schema: ClassVar[str]
-
-    def __init_subclass__(cls) -> None:
-        """Round what answers state, as plain values or as tables that are not samples."""
-        super().__init_subclass__()
-        for name in [n for n in vars(cls) if n == "to_dict" or n.endswith("_frame")]:
-            setattr(cls, name, _stating(vars(cls)[name]))
 
     @property
     def statement(self) -> str:

@@ -1,141 +1,20 @@
-"""Numbers as documents and as text: the only place where results are rounded; looks of verdicts.
+"""Numbers as text, the only place where they are rounded, and shares.
 
-Colour and symbol, never colour alone, in tables and figures alike. Shares of simulated experiments
+Shares of simulated experiments
 have binomial intervals where trials are independent, clustered ones where they are not.
 """
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 from decimal import Decimal
 from functools import partial
-from typing import Any, Literal
 
 import numpy as np
 import scipy
 
 from identifiability.foundation.values import frozen
-
-# How a verdict looks, in tables and figures alike: colour and symbol, never colour alone.
-
-
-Tone = Literal["blue", "green", "amber", "vermilion", "purple", "sky", "grey"]
-
-
-@frozen
-class Mark:
-    """The look of a class.
-
-    Attributes
-    ----------
-    tone : str
-        Colour of the colour-blind-safe palette [Okabe & Ito 2008].
-    symbol : str
-        Stands before the word.
-    marker, fill : str
-        The same in Matplotlib's terms.
-    """
-
-    tone: Tone
-    symbol: str
-    marker: str = "o"
-    fill: Literal["full", "left", "none"] = "full"
-
-
-MARKS = {
-    "identifiable": Mark("blue", "●"),
-    "sign only": Mark("amber", "◐", "o", "left"),
-    "negligible": Mark("grey", "○", "o", "none"),
-    "model in doubt": Mark("amber", "!", "^", "none"),
-    "not identifiable": Mark("vermilion", "✕", "x"),
-    "not judged": Mark("grey", "?", "s", "none"),
-    "by the prior": Mark("sky", "◇", "D", "none"),
-    "structural": Mark("vermilion", "✕", "x"),
-    "data": Mark("blue", "●"),
-    "constraint": Mark("purple", "◆", "D"),
-    "prior": Mark("sky", "◇", "D", "none"),
-    "structure": Mark("grey", "✕", "x"),
-    "model": Mark("grey", "○", "o", "none"),
-    "pass": Mark("green", "✓"),
-    "partly": Mark("amber", "◐", "o", "left"),
-    "differs": Mark("vermilion", "✕", "x"),
-    "not checked": Mark("grey", "○", "o", "none"),
-}
-
-_OTHER = Mark("grey", "·", ".")
-
-
-def mark_of(kind: str) -> Mark:
-    """Return the look of a verdict, or a neutral one for a word that has none."""
-    return MARKS.get(kind, _OTHER)
-
-
-# Numbers in documents: those that are stated, and those that are computed with again.
-#
-# Digits beyond what a number means differ between processors, which sum in other orders, so what is
-# read is rounded by its own σ. What torque is computed from keeps its digits: rounding correlated
-# values by their own moves the sum that is known best by several of its σ.
-
-
-#: Digits of a number without σ.
-STATED = 6
-
-#: What a row with ``sigma`` or ``sd`` has in the same unit, and what is as uncertain as its value.
-OF_UNIT = re.compile(
-    "values?|mean|nominal|projected|(data_)?interval95|between|sd|terms|"
-    "sigma(_alternatives|_doubt|_models|_omit|_bootstrap)?"
-)
-OF_VALUE = {"sigma_percent", "sigma_robust_percent", "torque_share"}
-
-
-class Exact(float):
-    """A number that is computed with again: documents keep its digits."""
-
-
-def exact(content: Any, *keys: str) -> Any:
-    """Return plain values or arrays with all digits of numbers kept in documents, or some keys'."""
-    if isinstance(content, dict):
-        kept = keys or content
-        return {key: exact(x) if key in kept else x for key, x in content.items()}
-    if isinstance(content, (list, tuple, np.ndarray)):
-        return [exact(value) for value in content]
-    return Exact(content) if isinstance(content, float) else content
-
-
-def stated(content: Any, sigma: Any = None) -> Any:
-    """Return plain values rounded to what they mean: σ/100 in a row that has σ, else 6 digits.
-
-    Examples
-    --------
-    >>> stated({"value": 0.8272061, "sigma": 0.1192, "error": 0.026174895})
-    {'value': 0.827, 'sigma': 0.119, 'error': 0.0261749}
-    """
-    if isinstance(content, dict):
-        if sigma is not None:  # all of it is in the unit of its row
-            return {key: stated(value, sigma) for key, value in content.items()}
-        own = content.get("sigma", content.get("sd"))
-        return {key: stated(value, _sigma_of(key, content, own)) for key, value in content.items()}
-    if isinstance(content, (list, tuple, np.ndarray)):
-        each = sigma if isinstance(sigma, list) else [sigma] * len(content)
-        return [stated(value, s) for value, s in zip(content, each, strict=True)]
-    if not isinstance(content, float) or isinstance(content, Exact):
-        return content
-    if not math.isfinite(content):
-        return float(content)
-    if isinstance(sigma, float) and 0 < sigma < math.inf:
-        # Twice: 0.00605 ± rounding must not be 0.006 here and 0.0061 on another processor.
-        return round(float(f"{content:.12g}"), 2 - _exponent(sigma)) + 0.0
-    return float(f"{content:.{STATED - 1}e}")
-
-
-def _sigma_of(key: object, row: dict[Any, Any], sigma: Any) -> Any:
-    """Return σ of what stands in a row; None if nothing says."""
-    if key in OF_VALUE and sigma and row.get("value"):
-        return abs((row[key] or 0.0) * sigma / row["value"])
-    return sigma if OF_UNIT.fullmatch(str(key)) else None
-
 
 # Numbers as text.
 

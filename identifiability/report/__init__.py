@@ -14,7 +14,7 @@ Example
 True
 """
 
-from identifiability.foundation.answers import Cell, Column, Note, Table, check_cell, frame_table
+from identifiability.foundation.answers import Cell, Column, Note, Table, frame_table
 from identifiability.report import plot
 from identifiability.report.blocks import (
     Block,
@@ -27,6 +27,7 @@ from identifiability.report.blocks import (
     Term,
     Terms,
     Tile,
+    check_cell,
 )
 from identifiability.report.figures import COLOURS, canvas, drawn, plain, svg
 from identifiability.report.results import Page, build_page, render_page, write_page, write_result

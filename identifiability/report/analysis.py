@@ -357,7 +357,7 @@ def _how(analysis: Analysis) -> tuple[Section, ...]:
             kind=analysis.validation_kind,
         ),
         section("analysis.thresholds", level_table(), glossary, detail=True),
-        section("analysis.provenance", Table.of("", columns, rows, cards=False), detail=True),
+        section("analysis.provenance", Table.of("", columns, rows), detail=True),
     )
 
 

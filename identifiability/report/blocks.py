@@ -16,7 +16,7 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from identifiability.foundation.answers import Answer, Note, Table
+from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_number
 from identifiability.foundation.values import frozen
@@ -321,6 +321,15 @@ class Fold:
     blocks: tuple[Block, ...]
     detail: bool = False
     kind: ClassVar[str] = "fold"
+
+
+def check_cell(text: str, passed: bool | None, reason: str = "") -> Cell:
+    """Return a number beside what it should be, for a cell of a DataFrame given to `frame_table`.
+
+    `passed` is None where nothing was checked; the reason is the tolerance, or why it differs.
+    """
+    word = {True: "pass", False: "differs", None: "not checked"}[passed]
+    return Cell(text or word, word, reason, word)
 
 
 def fold_rows(

@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, ParamSpec
+from typing import Any, Literal, ParamSpec
 from urllib.parse import quote, unquote
 
 import matplotlib as mpl
@@ -31,7 +31,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from matplotlib.transforms import ScaledTranslation
 
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import REACH, format_number, mark_of
+from identifiability.foundation.rounding import REACH, format_number
+from identifiability.foundation.values import frozen
 
 # Figures in the page's style, and the one way from a Matplotlib figure to inline SVG.
 #
@@ -304,6 +305,60 @@ def log_scale(axes: Axes, low: float, high: float) -> None:
     axes.xaxis.set_major_locator(LogLocator(subs=steps, numticks=7))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: format_number(x, 2)))
     axes.xaxis.set_minor_locator(NullLocator())
+
+
+# How a verdict looks, in tables and figures alike: colour and symbol, never colour alone.
+
+
+Tone = Literal["blue", "green", "amber", "vermilion", "purple", "sky", "grey"]
+
+
+@frozen
+class Mark:
+    """The look of a class.
+
+    Attributes
+    ----------
+    tone : str
+        Colour of the colour-blind-safe palette [Okabe & Ito 2008].
+    symbol : str
+        Stands before the word.
+    marker, fill : str
+        The same in Matplotlib's terms.
+    """
+
+    tone: Tone
+    symbol: str
+    marker: str = "o"
+    fill: Literal["full", "left", "none"] = "full"
+
+
+MARKS = {
+    "identifiable": Mark("blue", "●"),
+    "sign only": Mark("amber", "◐", "o", "left"),
+    "negligible": Mark("grey", "○", "o", "none"),
+    "model in doubt": Mark("amber", "!", "^", "none"),
+    "not identifiable": Mark("vermilion", "✕", "x"),
+    "not judged": Mark("grey", "?", "s", "none"),
+    "by the prior": Mark("sky", "◇", "D", "none"),
+    "structural": Mark("vermilion", "✕", "x"),
+    "data": Mark("blue", "●"),
+    "constraint": Mark("purple", "◆", "D"),
+    "prior": Mark("sky", "◇", "D", "none"),
+    "structure": Mark("grey", "✕", "x"),
+    "model": Mark("grey", "○", "o", "none"),
+    "pass": Mark("green", "✓"),
+    "partly": Mark("amber", "◐", "o", "left"),
+    "differs": Mark("vermilion", "✕", "x"),
+    "not checked": Mark("grey", "○", "o", "none"),
+}
+
+_OTHER = Mark("grey", "·", ".")
+
+
+def mark_of(kind: str) -> Mark:
+    """Return the look of a verdict, or a neutral one for a word that has none."""
+    return MARKS.get(kind, _OTHER)
 
 
 # Torque and motion along time.

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from identifiability.foundation.answers import Table, frame_table
 from identifiability.foundation.output import check_ending, write_text
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import format_count, mark_of, superscript
+from identifiability.foundation.rounding import format_count, superscript
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.report.blocks import (
@@ -33,7 +33,7 @@ from identifiability.report.blocks import (
     Tile,
     section,
 )
-from identifiability.report.figures import TEMPLATES
+from identifiability.report.figures import TEMPLATES, mark_of
 from identifiability.workflows.answers import note, rule_table
 
 # `Page`: a title, the answer, and sections, as one self-contained HTML file.

@@ -25,14 +25,7 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import BASE, Array, shorten_paths
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import (
-    digits,
-    error_text,
-    exact,
-    format_count,
-    join,
-    percent,
-)
+from identifiability.foundation.rounding import digits, error_text, format_count, join, percent
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -430,7 +423,7 @@ class Fit(Predicts):
     def to_dict(self) -> dict[str, Any]:
         """Return what is read back, as plain values."""
         entry = model_entry(self.submodel, self.structure.base, self.structure.model.texts)
-        told = {
+        return {
             "model": entry.model_dump(by_alias=True, exclude_none=True),
             "names": list(self.names),
             "units": list(self.submodel.units),
@@ -440,7 +433,6 @@ class Fit(Predicts):
             "base_unknown": self.base_unknown,
             "preparation": {f.name: getattr(self.preparation, f.name) for f in fields(Preparation)},
         }
-        return dict(exact(told))
 
 
 def _along(fit: Fit, logs: Logs, engine: Engine | None) -> TorquePrediction:

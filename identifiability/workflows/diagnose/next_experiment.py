@@ -23,7 +23,6 @@ from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
 from identifiability.foundation.output import write_json
-from identifiability.foundation.rounding import stated
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -119,8 +118,7 @@ class NextMotion:
         """Return a trajectory file with what is known of the motion beside it."""
         told = {"separates": list(self.names), "chance": self.chance}
         told |= {"before": self.before, "periods": self.periods}
-        content = {**self.excitation.to_dict(), "comment": self.statement, "next": told}
-        return dict(stated(content))
+        return {**self.excitation.to_dict(), "comment": self.statement, "next": told}
 
 
 @checked

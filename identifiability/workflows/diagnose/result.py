@@ -24,7 +24,7 @@ from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import REACH, digits, error_text, exact, join, percent
+from identifiability.foundation.rounding import REACH, digits, error_text, join, percent
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
@@ -433,7 +433,7 @@ class Diagnosis(Result, Setting, Predicts):
             "robot": self.completed.robot.identity,
             "model": list(self.structure.model.texts),
             **pick(self, "fixed", "statement", "hints", "seed"),
-            "physical": exact(self.physical, "parameters", "shapes", "gravity"),
+            "physical": self.physical,
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
             "effects": [_effect_row(e) for e in self.effects],
             "refuted": [pick(x, "name", "place", "unseen", odds="before") for x in self.refuted],

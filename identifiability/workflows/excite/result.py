@@ -21,7 +21,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.options import MOST_SAMPLES
 from identifiability.foundation.output import csv_text, write_text
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import digits, exact, format_count, format_number, percent
+from identifiability.foundation.rounding import digits, format_count, format_number, percent
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.robot import Robot, complete_motion
@@ -241,9 +241,9 @@ class Excitation(Result):
         }
         return {
             "comment": f"{self.statement} Coefficients are amplitudes of velocity.",
-            "period": exact(path.period),
+            "period": path.period,
             "samples": path.samples,
-            "trajectories": exact({path.name: joints}),
+            "trajectories": {path.name: joints},
             "schema": self.schema,
             "robot": self.robot.name,
             "criterion": self.criterion.name,
