@@ -1,7 +1,6 @@
 """Write the reference pages that the code itself holds: `python docs/written.py [check]`.
 
-Sidecars and ladders from the models that read them, effects and messages from their registries,
-numbers from the tables of the rooms.
+Sidecars and ladders from the models that read them, effects and messages from their registries.
 `make docs` writes them; a test says when a page is no longer what the code says.
 """
 
@@ -28,7 +27,6 @@ from identifiability.effects import FAMILIES
 from identifiability.effects.effect import AlongAxes, Family, measure_spans
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.findings import sentences
-from identifiability.foundation.rules import RuleTable
 from identifiability.logs.names import RULES
 from identifiability.quality.registry import CHECKS, Does
 from identifiability.regression.reduction import LadderEntry
@@ -260,33 +258,6 @@ def write_words() -> str:
     return "\n".join(out)
 
 
-def rooms() -> Iterator[RuleTable]:
-    """Yield the tables of numbers of every room."""
-    for path in sorted((DOCS.parent / "identifiability").rglob("rules.py")):
-        name = ".".join(path.relative_to(DOCS.parent).with_suffix("").parts)
-        for kind in vars(import_module(name)).values():
-            if isinstance(kind, type) and kind.__module__ == name and kind.__base__ is RuleTable:
-                yield kind()
-
-
-def write_rules() -> str:
-    """Return the page of every number by which something is decided, by its room."""
-    out = []
-    for rules in rooms():
-        out += [
-            f"## {rules.title}",
-            "",
-            "| number | value | basis | meaning |",
-            "|---|---|---|---|",
-        ]
-        out += [
-            f"| {' | '.join(map(_cell, (f'`{r.name}`', r.text, _basis(r.basis), r.meaning)))} |"
-            for r in rules.rows()
-        ]
-        out.append("")
-    return "\n".join(out)
-
-
 def write_studies() -> str:
     """Return one line a study, from the registry."""
     studies = runpy.run_path(str(DOCS.parent / "studies" / "registry.py"))["STUDIES"]
@@ -294,10 +265,6 @@ def write_studies() -> str:
         f"| {', '.join(f'`{w}`' for w in (s.name, *s.words))} | {_cell(s.asks)} |" for s in studies
     ]
     return "\n".join(["| study | asks |", "|---|---|", *rows])
-
-
-def _basis(basis: str) -> str:
-    return f"`{basis}`" if "/" in basis else basis
 
 
 #: What stands at the head of each page; it is in lines as docstrings are.
@@ -340,15 +307,6 @@ a JSON file to `reports/`. From a checkout `identifiability paper NAME` or `pyth
 runs it (`--quick`: in short); without a name those of the paper are run. The logs of real arms are
 no part of this project: `$IDENTIFIABILITY_DATA` is their folder.
 """
-NUMBERS = """# Every number by which it decides
-
-Each room of the program has one frozen table, `rules.py`; pages print those by which their answer
-was decided. Where a number is from: *literature*, a publication; *level*, of a test; *derived*, by
-the derivation that its text gives; *calibrated*, on cases that were tried; *reasoned*, for the
-reason given; *by hand*, a developer's judgement and nothing more; or the study that shows it. What
-changes no name, no verdict and no error by more than 2 % when it is halved and doubled is a
-constant where it is used.
-"""
 
 
 def pages() -> dict[Path, str]:
@@ -365,7 +323,6 @@ def pages() -> dict[Path, str]:
         "messages": (MESSAGES, write_messages()),
         "log-words": (LOG_WORDS, write_words()),
         "studies": (STUDIES, write_studies()),
-        "rules": (NUMBERS, write_rules()),
     }
     return {
         **{
