@@ -738,22 +738,3 @@ def draw_intervals(
     axes.axvline(line, color=INK, **DASHED)
     row_lines(axes, len(names))
     return figure
-
-
-@drawn
-def draw_gain(names: Sequence[str], ratio: Array) -> Figure:
-    """Draw standard deviations relative to those of the motion compared with.
-
-    Parameters
-    ----------
-    names : sequence of str
-    ratio : (k,)
-    """
-    figure, axes = row_canvas(names, top=14, xlabel="σ with this motion / σ compared with [–]")
-    shown = np.where(np.isfinite(ratio) & (ratio > 0), ratio, 1.0)
-    log_scale(axes, 0.8 * float(shown.min(initial=0.5)), 1.25 * float(shown.max(initial=2.0)))
-    row_lines(axes, len(names))
-    axes.axvline(1.0, color=INK, linewidth=1)
-    colours = np.where(shown <= 1, BLUE, VERMILION)
-    axes.scatter(shown, np.arange(len(names)), c=colours.tolist(), s=36, zorder=3)
-    return figure

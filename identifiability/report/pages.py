@@ -44,7 +44,7 @@ from identifiability.report.blocks import (
     torque_traces,
     traces,
 )
-from identifiability.report.figures import draw_curve, draw_forward, draw_gain, draw_intervals
+from identifiability.report.figures import draw_curve, draw_forward, draw_intervals
 from identifiability.report.skeleton import move_skeletons, move_with_torque
 from identifiability.robot import complete_motion
 from identifiability.workflows.answers import count_joints, level_table, note, sentence, words
@@ -323,7 +323,8 @@ def excitation_moving(result: Excitation) -> Moving | None:
 def excitation_below(result: Excitation) -> Picture:
     """Return the gain of the parameters that gain most."""
     at = np.argsort(np.nan_to_num(result.gain, nan=np.inf), kind="stable")[:SHOWN_FIRST]
-    figure = draw_gain([result.names[k] for k in at], result.gain[at])
+    names, ratio = [result.names[k] for k in at], "σ with this motion / σ compared with [–]"
+    figure = draw_intervals(names, result.gain[at], np.zeros(len(at)), ratio, 1.0)
     return picture("gained", figure, beside=result.beside)
 
 
@@ -456,10 +457,6 @@ def _robot(result: Inspection) -> list[Section]:
     from identifiability.workflows.inspect import JOINTS  # noqa: PLC0415
 
     robot = result.robot
-    needed: list[tuple[str, str]] = [("t", "s")]
-    for k, joint in enumerate(robot.joints):
-        unit = "m" if robot.is_prismatic(int(robot.actuated[k])) else "rad"
-        needed += [(f"{joint}.q", unit), (f"{joint}.tau", robot.torque_units[k])]
     motors = ", ".join(result.motors)
     beside = sentence("inspection.motors", motors=motors) if motors else None
     base = result.base
@@ -469,11 +466,7 @@ def _robot(result: Inspection) -> list[Section]:
         section(
             "inspection.joints", phrase("needs", "naming"), Table.of("", JOINTS, result.joints)
         ),
-        section(
-            "inspection.columns",
-            beside,
-            Table.of("", (Column("column", "code"), Column("unit")), needed),
-        ),
+        section("inspection.columns", beside),
         section(
             "inspection.parameters",
             Fold(f"All {base.rank} base parameters", (Table.of("", grouped, groups),)),
