@@ -177,8 +177,8 @@ def section_ladder(analysis: Analysis) -> Section:
     else:
         reason = "smallest" if chosen.infeasible else "signs"
     why = sentence("analysis.why", reason, title=model_title(chosen))
-    blocks = (picture("errors", plot.models(analysis)), analysis.tables()[0])
-    return section("analysis.models", *blocks, why=why, kind=analysis.validation_kind)
+    table = analysis.tables()[0]
+    return section("analysis.models", table, why=why, kind=analysis.validation_kind)
 
 
 # Torque: measured and predicted, what it is made of, and what is left.

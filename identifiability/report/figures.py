@@ -474,35 +474,6 @@ def draw_forward(t: Array, before: Array, after: Array) -> Figure:
 
 
 @drawn
-def draw_errors(
-    names: Sequence[str], fitted: Array, unseen: Array, spread: Array, selected: int
-) -> Figure:
-    """Draw the relative torque errors of each model on fitted and on unseen motion.
-
-    Parameters
-    ----------
-    names : sequence of str
-    fitted, unseen, spread : (m,)
-        Errors as fractions; `spread` is the standard error of the second.
-    selected : int
-    """
-    figure, axes = row_canvas(names, 32, xlabel="relative torque error [%]")
-    axes.axhspan(selected - 0.5, selected + 0.5, color=BLUE, alpha=0.09, linewidth=0)
-    axes.texts[selected].set_fontweight("bold")
-    rows = np.arange(len(names))
-    fitted, unseen, spread = (
-        100 * np.where(np.isfinite(x), x, np.nan) for x in (fitted, unseen, spread)
-    )
-    first, last = (np.stack([x, rows], 1) for x in (fitted, unseen))
-    strokes(axes, first, last, MUTED, linewidth=1, zorder=1)
-    axes.plot(fitted, rows, "o", fillstyle="none", color=MUTED, markersize=7, label="fitted motion")
-    whiskers(axes, unseen, rows, np.nan_to_num(np.abs(spread)), label="unseen motion ± SE")
-    axes.margins(x=0.1)
-    legend_above(axes, handletextpad=0.3)
-    return figure
-
-
-@drawn
 def draw_ladder(
     sizes: Array, fitted: Array, unseen: Array, spread: Array, selected: int, least: int
 ) -> Figure:

@@ -1,9 +1,9 @@
 """The figures of a report one by one, for notebooks and papers.
 
-What to use when: `precision` for how well each parameter is known, `models` for the models of a
-ladder, `reduction_path` for a pruning, `correlated` for parameters that hang together, `torque` for
-measured and predicted torque. Each takes a result and returns a Matplotlib figure, which nobody
-else holds: change it, or ``figure.savefig("a.pdf")``. `Result.figures` gives those of its page.
+What to use when: `precision` for how well each parameter is known, `reduction_path` for a
+pruning, `correlated` for parameters that hang together, `torque` for measured and predicted torque.
+Each takes a result and returns a Matplotlib figure, which nobody else holds: change it, or
+``figure.savefig("a.pdf")``. `Result.figures` gives those of its page.
 
 Example
 -------
@@ -26,7 +26,6 @@ from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import OptionError
 from identifiability.report.figures import (
     draw_confusion,
-    draw_errors,
     draw_ladder,
     draw_precision,
     draw_torque,
@@ -38,7 +37,7 @@ if TYPE_CHECKING:  # every report loads this module, and few need what prunes or
     from identifiability.workflows.predict import Predicts, TorquePrediction
     from identifiability.workflows.prune import Ladder
 
-__all__ = ["correlated", "models", "precision", "reduction_path", "torque"]
+__all__ = ["correlated", "precision", "reduction_path", "torque"]
 
 
 def precision(result: Analysis, model: str | None = None) -> Figure:
@@ -58,13 +57,6 @@ def precision(result: Analysis, model: str | None = None) -> Figure:
     kinds = [v.look for v in drawn.verdicts]
     limit = ESTIMATION_RULES.paper_factor * float(np.min(white, initial=np.inf))
     return draw_precision(names, white, known, kinds, Thresholds().sigma_percent, limit)
-
-
-def models(result: Analysis) -> Figure:
-    """Draw the error of each model of a ladder on fitted and on unseen motion."""
-    errors = [(m.error_ra, m.error_ra_validation, m.error_se) for m in result.models]
-    fitted, unseen, spread = np.array(errors).T
-    return draw_errors([m.name for m in result.models], fitted, unseen, spread, result.selected)
 
 
 def reduction_path(result: Ladder) -> Figure:
