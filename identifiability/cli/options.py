@@ -9,6 +9,7 @@ typer's `Option` its spelling, `Expected` its range, which the API's functions s
 
 from __future__ import annotations
 
+import re
 import sys
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -326,6 +327,23 @@ class Command(typer.core.TyperCommand):
 # What is looked at before anything large is imported: are files there, can they be written?
 
 
+def _check_kind(path: Path, kinds: Sequence[str]) -> None:
+    """Refuse to write over what is no earlier result of some kinds, as its first lines say.
+
+    Raises
+    ------
+    IdentifiabilityError
+    """
+    head = b""
+    if path.is_file():  # to read a pipe would wait for who writes it
+        with suppress(OSError), path.open("rb") as stream:
+            head = stream.read(2000)
+    found = re.search(rb'"identifiability/(\w+)/\d', head)
+    if head and (found is None or found[1].decode() not in kinds):
+        what = f"the result of another verb ({found[1].decode()})" if found else "no such result"
+        raise OutputError(Finding("output.other", path, what=what))
+
+
 def _look(verb: str, typed: Mapping[str, Any], options: Mapping[str, Field]) -> None:
     """Refuse what is not there or cannot be written, in no time.
 
@@ -333,8 +351,6 @@ def _look(verb: str, typed: Mapping[str, Any], options: Mapping[str, Field]) -> 
     ------
     IdentifiabilityError
     """
-    from identifiability.foundation.output import check_kind  # noqa: PLC0415
-
     given = [(o, typed[n]) for n, o in options.items() if typed.get(n) not in (None, [])]
     reads = [(mark, value) for o, value in given for mark in o.marks(Reads)]
     writes = [(o.name, mark, value) for o, value in given for mark in o.marks(Writes)]
@@ -346,7 +362,7 @@ def _look(verb: str, typed: Mapping[str, Any], options: Mapping[str, Field]) -> 
     for name, ends, value in writes:
         ends.check(value)
         if value.suffix.lower() in (".json", ".html", ".htm") and (name in kinds or verb in kinds):
-            check_kind(value, kinds.get(name) or kinds[verb])
+            _check_kind(value, kinds.get(name) or kinds[verb])
     if robot is not None:
         from identifiability.robot.locate import locate_robot  # noqa: PLC0415
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
 import secrets
 import shutil
 import tempfile
@@ -89,23 +88,6 @@ def check_apart(outputs: Iterable[str | Path], inputs: Iterable[str | Path]) -> 
         if place in taken:
             raise OutputError(f"'{path}' is an input or another output; give it its own name.")
         taken.append(place)
-
-
-def check_kind(path: Path, kinds: Sequence[str]) -> None:
-    """Refuse to write over what is no earlier result of some kinds, as its first lines say.
-
-    Raises
-    ------
-    OutputError
-    """
-    head = b""
-    if path.is_file():  # to read a pipe would wait for who writes it
-        with suppress(OSError), path.open("rb") as stream:
-            head = stream.read(2000)
-    found = re.search(rb'"identifiability/(\w+)/\d', head)
-    if head and (found is None or found[1].decode() not in kinds):
-        what = f"the result of another verb ({found[1].decode()})" if found else "no such result"
-        raise OutputError(Finding("output.other", path, what=what))
 
 
 def real(path: str | Path) -> Path:

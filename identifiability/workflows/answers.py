@@ -177,10 +177,10 @@ def answer_trust(
 def rule_table(rules: RuleTable) -> Table:
     """Return the numbers of a table, as every page and the reference print them."""
     columns = (
-        Column("number", "code", "name"),
-        Column("value", get="text"),
-        Column("basis", get="basis", detail=True),
-        Column("meaning", get="meaning"),
+        Column("number", "code"),
+        Column("value"),
+        Column("basis", detail=True),
+        Column("meaning"),
     )
     return Table.of(rules.title, columns, rules.rows(), long=True)
 
