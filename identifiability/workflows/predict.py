@@ -423,7 +423,7 @@ class Fit(Predicts):
     def to_dict(self) -> dict[str, Any]:
         """Return what is read back, as plain values."""
         entry = model_entry(self.submodel, self.structure.base, self.structure.model.texts)
-        return {
+        told = {
             "model": entry.model_dump(by_alias=True, exclude_none=True),
             "names": list(self.names),
             "units": list(self.submodel.units),
@@ -433,6 +433,7 @@ class Fit(Predicts):
             "base_unknown": self.base_unknown,
             "preparation": {f.name: getattr(self.preparation, f.name) for f in fields(Preparation)},
         }
+        return {k: x.tolist() if isinstance(x, np.ndarray) else x for k, x in told.items()}
 
 
 def _along(fit: Fit, logs: Logs, engine: Engine | None) -> TorquePrediction:

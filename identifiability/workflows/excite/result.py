@@ -236,7 +236,11 @@ class Excitation(Result):
         """Return a trajectory file with what is known of the trajectory beside it."""
         path = self.trajectory
         joints = {
-            name: {"offset": path.offset[k], "sin": path.sin[k], "cos": path.cos[k]}
+            name: {
+                "offset": path.offset[k],
+                "sin": path.sin[k].tolist(),
+                "cos": path.cos[k].tolist(),
+            }
             for k, name in enumerate(self.limits.joints)
         }
         return {
