@@ -59,15 +59,6 @@ def test_a_random_trajectory_stays_within_the_limits(run, tmp_path):
     assert positions.max().max() <= 0.83
 
 
-def test_help_is_quick_and_names_the_commands():
-    code = (
-        "import sys; import identifiability.cli; "
-        "heavy = {'numpy', 'pandas', 'pinocchio', 'matplotlib', 'mujoco'} & set(sys.modules); "
-        "sys.exit(f'heavy imports at start: {heavy}' if heavy else 0)"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
 def test_an_analysis_without_a_report_neither_draws_nor_simulates_and_none_loads_other_commands():
     code = (
         "import sys; import identifiability.workflows.analyze.result; "

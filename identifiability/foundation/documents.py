@@ -104,9 +104,7 @@ def read_document(
         raise refused("deep", most=DEEPEST)
     try:
         content = _PARSERS[form](text)
-    except RecursionError:
-        raise refused("invalid", why="it is nested too deeply") from None
-    except ValueError as problem:
+    except (RecursionError, ValueError) as problem:
         raise refused("invalid", why=str(problem).rstrip(".")[:300]) from None
     try:
         return schema.model_validate(content)
