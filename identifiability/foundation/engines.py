@@ -23,7 +23,7 @@ from contextlib import AbstractContextManager, suppress
 from functools import cache, cached_property, lru_cache, partial
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Literal, Self, TypeVar
+from typing import Any, Literal, TypeVar
 
 import cloudpickle
 from threadpoolctl import ThreadpoolController
@@ -87,7 +87,7 @@ def in_order(submit: Callable[[Item], Any], items: Sequence[Item], workers: int)
             yield waiting.popleft().result()
 
 
-class Engine:
+class Engine(AbstractContextManager["Engine"]):
     """Runs one function over many items; the results do not depend on which engine it is.
 
     Use it in a ``with`` block: workers end with it.
@@ -127,9 +127,6 @@ class Engine:
 
     def close(self) -> None:
         """End what works for the engine."""
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *error: object) -> None:
         self.close()

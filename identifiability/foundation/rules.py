@@ -7,9 +7,7 @@ numbers), and how finely one looks (a `Tolerance`, where several places share it
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import TypeAlias
-from typing import get_type_hints as resolve
 
 from identifiability.foundation.options import check_fields
 from identifiability.foundation.values import frozen
@@ -33,15 +31,3 @@ class RuleTable:
 
     def __post_init__(self) -> None:
         check_fields(self)
-
-    def rows(self) -> list[tuple[str, str, str, str]]:
-        """Return of every number its name, its value with its unit, its basis and its meaning."""
-        kinds, rows = resolve(type(self), include_extras=True), []
-        for name in (field.name for field in fields(self)):
-            told = next(n for n in kinds[name].__metadata__ if isinstance(n, str))
-            said, _, basis = told.rpartition(", ")
-            meaning, _, unit = said.rpartition(" [") if said[-1] == "]" else (said, "", "")
-            many = getattr(self, name)
-            text = " … ".join(f"{x:.10g}" for x in (many if isinstance(many, tuple) else (many,)))
-            rows.append((name, f"{text} {unit.removesuffix(']')}".rstrip(), basis, meaning))
-        return rows

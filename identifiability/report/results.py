@@ -6,18 +6,18 @@ import base64
 import hashlib
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import pandas as pd
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
-from identifiability.foundation.answers import Table, frame_table
+from identifiability.foundation.answers import Column, Table, frame_table
 from identifiability.foundation.output import check_ending, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import format_count, superscript
@@ -34,7 +34,7 @@ from identifiability.report.blocks import (
     section,
 )
 from identifiability.report.figures import TEMPLATES, mark_of
-from identifiability.workflows.answers import note, rule_table
+from identifiability.workflows.answers import note
 
 # `Page`: a title, the answer, and sections, as one self-contained HTML file.
 
@@ -220,12 +220,31 @@ def build_page(result: Result) -> Page:
 
 def section_rules(tables: Sequence[RuleTable]) -> Section:
     """Return every number of some tables with its basis and its meaning, folded."""
+    columns = (
+        Column("number", "code"),
+        Column("value"),
+        Column("basis", detail=True),
+        Column("meaning"),
+    )
     folds = []
     for rules in tables:
-        table = rule_table(rules)
-        count = format_count(len(table.rows), "number")
-        folds.append(Fold(f"{table.caption}: {count}", (replace(table, caption=""),)))
+        rows = rows_of(rules)
+        said = f"{rules.title}: {format_count(len(rows), 'number')}"
+        folds.append(Fold(said, (Table.of("", columns, rows, long=True),)))
     return section("rules", *folds)
+
+
+def rows_of(rules: RuleTable) -> list[tuple[str, str, str, str]]:
+    """Return of every number its name, its value with its unit, its basis and its meaning."""
+    kinds, rows = get_type_hints(type(rules), include_extras=True), []
+    for name in (field.name for field in fields(rules)):
+        told = next(n for n in kinds[name].__metadata__ if isinstance(n, str))
+        said, _, basis = told.rpartition(", ")
+        meaning, _, unit = said.rpartition(" [") if said[-1] == "]" else (said, "", "")
+        many = getattr(rules, name)
+        text = " … ".join(f"{x:.10g}" for x in (many if isinstance(many, tuple) else (many,)))
+        rows.append((name, f"{text} {unit.removesuffix(']')}".rstrip(), basis, meaning))
+    return rows
 
 
 def draw_figures(result: Any) -> dict[str, Figure]:

@@ -18,7 +18,6 @@ from identifiability.estimation.evidence import LEVELS
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table, measured_cells
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import error_text, format_count, percent
-from identifiability.foundation.rules import RuleTable
 from identifiability.robot import Robot
 from identifiability.workflows.rules import RULES
 
@@ -172,17 +171,6 @@ def answer_trust(
         )
     seen = "; ".join(f"“{g}”" for g in dict.fromkeys(grave))
     return Answer(question, "With care.", f"{found_text}. Read below: {seen}.", "amber")
-
-
-def rule_table(rules: RuleTable) -> Table:
-    """Return the numbers of a table, as every page and the reference print them."""
-    columns = (
-        Column("number", "code"),
-        Column("value"),
-        Column("basis", detail=True),
-        Column("meaning"),
-    )
-    return Table.of(rules.title, columns, rules.rows(), long=True)
 
 
 def level_table() -> Table:

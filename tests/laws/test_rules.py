@@ -9,6 +9,7 @@ import pytest
 
 import identifiability
 from identifiability.foundation.result import Result
+from identifiability.report.results import rows_of
 
 PACKAGE = Path(identifiability.__file__).parent
 TABLES = sorted(PACKAGE.rglob("rules.py"))
@@ -43,7 +44,7 @@ def tables(room):
 
 @pytest.mark.parametrize("rules", [t for room in ROOMS for t in tables(room)], ids=repr)
 def test_every_number_of_a_table_has_a_basis_and_a_meaning(rules):
-    names, values, bases, meanings = zip(*rules.rows(), strict=True)
+    names, values, bases, meanings = zip(*rows_of(rules), strict=True)
     assert list(names) == list(rules.__dataclass_fields__)
     for name, value in zip(names, values, strict=True):
         first = getattr(rules, name)
@@ -54,7 +55,7 @@ def test_every_number_of_a_table_has_a_basis_and_a_meaning(rules):
 
 
 def test_there_are_not_more():
-    assert sum(len(t.rows()) for room in ROOMS for t in tables(room)) <= 125
+    assert sum(len(rows_of(t)) for room in ROOMS for t in tables(room)) <= 125
 
 
 def answers(kind=Result):
