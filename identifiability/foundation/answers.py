@@ -44,13 +44,6 @@ class Cell:
     share: float = 0.0
     link: str = ""
 
-    @property
-    def sort_key(self) -> str | None:
-        """The key as the page's script reads it; None for the text, empty sorts last."""
-        if self.key is None or isinstance(self.key, str):
-            return self.key
-        return "" if math.isnan(self.key) else f"{self.key:.6g}".replace("inf", "Infinity")
-
 
 #: What a column looks like: its kind, or the function that writes its numbers.
 Look: TypeAlias = Kind | Callable[[Any], str]
@@ -162,12 +155,6 @@ class Table:
         columns = tuple(self.columns[k] for k in shown)
         return replace(self, columns=columns, rows=rows, marked=marked, filter_by=filter_by)
 
-    @property
-    def words(self) -> list[tuple[str, int]]:
-        """The words to filter by, in order of appearance, with their counts."""
-        words = [row[self.filter_by].badge for row in self.rows if self.filter_by is not None]
-        return [(word, words.count(word)) for word in dict.fromkeys(words)]
-
 
 def frame_table(
     frame: pd.DataFrame, caption: str = "", *, digits: int = 4, filter_by: str | None = None
@@ -240,11 +227,6 @@ class Note:
     level: Literal["warning", "note", "good"]
     title: str
     text: str
-
-    @property
-    def symbol(self) -> str:
-        """Stands before the title."""
-        return {"warning": "▲", "note": "●", "good": "✓"}[self.level]
 
 
 @frozen

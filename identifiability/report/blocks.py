@@ -332,6 +332,19 @@ def check_cell(text: str, passed: bool | None, reason: str = "") -> Cell:
     return Cell(text or word, word, reason, word)
 
 
+def words_of(table: Table) -> list[tuple[str, int]]:
+    """Return the words to filter a table by, in order of appearance, with their counts."""
+    words = [row[table.filter_by].badge for row in table.rows if table.filter_by is not None]
+    return [(word, words.count(word)) for word in dict.fromkeys(words)]
+
+
+def sort_key(cell: Cell) -> str | None:
+    """Return a cell's key as the page's script reads it; None for the text, empty sorts last."""
+    if cell.key is None or isinstance(cell.key, str):
+        return cell.key
+    return "" if math.isnan(cell.key) else f"{cell.key:.6g}".replace("inf", "Infinity")
+
+
 def fold_rows(
     table: Table, first: Sequence[bool], those: str, rest: str
 ) -> tuple[Table | Fold, ...]:
@@ -354,7 +367,7 @@ def fold_rows(
         tuple(row for row, is_first in zip(table.rows, first, strict=True) if is_first is kind)
         for kind in (True, False)
     )
-    counts = ", ".join(f"{n} {word}" for word, n in replace(table, rows=hidden).words)
+    counts = ", ".join(f"{n} {word}" for word, n in words_of(replace(table, rows=hidden)))
     said = f"The other {len(hidden)}: {counts or rest}"
     more = replace(table, caption="", rows=hidden, marked=None)
     return replace(table, caption=f"The {count} {those}", rows=shown), Fold(said, (more,))

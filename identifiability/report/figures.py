@@ -351,6 +351,9 @@ MARKS = {
     "partly": Mark("amber", "◐", "o", "left"),
     "differs": Mark("vermilion", "✕", "x"),
     "not checked": Mark("grey", "○", "o", "none"),
+    "warning": Mark("amber", "▲"),
+    "note": Mark("blue", "●"),
+    "good": Mark("green", "✓"),
 }
 
 _OTHER = Mark("grey", "·", ".")

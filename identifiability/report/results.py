@@ -32,6 +32,8 @@ from identifiability.report.blocks import (
     Section,
     Tile,
     section,
+    sort_key,
+    words_of,
 )
 from identifiability.report.figures import TEMPLATES, mark_of
 from identifiability.workflows.answers import note
@@ -138,7 +140,7 @@ def page_environment() -> Environment:
         undefined=StrictUndefined,
     )
     environment.filters["symbols"] = set_symbols
-    environment.globals["mark_of"] = mark_of
+    environment.globals |= {"mark_of": mark_of, "words_of": words_of, "sort_key": sort_key}
     return environment
 
 
