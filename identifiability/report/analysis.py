@@ -80,8 +80,6 @@ def analysis_heading(analysis: Analysis) -> tuple[str, str]:
 
 def analysis_moving(analysis: Analysis) -> Moving | None:
     """Return the robot along unseen motion beside measured and predicted torque."""
-    if not np.isfinite(analysis.chosen.error_ra_validation):
-        return None
     sample, out = (analysis.validation or analysis.samples)[0], analysis.held_out
     measured, predicted = (x[: len(out.t[0])] for x in out.to_draw(0))
     lines = {"measured": measured, "predicted": predicted, "residual": measured - predicted}
@@ -90,20 +88,19 @@ def analysis_moving(analysis: Analysis) -> Moving | None:
 
 
 def analysis_sections(analysis: Analysis) -> list[Section | None]:
-    """Return the sections of the page; what needs a model that explains something is left out."""
-    explained = bool(np.isfinite(analysis.chosen.error_ra_validation))
-    found: list[Section | None] = [section_parameters(analysis), section_ladder(analysis)]
-    if explained:
-        found.insert(0, section_prediction(analysis))
-        if not analysis.nothing:
-            found.append(section_correlated(analysis.fit))
-        found += [section_residuals(analysis), section_physics(analysis)]
-        if analysis.belief is not None:
-            found.append(section_posterior(analysis))
-    found.append(section_structure(analysis))
-    if explained:
-        found.append(section_full_model(analysis))
-    return [*found, *_how(analysis)]
+    """Return the sections of the page."""
+    return [
+        section_prediction(analysis),
+        section_parameters(analysis),
+        section_ladder(analysis),
+        None if analysis.nothing else section_correlated(analysis.fit),
+        section_residuals(analysis),
+        section_physics(analysis),
+        None if analysis.belief is None else section_posterior(analysis),
+        section_structure(analysis),
+        section_full_model(analysis),
+        *_how(analysis),
+    ]
 
 
 # Parameters, and the models beside each other.
@@ -170,8 +167,6 @@ def section_ladder(analysis: Analysis) -> Section:
     chosen, models = analysis.chosen, analysis.models
     if len(models) == 1:
         reason = "only"
-    elif not np.isfinite([m.error_ra_validation for m in models]).any():
-        reason = "unknown"
     elif chosen.feasible:
         reason = "possible"
     else:

@@ -26,7 +26,7 @@ from identifiability.estimation.estimate import (
     weigh_outliers,
 )
 from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.groups import NO_ALTERNATIVES, Alternatives, find_alternatives
+from identifiability.estimation.groups import Alternatives, find_alternatives
 from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
@@ -121,8 +121,6 @@ def _say(text: str) -> Finding:
 
 def find_missing(opening: Opening) -> Alternatives:
     """Return what may be missing beside the unpruned model."""
-    if opening.silence:
-        return NO_ALTERNATIVES
     commanded = bool(of_key(opening.hints, "commands"))
     rows = opening.regression, opening.unseen
     return find_alternatives(opening.structure, *rows, commanded=commanded)
@@ -373,8 +371,6 @@ class Session:
         opening, estimator = self._with_instruments(opening, method, kind)
         building = share(self.say, "building the regression", 0.2, 0.4)
         alike = gather_information(opening.regression, engine=self.engine, progress=building)
-        if opening.silence:
-            return Weighed(opening, estimator, alike, alike)
         joints = self.structure.robot.joints
         information, burst, _ = weigh_rows(joints, opening.samples, alike, estimator)
         return Weighed(opening, estimator, alike, information, burst)
@@ -393,7 +389,7 @@ class Session:
             If instruments are asked for and a log has no second record of its motion.
         """
         plain = find_estimator(method)
-        if kind == "ls" or opening.silence:
+        if kind == "ls":
             return opening, plain
         logs, samples, always = self.recordings.fitted, opening.samples, kind == "iv"
         short = [s for s in samples if not s.long]

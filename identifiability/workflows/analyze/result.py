@@ -601,8 +601,6 @@ class Laddered(OfStructure, Result, predict.Predicts):
             yield note(kinds.get(getattr(hint, "key", ""), "hint"), hint=hint)
         for found in of_key(self.findings, "unclosed", "singular"):
             yield note(found.key, log=found.subject, text=found)
-        if not np.isfinite(chosen.error_ra_validation):
-            return
         if chosen.infeasible and not self.nothing and not chosen.physical_used:
             near = f"the nearest real robot errs by {error_text(chosen.unseen_by(1))}"
             yield note("impossible", names=join(chosen.infeasible), near=near)
@@ -720,16 +718,16 @@ class Analysis(Laddered):
         physically feasible ones first.
     belief : Belief or None
         Posteriors of the selected model, where they were asked for.
-    folds : Folds or None
-        What is predicted from the rest of the fitted logs; None where nothing was fitted.
+    folds : Folds
+        What is predicted from the rest of the fitted logs.
     alternative : Alternative or None
         Of the model, under which logs were read and all is said.
     """
 
     schema: ClassVar[str] = "identifiability/analysis/1"
 
+    folds: Folds
     belief: Belief | None = None
-    folds: Folds | None = None
     alternative: Alternative | None = None
 
     def to_dict(self) -> dict[str, Any]:
@@ -770,7 +768,7 @@ class Analysis(Laddered):
         if self.validation:
             return "held-out logs: " + ", ".join(s.name for s in self.validation)
         logs = len(self.samples)
-        if logs > 1 and self.folds is not None and self.folds.count == logs:
+        if logs > 1 and self.folds.count == logs:
             return "cross-validation, one log left out at a time"
         return f"cross-validation over stretches of the {'log' if logs == 1 else 'logs'}"
 
@@ -807,8 +805,7 @@ def doubt(
     Parameters
     ----------
     why : str
-        What speaks against all of them: the fitted logs have nothing to explain, or are misread;
-        empty if nothing does.
+        What speaks against all of them: the fitted logs are misread; empty if nothing does.
     results : tuple of ModelResult
     at : int
         The selected model.
