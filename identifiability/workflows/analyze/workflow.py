@@ -231,7 +231,14 @@ class SharedErrors:
         loud = band is not None and band.noise > LOG_RULES.small
         if loud and not (rows.estimator.instruments or session.recordings.commanded):
             pairs = zip(session.recordings.fitted, opening.samples, strict=True)
-            noisier = [_noisier(opening.robot, log, own, how) for log, own in pairs]
+            noisier = [
+                own
+                if own.long
+                else measure_again(
+                    opening.robot, noise_again(log, np.random.default_rng(0)), own, how
+                )
+                for log, own in pairs
+            ]
             others["bias"] = (gather(noisier),)
         return cls(rows.alike, others, rows.estimator)
 
@@ -248,11 +255,9 @@ class SharedErrors:
         return np.vstack([np.zeros((0, len(submodel))), *self.move(submodel).values()])
 
 
-def _noisier(robot: Robot, log: Log, own: Dataset, how: Preparation) -> Dataset:
-    """Return samples along a motion with as much noise once more, if it is in memory."""
-    if own.long:
-        return own
-    moved = prepare_log(robot, noise_again(log, np.random.default_rng(0)), how)
+def measure_again(robot: Robot, log: Log, own: Dataset, how: Preparation) -> Dataset:
+    """Return samples along their motion as a log measures it again, if that keeps the same rows."""
+    moved = prepare_log(robot, log, how)
     alike = np.array_equal(moved.motion.kept, own.motion.kept)
     return replace(own, motion=moved.motion) if alike else own
 
