@@ -95,7 +95,6 @@ MOST_SAMPLES = 10_000_000
 #: Of a motion: harmonics, the period [s] and samples.
 Harmonics = Annotated[int, counted(1, 50)]
 Duration = Annotated[float, within(1e-3, 1e6)]
-LimitShare = Annotated[float, within(1e-3, 1)]
 Period = Annotated[int, counted(20, MOST_SAMPLES)]
 FilePath = Annotated[str | Path, Expected("the path of a file")]
 Rng = Annotated[

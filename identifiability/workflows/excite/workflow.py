@@ -70,7 +70,7 @@ def excite(
     at_rest : bool
         Begin and end without speed and acceleration, which takes two harmonics of each joint.
     duration : float [s], optional
-        The period, by default 7.5 s; of commands 15 s in all.
+        The period, by default 7.5 s.
     samples : int
         Samples a period; all of them are checked.
     limits : mapping, path or None
