@@ -41,7 +41,6 @@ from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import check_choice
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import (
-    NONE,
     digits,
     error_text,
     exact,
@@ -378,7 +377,7 @@ class Laddered(OfStructure, Result, predict.Predicts):
             begun = commands.name_logs(self.robot, names, "--start-from", how)
             more = f"identifiability excite {robot} {begun} --out next.json"
             out = [(text, line), ("Or measure what these logs leave open:", more)]
-        text, name = commands.name_export(self.robot, *self.exported)
+        text, name = commands.EXPORT
         line = f"identifiability export {robot} {{file}} --out {name}"
         out.append((text, commands.on_file(self, "json", f"{verb}.json", f"{again} --json", line)))
         missing = ("Find out what the model misses:", f"{find} --report missing.html")
@@ -425,7 +424,6 @@ class Laddered(OfStructure, Result, predict.Predicts):
             preparation=predict.settled(self.settings.get("preparation"), self.samples),
             base_covariance=M @ covariance @ M.T + self.late.T @ self.late,
             base_unknown=M @ unknown,
-            errors=self.exported[1],
             missing=self.missing.functions,
         )
 
@@ -455,12 +453,6 @@ class Laddered(OfStructure, Result, predict.Predicts):
         logs["error"] = fitted + held
         logs["error_validation"] = [np.nan] * (len(each) - len(unseen)) + unseen
         return pd.concat([pd.DataFrame(joints), logs], ignore_index=True)
-
-    @property
-    def exported(self) -> tuple[tuple[str, ...], tuple[float, float]]:
-        """Parameters of the model to use, and errors of all and of those that an MJCF holds."""
-        real = self.real_robot
-        return self.chosen.submodel.columns, (real["error_ra"], real["error_ra_files"]["mjcf"])
 
     @cached_property
     def real_robot(self) -> dict[str, Any]:
@@ -512,25 +504,7 @@ class Laddered(OfStructure, Result, predict.Predicts):
             parts = [f"{a.short} {a.text}".rstrip() for a in told]
         parts += [] if tilt is None else [f"In this model gravity {tilt.text}."]
         parts += [] if self.moved is None else [self.moved.statement]
-        return " ".join(filter(None, (self.mass_warning, self.weight, *parts, *self.hints)))
-
-    @property
-    def weight(self) -> str:
-        """What a robot that floats weighs by its logs, beside its file; nothing of others.
-
-        The mass of all its bodies is one of its base parameters: gravity acts on the whole of it.
-        """
-        structure = self.structure
-        if self.robot.base is None or self.nothing:
-            return ""
-        masses = np.array([p.kind == "m" for p in structure.parameters], float)
-        pairs = zip(structure.base.names, structure.G, strict=True)
-        total = [name for name, row in pairs if np.allclose(row, masses, atol=1e-6)]
-        for v in self.full.verdicts:
-            if v.name in total and np.isfinite(half := REACH * v.sigma_label):
-                told = {"title": self.robot.title, "file": float(structure.nominal @ masses)}
-                return sentence("decision.weight", value=v.value, half=half, **told)
-        return ""
+        return " ".join(filter(None, (self.mass_warning, *parts, *self.hints)))
 
     def _answer_quality(self) -> Answer:
         """Return how well the values to use predict, and beside it what that leaves out."""
@@ -909,7 +883,6 @@ def parameter_table(analysis: Laddered, result: ModelResult) -> Table:
         Column("σ robust", percent_text, "sigma_robust_percent", detail=True),
         Column("σ label", percent_text, "sigma_label_percent"),
         Column("σ bootstrap", percent_text, drawn, detail=True),
-        Column("σ is of", get=_terms_cell, detail=True),
         Column("used", "number", in_model, detail=not any(result.meanings)),
         Column("robot file", "number", lambda v: stated_text(stated[v.name], v.sigma_robust)),
         Column("share of torque", "bar", share),
@@ -918,16 +891,6 @@ def parameter_table(analysis: Laddered, result: ModelResult) -> Table:
     )
     every = with_hints("parameters", *columns)
     return Table.of("", every, result.verdicts, filter_by=-1, long=True)
-
-
-def _terms_cell(v: Verdict) -> Cell:
-    """Return the shares that terms have of the variance of a label, the largest first."""
-    total = v.sigma_label**2
-    if not 0 < total < np.inf:
-        return Cell(NONE, 0.0)
-    order = [term for term in sorted(v.terms, key=lambda term: -v.terms[term]) if v.terms[term]]
-    each = [f"{term} {percent(v.terms[term] ** 2 / total, 2)}" for term in order[:NAMED]]
-    return Cell(", ".join(each), v.terms[order[0]] ** 2 / total)
 
 
 def label_note(v: Verdict) -> str:
