@@ -40,8 +40,6 @@ from identifiability.report.blocks import (
     Section,
     Term,
     Terms,
-    Trace,
-    Traces,
     fold_rows,
     gallery,
     picture,
@@ -94,11 +92,9 @@ def analysis_sections(analysis: Analysis) -> list[Section | None]:
         section_parameters(analysis),
         section_ladder(analysis),
         None if analysis.nothing else section_correlated(analysis.fit),
-        section_residuals(analysis),
         section_physics(analysis),
         None if analysis.belief is None else section_posterior(analysis),
         section_structure(analysis),
-        section_full_model(analysis),
         *_how(analysis),
     ]
 
@@ -152,16 +148,6 @@ def _name_key(analysis: Analysis) -> Fold:
     return Fold("What the names mean", (Terms(tuple(terms)),))
 
 
-def section_full_model(analysis: Analysis) -> Section | None:
-    """Return the parameters of the unpruned model, folded; None where it is the one to use."""
-    full, title = analysis.full, model_title(analysis.full)
-    if full is analysis.chosen:
-        return None
-    summary = f"All {format_count(len(full.submodel), 'parameter')} of {title}"
-    fold = Fold(summary, fold_verdicts(parameter_table(analysis, full), full.verdicts))
-    return section("analysis.full-model", fold, detail=True, size=len(full.submodel), title=title)
-
-
 def section_ladder(analysis: Analysis) -> Section:
     """Return the ladder of models: why the selected one."""
     chosen, models = analysis.chosen, analysis.models
@@ -210,23 +196,6 @@ def _tell_windows(analysis: Analysis) -> str:
             shown, total = f"{found.samples:,}", f"{found.total:,}"
             return sentence("analysis.windows", shown=shown, total=total)
     return ""
-
-
-def section_residuals(analysis: Analysis) -> Section:
-    """Return what is left of unseen torque over velocity, of each joint."""
-    out, robot = analysis.held_out, analysis.robot
-    measured, predicted = out.to_draw(0)
-    residual = measured - predicted
-    groups = []
-    for k, joint in enumerate(robot.joints):
-        known = np.isfinite(out.velocity[:, k]) & np.isfinite(residual[:, k])
-        along = (
-            "velocity [m/s]" if robot.is_prismatic(int(robot.actuated[k])) else "velocity [rad/s]"
-        )
-        x, y = out.velocity[known, k], residual[known, k]
-        groups.append(Trace.scattered(joint, robot.torque_units[k], along, x, y, "residual"))
-    shown = Traces(tuple(groups), sentence("analysis.velocity"))
-    return section("analysis.residuals", shown, detail=True)
 
 
 def section_correlated(fit: Fit) -> Section:
