@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from operator import itemgetter
-from typing import Any
 
 import numpy as np
 
@@ -349,24 +348,15 @@ MOTION = (
 #: Most rows of one forest plot.
 ROWS = 14
 
-SIGNS, BODIES = "posterior with signs", "posterior with bodies"
-
 CONVERGENCE = with_hints(
     "convergence",
-    Column("posterior"),
+    Column("what"),
     Column("nested R-hat", "{:.4f}".format),
     Column("effective draws", "{:.0f}".format),
     Column("in the tails", "{:.0f}".format),
     Column("autocorrelation time", "{:.1f}".format),
     Column("may be shown", "badge"),
 )
-
-
-def summaries(analysis: Analysis) -> dict[str, Summary | None]:
-    """Return both posteriors of the selected model by name, None for one that was not sampled."""
-    belief = analysis.belief
-    assert belief is not None
-    return {SIGNS: belief.signs, BODIES: belief.physical}
 
 
 def section_posterior(analysis: Analysis) -> Section:
@@ -383,35 +373,26 @@ def section_posterior(analysis: Analysis) -> Section:
 
 
 def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
-    """Return why a posterior, or an interval of it, is not shown, if one is not."""
+    """Return why the posterior, or an interval of it, is not shown, if one is not."""
     belief = analysis.belief
     assert belief is not None
-    notes = []
-    for name, summary in summaries(analysis).items():
-        if summary is None:
-            why = belief.note.rstrip(".") or "it was not sampled"
-            notes.append(note("no-posterior", name=name, why=f"{why[0].upper()}{why[1:]}"))
-        elif not summary.trustworthy:
-            notes.append(note("doubtful", name=name, why=" ".join(summary.convergence.reasons)))
-        elif not summary.stated.all():
-            names = np.array(analysis.chosen.submodel.columns)[~summary.stated].tolist()
-            share = f"{len(names)} of {len(summary.stated)}"
-            notes.append(
-                note(
-                    "prior-sensitive",
-                    name=name,
-                    share=share,
-                    names=join(names, ROWS),
-                    limit=100 * POSTERIOR_RULES.prior_sensitivity,
-                )
-            )
-    return tuple(notes)
+    summary = belief.physical
+    if summary is None:
+        why = belief.note.rstrip(".")
+        return (note("no-posterior", why=f"{why[0].upper()}{why[1:]}"),)
+    if not summary.trustworthy:
+        return (note("doubtful", why=" ".join(summary.convergence.reasons)),)
+    if summary.stated.all():
+        return ()
+    names = np.array(analysis.chosen.submodel.columns)[~summary.stated].tolist()
+    share, limit = f"{len(names)} of {len(summary.stated)}", 100 * POSTERIOR_RULES.prior_sensitivity
+    return (note("prior-sensitive", share=share, names=join(names, ROWS), limit=limit),)
 
 
-def shown(analysis: Analysis) -> dict[str, Summary | None]:
-    """Return both posteriors by name, None for one whose numbers may not be shown."""
-    found = summaries(analysis)
-    return {name: x if x is not None and x.trustworthy else None for name, x in found.items()}
+def shown(analysis: Analysis) -> Summary | None:
+    """Return the posterior; None where its numbers may not be shown."""
+    summary = None if analysis.belief is None else analysis.belief.physical
+    return summary if summary is not None and summary.trustworthy else None
 
 
 def forest_gallery(analysis: Analysis) -> Gallery:
@@ -433,12 +414,12 @@ def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
 
     Where something is left out the label's interval is the last.
     """
-    chosen, posteriors = analysis.chosen, shown(analysis)
+    chosen, physical = analysis.chosen, shown(analysis)
     value, white, robust, label = np.array(
         [(v.value, v.sigma, v.sigma_robust, v.sigma_label) for v in chosen.verdicts], float
     ).T
     open_ = ~(np.isfinite(robust) & (robust > 0) & chosen.estimate.determined)
-    physical, drawn = posteriors[BODIES], chosen.fit.bootstrap
+    drawn = chosen.fit.bootstrap
 
     def around(sd: Array) -> Array:
         half = REACH * np.array([0.0, -1.0, 1.0])
@@ -449,10 +430,9 @@ def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
     if drawn is not None:
         ends = np.column_stack([drawn.values.mean(0), drawn.interval()])
         roads["block bootstrap"] = np.where(open_[:, None], np.nan, ends)
-    for name, summary in posteriors.items():
-        if summary is not None:
-            both = np.column_stack([summary.mean, summary.interval])
-            roads[name] = np.where(summary.stated[:, None], both, np.nan)
+    if physical is not None:
+        both = np.column_stack([physical.mean, physical.interval])
+        roads["posterior"] = np.where(physical.stated[:, None], both, np.nan)
     if any(v.terms["omitted"] for v in chosen.verdicts):
         roads["label"] = around(label)
     centre = np.where(open_, np.nan if physical is None else physical.mean, value)
@@ -463,17 +443,16 @@ def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
     return layers, (stated - centre) / scale
 
 
-def convergence_table(analysis: Analysis) -> Table:
+def convergence_table(analysis: Analysis) -> Table | None:
     """Return the numbers that decide whether a posterior may be shown, and their limits."""
-    rows: list[tuple[Any, ...]] = []
-    for name, summary in summaries(analysis).items():
-        if summary is not None:
-            c = summary.convergence
-            numbers = (c.rhat.max(), c.ess_bulk.min(), c.ess_tail.min(), c.tau.max())
-            good = summary.trustworthy
-            word = Cell("yes" if good else "no", badge="pass" if good else "differs")
-            rows.append((name, *numbers, word))
-    limits = Thresholds()
-    limit = words("analysis.limits", **asdict(limits))
-    rows.append(("limit", *(Cell(text, np.nan) for text in limit.values())))
+    summary = None if analysis.belief is None else analysis.belief.physical
+    if summary is None:
+        return None
+    c, good = summary.convergence, summary.trustworthy
+    numbers = (c.rhat.max(), c.ess_bulk.min(), c.ess_tail.min(), c.tau.max())
+    limit = words("analysis.limits", **asdict(Thresholds()))
+    rows = [
+        ("found", *numbers, Cell("yes" if good else "no", badge="pass" if good else "differs")),
+        ("limit", *(Cell(text, np.nan) for text in limit.values())),
+    ]
     return Table.of("Convergence of the chains", CONVERGENCE, rows)

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from textwrap import shorten
-from typing import TYPE_CHECKING, Any, ClassVar, Self, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 import pandas as pd
@@ -62,7 +62,7 @@ from identifiability.regression.reduction import LadderSource, Submodel
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows import commands, predict
 from identifiability.workflows.alternatives import Alternative
-from identifiability.workflows.analyze.belief import Belief, Which, belief_dict, build_datatree
+from identifiability.workflows.analyze.belief import Belief, belief_dict, build_datatree
 from identifiability.workflows.answers import (
     SIGMA,
     UNIT,
@@ -691,7 +691,7 @@ class Analysis(Laddered):
         The model to use: the smallest that may stand for the best on folds of the fitted logs,
         physically feasible ones first.
     belief : Belief or None
-        Posteriors of the selected model, where they were asked for.
+        Posterior of the selected model, where it was asked for.
     folds : Folds
         What is predicted from the rest of the fitted logs.
     alternative : Alternative or None
@@ -720,21 +720,15 @@ class Analysis(Laddered):
             "several_logs": {"statement": compare_logs(self.samples, chosen)},
         }
 
-    def to_arviz(self, posterior: Which = "physical") -> DataTree:
-        """Return a posterior of the selected model for ArviZ; needs the extra ``arviz``.
-
-        Parameters
-        ----------
-        posterior : {"physical", "signs"}
-            Restricted to bodies that can exist, or by signs only.
+    def to_arviz(self) -> DataTree:
+        """Return the posterior of the selected model for ArviZ; needs the extra ``arviz``.
 
         Raises
         ------
         ModelError
-            If there is no such posterior, or no package to hold it.
+            If there is none, or no package to hold it.
         """
-        check_choice("posterior", posterior, get_args(Which))
-        return build_datatree(self.belief, self.chosen.submodel, posterior, self.provenance)
+        return build_datatree(self.belief, self.chosen.submodel, self.provenance)
 
     @property
     def validation_kind(self) -> str:

@@ -609,7 +609,7 @@ def analyze(
 def believe(found: Analysis, rng: np.random.Generator, say: Progress, within: float) -> Analysis:
     """Return the analysis with the posteriors of the selected model, bodies within a share."""
     if found.nothing:
-        return replace(found, belief=Belief(None, None, {}, found.nothing))
+        return replace(found, belief=Belief(None, {}, found.nothing))
     chosen, whole = found.chosen, found.information
     part = chosen.submodel.reduce(whole)
     model = FittedModel(found.structure, chosen.submodel, whole, part, chosen.estimate)
