@@ -52,6 +52,7 @@ from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.belief import Summary
 from identifiability.workflows.analyze.result import (
     error_tables,
+    file_table,
     model_title,
     parameter_table,
     stated_values,
@@ -119,6 +120,7 @@ def section_parameters(analysis: Analysis) -> Section:
         "analysis.parameters",
         figure,
         *tables,
+        Fold("Which numbers of the robot file may I believe?", (file_table(analysis),)),
         _name_key(analysis),
         title=model_title(chosen),
         size=size,

@@ -10,6 +10,7 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from statistics import NormalDist
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -37,7 +38,7 @@ from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import REACH
+from identifiability.foundation.numbers import LEVEL, REACH
 from identifiability.foundation.options import check_choice
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import (
@@ -718,7 +719,31 @@ class Analysis(Laddered):
                 "without_effect": list(base.without_effect),
             },
             "several_logs": {"statement": compare_logs(self.samples, chosen)},
+            "file": self.file_frame().to_dict("records"),
         }
+
+    def file_frame(self) -> pd.DataFrame:
+        """Return which numbers of the robot file the logs bear out, those they contradict first.
+
+        One row a base parameter of which the file states something: its value there and in the
+        fit of all of them, with σ of the label, how many σ it is off, and ``logs``: it "agrees",
+        is "contradicted" (outside of the intervals that hold all of them at 95 %, Bonferroni), or
+        is "not determined" by these logs.
+        """
+        pairs = zip(self.full.verdicts, stated_values(self, self.full), strict=True)
+        known = [(v, x) for v, x in pairs if x is not None]
+        reach = NormalDist().inv_cdf(1 - (1 - LEVEL) / (2 * max(len(known), 1)))
+        rows: list[dict[str, Any]] = []
+        for v, x in known:
+            off = abs(v.value - x) / v.sigma_label if np.isfinite(v.sigma_label) else np.nan
+            told = v.verdict is Class.IDENTIFIABLE or Flag.NEGLIGIBLE in v.flags
+            word = "agrees" if told else "not determined"
+            word = "contradicted" if off > reach and not self.nothing else word
+            row = {"name": v.name, "label": v.label, "unit": v.unit, "file": x, "value": v.value}
+            rows.append({**row, "sigma": v.sigma_label, "sigmas": off, "logs": word})
+        order = list(BELIEVED)
+        rows.sort(key=lambda r: (order.index(r["logs"]), -np.nan_to_num(r["sigmas"])))
+        return pd.DataFrame(rows, columns=["name", "label", "unit", "file", *FOUND, "logs"])
 
     def to_arviz(self) -> DataTree:
         """Return the posterior of the selected model for ArviZ; needs the extra ``arviz``.
@@ -748,7 +773,7 @@ class Analysis(Laddered):
     def tables(self) -> tuple[Table, ...]:
         """Return the models, the errors by joint and by log, the parameters of the model to use."""
         models = Table.of("", LADDER, self.models, marked=self.selected)
-        return (models, *error_tables(self), parameter_table(self, self.chosen))
+        return (models, *error_tables(self), parameter_table(self, self.chosen), file_table(self))
 
     def _answer_use(self) -> Answer:
         chosen, base = self.chosen, self.base
@@ -887,7 +912,30 @@ def parameter_table(analysis: Laddered, result: ModelResult) -> Table:
     return Table.of("", every, result.verdicts, filter_by=-1, long=True)
 
 
-def label_note(v: Verdict) -> str:
+#: What logs say of a number of the robot file, and its mark.
+BELIEVED = {"contradicted": "differs", "agrees": "pass", "not determined": "partly"}
+
+FOUND = ("value", "sigma", "sigmas")
+
+
+def file_table(analysis: Analysis) -> Table:
+    """Return which numbers of the robot file may be believed, after these logs."""
+    frame = analysis.file_frame()
+    counts = [f"{(frame['logs'] == word).sum()} {word}" for word in BELIEVED]
+    columns = (
+        Column("parameter", get=lambda r: Cell(r.name, note=label_note(r))),
+        Column("robot file", stated_text, "file"),
+        Column("found", stated_text, "value"),
+        Column("± σ", digits(2), "sigma"),
+        UNIT,
+        Column("off by [σ]", digits(2), "sigmas"),
+        Column("these logs", "badge", lambda r: Cell(r.logs, badge=BELIEVED[r.logs])),
+    )
+    caption = f"Which numbers of the robot file may I believe? {', '.join(counts)}."
+    return Table.of(caption, columns, frame.itertuples(index=False))
+
+
+def label_note(v: Any) -> str:
     """Return the combination that a name stands for; nothing where it is the parameter alone."""
     return shorten(v.label, 64, placeholder=" …") if " " in v.label else ""
 
