@@ -184,7 +184,7 @@ def test_numbers_of_a_file_are_believed_contradicted_or_left_open(simulated_sess
     frame = found.file_frame().set_index("name")
     assert set(frame.index[:2]) == {"elbow.Fv", "link2.mx"}
     assert set(frame.query("logs == 'contradicted'").index) <= set(wrong)
-    assert frame["logs"]["elbow.Ia"] == "agrees"
+    assert set(frame["logs"]) == {"contradicted", "agrees", "not determined"}, frame
     assert abs(frame["value"]["elbow.Fv"] / robot.nominal["elbow.Fv"] - 1) < 0.1
     table = found.tables()[-1]
     assert table.caption.startswith("Which numbers of the robot file may I believe? ")

@@ -87,7 +87,7 @@ Effects = Names
 Derivatives = Literal["auto", "given", "butterworth"]
 EngineName = Literal["serial", "processes", "dask"]
 EstimatorKind = Literal["auto", "ls", "iv"]
-ExportFormat = Literal["mjcf", "urdf", "json", "isaaclab"]
+ExportFormat = Literal["mjcf", "urdf", "json", "isaaclab", "patch"]
 
 #: Samples of a motion at most; the simulator takes one at a time.
 MOST_SAMPLES = 10_000_000

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
+from difflib import unified_diff
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,6 @@ from identifiability.effects.vocabulary import (
     settle_asymmetry,
     settle_springs,
     stated_numbers,
-    values_in_file,
 )
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.documents import read_document, toml_text
@@ -55,7 +55,6 @@ class PhysicalEntry(RealEntry):
     """The nearest real robot."""
 
     shapes: dict[str, float] = Field(default={})
-    error_ra_file: float | None
     error_joints: tuple[dict[str, Any], ...] = ()
     cad_prior: float = 0.0
     certificate: str = ""
@@ -277,6 +276,45 @@ def write_parameters(
     return Written(Path(path), sidecar, lost)
 
 
+def write_patch(
+    robot: Robot, parameters: Mapping[str, float], path: FilePath, **how: Any
+) -> Written:
+    """Write what changes in a robot's own file and its sidecar as a unified diff.
+
+    Parameters
+    ----------
+    robot, parameters
+        As of `write_parameters`.
+    path : str or Path
+        Of the diff, which ``patch -p1`` applies in the folder of the robot file.
+    **how
+        As of `write_parameters`.
+
+    Raises
+    ------
+    RobotError, OutputError
+        As of `write_parameters`.
+    """
+    with temporary_folder() as folder:
+        made = write_parameters(robot, parameters, Path(folder) / robot.path.name, **how)
+        pairs = (robot.path, made.robot), (robot.sidecar, made.sidecar)
+        text = "".join(_difference(own, new) for own, new in pairs if new is not None)
+    return replace(made, robot=write_text(path, text), sidecar=None)
+
+
+def _difference(own: Path | None, new: Path) -> str:
+    """Return a unified diff of two files, the first of which need not be there."""
+    old, changed = (
+        [] if path is None else path.read_bytes().decode("utf-8").splitlines(keepends=True)
+        for path in (own, new)
+    )
+    names = "/dev/null" if own is None else f"a/{own.name}", f"b/{(own or new).name}"
+    lines = unified_diff(old, changed, *names)
+    return "".join(
+        line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines
+    )
+
+
 def _rests(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
     """Return where the springs of joints are relaxed; those of stated axes stand with them."""
     joints = robot.tree.single
@@ -293,6 +331,7 @@ ENDINGS: dict[Format, str] = {
     "urdf": ".urdf",
     "json": ".json",
     "isaaclab": ".py",
+    "patch": ".patch",
 }
 
 
@@ -361,12 +400,6 @@ class Exported:
                 f"On the fitted logs the real robot errs by {percent(self.error_ra)}, and what "
                 f"{self.robot.name} alone holds by {percent(self.error_ra_file)}."
             )
-        elif self.error_ra is not None:
-            parts.append(
-                f"On the fitted logs the real robot errs by {percent(self.error_ra)}; what "
-                f"{self.robot.name} alone holds was not measured when the result was made: make it "
-                "again to know."
-            )
         parts += [self.unseen.text] if self.unseen is not None else []
         if self.anew:
             parts.append(
@@ -401,8 +434,9 @@ def export(
         JSON of `analyze`, `prune` or `diagnose`.
     out : path
         ``.xml`` for MJCF, ``.urdf`` for URDF, from either kind of file; ``.json`` for the
-        parameters alone; ``.py`` for a configuration of actuators (isaaclab).
-    form : {"mjcf", "urdf", "json", "isaaclab"}, optional
+        parameters alone; ``.py`` for a configuration of actuators (isaaclab); ``.patch`` for what
+        changes in the robot's own file and sidecar, as a unified diff.
+    form : {"mjcf", "urdf", "json", "isaaclab", "patch"}, optional
         What to write; by default what the ending says. From an MJCF comes a URDF as well, and the
         other way round, without geometry; isaaclab is a configuration of actuators for robots with
         servos.
@@ -445,8 +479,9 @@ def export(
     elif wanted == "isaaclab":
         write_isaaclab(robot, given, content, Path(out))
     else:
-        kind = "urdf" if wanted == "urdf" else "mjcf"
-        alone = _error_of_file(robot, physical, kind)
+        patch = wanted == "patch"
+        kind = file_kinds(robot)[0] if patch else "urdf" if wanted == "urdf" else "mjcf"
+        alone = physical.error_ra_files.get(kind)
         what: dict[str, Any] = {
             "keep": False,
             "shapes": shapes,
@@ -455,14 +490,15 @@ def export(
         }
         if list_logs(validate):
             with temporary_folder() as folder:
-                tried = write_parameters(robot, given, Path(folder) / Path(out).name, **what)
+                name = robot.path.name if patch else Path(out).name
+                tried = write_parameters(robot, given, Path(folder) / name, **what)
                 unseen = judge_files(own, tried, validate, content.fit)
             if unseen.written > unseen.before and not force:
                 raise IdentifiabilityError(
                     f"{unseen.text} So {Path(out).name} would be worse than the file that it comes "
                     "from: export to .json, or write it all the same with --force."
                 )
-        written = write_parameters(robot, given, out, **what)
+        written = (write_patch if patch else write_parameters)(robot, given, out, **what)
     beside: dict[str, list[str]] = {}
     for name in written.beside:
         if name in effect_of or name[:-1] not in written.beside:  # else one way of both
@@ -672,12 +708,3 @@ def _find_format(out: Path, form: Format | None) -> Format:
         return form
     check_ending(out, *dict.fromkeys(ENDINGS.values()))
     return next(name for name, ending in ENDINGS.items() if ending == out.suffix.lower())
-
-
-def _error_of_file(robot: Robot, physical: PhysicalEntry, kind: Kind) -> float | None:
-    """Return the error of what a robot file alone holds; None where nobody measured it."""
-    if kind in physical.error_ra_files:
-        return physical.error_ra_files[kind]
-    if values_in_file(robot, physical.parameters, kind) == physical.parameters:
-        return physical.error_ra
-    return physical.error_ra_file if kind == file_kinds(robot)[0] else None
