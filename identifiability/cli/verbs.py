@@ -329,7 +329,7 @@ def export(
         typer.echo(text)
     for text in unused_ladder(robot):
         typer.echo(text, err=True)
-    for path in filter(None, (exported.robot, exported.sidecar)):
+    for path in filter(None, (exported.robot, exported.sidecar, exported.snippet)):
         typer.echo(f"{path}")
 
 

@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from difflib import unified_diff
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,6 @@ from identifiability.foundation.errors import IdentifiabilityError, RobotError, 
 from identifiability.foundation.names import BASE, GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.foundation.options import ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
-from identifiability.foundation.result import shown
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import state_mass
@@ -44,8 +44,9 @@ from identifiability.robot.locate import LARGEST, SMALLEST
 from identifiability.robot.servo import state_delay
 from identifiability.robot.table import write_converted
 from identifiability.robot.write import write_robot
+from identifiability.workflows.export.snippet import write_snippet
 from identifiability.workflows.opening import Logs, list_logs
-from identifiability.workflows.predict import Entry, FitEntry, RealEntry, ResultEntry, state_missing
+from identifiability.workflows.predict import FitEntry, RealEntry, ResultEntry, state_missing
 from identifiability.workflows.session import Session
 
 # What is exported of a result: its JSON, checked against the robot.
@@ -62,18 +63,10 @@ class PhysicalEntry(RealEntry):
     reason: str = ""
 
 
-class VerdictEntry(Entry):
-    """What the logs say of a parameter of the unpruned model."""
-
-    name: str
-    verdict: str
-
-
 class Result(ResultEntry):
     """The part of a result that is exported."""
 
     physical: PhysicalEntry
-    full_parameters: tuple[VerdictEntry, ...] = ()
 
 
 def check_result(robot: Robot, path: Path, content: Result, known: set[str]) -> None:
@@ -362,6 +355,10 @@ class Exported:
         Functions of a joint's motion or load that the result says are missing.
     commanded : str
         How far rollouts are off, of logs of commands.
+    snippet : Path or None
+        Torque of what the file cannot hold, as a function for MuJoCo.
+    added : tuple of str
+        Effects that are in it.
     """
 
     robot: Path
@@ -376,6 +373,8 @@ class Exported:
     gravity: str = ""
     missing: tuple[str, ...] = ()
     commanded: str = ""
+    snippet: Path | None = None
+    added: tuple[str, ...] = ()
 
     @property
     def statement(self) -> str:
@@ -388,6 +387,13 @@ class Exported:
                 f"{self.robot.name} cannot hold {listing(beside, len(beside))}: {stand} in the "
                 "sidecar, which simulators do not read."
             )
+        if self.snippet is not None:
+            left = [effect for effect in self.beside if effect not in self.added]
+            end = f"; {listing(left, 4)} is in neither" if left else ""
+            if not left and self.error_ra is not None:
+                end = f", and both together err by {percent(self.error_ra)}"
+            added = listing(self.added, 4)
+            parts.append(f"In MuJoCo {self.snippet.name} adds {added} to it{end}.")
         if self.gravity:
             parts.append(f"{self.robot.name} holds a tilted base: gravity {self.gravity}.")
         if self.known:
@@ -408,10 +414,6 @@ class Exported:
             )
         parts += state_missing(self.missing)
         return " ".join(filter(None, parts))
-
-    def _repr_html_(self) -> str:
-        files = " and ".join(str(path) for path in (self.robot, self.sidecar) if path is not None)
-        return shown("\n".join(filter(None, (f"Written: {files}", self.mass, self.statement))))
 
 
 @checked
@@ -471,7 +473,7 @@ def export(
         robot = robot.turned(np.array(physical.gravity.direction))
     robot, given = settle_gravity(robot, given)
     loaded = any(value and n in effect_of and effect_of[n].loaded for n, value in given.items())
-    wanted, unseen = _find_format(Path(out), form), None
+    wanted, unseen, snippet, added = _find_format(Path(out), form), None, None, list[str]()
     alone, written = physical.error_ra, Written(Path(out), None, ())
     kind: Kind | None = None
     if wanted == "json":
@@ -499,6 +501,10 @@ def export(
                     "from: export to .json, or write it all the same with --force."
                 )
         written = (write_patch if patch else write_parameters)(robot, given, out, **what)
+        if written.sidecar is not None:
+            read = partial(_reread, own, written.robot, written.sidecar)
+            place = written.robot.with_name(f"{written.robot.stem}_torque.py")
+            snippet, added = write_snippet(read(alone=False), read(alone=True), place)
     beside: dict[str, list[str]] = {}
     for name in written.beside:
         if name in effect_of or name[:-1] not in written.beside:  # else one way of both
@@ -517,6 +523,8 @@ def export(
         gravity="" if robot.tilt is None else robot.tilt.text,
         missing=content.missing,
         commanded="" if content.rollout is None else content.rollout.statement,
+        snippet=snippet,
+        added=tuple(added),
     )
 
 
@@ -612,27 +620,18 @@ def _reread(robot: Robot, path: Path, sidecar: Path | None, *, alone: bool) -> R
 # What a simulator has to know of servos beside their gains.
 
 
-def undetermined(robot: Robot, content: Result) -> list[str]:
-    """Return the joints' numbers that the logs do not determine, which are near the file's."""
-    sure = {v.name for v in content.full_parameters if v.verdict == "identifiable"}
-    kinds = (robot.inertia_parts[0], "Fv", "Fc")
-    names = [f"{joint}.{kind}" for joint in robot.joints for kind in kinds]
-    return [name for name in names if name not in sure] if content.full_parameters else []
-
-
 def state_servos(robot: Robot, content: Result) -> str:
     """Return what an exported robot file says of its servos; nothing where it has none."""
     servo, moved = robot.servo, content.rollout
     if servo is None or moved is None:
         return ""
-    open_ = listing(undetermined(robot, content), 60) or "none"
     return (
         f"{moved.statement} C{state_delay(np.array(moved.delays), moved.logs)[1:]}. "
         f"Rotors (armature), damping and friction are those of continuous time, of servos that "
         f"measure at {servo.rate:g} Hz: positions that old take kp / {2 * servo.rate:g} off the "
         "damping. A simulator's step of h seconds does the same, kp h / 2 where its servo is "
         "explicit, and adds h / 2 of all damping to the armature where damping is implicit: keep "
-        f"the step at 1 ms or take that off. Not determined by itself, near the file's: {open_}."
+        "the step at 1 ms or take that off."
     )
 
 
@@ -650,7 +649,6 @@ def write_isaaclab(robot: Robot, given: Mapping[str, float], content: Result, ou
             f"{robot.path} states no gains of servos, which a configuration of actuators is made "
             "of; give them in the sidecar: [servo] kp = …, kv = …."
         )
-    open_ = set(undetermined(robot, content))
     delay = servo.delay if content.rollout is None else content.rollout.delay
     kinds = {"armature": robot.inertia_parts[0], "friction": "Fc", "viscous_friction": "Fv"}
     limits = np.minimum(-servo.low, servo.high)
@@ -682,11 +680,9 @@ def write_isaaclab(robot: Robot, given: Mapping[str, float], content: Result, ou
     for word, values in rows.items():
         if not values:
             continue
-        kind = kinds.get("friction" if word == "dynamic_friction" else word)
         lines.append(f"    {word}={{")
         for joint, value in values.items():
-            mark = "  # not determined by itself" if f"{joint}.{kind}" in open_ else ""
-            lines.append(f'        "{joint}": {value:.6g},{mark}')
+            lines.append(f'        "{joint}": {value:.6g},')
         lines.append("    },")
     lines += [
         "    min_delay=round(DELAY / PHYSICS_DT),",
