@@ -51,8 +51,14 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.robot.sidecar import read_sidecar
 from identifiability.workflows.answers import answer_next, with_hints
 from identifiability.workflows.commands import name_logs, source_name
-from identifiability.workflows.opening import Logs, Progress, quiet, running, state_provenance
-from identifiability.workflows.session import Session
+from identifiability.workflows.session import (
+    Logs,
+    Progress,
+    Session,
+    quiet,
+    running,
+    state_provenance,
+)
 
 # What a robot file and logs hold, before anything is fitted.
 #

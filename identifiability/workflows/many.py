@@ -36,8 +36,8 @@ from identifiability.robot.sidecar import read_settings
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.answers import with_hints
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.opening import Progress, quiet, running
 from identifiability.workflows.prune import prune
+from identifiability.workflows.session import Progress, quiet, running
 
 Verb = Literal["analyze", "prune", "diagnose"]
 

@@ -56,9 +56,8 @@ from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.robot.sidecar import Value
 from identifiability.workflows.answers import answer_next, answer_quality, with_hints
 from identifiability.workflows.commands import EXPORT, given_paths, name_logs, source_name
-from identifiability.workflows.opening import Logs, in_memory, read_recordings
 from identifiability.workflows.rules import RULES
-from identifiability.workflows.session import Session
+from identifiability.workflows.session import Logs, Session, in_memory, read_recordings
 
 # `TorquePrediction`: the torque of a fitted model along logs, beside the measured one.
 

@@ -78,7 +78,7 @@ from identifiability.workflows.answers import (
     sentence,
     with_hints,
 )
-from identifiability.workflows.opening import Recordings, state_provenance
+from identifiability.workflows.session import Recordings, state_provenance
 
 if TYPE_CHECKING:
     from xarray import DataTree

@@ -63,8 +63,17 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.belief import Belief, form_belief, refine_verdicts
 from identifiability.workflows.analyze.result import Analysis, ModelResult, compare_logs, doubt
-from identifiability.workflows.opening import Logs, Progress, quiet, running, share
-from identifiability.workflows.session import Session, Weighed, find_missing, settle_prior
+from identifiability.workflows.session import (
+    Logs,
+    Progress,
+    Session,
+    Weighed,
+    find_missing,
+    quiet,
+    running,
+    settle_prior,
+    share,
+)
 
 # Models are fitted, and the real robot nearest to each is sought.
 

@@ -49,7 +49,7 @@ from identifiability.workflows.commands import (
     source_name,
 )
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.opening import Progress, in_memory, quiet, share
+from identifiability.workflows.session import Progress, in_memory, quiet, share
 
 # How often does `diagnose` name what is not there, on this robot and this motion? The whole path is
 # repeated from the raw log on: tests alone would miss false names by filters.

@@ -36,7 +36,7 @@ from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.result import ModelResult
 from identifiability.workflows.analyze.workflow import measure_again
-from identifiability.workflows.opening import in_memory
+from identifiability.workflows.session import in_memory
 
 # Simulated experiments with known truth, fitted and judged; and what many of them come to.
 #

@@ -55,7 +55,7 @@ from identifiability.workflows.session import weigh_rows
 
 if TYPE_CHECKING:
     from identifiability.workflows.commanded import Moved
-    from identifiability.workflows.opening import Recordings
+    from identifiability.workflows.session import Recordings
 
 
 class Rival(NamedTuple):

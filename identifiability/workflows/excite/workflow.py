@@ -37,8 +37,7 @@ from identifiability.workflows.excite.criteria import (
 from identifiability.workflows.excite.limits import CLEARANCE, LimitsLike, Workspace, find_limits
 from identifiability.workflows.excite.result import Excitation, Merit
 from identifiability.workflows.excite.search import OPEN, Objective, Search, Series, search
-from identifiability.workflows.opening import Logs, Progress, quiet, state_provenance
-from identifiability.workflows.session import Session
+from identifiability.workflows.session import Logs, Progress, Session, quiet, state_provenance
 
 
 @checked

@@ -45,9 +45,8 @@ from identifiability.robot.servo import state_delay
 from identifiability.robot.table import write_converted
 from identifiability.robot.write import write_robot
 from identifiability.workflows.export.snippet import write_snippet
-from identifiability.workflows.opening import Logs, list_logs
 from identifiability.workflows.predict import FitEntry, RealEntry, ResultEntry, state_missing
-from identifiability.workflows.session import Session
+from identifiability.workflows.session import Logs, Session, list_logs
 
 # What is exported of a result: its JSON, checked against the robot.
 
