@@ -53,7 +53,7 @@ OFTEN = 0.1
 EFFORT = {"walkers": 16, "draws": 20, "warmup": 10}
 
 #: Ways to an interval.
-ROADS = ("robust interval", "posterior with signs", "posterior with bodies", "one mean time")
+ROADS = ("robust interval", "posterior", "one mean time")
 
 
 @dataclass(frozen=True)
@@ -130,11 +130,10 @@ class Subject:
         held["one mean time"] = np.abs(before - self.truth) <= REACH * sd
         stated = {road: np.ones(len(self.truth), bool) for road in held}
         belief = form_belief(model, rng, EFFORT)
-        for road, summary in zip(ROADS[1:3], (belief.signs, belief.physical), strict=True):
-            if summary is not None:
-                low, high = summary.interval.T
-                held[road] = (low <= self.truth) & (self.truth <= high)
-                stated[road] = summary.stated
+        if belief.physical is not None:
+            low, high = belief.physical.interval.T
+            held["posterior"] = (low <= self.truth) & (self.truth <= high)
+            stated["posterior"] = belief.physical.stated
         return Trial(held, stated, fit.value - self.truth, before - self.truth)
 
     def _before(self, part: Information, tau: Array) -> tuple[Array, Array]:
@@ -253,7 +252,7 @@ def main(argv: Sequence[str] | None = None) -> list[Cell]:
     method = (
         f"{given.logs} logs of every row, seed {given.seed}, of 750 samples; errors are "
         "Monte-Carlo standard errors over logs. The truth is the robot file, around which the "
-        "prior of the posterior with bodies lies: its coverage is no test of that prior. One mean "
+        "prior of the posterior lies: its coverage is no test of that prior. One mean "
         "time: weights 1/σ², normal intervals tempered by the mean autocorrelation time of all "
         "residuals, as before. Stated: intervals that the prior's density at an edge does not "
         f"decide; a parameter is looked at by itself where {100 * OFTEN:g} % of the logs state it, "

@@ -7,7 +7,9 @@ import pytest
 
 from identifiability import Preparation, analyze
 from identifiability.estimation.verdict import Class
+from identifiability.robot import Robot
 from identifiability.simulation import Noise
+from identifiability.workflows.export.workflow import save_robot
 
 
 @pytest.fixture(scope="module")
@@ -168,3 +170,23 @@ def test_a_log_given_twice_is_refused(simulated):
             run("two-link", log, validate=log)
         with pytest.raises(IdentifiabilityError, match="given twice"):
             run("two-link", [log, log])
+
+
+def test_numbers_of_a_file_are_believed_contradicted_or_left_open(simulated_session, tmp_path):
+    log = simulated_session("two-link", "a", samples=400)
+    true = analyze("two-link", log, replicates=0).file_frame().set_index("name")["logs"]
+    assert set(true) == {"agrees", "not determined"}
+    wrong = {"link2.mx": 1.06, "elbow.Fv": 2.0, "link2.mz": 0.01}
+    robot = Robot.load("two-link")
+    values = {n: x * robot.nominal[n] if n != "link2.mz" else x for n, x in wrong.items()}
+    vendor = save_robot(robot, values, tmp_path / "vendor.xml")
+    found = analyze(vendor, log, replicates=0)
+    frame = found.file_frame().set_index("name")
+    assert set(frame.index[:2]) == {"elbow.Fv", "link2.mx"}
+    assert set(frame.query("logs == 'contradicted'").index) <= set(wrong)
+    assert set(frame["logs"]) == {"contradicted", "agrees", "not determined"}, frame
+    assert abs(frame["value"]["elbow.Fv"] / robot.nominal["elbow.Fv"] - 1) < 0.1
+    table = found.tables()[-1]
+    assert table.caption.startswith("Which numbers of the robot file may I believe? ")
+    assert [row["name"] for row in found.to_dict()["file"]] == list(frame.index)
+    assert table.caption in found.write_report(tmp_path / "page.html").read_text(encoding="utf-8")

@@ -10,10 +10,16 @@ from identifiability import analyze
 from identifiability.estimation.verdict import Flag
 from identifiability.foundation.errors import RobotError
 from identifiability.physical.feasibility import certify
-from identifiability.physical.fitted_model import FittedModel, LeastSquares, physical_set
+from identifiability.physical.fitted_model import (
+    FittedModel,
+    LeastSquares,
+    PhysicalSet,
+    physical_set,
+)
 from identifiability.physical.project import project
+from identifiability.posterior.diagnostics import diagnose_convergence
 from identifiability.posterior.ensemble import sample_posterior
-from identifiability.posterior.target import Target
+from identifiability.posterior.target import Prior, Target
 from identifiability.robot import Robot
 from identifiability.robot.locate import locate_robot
 from identifiability.workflows.analyze.belief import (
@@ -51,16 +57,19 @@ def unpruned(analysis):
 
 
 def test_where_no_sign_is_near_the_posterior_is_the_closed_form(analysis):
-    fit, signs = analysis.chosen.estimate, analysis.belief.signs
+    fit, submodel = analysis.chosen.estimate, analysis.chosen.submodel
     data = LeastSquares.likelihood(fitted(analysis, analysis.chosen).information, fit)
-    assert signs.trustworthy
     assert data.dof == pytest.approx((fit.dof + len(fit.kept)) / fit.memory - len(fit.kept))
     # The marginal of the parameters is Student's t.
     covariance = data.variance * np.linalg.inv(data.R.T @ data.R)
     sd = np.sqrt(np.diag(covariance) * data.dof / (data.dof - 2))
-    ess = signs.convergence.ess_bulk
-    np.testing.assert_array_less(np.abs(signs.mean - fit.value), 4.5 * sd / np.sqrt(ess))
-    np.testing.assert_array_less(np.abs(signs.sd / sd - 1), 4.5 / np.sqrt(ess))
+    region = PhysicalSet(np.empty((0, 10), int), submodel.nonnegative, columns=submodel.columns)
+    target, rng = Target(data, Prior.flat(len(submodel)), region), np.random.default_rng(0)
+    draws = sample_posterior(target, fit.value, rng, draws=100, walkers=16, warmup=10)
+    ess = diagnose_convergence(draws, submodel.columns).ess_bulk
+    flat = draws.flat()
+    np.testing.assert_array_less(np.abs(flat.mean(0) - fit.value), 4.5 * sd / np.sqrt(ess))
+    np.testing.assert_array_less(np.abs(flat.std(0) / sd - 1), 4.5 / np.sqrt(ess))
 
 
 def test_all_draws_belong_to_a_real_robot(analysis):
@@ -120,8 +129,7 @@ def test_a_prior_that_cannot_be_is_refused_with_a_sentence(arm, tmp_path, prior,
 
 def test_friction_of_the_unpruned_model_is_never_below_zero(analysis, unpruned):
     held = analysis.full.submodel.nonnegative
-    for summary in (unpruned.signs, unpruned.physical):
-        assert (summary.chains[..., held] >= -1e-9).all()
+    assert (unpruned.physical.chains[..., held] >= -1e-9).all()
 
 
 def test_a_chain_that_has_not_converged_is_withheld_in_json(analysis, unpruned):
@@ -133,7 +141,6 @@ def test_a_chain_that_has_not_converged_is_withheld_in_json(analysis, unpruned):
     assert shown["standard"] is None
     assert withheld["physical"]["reasons"] == [NOTHING]
     assert "parameters" not in withheld["physical"]
-    assert "parameters" in withheld["signs"]
     ends = [row["interval95"] for row in shown["physical"]["parameters"]]
     assert [pair is not None for pair in ends] == physical.stated.tolist()
     assert 20 < physical.stated.sum() < 37

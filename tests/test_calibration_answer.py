@@ -8,7 +8,6 @@ import pytest
 
 from identifiability import analyze
 from identifiability.foundation.rounding import Share
-from identifiability.logs.spectrum import noise_size
 from identifiability.physical.pseudo_inertia import margin, natural_scale
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.simulation import Noise
@@ -76,34 +75,20 @@ def test_the_answer_is_only_given_beyond_monte_carlo_error(found, word):
     assert decide(found) == word
 
 
-def test_the_size_of_noise_is_found_constant_or_relative():
-    t = np.arange(4000) * 0.01
-    x = np.stack([np.sin(t), 2 * np.cos(1.3 * t), 0 * t], axis=1)
-    rng = np.random.default_rng(0)
-    size = noise_size(x + 0.01 * rng.standard_normal(x.shape) * [1, 1, 0])
-    # An eighth difference holds 2 / 2.9 of an independent square: 4 errors of √(2.9 / 2 / 4000).
-    np.testing.assert_allclose(size[:, :2].mean(0), 0.01, rtol=0.08)
-    assert not size[:, 2].any()
-    relative = noise_size(x * (1 + 0.03 * rng.standard_normal(x.shape)))
-    still = np.abs(x[:, 0]) < 0.01
-    assert relative[still, 0].mean() < 0.1 * relative[:, 0].mean()
-    np.testing.assert_allclose(relative[~still, 0] / np.abs(x[~still, 0]), 0.03, rtol=0.25)
-
-
 def test_true_robots_are_possible_and_scatter_around_what_file_and_log_say(log):
     effects = ["rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia"]
     ties = {f"{j}.Fc": [f"{j}.Fc+", f"{j}.Fc-"] for j in ("shoulder", "elbow")}
     submodels = [ModelEntry(name="two levels", effects=effects), ModelEntry(name="one", tie=ties)]
     ladder = LadderEntry(models=submodels)
     analysis = analyze("two-link", log(Noise(torque=0.02)), ladder=ladder, replicates=60)
-    robots = TrueRobots.of(analysis, analysis.chosen)
+    robots = TrueRobots.of(analysis.structure, analysis.chosen)
     structure, rng = analysis.structure, np.random.default_rng(0)
     like = structure.nominal[structure.inertial]
     bodies = like + robots.scatter[structure.inertial] * rng.standard_normal((200, *like.shape))
     for body in bodies:
         assert (margin(make_possible(body, like), *natural_scale(like)) > -1e-9).all()
     np.testing.assert_allclose(make_possible(like, like), like, atol=1e-12)
-    centre = structure.G @ robots.bodies + robots.others
+    centre = structure.G @ robots.centre
     # A small noise: the log decides, and friction stays as tied as the model ties it.
     np.testing.assert_allclose(
         np.linalg.pinv(analysis.chosen.submodel.M) @ centre,

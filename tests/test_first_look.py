@@ -131,7 +131,7 @@ def test_an_option_with_another_name_now_is_refused_with_it():
         ("prune", "--model", "--out"),
         ("calibrate", "--trials", "--replicates"),
         ("analyze", "--cutoff", "--set cutoff=3"),
-        ("excite", "--scale", "--set scale=3"),
+        ("excite", "--periods", "--set periods=3"),
     ]:
         for typed in ([option, "3"], [f"{option}=3"]):
             done = CliRunner().invoke(app, [verb, "two-link", "run.csv", *typed])

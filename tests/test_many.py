@@ -111,7 +111,7 @@ def test_what_goes_wrong_with_one_robot_is_the_sentence_of_its_row(start, tmp_pa
     monkeypatch.setattr(module, "_check_options", lambda verb, given: None)
     monkeypatch.setitem(module.VERBS, "analyze", broken)
     robots = [start / "a", tmp_path / "nowhere", tmp_path / "two"]
-    told = [r.failed for r in analyze_many(robots, tmp_path / "out", engine=Serial()).rows]
+    told = [r["failed"] for r in analyze_many(robots, tmp_path / "out", engine=Serial()).rows]
     assert told[0].endswith("please report it: ZeroDivisionError: by zero.")
     assert "There is no folder" in told[1]
     assert "has x.urdf, y.urdf; there must be one robot.urdf" in told[2]

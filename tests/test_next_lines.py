@@ -13,7 +13,6 @@ from typer.testing import CliRunner
 from identifiability import Robot, simulate
 from identifiability.cli import app, common
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
-from identifiability.workflows.commands import name_export
 
 COMMANDS = vars(typer.main.get_command(app))["commands"]
 
@@ -188,12 +187,3 @@ def test_the_line_that_a_new_study_begins_with_works_where_it_says(
     folder, line = re.search(r"Begin with: cd (\S+) && identifiability (.*)", said).groups()
     monkeypatch.chdir(tmp_path / folder)
     call(shlex.split(line))
-
-
-def test_a_model_is_exported_to_a_file_that_alone_errs_little_more_than_all_that_was_fitted():
-    robot = Robot.load("two-link")
-    for columns in (["elbow.Fc"], ["elbow.Fc", "elbow.B1"]):
-        assert name_export(robot, columns, (0.02, 0.03))[1] == "fitted.xml"
-        assert name_export(robot, columns, (0.02, 0.1))[1] == "fitted.json"
-    assert name_export(robot, ["elbow.Fc", "elbow.off"])[1] == "fitted.xml"
-    assert name_export(robot, ["elbow.B1"], (np.nan, np.nan))[1] == "fitted.json"

@@ -12,7 +12,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise
 from identifiability.workflows.analyze import analyze
-from identifiability.workflows.calibrate.world import MotionErrors, sample_anew
+from identifiability.workflows.calibrate.world import sample_anew
 
 STEP, SAMPLES = 0.005, 4000
 NOISE = 2e-3
@@ -74,9 +74,6 @@ def test_two_logs_of_one_motion_are_each_other_s_instruments_also_when_measured_
     assert all("repetitions" in s.notes[-1] for s in found.samples)
     at = {v.name: v for v in found.chosen.verdicts}
     assert abs(at["link1.Iyy"].bias_sigma) > 2
-    motion = [
-        MotionErrors.of(found.robot, s, log, HOW)
-        for s, log in zip(found.samples, logs, strict=True)
-    ]
-    again = sample_anew(found.robot, motion, np.random.default_rng(0))
+    measured = [(log, s, HOW) for s, log in zip(found.samples, logs, strict=True)]
+    again = sample_anew(found.robot, measured, np.random.default_rng(0))
     assert all("repetitions" in s.notes[-1] for s in again)

@@ -112,7 +112,7 @@ def _trusted(analysis: Analysis) -> Analysis:
         return replace(summary, convergence=replace(summary.convergence, reasons=()))
 
     belief = analysis.belief
-    belief = replace(belief, signs=trust(belief.signs), physical=trust(belief.physical))
+    belief = replace(belief, physical=trust(belief.physical))
     return replace(analysis, belief=belief)
 
 

@@ -294,7 +294,7 @@ def predict(
 
 
 #: Endings of what is exported.
-EXPORTED = (".xml", ".urdf", ".json", ".py", ".csv", ".parquet", ".pq")
+EXPORTED = (".xml", ".urdf", ".json", ".py", ".patch", ".csv", ".parquet", ".pq")
 
 
 @Verb
@@ -304,6 +304,7 @@ def export(
     out: Annotated[Path, Option(), options.Writes(*EXPORTED)],
     draws: kinds.Count | None = None,
     form: Annotated[kinds.ExportFormat | None, Option("--format")] = None,
+    patch: Annotated[bool, Option("--patch")] = False,
     validate: options.MoreLogs = (),
     force: Annotated[bool, Option("--force")] = False,
     prior: kinds.NotNegative | None = None,
@@ -323,12 +324,12 @@ def export(
         return
     if prior is not None:
         raise kinds.OptionError(Finding("prior.draws"))
-    exported = run(robot, result, out, form, validate=validate, force=force)
+    exported = run(robot, result, out, "patch" if patch else form, validate=validate, force=force)
     for text in filter(None, (exported.mass, exported.statement)):
         typer.echo(text)
     for text in unused_ladder(robot):
         typer.echo(text, err=True)
-    for path in filter(None, (exported.robot, exported.sidecar)):
+    for path in filter(None, (exported.robot, exported.sidecar, exported.snippet)):
         typer.echo(f"{path}")
 
 
@@ -430,12 +431,11 @@ class Searched:
 
 @dataclass(frozen=True)
 class Played:
-    """How a motion is written for a controller; commands also how far they go."""
+    """How a motion is written for a controller."""
 
     table: ClassVar[str] = ""
 
     periods: Annotated[int, kinds.counted(1, 10_000)] = 1
-    scale: kinds.LimitShare = 1.0
 
 
 @Verb
@@ -452,27 +452,17 @@ def excite(
     start_from: Annotated[Sequence[str] | None, options.Records()] = None,
     separate: Sequence[str] | None = None,
     seed: kinds.Seed = 0,
-    commands: Annotated[bool, Option("--commands")] = False,
-    rate: Annotated[float | None, kinds.within(1, 100_000)] = None,
+    rate: Annotated[float, kinds.within(1, 100_000)] = 500.0,
     report: Annotated[Path | None, options.Writes(".html", ".htm")] = None,
 ) -> None:
     """Find a motion that is worth measuring, within the limits of the robot."""
     own = dict(locals())
-    for name in ("machine", "work", "out", "searched", "played", "commands", "rate", "report"):
+    for name in ("machine", "work", "out", "searched", "played", "rate", "report"):
         del own[name]
     with work.running() as (say, how, _):
-        from identifiability.foundation.output import check_ending  # noqa: PLC0415
         from identifiability.workflows.excite import excite as run  # noqa: PLC0415
-        from identifiability.workflows.excite import excite_commands  # noqa: PLC0415
 
-        if commands:
-            say("finding commands", 0.1)
-            make = partial(excite_commands, machine.load(), limits=limits, scale=played.scale)
-            found = make(duration=duration or 15.0, rate=rate or 50.0, seed=seed)
-            common.print_end([found.statement], common.write_all((found.write, out)))
-            return
-        check_ending(out, ".json", ".csv", ".mcap")
-        rate, json = rate or 500.0, out.suffix.lower() == ".json"
+        json = out.suffix.lower() == ".json"
         result = run(machine.load(), **own, **how, **vars(searched))
         play = partial(result.write_motion, rate=rate, periods=played.periods)
         outputs = options.Outputs(report)

@@ -580,12 +580,6 @@ def noise_scale(information: Information, weights: Array, times: Array, rss: Arr
     return float(weights @ rss) / max(independent, 1.0)
 
 
-def leave_open(information: Information, estimator: Estimator) -> Estimate:
-    """Return the estimate from logs that have nothing to explain: it determines no parameter."""
-    plain = _solve(information.select([]), np.ones(information.actuators), estimator)
-    return _embed(plain, information, [])
-
-
 def _solve(
     information: Information, weights: Array, estimator: Estimator, times: Array | None = None
 ) -> Estimate:

@@ -86,7 +86,7 @@ Effects = Names
 #: Choices that a command line offers without the rooms that know what they mean.
 Derivatives = Literal["auto", "given", "butterworth"]
 EstimatorKind = Literal["auto", "ls", "iv"]
-ExportFormat = Literal["mjcf", "urdf", "json", "isaaclab"]
+ExportFormat = Literal["mjcf", "urdf", "json", "isaaclab", "patch"]
 
 #: Samples of a motion at most; the simulator takes one at a time.
 MOST_SAMPLES = 10_000_000
@@ -94,7 +94,6 @@ MOST_SAMPLES = 10_000_000
 #: Of a motion: harmonics, the period [s] and samples.
 Harmonics = Annotated[int, counted(1, 50)]
 Duration = Annotated[float, within(1e-3, 1e6)]
-LimitShare = Annotated[float, within(1e-3, 1)]
 Period = Annotated[int, counted(20, MOST_SAMPLES)]
 FilePath = Annotated[str | Path, Expected("the path of a file")]
 Rng = Annotated[

@@ -347,10 +347,3 @@ def noise_parts(x: Array) -> tuple[Array, Array]:
             fitted = A @ found if found.any() else fitted
         constant[j], share[j] = found / [1.0, scale]
     return constant, share
-
-
-def noise_size(x: Array) -> Array:
-    """Return the standard deviation of independent noise on smooth signals x (N, n), (N, n)."""
-    constant, share = noise_parts(x)
-    size: Array = np.sqrt(constant + share * x**2)
-    return size

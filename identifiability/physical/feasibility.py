@@ -91,11 +91,10 @@ class PhysicalResult:
         return {n: float(v) for n, v in zip(self.region.columns, self.nearest.phi, strict=True)}
 
 
-def leave_undecided(structure: Structure, submodel: Submodel, why: str) -> PhysicalResult:
-    """Return what physics says where nothing was fitted, or nothing found."""
+def leave_undecided(structure: Structure, submodel: Submodel) -> PhysicalResult:
+    """Return what physics says before anything is found."""
     value, found = np.full(len(submodel), np.nan), np.full((3, len(submodel.M)), np.nan)
-    said = f"Not decided, because {why}." if why else ""
-    return PhysicalResult(physical_set(structure), value, found[0], found[1:], said)
+    return PhysicalResult(physical_set(structure), value, found[0], found[1:], "")
 
 
 def find_impossible_bodies(robot: Robot) -> str:
@@ -235,7 +234,7 @@ def _projection(model: FittedModel, cad_weight: float) -> Projection:
 def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult:
     """Find the nearest real robot, without asking whether it is the estimate itself."""
     structure, data = model.structure, _believe(model, cad_weight)
-    found = replace(leave_undecided(structure, model.submodel, ""), cad_weight=cad_weight)
+    found = replace(leave_undecided(structure, model.submodel), cad_weight=cad_weight)
     try:
         nearest = _projection(model, cad_weight).solve(data)
     except ValueError as error:

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from operator import itemgetter
-from typing import Any
 
 import numpy as np
 
@@ -40,8 +39,6 @@ from identifiability.report.blocks import (
     Section,
     Term,
     Terms,
-    Trace,
-    Traces,
     fold_rows,
     gallery,
     picture,
@@ -55,6 +52,7 @@ from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.belief import Summary
 from identifiability.workflows.analyze.result import (
     error_tables,
+    file_table,
     model_title,
     parameter_table,
     stated_values,
@@ -80,8 +78,6 @@ def analysis_heading(analysis: Analysis) -> tuple[str, str]:
 
 def analysis_moving(analysis: Analysis) -> Moving | None:
     """Return the robot along unseen motion beside measured and predicted torque."""
-    if not np.isfinite(analysis.chosen.error_ra_validation):
-        return None
     sample, out = (analysis.validation or analysis.samples)[0], analysis.held_out
     measured, predicted = (x[: len(out.t[0])] for x in out.to_draw(0))
     lines = {"measured": measured, "predicted": predicted, "residual": measured - predicted}
@@ -90,20 +86,17 @@ def analysis_moving(analysis: Analysis) -> Moving | None:
 
 
 def analysis_sections(analysis: Analysis) -> list[Section | None]:
-    """Return the sections of the page; what needs a model that explains something is left out."""
-    explained = bool(np.isfinite(analysis.chosen.error_ra_validation))
-    found: list[Section | None] = [section_parameters(analysis), section_ladder(analysis)]
-    if explained:
-        found.insert(0, section_prediction(analysis))
-        if not analysis.nothing:
-            found.append(section_correlated(analysis.fit))
-        found += [section_residuals(analysis), section_physics(analysis)]
-        if analysis.belief is not None:
-            found.append(section_posterior(analysis))
-    found.append(section_structure(analysis))
-    if explained:
-        found.append(section_full_model(analysis))
-    return [*found, *_how(analysis)]
+    """Return the sections of the page."""
+    return [
+        section_prediction(analysis),
+        section_parameters(analysis),
+        section_ladder(analysis),
+        None if analysis.nothing else section_correlated(analysis.fit),
+        section_physics(analysis),
+        None if analysis.belief is None else section_posterior(analysis),
+        section_structure(analysis),
+        *_how(analysis),
+    ]
 
 
 # Parameters, and the models beside each other.
@@ -127,6 +120,7 @@ def section_parameters(analysis: Analysis) -> Section:
         "analysis.parameters",
         figure,
         *tables,
+        Fold("Which numbers of the robot file may I believe?", (file_table(analysis),)),
         _name_key(analysis),
         title=model_title(chosen),
         size=size,
@@ -155,23 +149,11 @@ def _name_key(analysis: Analysis) -> Fold:
     return Fold("What the names mean", (Terms(tuple(terms)),))
 
 
-def section_full_model(analysis: Analysis) -> Section | None:
-    """Return the parameters of the unpruned model, folded; None where it is the one to use."""
-    full, title = analysis.full, model_title(analysis.full)
-    if full is analysis.chosen:
-        return None
-    summary = f"All {format_count(len(full.submodel), 'parameter')} of {title}"
-    fold = Fold(summary, fold_verdicts(parameter_table(analysis, full), full.verdicts))
-    return section("analysis.full-model", fold, detail=True, size=len(full.submodel), title=title)
-
-
 def section_ladder(analysis: Analysis) -> Section:
     """Return the ladder of models: why the selected one."""
     chosen, models = analysis.chosen, analysis.models
     if len(models) == 1:
         reason = "only"
-    elif not np.isfinite([m.error_ra_validation for m in models]).any():
-        reason = "unknown"
     elif chosen.feasible:
         reason = "possible"
     else:
@@ -215,23 +197,6 @@ def _tell_windows(analysis: Analysis) -> str:
             shown, total = f"{found.samples:,}", f"{found.total:,}"
             return sentence("analysis.windows", shown=shown, total=total)
     return ""
-
-
-def section_residuals(analysis: Analysis) -> Section:
-    """Return what is left of unseen torque over velocity, of each joint."""
-    out, robot = analysis.held_out, analysis.robot
-    measured, predicted = out.to_draw(0)
-    residual = measured - predicted
-    groups = []
-    for k, joint in enumerate(robot.joints):
-        known = np.isfinite(out.velocity[:, k]) & np.isfinite(residual[:, k])
-        along = (
-            "velocity [m/s]" if robot.is_prismatic(int(robot.actuated[k])) else "velocity [rad/s]"
-        )
-        x, y = out.velocity[known, k], residual[known, k]
-        groups.append(Trace.scattered(joint, robot.torque_units[k], along, x, y, "residual"))
-    shown = Traces(tuple(groups), sentence("analysis.velocity"))
-    return section("analysis.residuals", shown, detail=True)
 
 
 def section_correlated(fit: Fit) -> Section:
@@ -385,24 +350,15 @@ MOTION = (
 #: Most rows of one forest plot.
 ROWS = 14
 
-SIGNS, BODIES = "posterior with signs", "posterior with bodies"
-
 CONVERGENCE = with_hints(
     "convergence",
-    Column("posterior"),
+    Column("what"),
     Column("nested R-hat", "{:.4f}".format),
     Column("effective draws", "{:.0f}".format),
     Column("in the tails", "{:.0f}".format),
     Column("autocorrelation time", "{:.1f}".format),
     Column("may be shown", "badge"),
 )
-
-
-def summaries(analysis: Analysis) -> dict[str, Summary | None]:
-    """Return both posteriors of the selected model by name, None for one that was not sampled."""
-    belief = analysis.belief
-    assert belief is not None
-    return {SIGNS: belief.signs, BODIES: belief.physical}
 
 
 def section_posterior(analysis: Analysis) -> Section:
@@ -419,35 +375,26 @@ def section_posterior(analysis: Analysis) -> Section:
 
 
 def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
-    """Return why a posterior, or an interval of it, is not shown, if one is not."""
+    """Return why the posterior, or an interval of it, is not shown, if one is not."""
     belief = analysis.belief
     assert belief is not None
-    notes = []
-    for name, summary in summaries(analysis).items():
-        if summary is None:
-            why = belief.note.rstrip(".") or "it was not sampled"
-            notes.append(note("no-posterior", name=name, why=f"{why[0].upper()}{why[1:]}"))
-        elif not summary.trustworthy:
-            notes.append(note("doubtful", name=name, why=" ".join(summary.convergence.reasons)))
-        elif not summary.stated.all():
-            names = np.array(analysis.chosen.submodel.columns)[~summary.stated].tolist()
-            share = f"{len(names)} of {len(summary.stated)}"
-            notes.append(
-                note(
-                    "prior-sensitive",
-                    name=name,
-                    share=share,
-                    names=join(names, ROWS),
-                    limit=100 * POSTERIOR_RULES.prior_sensitivity,
-                )
-            )
-    return tuple(notes)
+    summary = belief.physical
+    if summary is None:
+        why = belief.note.rstrip(".")
+        return (note("no-posterior", why=f"{why[0].upper()}{why[1:]}"),)
+    if not summary.trustworthy:
+        return (note("doubtful", why=" ".join(summary.convergence.reasons)),)
+    if summary.stated.all():
+        return ()
+    names = np.array(analysis.chosen.submodel.columns)[~summary.stated].tolist()
+    share, limit = f"{len(names)} of {len(summary.stated)}", 100 * POSTERIOR_RULES.prior_sensitivity
+    return (note("prior-sensitive", share=share, names=join(names, ROWS), limit=limit),)
 
 
-def shown(analysis: Analysis) -> dict[str, Summary | None]:
-    """Return both posteriors by name, None for one whose numbers may not be shown."""
-    found = summaries(analysis)
-    return {name: x if x is not None and x.trustworthy else None for name, x in found.items()}
+def shown(analysis: Analysis) -> Summary | None:
+    """Return the posterior; None where its numbers may not be shown."""
+    summary = None if analysis.belief is None else analysis.belief.physical
+    return summary if summary is not None and summary.trustworthy else None
 
 
 def forest_gallery(analysis: Analysis) -> Gallery:
@@ -469,12 +416,12 @@ def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
 
     Where something is left out the label's interval is the last.
     """
-    chosen, posteriors = analysis.chosen, shown(analysis)
+    chosen, physical = analysis.chosen, shown(analysis)
     value, white, robust, label = np.array(
         [(v.value, v.sigma, v.sigma_robust, v.sigma_label) for v in chosen.verdicts], float
     ).T
     open_ = ~(np.isfinite(robust) & (robust > 0) & chosen.estimate.determined)
-    physical, drawn = posteriors[BODIES], chosen.fit.bootstrap
+    drawn = chosen.fit.bootstrap
 
     def around(sd: Array) -> Array:
         half = REACH * np.array([0.0, -1.0, 1.0])
@@ -485,10 +432,9 @@ def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
     if drawn is not None:
         ends = np.column_stack([drawn.values.mean(0), drawn.interval()])
         roads["block bootstrap"] = np.where(open_[:, None], np.nan, ends)
-    for name, summary in posteriors.items():
-        if summary is not None:
-            both = np.column_stack([summary.mean, summary.interval])
-            roads[name] = np.where(summary.stated[:, None], both, np.nan)
+    if physical is not None:
+        both = np.column_stack([physical.mean, physical.interval])
+        roads["posterior"] = np.where(physical.stated[:, None], both, np.nan)
     if any(v.terms["omitted"] for v in chosen.verdicts):
         roads["label"] = around(label)
     centre = np.where(open_, np.nan if physical is None else physical.mean, value)
@@ -499,17 +445,16 @@ def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
     return layers, (stated - centre) / scale
 
 
-def convergence_table(analysis: Analysis) -> Table:
+def convergence_table(analysis: Analysis) -> Table | None:
     """Return the numbers that decide whether a posterior may be shown, and their limits."""
-    rows: list[tuple[Any, ...]] = []
-    for name, summary in summaries(analysis).items():
-        if summary is not None:
-            c = summary.convergence
-            numbers = (c.rhat.max(), c.ess_bulk.min(), c.ess_tail.min(), c.tau.max())
-            good = summary.trustworthy
-            word = Cell("yes" if good else "no", badge="pass" if good else "differs")
-            rows.append((name, *numbers, word))
-    limits = Thresholds()
-    limit = words("analysis.limits", **asdict(limits))
-    rows.append(("limit", *(Cell(text, np.nan) for text in limit.values())))
+    summary = None if analysis.belief is None else analysis.belief.physical
+    if summary is None:
+        return None
+    c, good = summary.convergence, summary.trustworthy
+    numbers = (c.rhat.max(), c.ess_bulk.min(), c.ess_tail.min(), c.tau.max())
+    limit = words("analysis.limits", **asdict(Thresholds()))
+    rows = [
+        ("found", *numbers, Cell("yes" if good else "no", badge="pass" if good else "differs")),
+        ("limit", *(Cell(text, np.nan) for text in limit.values())),
+    ]
     return Table.of("Convergence of the chains", CONVERGENCE, rows)

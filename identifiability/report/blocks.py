@@ -20,14 +20,7 @@ from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_number
 from identifiability.foundation.values import frozen
-from identifiability.report.figures import (
-    POINTS,
-    break_gaps,
-    medians_along,
-    peak_rows,
-    spread_rows,
-    svg,
-)
+from identifiability.report.figures import break_gaps, peak_rows, svg
 from identifiability.workflows.answers import WORDS, sentence, words
 
 
@@ -253,8 +246,6 @@ class Trace:
         Name of a line to its values at `t`; NaN breaks a line.
     quantity : str
         What is drawn.
-    along : str
-        What `t` is, if not time.
     """
 
     name: str
@@ -262,7 +253,6 @@ class Trace:
     t: tuple[float, ...]
     lines: Mapping[str, tuple[float, ...]]
     quantity: str = "torque"
-    along: str = ""
 
     @classmethod
     def of(
@@ -280,25 +270,13 @@ class Trace:
         broken = {n: tuple(y.tolist()) for n, y in zip(lines, values, strict=True)}
         return cls(name, unit, tuple(times.tolist()), broken, quantity)
 
-    @classmethod
-    def scattered(
-        cls, name: str, unit: str, along: str, x: Array, y: Array, quantity: str
-    ) -> Trace:
-        """Return points (N,) over a motion (N,), a few hundred of them, and their median."""
-        rows = spread_rows(len(x), POINTS)
-        rows = rows[np.argsort(x[rows], kind="stable")]
-        middle = np.interp(x[rows], *medians_along(x, y)) if len(x) else x
-        lines = {quantity: tuple(y[rows].tolist()), "median": tuple(middle.tolist())}
-        return cls(name, unit, tuple(x[rows].tolist()), lines, quantity, along)
-
     @property
     def data(self) -> str:
         """The lines as JSON with five digits."""
         rows = (self.t, *self.lines.values())
         short = [[None if math.isnan(x) else float(f"{x:.5g}") for x in row] for row in rows]
-        axes = {"x": self.along or "time [s]", "axis": f"{self.quantity} [{self.unit}]"}
-        dots = bool(self.along)  # the first line, whose order means nothing
-        return json.dumps({**axes, "dots": dots, "names": [*self.lines], "rows": short})
+        axes = {"x": "time [s]", "axis": f"{self.quantity} [{self.unit}]"}
+        return json.dumps({**axes, "names": [*self.lines], "rows": short})
 
 
 @frozen

@@ -378,10 +378,9 @@ def inspection_heading(result: Inspection) -> tuple[str, str]:
 
 def inspection_moving(result: Inspection) -> Moving | None:
     """Return the robot along the first log that can be read, beside the largest torque."""
-    records = [record for record in result.records if not record.refused]
-    if not records or not np.isfinite(records[0].q).all():
+    if not result.records or not np.isfinite(result.records[0].q).all():
         return None
-    first, still = records[0], np.zeros_like(records[0].q)
+    first, still = result.records[0], np.zeros_like(result.records[0].q)
     motion = complete_motion(result.robot, first.t, first.q, still, still)
     lines = {"measured": first.tau}
     return move_with_torque(result.robot, motion, first.t, first.tau, lines, first.name)
@@ -393,13 +392,8 @@ def inspection_notes(result: Inspection) -> list[Note]:
 
     if not result.records:
         return []
-    refused = {r.refused for r in result.refused}
     odd = find_odd(result)
-    return [note("refused", why=why) for why in refused] + [
-        note("hint" if hint in odd else "read", hint=hint)
-        for hint in result.hints
-        if hint not in refused
-    ]
+    return [note("hint" if hint in odd else "read", hint=hint) for hint in result.hints]
 
 
 def inspection_sections(result: Inspection) -> list[Section]:

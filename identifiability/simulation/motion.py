@@ -298,9 +298,6 @@ def _from_file(robot: Robot, source: str) -> PrescribedMotion:
 
 TOPIC = "/joint_trajectory"
 
-#: Topic of commands.
-COMMANDS = "/commands"
-
 
 def write_trajectory_bag(path: str | Path, joints: Sequence[str], motion: PrescribedMotion) -> Path:
     """Write a motion as an MCAP file with one ``trajectory_msgs/msg/JointTrajectory``.
@@ -330,31 +327,6 @@ def write_trajectory_bag(path: str | Path, joints: Sequence[str], motion: Prescr
     kind = "trajectory_msgs/msg/JointTrajectory"
     message = make[kind](header, list(joints), points)
     return _write_mcap(path, store, TOPIC, [(0, message)])
-
-
-def write_command_bag(path: str | Path, t: Array, targets: Array) -> Path:
-    """Write commands as an MCAP file with a ``std_msgs/msg/Float64MultiArray`` each.
-
-    Parameters
-    ----------
-    path : path
-    t : (N,) [s]
-    targets : (N, n) [rad or m]
-
-    Raises
-    ------
-    LogError
-        If the extra ``ros`` is missing.
-    OutputError
-    """
-    path, store = _bag(path)
-    make = store.types
-    layout = make["std_msgs/msg/MultiArrayLayout"]([], 0)
-    messages = [
-        (round(float(at) * 1e9), make["std_msgs/msg/Float64MultiArray"](layout, row))
-        for at, row in zip(t, np.ascontiguousarray(targets), strict=True)
-    ]
-    return _write_mcap(path, store, COMMANDS, messages)
 
 
 def _bag(path: str | Path) -> tuple[Path, Any]:

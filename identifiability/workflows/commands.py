@@ -6,18 +6,17 @@ from collections.abc import Iterable, Sequence
 from dataclasses import fields
 from shlex import quote
 
-import numpy as np
-
-from identifiability.effects.vocabulary import values_in_file
 from identifiability.foundation.result import Result
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.prepare.preparation import SettledPreparation
-from identifiability.physical.feasibility import is_another
 from identifiability.regression.reduction import LadderSource, ladder_path
 from identifiability.robot import Robot
 from identifiability.robot.locate import find_sidecar, shipped_folder
+
+#: What a fitted model is exported for, and to.
+EXPORT = ("Take the robot into a simulator:", "fitted.xml")
 
 #: What of a preparation an option says; others are only said from Python.
 OPTIONS = ("derivatives", "cutoff", "decimate")
@@ -103,30 +102,6 @@ def on_file(result: Result, kind: str, name: str, make: str, use: str) -> str:
     there = result.written(kind)
     line = use.replace("{file}", quote(there or name))
     return line if there else f"{make} {name} && {line}"
-
-
-def name_export(
-    robot: Robot, columns: Iterable[str], errors: tuple[float, float] | None = None
-) -> tuple[str, str]:
-    """Return what a fitted model is exported for, and to: no simulator has all parameters.
-
-    Parameters
-    ----------
-    robot : Robot
-    columns : iterable of str
-        Parameters of the model. Torque offsets do not count: they are the sensors'.
-    errors : (float, float), optional
-        Of all parameters on the fitted logs, and of those that an MJCF alone holds. Where they are
-        not known it must hold all.
-    """
-    values = {name: 1.0 for name in columns if not name.endswith(".off")}
-    if errors is not None and np.isfinite(errors).all():
-        exports = not is_another(*errors)
-    else:
-        exports = all(values_in_file(robot, values, "mjcf").values())
-    if exports:
-        return "Take the robot into a simulator:", "fitted.xml"
-    return "Take its parameters along, more than robot files hold:", "fitted.json"
 
 
 def ladder_option(robot: Robot, source: LadderSource | None) -> str:

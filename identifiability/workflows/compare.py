@@ -66,9 +66,8 @@ from identifiability.regression.structure import OfStructure, Structure, random_
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
-from identifiability.workflows.opening import Logs, list_logs
 from identifiability.workflows.predict import Fit, Predicts, find_fit
-from identifiability.workflows.session import Session
+from identifiability.workflows.session import Logs, Session, list_logs
 
 # Logs of several sides as one question. What a model leaves out is a function of the motion: where
 # that is made again, the difference of the torques, on one clock, has none of it.

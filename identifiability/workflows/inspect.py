@@ -19,8 +19,8 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.effects.nominal import has_masses
 from identifiability.foundation.answers import Answer, Cell, Column, Table
-from identifiability.foundation.engines import Engine, Serial
-from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing
+from identifiability.foundation.engines import Engine
+from identifiability.foundation.errors import OutputError, listing
 from identifiability.foundation.findings import Finding, Level, ledger, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
@@ -40,7 +40,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.gaps import Gaps
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.dataset import Dataset, prepare_log
+from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.prepare.preparation import joint_log
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum, noise_level
@@ -51,15 +51,14 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.robot.sidecar import read_sidecar
 from identifiability.workflows.answers import answer_next, with_hints
 from identifiability.workflows.commands import name_logs, source_name
-from identifiability.workflows.opening import (
+from identifiability.workflows.session import (
     Logs,
     Progress,
+    Session,
     quiet,
     running,
-    share,
     state_provenance,
 )
-from identifiability.workflows.session import Session
 
 # What a robot file and logs hold, before anything is fitted.
 #
@@ -227,8 +226,6 @@ class Record:
         ``acceleration`` as prepared, ``noise`` and ``torque_noise`` (standard deviation of what
         changes from sample to sample and is no motion), ``bandwidth`` [Hz] (below it lie 99 % of
         the energy of its velocity).
-    refused : str
-        Why it cannot be prepared; empty if it can.
     notes : tuple of str
         How it is prepared.
     t, q, tau : (N,) [s], (N, n), (N, n)
@@ -241,7 +238,6 @@ class Record:
     channels: tuple[str, ...]
     clock: Mapping[str, Any]
     joints: pd.DataFrame
-    refused: str
     notes: tuple[str, ...]
     t: Array
     q: Array
@@ -252,7 +248,7 @@ class Record:
         return {
             "name": self.path or self.name,
             **self.clock,
-            "refused": self.refused,
+            "refused": "",  # older keys
             "sha256": self.sha256,
             "channels": list(self.channels),
             "notes": list(self.notes),
@@ -261,25 +257,10 @@ class Record:
         }
 
 
-def describe_log(robot: Robot, log: Log, prepared: Dataset | None, refused: str = "") -> Record:
-    """Return what is in a log.
-
-    Parameters
-    ----------
-    robot : Robot
-    log : Log
-    prepared : Dataset or None
-        None where it cannot be prepared.
-    refused : str
-        Why.
-
-    Raises
-    ------
-    LogError
-        If it does not have the robot's joints.
-    """
+def describe_log(robot: Robot, log: Log, prepared: Dataset) -> Record:
+    """Return what is in a log."""
     windows = [joint_log(robot, window) for _, window in log.windows()]
-    survey, clock = None if prepared is None else prepared.survey, log.clock
+    survey, clock = prepared.survey, log.clock
     gaps = Gaps.of(log.name, clock, [w.t for w in windows])
     told = {
         "samples": len(log),
@@ -290,15 +271,13 @@ def describe_log(robot: Robot, log: Log, prepared: Dataset | None, refused: str 
         "gaps": len(gaps),
         "lost": int(gaps.lost.sum()),
         "longest": float(clock.longest),
-        "cutoff": None if prepared is None else prepared.cutoff,
-        "kept": 0 if survey is None else survey.kept,
-        "outputs": 0 if survey is None else survey.outputs,
+        "cutoff": prepared.cutoff,
+        "kept": survey.kept,
+        "outputs": survey.outputs,
         "parts": len(windows),
     }
     t, q, tau = (np.concatenate([getattr(w, c) for w in windows]) for c in ("t", "q", "tau"))
-    reach = np.full((3, q.shape[1]), np.nan)
-    if survey is not None:
-        reach = np.maximum(np.abs(survey.low), np.abs(survey.high))
+    reach = np.maximum(np.abs(survey.low), np.abs(survey.high))
     room = np.ptp(q, axis=0) / np.diff(robot.limits, axis=1)[:, 0]
     slides = [robot.is_prismatic(int(dof)) for dof in robot.actuated]
     joints = {
@@ -323,8 +302,7 @@ def describe_log(robot: Robot, log: Log, prepared: Dataset | None, refused: str 
         channels=log.channels,
         clock=told,
         joints=pd.DataFrame(joints),
-        refused=refused,
-        notes=() if prepared is None else prepared.notes,
+        notes=prepared.notes,
         t=t,
         q=q,
         tau=tau,
@@ -375,11 +353,6 @@ class Inspection(OfStructure, Result):
         """Motors whose columns a log may have instead of those of the joints."""
         transmission = self.robot.transmission
         return () if transmission is None else transmission.motors
-
-    @property
-    def refused(self) -> tuple[Record, ...]:
-        """Logs that cannot be prepared."""
-        return tuple(r for r in self.records if r.refused)
 
     def answers(self) -> tuple[Answer, ...]:
         """Return whether logs can be used and what they show, or what the robot needs."""
@@ -495,7 +468,7 @@ def inspect(
     Raises
     ------
     IdentifiabilityError
-        If the robot file or a log cannot be read; that a log cannot be *prepared* is a result.
+        If the robot file or a log cannot be read, or a log not be prepared.
 
     Example
     -------
@@ -525,44 +498,18 @@ def _with_logs(
 ) -> Inspection:
     """Return the inspection with what is in logs."""
     session = Session.read(found.structure, logs, (), how, say, engine)
-    robot = session.structure.robot
-    recordings, settled = session.recordings, _settle(session)
-    reading = share(say, "reading logs", 0.2, 0.6)
-    prepared: dict[int, Dataset] = {}
-    refused: dict[int, str] = {}
-    for k, log in enumerate(recordings.fitted):
-        try:
-            prepared[k] = prepare_log(robot, log, settled, engine=engine, progress=reading)
-        except IdentifiabilityError as error:
-            refused[k] = str(error)
-    hints = recordings.hints
-    say("looking for what is odd", 0.6)
-    if prepared:
-        good = replace(recordings, fitted=tuple(recordings.fitted[k] for k in prepared))
-        waiting = iter(prepared.values())
-        sound = replace(session, recordings=good, engine=Serial())
-        hints = sound.open(prepare=lambda _log: next(waiting)).hints
+    robot, logged = session.structure.robot, session.recordings.fitted
+    opening = session.open()
     say("looking at every column", 0.8)
-    records = tuple(
-        describe_log(robot, log, prepared.get(k), refused.get(k, ""))
-        for k, log in enumerate(recordings.fitted)
-    )
-    hashes = {f"sha256 {log.path or log.name}": log.sha256 for log in recordings.fitted}
+    pairs = zip(logged, opening.samples, strict=True)
+    hashes = {f"sha256 {log.path or log.name}": log.sha256 for log in logged}
     return replace(
         found,
-        records=records,
-        hints=tuple(dict.fromkeys((*refused.values(), *hints))),
+        records=tuple(describe_log(robot, *pair) for pair in pairs),
+        hints=tuple(dict.fromkeys(opening.hints)),
         provenance={**found.provenance, **hashes},
         preparation=how or Preparation(),
     )
-
-
-def _settle(session: Session) -> Preparation:
-    """Return the preparation with one cut-off for all logs, or each with its own if one is odd."""
-    try:
-        return session.how
-    except IdentifiabilityError:
-        return session.preparation or Preparation()
 
 
 #: Things of which the first screen says what they are.
@@ -576,11 +523,6 @@ def find_odd(result: Inspection) -> tuple[str, ...]:
 
 def _usable(result: Inspection) -> Answer:
     question = "Can these logs be used?"
-    if result.refused:
-        some = len(result.refused) < len(result.records)
-        names = join([r.name for r in result.refused], SHOWN)
-        short = f"Not all: {names} cannot." if some else "No."
-        return Answer(question, short, result.refused[0].refused, "vermilion")
     if odd := find_odd(result):
         count = format_count(len(odd), "thing")
         return Answer(question, f"Check {count} first.", odd[0], "amber")
@@ -622,14 +564,13 @@ def _open(result: Inspection) -> Answer:
 
 def _next_commands(result: Inspection) -> list[tuple[str, str]]:
     robot = source_name(result.robot)
-    good = [r.path or r.name for r in result.records if not r.refused]
-    if not good:
+    if not result.records:
         template = f"identifiability inspect {robot} --template log.csv"
         motion = f"identifiability excite {robot} --out motion.json --report motion.html"
         known = result.written("template") is not None
         first = [] if known else [("Write an empty log with the right columns:", template)]
         return [*first, ("Find a motion that is worth measuring:", motion)]
-    logs = name_logs(result.robot, good)
+    logs = name_logs(result.robot, [r.path or r.name for r in result.records])
     judge = f"identifiability analyze {robot} {logs} --report report.html --json analyze.json"
     return [("Say which parameters they determine:", judge)]
 

@@ -10,8 +10,8 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, field, replace
 from functools import partial
+from operator import itemgetter
 from pathlib import Path
 from statistics import median
 from typing import Any, ClassVar, Literal, get_type_hints
@@ -36,8 +36,8 @@ from identifiability.robot.sidecar import read_settings
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.answers import with_hints
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.opening import Progress, quiet, running
 from identifiability.workflows.prune import prune
+from identifiability.workflows.session import Progress, quiet, running
 
 Verb = Literal["analyze", "prune", "diagnose"]
 
@@ -92,52 +92,23 @@ def _check_options(verb: str, given: Mapping[str, Any]) -> None:
         check_option(name, value, kinds[name])
 
 
-@frozen(kw_only=True)
-class Row:
-    """What the table says of one robot.
-
-    Attributes
-    ----------
-    robot : str
-    logs, held : tuple of str
-        Names of the logs that are fitted, and that judge.
-    model : str
-        That which is worth using; of a diagnosis that with what was missing.
-    parameters : int or None
-        Of that model.
-    verdicts : mapping
-        How many of them have which; none of a diagnosis.
-    error, error_unseen : float or None
-        Relative errors of that model on fitted and unseen motion.
-    missing : tuple of str
-        What is missing: of a diagnosis by name, else functions of which joint.
-    warnings : tuple of str
-        What to check in its logs and its file.
-    failed : str
-        Why there is no answer, in one sentence.
-    """
-
-    robot: str
-    logs: tuple[str, ...] = ()
-    held: tuple[str, ...] = ()
-    model: str = ""
-    parameters: int | None = None
-    verdicts: Mapping[str, int] = field(default_factory=dict)
-    error: float | None = None
-    error_unseen: float | None = None
-    missing: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
-    failed: str = ""
-
-    @property
-    def page(self) -> str:
-        """Its page, seen from the folder of the answers; empty if there is none."""
-        return "" if self.failed else f"{ROBOTS}/{self.robot}.html"
+#: What the table says of a robot that has no answer yet.
+EMPTY: dict[str, Any] = {
+    **{"robot": "", "logs": [], "held": [], "model": "", "parameters": None, "verdicts": {}},
+    **{
+        "error": None,
+        "error_unseen": None,
+        "missing": [],
+        "warnings": [],
+        "failed": "",
+        "page": "",
+    },
+}
 
 
 def run_task(
     verb: str, options: Mapping[str, Any], task: tuple[Path, str]
-) -> tuple[Row, bytes, bytes]:
+) -> tuple[dict[str, Any], bytes, bytes]:
     """Return the row of a robot, its JSON and its page; whatever goes wrong stands in the row.
 
     Parameters
@@ -147,50 +118,48 @@ def run_task(
     task : (Path, str)
         Its folder, with the digest of all that leads to an answer.
     """
-    row, own = Row(robot=task[0].name), dict(options)
+    name, own = task[0].name, dict(options)
+    row = {**EMPTY, "robot": name}
     try:
         robot, fitted, held = _find(task[0])
-        row = replace(row, logs=tuple(p.name for p in fitted), held=tuple(p.name for p in held))
+        row |= {"logs": [p.name for p in fitted], "held": [p.name for p in held]}
         stated = read_settings(robot)["preparation"]
         if stated and own.get("preparation") is None:
             own["preparation"] = Preparation(**stated)
         result: Result = VERBS[verb](robot, fitted, held, engine=Serial(), **own)
         with temporary_folder() as folder:
-            told = result.to_json(Path(folder, f"{row.robot}.json")).read_bytes()
-            page = result.write_report(Path(folder, f"{row.robot}.html")).read_bytes()
-        return _fill(row, json.loads(told)), told, page
+            told = result.to_json(Path(folder, f"{name}.json")).read_bytes()
+            page = result.write_report(Path(folder, f"{name}.html")).read_bytes()
+        return row | _state(json.loads(told)) | {"page": f"{ROBOTS}/{name}.html"}, told, page
     except IdentifiabilityError as error:
         said = str(error)
     except MemoryError:  # of all that run at once: the whole run says so
         raise
     except Exception as error:  # noqa: BLE001 - one robot does not end the others
         said = f"It met a fault of this program, please report it: {type(error).__name__}: {error}."
-    return replace(row, failed=said), b"", b""
+    return {**row, "failed": said}, b"", b""
 
 
-def _fill(row: Row, told: Mapping[str, Any]) -> Row:
-    """Return a row with what the JSON of a result says."""
-    row = replace(row, warnings=tuple(told["hints"]))
+def _state(told: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the table says of the JSON of a result."""
     if "models" not in told:  # a diagnosis
         effects = ((" or ".join([e["effect"], *e["or"]]), e["joints"]) for e in told["effects"])
-        return replace(
-            row,
-            model=told["fit"]["model"]["name"],
-            parameters=len(told["fit"]["names"]),
-            missing=tuple(f"{name}@{', '.join(at)}".rstrip("@") for name, at in effects),
-            error=told["after"]["error_ra"],
-            error_unseen=told["after"]["error_ra_validation"],
-        )
-    chosen = next(m for m in told["models"] if m["name"] == told["selected"])
-    return replace(
-        row,
-        model=chosen["name"],
-        parameters=len(told["parameters"]),
-        verdicts=dict(Counter(p["verdict"] for p in told["parameters"])),
-        error=chosen["error_ra"],
-        error_unseen=chosen.get("error_ra_validation") or chosen.get("error_ra_unseen"),
-        missing=tuple(f"{f['of']}, {f['joint']}" for f in told["missing_functions"]),
-    )
+        chosen, names, verdicts = told["after"], told["fit"]["names"], Counter[str]()
+        chosen["name"] = told["fit"]["model"]["name"]
+        missing = [f"{name}@{', '.join(at)}".rstrip("@") for name, at in effects]
+    else:
+        chosen = next(m for m in told["models"] if m["name"] == told["selected"])
+        names, verdicts = told["parameters"], Counter(p["verdict"] for p in told["parameters"])
+        missing = [f"{f['of']}, {f['joint']}" for f in told["missing_functions"]]
+    return {
+        "model": chosen["name"],
+        "parameters": len(names),
+        "verdicts": dict(verdicts),
+        "error": chosen["error_ra"],
+        "error_unseen": chosen["error_ra_validation"],
+        "missing": missing,
+        "warnings": told["hints"],
+    }
 
 
 @frozen(kw_only=True)
@@ -202,15 +171,18 @@ class Fleet(Result):
     verb : str
     folder : Path
         Where the table and the pages are.
-    rows : tuple of Row
-        One a robot.
+    rows : tuple of mapping
+        One a robot: names of its logs and of those that judge (``held``), the model that is worth
+        using (of a diagnosis that with what was missing), how many parameters have which verdict,
+        relative errors on fitted and unseen motion, what is missing, what to check, its page, and
+        why there is no answer (``failed``).
     """
 
     schema: ClassVar[str] = "identifiability/fleet/1"
 
     verb: str
     folder: Path
-    rows: tuple[Row, ...]
+    rows: tuple[Mapping[str, Any], ...]
 
     @property
     def files(self) -> list[Path]:
@@ -218,9 +190,9 @@ class Fleet(Result):
         return [self.folder / name for name in (TABLE, JSON, PAGE)]
 
     @property
-    def failed(self) -> tuple[Row, ...]:
-        """Robots without an answer."""
-        return tuple(row for row in self.rows if row.failed)
+    def failed(self) -> dict[str, str]:
+        """Robots without an answer, and why."""
+        return {row["robot"]: row["failed"] for row in self.rows if row["failed"]}
 
     @property
     def heading(self) -> tuple[str, str, str]:
@@ -230,23 +202,23 @@ class Fleet(Result):
 
     def cautions(self) -> tuple[Note, ...]:
         """Return why robots have no answer, and what to check in logs and files, by robot."""
-        failed = [Note("warning", row.robot, row.failed) for row in self.failed]
-        odd = [Note("note", row.robot, " ".join(row.warnings)) for row in self.rows if row.warnings]
-        return (*failed, *odd)
+        odd = {row["robot"]: " ".join(row["warnings"]) for row in self.rows if row["warnings"]}
+        failed = [Note("warning", *pair) for pair in self.failed.items()]
+        return (*failed, *(Note("note", *pair) for pair in odd.items()))
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a robot."""
         own = with_hints(
             "fleet",
-            Column("robot", "text", lambda r: Cell(r.robot, r.robot, link=quote(r.page))),
-            Column("held out", "text", lambda r: ", ".join(r.held) or NONE),
-            Column("model", "text", "model"),
-            Column("size", "number", "parameters"),
-            Column("identifiable", "number", lambda r: r.verdicts.get("identifiable")),
-            Column("error", _error, "error"),
-            Column("unseen", _error, "error_unseen"),
-            Column("missing", "text", lambda r: "; ".join(r.missing) or NONE),
-            Column("warnings", "number", lambda r: len(r.warnings)),
+            Column("robot", "text", lambda r: Cell(r["robot"], r["robot"], link=quote(r["page"]))),
+            Column("held out", "text", lambda r: ", ".join(r["held"]) or NONE),
+            Column("model", "text", itemgetter("model")),
+            Column("size", "number", itemgetter("parameters")),
+            Column("identifiable", "number", lambda r: r["verdicts"].get("identifiable")),
+            Column("error", _error, itemgetter("error")),
+            Column("unseen", _error, itemgetter("error_unseen")),
+            Column("missing", "text", lambda r: "; ".join(r["missing"]) or NONE),
+            Column("warnings", "number", lambda r: len(r["warnings"])),
         )
         return (Table.of("One row a robot, whose name leads to its own page", own, self.rows),)
 
@@ -254,8 +226,8 @@ class Fleet(Result):
     def statement(self) -> str:
         """The answer in plain words."""
         told = [f"{len(self.rows) - len(self.failed)} of {len(self.rows)} robots have an answer."]
-        told += [f"{row.robot} has none: {row.failed}" for row in self.failed[:3]]
-        errors = [r.error_unseen for r in self.rows if r.error_unseen is not None]
+        told += [f"{name} has none: {why}" for name, why in [*self.failed.items()][:3]]
+        errors = [r["error_unseen"] for r in self.rows if r["error_unseen"] is not None]
         if errors:
             middle, most = percent(median(errors), 2), percent(max(errors), 2)
             told.append(f"Median error on unseen motion {middle}, the largest {most}.")
@@ -263,20 +235,17 @@ class Fleet(Result):
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a robot; errors are fractions."""
-        frame = pd.DataFrame(self._told())
+        frame = pd.DataFrame(self.rows)
         for name in ("logs", "held", "missing", "warnings"):
             frame[name] = frame[name].map("; ".join)
-        frame["identifiable"] = [row.verdicts.get("identifiable") for row in self.rows]
+        frame["identifiable"] = [row["verdicts"].get("identifiable") for row in self.rows]
         whole = dict.fromkeys(("parameters", "identifiable"), "Int64")
         return frame.drop(columns="verdicts").astype(whole)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answers in their documented JSON schema."""
         head = {"schema": self.schema, "verb": self.verb, "statement": self.statement}
-        return {**head, "robots": self._told()}
-
-    def _told(self) -> list[dict[str, Any]]:
-        return [{**asdict(row), "page": row.page} for row in self.rows]
+        return {**head, "robots": [dict(row) for row in self.rows]}
 
 
 @checked
@@ -321,14 +290,14 @@ def analyze_many(
     say("looking at robots and logs", 0.0)
     tasks = [(place, _digest(place, options)) for place in places]
     _open(folder)
-    rows: list[Row] = []
+    rows: list[dict[str, Any]] = []
     with running(engine) as runner:
         for row, told, page in runner.map(partial(run_task, verb, options), tasks):
             rows.append(row)
-            if not row.failed:
-                write_bytes(folder / ROBOTS / f"{row.robot}.json", told)
-                write_bytes(folder / row.page, page)
-            say(f"asked {row.robot}", len(rows) / len(tasks))
+            if page:
+                write_bytes(folder / ROBOTS / f"{row['robot']}.json", told)
+                write_bytes(folder / row["page"], page)
+            say(f"asked {row['robot']}", len(rows) / len(tasks))
     result = Fleet(verb=verb, folder=folder, rows=tuple(rows))
     write_table(folder / TABLE, result.to_frame())
     result.to_json(folder / JSON)

@@ -59,10 +59,9 @@ from identifiability.robot.robot import Point, body_of, ten_parameters
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.compare import find_differences, find_pairs, is_result, look
-from identifiability.workflows.opening import Logs, list_logs
 from identifiability.workflows.predict import Fit, FitLike, find_fit, state_missing
 from identifiability.workflows.rules import RULES
-from identifiability.workflows.session import Session
+from identifiability.workflows.session import Logs, Session, list_logs
 
 # `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
 

@@ -48,10 +48,9 @@ from identifiability.robot.robot import new_place
 from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.robot.sidecar import Value
 from identifiability.workflows.answers import answer_next, answer_quality, with_hints
-from identifiability.workflows.commands import given_paths, name_export, name_logs, source_name
-from identifiability.workflows.opening import Logs, in_memory, read_recordings
+from identifiability.workflows.commands import EXPORT, given_paths, name_logs, source_name
 from identifiability.workflows.rules import RULES
-from identifiability.workflows.session import Session
+from identifiability.workflows.session import Logs, Session, in_memory, read_recordings
 
 # `TorquePrediction`: the torque of a fitted model along logs, beside the measured one.
 
@@ -670,7 +669,7 @@ def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:
     if _few(result):
         line = f"identifiability diagnose {robot} {measured} --report missing.html"
         return [("Find out what is missing on this motion:", line), *table]
-    text, name = name_export(result.robot, result.fit.names, result.fit.errors)
+    text, name = EXPORT
     return [*table, (text, f"identifiability export {robot} {given} --out {name}")]
 
 

@@ -12,7 +12,7 @@ from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.robot import Robot
-from identifiability.workflows.opening import read_recordings
+from identifiability.workflows.session import read_recordings
 
 MAP = {r"fer_(\w+)": r"\1"}
 

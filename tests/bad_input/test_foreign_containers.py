@@ -15,7 +15,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.reader import READERS, check_there, reader
 from identifiability.robot import Robot
-from identifiability.workflows.opening import read_recordings
+from identifiability.workflows.session import read_recordings
 
 JOINTS = ("shoulder", "elbow")
 

@@ -7,7 +7,7 @@ from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.robot import Robot
-from identifiability.workflows.opening import read_recordings
+from identifiability.workflows.session import read_recordings
 
 
 @pytest.mark.parametrize("column", ["elbow.dq", "elbow.ddq"])

@@ -12,7 +12,7 @@ from identifiability.foundation.errors import OutputError
 from identifiability.logs import Log
 from identifiability.robot import Robot
 from identifiability.simulation import PrescribedMotion
-from identifiability.simulation.motion import write_command_bag, write_trajectory_bag
+from identifiability.simulation.motion import write_trajectory_bag
 from identifiability.workflows.export import write_parameters
 from identifiability.workflows.prune import prune
 
@@ -23,7 +23,7 @@ def files_in(folder):
 
 FULL = OSError(errno.ENOSPC, "No space left on device")
 KINDS = ("json", "html", "csv", "parquet", "xml", "urdf", "sidecar", "model")
-MORE = ("twin", "motion bag", "command bag")
+MORE = ("twin", "motion bag")
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,6 @@ def written(results, tmp_path):
             "model": ("out.toml", results["ladder"].write_model),
             "twin": ("out.xml", lambda path: write_parameters(six, six.nominal, path)),
             "motion bag": ("out.mcap", lambda path: write_trajectory_bag(path, ["j"], motion)),
-            "command bag": ("out.mcap", lambda path: write_command_bag(path, motion.t, motion.q)),
         }
         name, write = ways[kind]
         path = tmp_path / name

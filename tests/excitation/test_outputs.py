@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from identifiability import excite
 from identifiability.cli import app
 from identifiability.simulation.motion import find_motion, read_trajectories
 
@@ -55,6 +56,15 @@ def test_a_bag_holds_the_trajectory_that_the_table_holds(paper, tmp_path):
     np.testing.assert_allclose(found, table[[f"{j}.q" for j in message.joint_names]], atol=1e-12)
     times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in message.points]
     np.testing.assert_allclose(times, table["t"], atol=1e-8)
+
+
+def test_servos_are_told_the_positions_and_arrays_hold_the_same(tmp_path):
+    found = excite("hobby-arm", evaluations=50)
+    table = pd.read_csv(found.write_motion(tmp_path / "motion.csv", rate=50))
+    with np.load(found.write_motion(tmp_path / "motion.npz", rate=50)) as arrays:
+        for k, joint in enumerate(arrays["joints"]):
+            np.testing.assert_allclose(table[f"{joint}.cmd"], arrays["q"][:, k], atol=1e-12)
+            np.testing.assert_allclose(table[f"{joint}.q"], arrays["q"][:, k], atol=1e-12)
 
 
 @pytest.mark.parametrize("which", ["paper", "arm"])

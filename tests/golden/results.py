@@ -173,7 +173,7 @@ def _sampled(old: dict[str, Any] | None, new: dict[str, Any] | None) -> list[str
     if not old or not new:
         return [] if old == new else ["posterior: only in one"]
     lost = []
-    for kind in ("signs", "physical"):
+    for kind in ("physical",):
         before, after = old[kind], new[kind]
         if (before is None) != (after is None):
             lost.append(f"posterior.{kind}: only in one")

@@ -18,7 +18,7 @@ def move(row):
 
 
 def sway(result):
-    row = result["posterior"]["signs"]["parameters"][0]
+    row = result["posterior"]["physical"]["parameters"][0]
     row["mean"] += 0.5 * row["sd"]
 
 

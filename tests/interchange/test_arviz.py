@@ -7,7 +7,6 @@ import pytest
 
 from identifiability import analyze
 from identifiability.foundation.errors import ModelError
-from identifiability.foundation.options import OptionError
 
 pytest.importorskip("arviz_base", reason="needs the extra 'arviz'")
 arviz = pytest.importorskip("arviz_stats")
@@ -20,10 +19,8 @@ def result(simulated_session, few_draws):
         return analyze("two-link", log, replicates=0, posterior=True)
 
 
-@pytest.mark.parametrize("which", ["physical", "signs"])
-def test_every_draw_is_there_with_names_and_units(which, result):
-    tree = result.to_arviz(which)
-    summary = getattr(result.belief, which)
+def test_every_draw_is_there_with_names_and_units(result):
+    tree, summary = result.to_arviz(), result.belief.physical
     posterior = tree["posterior"].dataset
     phi = posterior["phi"]
     assert phi.dims == ("chain", "draw", "parameter")
@@ -53,15 +50,12 @@ def test_standard_parameters_stand_beside_those_of_the_model(result):
     free = [n for n in result.belief.standard if not n.endswith(".off")]  # held at 0
     found = result.to_arviz()["posterior"].dataset
     assert found["standard_parameter"].values.tolist() == free
-    assert "standard" not in result.to_arviz("signs")["posterior"].dataset
 
 
 def test_what_is_not_there_is_said_in_a_sentence(result, simulated_session, monkeypatch):
     bare = analyze("two-link", simulated_session("two-link", "a", samples=200), replicates=0)
     with pytest.raises(ModelError, match=r"ask for it with analyze\(…, posterior=True\)\.$"):
         bare.to_arviz()
-    with pytest.raises(OptionError, match="posterior must be 'physical' or 'signs', not 'flat'"):
-        result.to_arviz("flat")
     monkeypatch.setitem(sys.modules, "xarray", None)
     with pytest.raises(ModelError, match=r"pip install 'robot-identifiability\[arviz\]'\.$"):
         result.to_arviz()

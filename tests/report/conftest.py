@@ -107,8 +107,7 @@ def believe(analysis: Analysis, effort: dict[str, int]) -> Analysis:
         analysis.structure, chosen.submodel, analysis.information, chosen.estimate.estimator
     )
     belief = form_belief(model, np.random.default_rng(0), effort)
-    signs, physical = (trust(x) for x in (belief.signs, belief.physical))
-    return replace(analysis, belief=replace(belief, signs=signs, physical=physical))
+    return replace(analysis, belief=replace(belief, physical=trust(belief.physical)))
 
 
 def trust(summary: Summary | None) -> Summary | None:

@@ -13,8 +13,8 @@ from identifiability.workflows.answers import level_table
 pytestmark = pytest.mark.pictures
 
 SECTIONS = (
-    "prediction", "parameters", "models", "correlated", "residuals", "physics",
-    "structure", "full-model", "motion", "thresholds", "provenance", "ledger", "rules",
+    "prediction", "parameters", "models", "correlated", "physics",
+    "structure", "motion", "thresholds", "provenance", "ledger", "rules",
 )  # fmt: skip
 
 

@@ -21,4 +21,3 @@ def test_hostile_joint_names_are_harmless(chain_analysis, hostile_names):
 def test_one_model_and_few_joints_suffice(chain_analysis, one_model, joints):
     html = render(chain_analysis(joints, ladder=one_model))
     assert "there was nothing to choose from" in html
-    assert 'id="full-model"' not in html

@@ -21,8 +21,7 @@ function drawTraces(figure) {
       series: [{ label: data.x, value: digits }, ...data.names.map((name, k) => ({
         label: name, stroke: strokes[k], width: k ? 1.4 : 2.6, value: digits,
         dash: name.endsWith(" allowed") ? [6, 4] : [],
-        points: { show: data.dots && !k, size: 4, fill: strokes[k] },
-        ...(data.dots && !k ? { paths: () => null } : {}),
+        points: { show: false },
       }))],
       hooks: {
         setScale: [(u, key) => {

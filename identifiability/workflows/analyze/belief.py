@@ -1,13 +1,13 @@
-"""What is believed of the parameters after the data: posteriors with signs and with bodies.
+"""What is believed of the parameters after the data, and that bodies can exist.
 
-Two posteriors of one model are sampled; ArviZ gets every draw.
+A posterior of one model is sampled; ArviZ gets every draw.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -24,7 +24,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import find_impossible_bodies
-from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares, PhysicalSet
+from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares
 from identifiability.physical.project import project
 from identifiability.posterior.diagnostics import (
     Convergence,
@@ -45,11 +45,9 @@ if TYPE_CHECKING:
     from xarray import DataTree
 
 
-# What is believed of the parameters after the data: posteriors with signs and with whole bodies.
-#
-# Two posteriors of one model. *Signs*: flat prior, friction and inertia not negative. *Physical*:
-# a normal prior per standard parameter, restricted to bodies that can exist.
-# Residuals are correlated, so the likelihood counts as many samples as are independent.
+# What is believed of the parameters after the data: a normal prior per standard parameter,
+# restricted to bodies that can exist and friction that brakes. Residuals are correlated, so the
+# likelihood counts as many samples as are independent.
 
 
 #: Margin of the point inside the cone that the samplers start from.
@@ -101,12 +99,10 @@ class Summary:
 
 @frozen
 class Belief:
-    """Posteriors of one model.
+    """A posterior of one model.
 
     Attributes
     ----------
-    signs : Summary or None
-        Of the model's parameters, flat prior, signs only; None where the motion leaves some open.
     physical : Summary or None
         Of the model's parameters under bodies that can exist; None with the reason in `note`.
     standard : mapping of str to (E, K, N)
@@ -116,7 +112,6 @@ class Belief:
         Sd of the model's parameters under the prior, and under data and prior without bodies.
     """
 
-    signs: Summary | None
     physical: Summary | None
     standard: Mapping[str, Array]
     note: str = ""
@@ -170,26 +165,24 @@ def belief_dict(names: Sequence[str], belief: Belief | None) -> dict[str, Any] |
     """Return a belief for JSON; numbers of a chain that did not converge are withheld."""
     if belief is None:
         return None
-    out: dict[str, Any] = {"note": belief.note, "signs": None, "physical": None, "standard": None}
-    for name, summary in (("signs", belief.signs), ("physical", belief.physical)):
-        if summary is None:
-            continue
-        c = summary.convergence
-        told = {"trustworthy": summary.trustworthy, "reasons": list(c.reasons), "acceptance": None}
-        out[name] = told | {"rhat": float(np.max(c.rhat)), "ess": float(np.min(c.ess_bulk))}
-        if summary.trustworthy:
-            pairs = zip(summary.interval.tolist(), summary.stated, strict=True)
-            columns = {"name": names, "mean": summary.mean, "sd": summary.sd}
-            frame = pd.DataFrame({**columns, "sway": summary.prior_sensitivity})
-            frame["interval95"] = [pair if stated else None for pair, stated in pairs]
-            out[name]["parameters"] = frame.to_dict("records")
-    return out
+    out = {"note": belief.note, "signs": None, "physical": None, "standard": None}
+    summary = belief.physical
+    if summary is None:
+        return out
+    c = summary.convergence
+    told = {"trustworthy": summary.trustworthy, "reasons": list(c.reasons), "acceptance": None}
+    told |= {"rhat": float(np.max(c.rhat)), "ess": float(np.min(c.ess_bulk))}
+    if summary.trustworthy:
+        pairs = zip(summary.interval.tolist(), summary.stated, strict=True)
+        columns = {"name": names, "mean": summary.mean, "sd": summary.sd}
+        frame = pd.DataFrame({**columns, "sway": summary.prior_sensitivity})
+        frame["interval95"] = [pair if stated else None for pair, stated in pairs]
+        told["parameters"] = frame.to_dict("records")
+    return out | {"physical": told}
 
 
-# Posteriors for ArviZ: every draw, by chain, with names and units. Needs the extra ``arviz``.
+# The posterior for ArviZ: every draw, by chain, with names and units. Needs the extra ``arviz``.
 
-
-Which = Literal["physical", "signs"]
 
 PARAMETER, STANDARD = "parameter", "standard_parameter"
 
@@ -197,23 +190,21 @@ PARAMETER, STANDARD = "parameter", "standard_parameter"
 def build_datatree(
     belief: Belief | None,
     submodel: Submodel,
-    which: Which = "physical",
     attributes: Mapping[str, str] | None = None,
 ) -> DataTree:
-    """Return a posterior of a model as ArviZ reads it.
+    """Return the posterior of a model as ArviZ reads it.
 
-    Group ``posterior`` holds ``phi`` of the model's parameters, by walker (a chain each) and draw;
-    with ``which="physical"`` also ``standard`` of the standard parameters that the model does not
-    hold. The coordinate ``ensemble`` says which chains started together, for
-    `arviz_stats.rhat_nested`. Group ``constant_data`` holds the units. The attribute
-    ``trustworthy`` is 0, with the reasons beside it, where the chains have not converged.
+    Group ``posterior`` holds ``phi`` of the model's parameters, by walker (a chain each) and draw,
+    and ``standard`` of the standard parameters that the model does not hold. The coordinate
+    ``ensemble`` says which chains started together, for `arviz_stats.rhat_nested`. Group
+    ``constant_data`` holds the units. The attribute ``trustworthy`` is 0, with the reasons beside
+    it, where the chains have not converged.
 
     Parameters
     ----------
     belief : Belief or None
     submodel : Submodel
         The model that the belief is about.
-    which : {"physical", "signs"}
     attributes : mapping of str, optional
         Further attributes, such as versions and seeds.
 
@@ -229,11 +220,9 @@ def build_datatree(
             "A posterior for ArviZ needs the extra 'arviz': "
             "pip install 'robot-identifiability[arviz]'."
         ) from None
-    summary = getattr(belief, which, None)
-    if belief is None or summary is None:
-        raise ModelError(
-            f"The result has no posterior '{which}'; ask for it with analyze(…, posterior=True)."
-        )
+    if belief is None or belief.physical is None:
+        raise ModelError("The result has no posterior; ask for it with analyze(…, posterior=True).")
+    summary = belief.physical
     ensembles, walkers, length, _ = summary.chains.shape
     along: dict[str, Any] = {
         "chain": np.arange(ensembles * walkers),
@@ -241,17 +230,19 @@ def build_datatree(
         "ensemble": ("chain", np.repeat(np.arange(ensembles), walkers)),
         PARAMETER: list(submodel.columns),
     }
-    draws = {"phi": _walkers(summary.chains, PARAMETER)}
-    if which == "physical":
-        moving = {name: x for name, x in belief.standard.items() if np.ptp(x) > 0}
-        draws["standard"] = _walkers(np.stack(list(moving.values()), axis=-1), STANDARD)
-        along[STANDARD] = list(moving)
+    moving = {name: x for name, x in belief.standard.items() if np.ptp(x) > 0}
+    standard = np.stack(list(moving.values()), axis=-1)
+    draws = {
+        "phi": _walkers(summary.chains, PARAMETER),
+        "standard": _walkers(standard, STANDARD),
+    }
+    along[STANDARD] = list(moving)
     units = Dataset({"unit": (PARAMETER, list(submodel.units))}, {PARAMETER: along[PARAMETER]})
     tree = DataTree.from_dict({"posterior": Dataset(draws, along), "constant_data": units})
     tree.attrs = {  # strings and numbers, which NetCDF can hold
         **(attributes or {}),
         "model": submodel.name,
-        "posterior": which,
+        "posterior": "physical",
         "trustworthy": int(summary.trustworthy),
         "reasons": " ".join(summary.convergence.reasons),
     }
@@ -263,7 +254,7 @@ def _walkers(chains: Array, of: str) -> tuple[tuple[str, ...], Array]:
     return ("chain", "draw", of), chains.reshape(-1, *chains.shape[2:])
 
 
-# Sample what is believed: two posteriors of one model, and where each parameter comes from.
+# Sample what is believed, and where each parameter comes from.
 
 
 def form_belief(
@@ -273,7 +264,7 @@ def form_belief(
     progress: Progress | None = None,
     share: float = 0.0,
 ) -> Belief:
-    """Sample both posteriors of a model.
+    """Sample the posterior of a model.
 
     Parameters
     ----------
@@ -286,20 +277,14 @@ def form_belief(
     share : float
         Within which bodies are the file's, 0 for the sidecar's.
     """
-    first, second = rng.spawn(2)
-    signs, note = None, ""
-    if model.determined:
-        signs = _sample_signs(model, first, effort)
-    else:
-        note = "the motion leaves parameters of the model undetermined"
     try:
         prior = state_prior(model, share)
-        physical, standard, root = _sample_physical(model, prior, second, effort, progress)
+        physical, standard, root = _sample_physical(model, prior, rng, effort, progress)
     except (ValueError, IdentifiabilityError) as error:
-        return Belief(signs, None, {}, "; ".join(filter(None, (note, str(error)))))
+        return Belief(None, {}, str(error))
     wide = np.where(np.isfinite(prior.sd), prior.sd, 0.0)
     prior_sd, data_sd = (np.linalg.norm(model.to_x @ x, axis=1) for x in (np.diag(wide), root))
-    return Belief(signs, physical, standard, note, prior_sd, data_sd)
+    return Belief(physical, standard, "", prior_sd, data_sd)
 
 
 def state_prior(model: FittedModel, share: float = 0.0) -> Prior:
@@ -360,21 +345,6 @@ def add_stated(structure: Structure, prior: Prior) -> Prior:
     return Prior(mean, sd)
 
 
-def _sample_signs(
-    model: FittedModel, rng: np.random.Generator, effort: Mapping[str, int]
-) -> Summary:
-    """Sample the model's own parameters under their signs, flat prior."""
-    submodel, estimate = model.submodel, model.estimate
-    data = LeastSquares.likelihood(model.information, estimate)
-    region = PhysicalSet(np.empty((0, 10), int), submodel.nonnegative, columns=submodel.columns)
-    target = Target(data, Prior.flat(len(submodel)), region)
-    start = np.array(estimate.value)
-    low = submodel.nonnegative & (start <= 0)
-    # The start must lie inside; a step of 1 % of σ off the edge is nothing to the sampler.
-    start[low] = 0.01 * np.maximum(estimate.sigma[low], 1e-12)
-    return _sample(target, start, np.eye(len(submodel)), submodel, rng, effort)[0]
-
-
 def _sample_physical(
     model: FittedModel,
     prior: Prior,
@@ -398,23 +368,9 @@ def _sample_physical(
     signed = region.signed
     # Distance of that point from the edge of a sign, in prior standard deviations.
     start[signed] = np.maximum(start[signed], 1e-4 * prior.sd[signed])
-    told = _sample(target, start, model.to_x, model.submodel, rng, effort, progress)
-    chains = np.moveaxis(told[1].draws, -1, 0)
-    return told[0], dict(zip(structure.columns, chains, strict=True)), target.root
-
-
-def _sample(
-    target: Target,
-    start: Array,
-    to_x: Array,
-    submodel: Submodel,
-    rng: np.random.Generator,
-    effort: Mapping[str, int],
-    progress: Progress | None = None,
-) -> tuple[Summary, Posterior]:
-    """Draw until the draws may be shown; what is held by itself never moves and is not asked."""
-    moving = np.flatnonzero(~(target.fixed or Fixed.none(target.size)).parameters)
-    names = [target.region.columns[k] for k in moving]
+    columns, to_x = structure.columns, model.to_x
+    moving = np.flatnonzero(~(fixed or Fixed.none(target.size)).parameters)  # others are not asked
+    names = [columns[k] for k in moving]
 
     def judge(posterior: Posterior) -> Convergence:
         return diagnose_convergence(replace(posterior, draws=posterior.draws[..., moving]), names)
@@ -424,9 +380,10 @@ def _sample(
 
     posterior = sample_posterior(target, start, rng, enough=enough, progress=progress, **effort)
     chains = posterior.draws @ to_x.T
-    moved = measure_prior_sensitivity(chains, log_distances(target.region, posterior.draws))
-    draws, signed = chains.reshape(-1, len(submodel)), submodel.nonnegative
+    moved = measure_prior_sensitivity(chains, log_distances(region, posterior.draws))
+    draws = chains.reshape(-1, len(to_x))
     sd = draws.std(0, ddof=1)
-    interval = believed_interval(draws, signed, moved * sd)
+    interval = believed_interval(draws, model.submodel.nonnegative, moved * sd)
     summary = Summary(draws.mean(0), sd, interval, chains, moved, judge(posterior))
-    return summary, posterior
+    each = np.moveaxis(posterior.draws, -1, 0)
+    return summary, dict(zip(columns, each, strict=True)), target.root

@@ -10,8 +10,9 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from statistics import NormalDist
 from textwrap import shorten
-from typing import TYPE_CHECKING, Any, ClassVar, Self, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 import pandas as pd
@@ -40,7 +41,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.options import check_choice
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import (
-    NONE,
+    LEVEL,
     REACH,
     digits,
     error_text,
@@ -62,7 +63,7 @@ from identifiability.regression.reduction import LadderSource, Submodel
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows import commands, predict
 from identifiability.workflows.alternatives import Alternative
-from identifiability.workflows.analyze.belief import Belief, Which, belief_dict, build_datatree
+from identifiability.workflows.analyze.belief import Belief, belief_dict, build_datatree
 from identifiability.workflows.answers import (
     SIGMA,
     UNIT,
@@ -77,7 +78,7 @@ from identifiability.workflows.answers import (
     sentence,
     with_hints,
 )
-from identifiability.workflows.opening import Recordings, state_provenance
+from identifiability.workflows.session import Recordings, state_provenance
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -377,7 +378,7 @@ class Laddered(OfStructure, Result, predict.Predicts):
             begun = commands.name_logs(self.robot, names, "--start-from", how)
             more = f"identifiability excite {robot} {begun} --out next.json"
             out = [(text, line), ("Or measure what these logs leave open:", more)]
-        text, name = commands.name_export(self.robot, *self.exported)
+        text, name = commands.EXPORT
         line = f"identifiability export {robot} {{file}} --out {name}"
         out.append((text, commands.on_file(self, "json", f"{verb}.json", f"{again} --json", line)))
         missing = ("Find out what the model misses:", f"{find} --report missing.html")
@@ -424,7 +425,6 @@ class Laddered(OfStructure, Result, predict.Predicts):
             preparation=predict.settled(self.settings.get("preparation"), self.samples),
             base_covariance=M @ covariance @ M.T + self.late.T @ self.late,
             base_unknown=M @ unknown,
-            errors=self.exported[1],
             missing=self.missing.functions,
         )
 
@@ -454,12 +454,6 @@ class Laddered(OfStructure, Result, predict.Predicts):
         logs["error"] = fitted + held
         logs["error_validation"] = [np.nan] * (len(each) - len(unseen)) + unseen
         return pd.concat([pd.DataFrame(joints), logs], ignore_index=True)
-
-    @property
-    def exported(self) -> tuple[tuple[str, ...], tuple[float, float]]:
-        """Parameters of the model to use, and errors of all and of those that an MJCF holds."""
-        real = self.real_robot
-        return self.chosen.submodel.columns, (real["error_ra"], real["error_ra_files"]["mjcf"])
 
     @cached_property
     def real_robot(self) -> dict[str, Any]:
@@ -511,25 +505,7 @@ class Laddered(OfStructure, Result, predict.Predicts):
             parts = [f"{a.short} {a.text}".rstrip() for a in told]
         parts += [] if tilt is None else [f"In this model gravity {tilt.text}."]
         parts += [] if self.moved is None else [self.moved.statement]
-        return " ".join(filter(None, (self.mass_warning, self.weight, *parts, *self.hints)))
-
-    @property
-    def weight(self) -> str:
-        """What a robot that floats weighs by its logs, beside its file; nothing of others.
-
-        The mass of all its bodies is one of its base parameters: gravity acts on the whole of it.
-        """
-        structure = self.structure
-        if self.robot.base is None or self.nothing:
-            return ""
-        masses = np.array([p.kind == "m" for p in structure.parameters], float)
-        pairs = zip(structure.base.names, structure.G, strict=True)
-        total = [name for name, row in pairs if np.allclose(row, masses, atol=1e-6)]
-        for v in self.full.verdicts:
-            if v.name in total and np.isfinite(half := REACH * v.sigma_label):
-                told = {"title": self.robot.title, "file": float(structure.nominal @ masses)}
-                return sentence("decision.weight", value=v.value, half=half, **told)
-        return ""
+        return " ".join(filter(None, (self.mass_warning, *parts, *self.hints)))
 
     def _answer_quality(self) -> Answer:
         """Return how well the values to use predict, and beside it what that leaves out."""
@@ -600,8 +576,6 @@ class Laddered(OfStructure, Result, predict.Predicts):
             yield note(kinds.get(getattr(hint, "key", ""), "hint"), hint=hint)
         for found in of_key(self.findings, "unclosed", "singular"):
             yield note(found.key, log=found.subject, text=found)
-        if not np.isfinite(chosen.error_ra_validation):
-            return
         if chosen.infeasible and not self.nothing and not chosen.physical_used:
             near = f"the nearest real robot errs by {error_text(chosen.unseen_by(1))}"
             yield note("impossible", names=join(chosen.infeasible), near=near)
@@ -718,17 +692,17 @@ class Analysis(Laddered):
         The model to use: the smallest that may stand for the best on folds of the fitted logs,
         physically feasible ones first.
     belief : Belief or None
-        Posteriors of the selected model, where they were asked for.
-    folds : Folds or None
-        What is predicted from the rest of the fitted logs; None where nothing was fitted.
+        Posterior of the selected model, where it was asked for.
+    folds : Folds
+        What is predicted from the rest of the fitted logs.
     alternative : Alternative or None
         Of the model, under which logs were read and all is said.
     """
 
     schema: ClassVar[str] = "identifiability/analysis/1"
 
+    folds: Folds
     belief: Belief | None = None
-    folds: Folds | None = None
     alternative: Alternative | None = None
 
     def to_dict(self) -> dict[str, Any]:
@@ -745,23 +719,41 @@ class Analysis(Laddered):
                 "without_effect": list(base.without_effect),
             },
             "several_logs": {"statement": compare_logs(self.samples, chosen)},
+            "file": self.file_frame().to_dict("records"),
         }
 
-    def to_arviz(self, posterior: Which = "physical") -> DataTree:
-        """Return a posterior of the selected model for ArviZ; needs the extra ``arviz``.
+    def file_frame(self) -> pd.DataFrame:
+        """Return which numbers of the robot file the logs bear out, those they contradict first.
 
-        Parameters
-        ----------
-        posterior : {"physical", "signs"}
-            Restricted to bodies that can exist, or by signs only.
+        One row a base parameter of which the file states something: its value there and in the
+        fit of all of them, with σ of the label, how many σ it is off, and ``logs``: it "agrees",
+        is "contradicted" (outside of the intervals that hold all of them at 95 %, Bonferroni), or
+        is "not determined" by these logs.
+        """
+        pairs = zip(self.full.verdicts, stated_values(self, self.full), strict=True)
+        known = [(v, x) for v, x in pairs if x is not None]
+        reach = NormalDist().inv_cdf(1 - (1 - LEVEL) / (2 * max(len(known), 1)))
+        rows: list[dict[str, Any]] = []
+        for v, x in known:
+            off = abs(v.value - x) / v.sigma_label if np.isfinite(v.sigma_label) else np.nan
+            told = v.verdict is Class.IDENTIFIABLE or Flag.NEGLIGIBLE in v.flags
+            word = "agrees" if told else "not determined"
+            word = "contradicted" if off > reach and not self.nothing else word
+            row = {"name": v.name, "label": v.label, "unit": v.unit, "file": x, "value": v.value}
+            rows.append({**row, "sigma": v.sigma_label, "sigmas": off, "logs": word})
+        order = list(BELIEVED)
+        rows.sort(key=lambda r: (order.index(r["logs"]), -np.nan_to_num(r["sigmas"])))
+        return pd.DataFrame(rows, columns=["name", "label", "unit", "file", *FOUND, "logs"])
+
+    def to_arviz(self) -> DataTree:
+        """Return the posterior of the selected model for ArviZ; needs the extra ``arviz``.
 
         Raises
         ------
         ModelError
-            If there is no such posterior, or no package to hold it.
+            If there is none, or no package to hold it.
         """
-        check_choice("posterior", posterior, get_args(Which))
-        return build_datatree(self.belief, self.chosen.submodel, posterior, self.provenance)
+        return build_datatree(self.belief, self.chosen.submodel, self.provenance)
 
     @property
     def validation_kind(self) -> str:
@@ -769,7 +761,7 @@ class Analysis(Laddered):
         if self.validation:
             return "held-out logs: " + ", ".join(s.name for s in self.validation)
         logs = len(self.samples)
-        if logs > 1 and self.folds is not None and self.folds.count == logs:
+        if logs > 1 and self.folds.count == logs:
             return "cross-validation, one log left out at a time"
         return f"cross-validation over stretches of the {'log' if logs == 1 else 'logs'}"
 
@@ -781,7 +773,7 @@ class Analysis(Laddered):
     def tables(self) -> tuple[Table, ...]:
         """Return the models, the errors by joint and by log, the parameters of the model to use."""
         models = Table.of("", LADDER, self.models, marked=self.selected)
-        return (models, *error_tables(self), parameter_table(self, self.chosen))
+        return (models, *error_tables(self), parameter_table(self, self.chosen), file_table(self))
 
     def _answer_use(self) -> Answer:
         chosen, base = self.chosen, self.base
@@ -806,8 +798,7 @@ def doubt(
     Parameters
     ----------
     why : str
-        What speaks against all of them: the fitted logs have nothing to explain, or are misread;
-        empty if nothing does.
+        What speaks against all of them: the fitted logs are misread; empty if nothing does.
     results : tuple of ModelResult
     at : int
         The selected model.
@@ -911,7 +902,6 @@ def parameter_table(analysis: Laddered, result: ModelResult) -> Table:
         Column("σ robust", percent_text, "sigma_robust_percent", detail=True),
         Column("σ label", percent_text, "sigma_label_percent"),
         Column("σ bootstrap", percent_text, drawn, detail=True),
-        Column("σ is of", get=_terms_cell, detail=True),
         Column("used", "number", in_model, detail=not any(result.meanings)),
         Column("robot file", "number", lambda v: stated_text(stated[v.name], v.sigma_robust)),
         Column("share of torque", "bar", share),
@@ -922,17 +912,30 @@ def parameter_table(analysis: Laddered, result: ModelResult) -> Table:
     return Table.of("", every, result.verdicts, filter_by=-1, long=True)
 
 
-def _terms_cell(v: Verdict) -> Cell:
-    """Return the shares that terms have of the variance of a label, the largest first."""
-    total = v.sigma_label**2
-    if not 0 < total < np.inf:
-        return Cell(NONE, 0.0)
-    order = [term for term in sorted(v.terms, key=lambda term: -v.terms[term]) if v.terms[term]]
-    each = [f"{term} {percent(v.terms[term] ** 2 / total, 2)}" for term in order[:NAMED]]
-    return Cell(", ".join(each), v.terms[order[0]] ** 2 / total)
+#: What logs say of a number of the robot file, and its mark.
+BELIEVED = {"contradicted": "differs", "agrees": "pass", "not determined": "partly"}
+
+FOUND = ("value", "sigma", "sigmas")
 
 
-def label_note(v: Verdict) -> str:
+def file_table(analysis: Analysis) -> Table:
+    """Return which numbers of the robot file may be believed, after these logs."""
+    frame = analysis.file_frame()
+    counts = [f"{(frame['logs'] == word).sum()} {word}" for word in BELIEVED]
+    columns = (
+        Column("parameter", get=lambda r: Cell(r.name, note=label_note(r))),
+        Column("robot file", stated_text, "file"),
+        Column("found", stated_text, "value"),
+        Column("± σ", digits(2), "sigma"),
+        UNIT,
+        Column("off by [σ]", digits(2), "sigmas"),
+        Column("these logs", "badge", lambda r: Cell(r.logs, badge=BELIEVED[r.logs])),
+    )
+    caption = f"Which numbers of the robot file may I believe? {', '.join(counts)}."
+    return Table.of(caption, columns, frame.itertuples(index=False))
+
+
+def label_note(v: Any) -> str:
     """Return the combination that a name stands for; nothing where it is the parameter alone."""
     return shorten(v.label, 64, placeholder=" …") if " " in v.label else ""
 

@@ -22,13 +22,7 @@ from identifiability.estimation.estimate import (
     fit_whole,
     settle_noise,
 )
-from identifiability.estimation.estimator import (
-    Estimate,
-    Estimator,
-    dependence,
-    forbidden_signs,
-    leave_open,
-)
+from identifiability.estimation.estimator import Estimate, Estimator, dependence, forbidden_signs
 from identifiability.estimation.evidence import Evidence, Folds, HeldOut, Score, near_best
 from identifiability.estimation.fit import Fit, find_left_out
 from identifiability.estimation.groups import Alternatives
@@ -55,7 +49,6 @@ from identifiability.physical.feasibility import (
     certify_model,
     choose_prior,
     find_nearest,
-    leave_undecided,
 )
 from identifiability.physical.fitted_model import FittedModel, LeastSquares
 from identifiability.regression.information import Information, gather_information
@@ -70,8 +63,17 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.belief import Belief, form_belief, refine_verdicts
 from identifiability.workflows.analyze.result import Analysis, ModelResult, compare_logs, doubt
-from identifiability.workflows.opening import Logs, Progress, quiet, running, share
-from identifiability.workflows.session import Session, Weighed, find_missing, settle_prior
+from identifiability.workflows.session import (
+    Logs,
+    Progress,
+    Session,
+    Weighed,
+    find_missing,
+    quiet,
+    running,
+    settle_prior,
+    share,
+)
 
 # Models are fitted, and the real robot nearest to each is sought.
 
@@ -84,15 +86,17 @@ class Settled:
     ----------
     model : FittedModel
     robot : PhysicalResult
-    free, real : Score or None
-        Of the estimated values and of the nearest real robot, on folds; None where there are none.
+    free : Score
+        Of the estimated values, on folds.
+    real : Score or None
+        The same of the nearest real robot; None where there is none.
     crossed : (F, b, 2)
         Base parameters of both, found from each fold's rest.
     """
 
     model: FittedModel
     robot: PhysicalResult
-    free: Score | None
+    free: Score
     real: Score | None
     crossed: Array
 
@@ -133,18 +137,6 @@ def fit_ladder(
         heaviest = found[0].robot.cad_weight if found else np.inf
         found.append(settle_robot(model, held_out, cad_weight, heaviest, choose=not short))
     return found, held_out.folds, short
-
-
-def leave_ladder(rows: Weighed, submodels: Sequence[Submodel]) -> list[Settled]:
-    """Return models of which nothing is fitted, because there is nothing to explain."""
-    opening, whole, found = rows.opening, rows.information, []
-    for submodel in submodels:
-        part = submodel.reduce(whole)
-        what = opening.structure, submodel, whole, part, leave_open(part, rows.estimator)
-        robot = leave_undecided(opening.structure, submodel, opening.silence)
-        none = np.empty((0, whole.size, 2))
-        found.append(Settled(FittedModel(*what), robot, None, None, none))
-    return found
 
 
 def hold_folds(information: Information, estimator: Estimator) -> tuple[HeldOut, str]:
@@ -235,7 +227,7 @@ class SharedErrors:
             return gather_information(opening.structure.regression(samples))
 
         delay = []
-        for logs in () if opening.silence else session.recordings.later:
+        for logs in session.recordings.later:
             samples = list(opening.samples)
             for k, log in logs.items():
                 own, moved = samples[k], prepare_log(opening.robot, log, how)
@@ -244,11 +236,18 @@ class SharedErrors:
             delay.append(gather(samples))
         if delay:
             others["delay"] = tuple(delay)
-        band = None if opening.silence else getattr(how, "band", None)
+        band = getattr(how, "band", None)
         loud = band is not None and band.noise > LOG_RULES.small
         if loud and not (rows.estimator.instruments or session.recordings.commanded):
             pairs = zip(session.recordings.fitted, opening.samples, strict=True)
-            noisier = [_noisier(opening.robot, log, own, how) for log, own in pairs]
+            noisier = [
+                own
+                if own.long
+                else measure_again(
+                    opening.robot, noise_again(log, np.random.default_rng(0)), own, how
+                )
+                for log, own in pairs
+            ]
             others["bias"] = (gather(noisier),)
         return cls(rows.alike, others, rows.estimator)
 
@@ -265,11 +264,9 @@ class SharedErrors:
         return np.vstack([np.zeros((0, len(submodel))), *self.move(submodel).values()])
 
 
-def _noisier(robot: Robot, log: Log, own: Dataset, how: Preparation) -> Dataset:
-    """Return samples along a motion with as much noise once more, if it is in memory."""
-    if own.long:
-        return own
-    moved = prepare_log(robot, noise_again(log, np.random.default_rng(0)), how)
+def measure_again(robot: Robot, log: Log, own: Dataset, how: Preparation) -> Dataset:
+    """Return samples along their motion as a log measures it again, if that keeps the same rows."""
+    moved = prepare_log(robot, log, how)
     alike = np.array_equal(moved.motion.kept, own.motion.kept)
     return replace(own, motion=moved.motion) if alike else own
 
@@ -440,14 +437,11 @@ def select_model(results: Sequence[ModelResult], near: np.ndarray) -> int:
     results : sequence of m ModelResult
     near : (m,) bool
     """
-    error = np.array([r.error_ra_validation for r in results])
-    if not np.isfinite(error).any():
-        return len(results) - 1
 
     def rank(k: int) -> tuple[bool, bool, bool, int, float]:
         r = results[k]
         impossible = bool(r.contradicted), not r.feasible, bool(r.infeasible)
-        return *impossible, len(r.submodel), float(error[k])
+        return *impossible, len(r.submodel), r.error_ra_validation
 
     return min(np.flatnonzero(near).tolist(), key=rank)
 
@@ -506,7 +500,7 @@ def predict_everywhere(
     logs = known.held_out if opening.validation else known.fitted
     stand = any((s.survey.rows < s.survey.outputs).any() for s in samples)
     hidden = opening.robot.base is not None or any(x.unmeasured is not None for x in logs)
-    if opening.silence or hidden or not stand:
+    if hidden or not stand:
         return None
     regression = replace(opening.unseen or opening.regression, dwelling=True)
     turns = None if opening.validation else turns
@@ -599,11 +593,11 @@ def analyze(
             commanded = session.recordings.commanded
             share_, cad_prior = settle_prior(prior, cad_prior, commanded)
             given = session.follow_fitted(streams[0], base, estimator, cad_prior)
-            (session, opening), entry = given.settle(), source.settle(commanded=commanded)
+            (session, opening), entry = given.settle("analyzed"), source.settle(commanded=commanded)
             try:
                 submodels = build_comparison(entry, opening.structure)
             except ModelError:  # its models are of parameters of the model as it was given
-                session, opening = given, given.open()
+                session, opening = given, given.open("analyzed")
                 submodels = build_comparison(entry, opening.structure)
             rows = session.weigh(opening, base, estimator)
             settings = {
@@ -622,13 +616,9 @@ def analyze(
 
 
 def believe(found: Analysis, rng: np.random.Generator, say: Progress, within: float) -> Analysis:
-    """Return the analysis with the posteriors of the selected model, bodies within a share.
-
-    Where there is nothing to explain nothing is sampled: the posterior of a robot that never moved
-    is the prior along a handful of exact equations, which no chain walks.
-    """
+    """Return the analysis with the posteriors of the selected model, bodies within a share."""
     if found.nothing:
-        return replace(found, belief=Belief(None, None, {}, found.nothing))
+        return replace(found, belief=Belief(None, {}, found.nothing))
     chosen, whole = found.chosen, found.information
     part = chosen.submodel.reduce(whole)
     model = FittedModel(found.structure, chosen.submodel, whole, part, chosen.estimate)
@@ -649,17 +639,13 @@ def _conclude(
     say, engine, opening = session.say, session.engine, rows.opening
     say("fitting models", 0.6)
     late, whole = SharedErrors.of(session, rows), rows.information
-    near, judged, folds, short = np.ones(len(submodels), bool), [], None, ""
-    if opening.silence:
-        settled = leave_ladder(rows, submodels)
-    else:
-        settled, folds, short = fit_ladder(rows, submodels, settings["cad_prior"])
-        scores = [one.free for one in settled if one.free is not None]
-        best = max(scores, key=lambda score: float(score.density.sum()))
-        near, judged = near_best(scores), [Evidence.of(score, best) for score in scores]
+    settled, folds, short = fit_ladder(rows, submodels, settings["cad_prior"])
+    scores = [one.free for one in settled]
+    best = max(scores, key=lambda score: float(score.density.sum()))
+    near, judged = near_best(scores), [Evidence.of(score, best) for score in scores]
     values = np.concatenate([one.values for one in settled], axis=1)
     tasks = [Task(values[None])]
-    if folds is not None and not opening.validation:
+    if not opening.validation:
         tasks.append(Task(np.concatenate([one.turned for one in settled], axis=2), folds))
     predicting = share(say, "predicting torque", 0.65, 0.9)
     fitted, *others = predict_all(opening.regression, tasks, engine=engine, progress=predicting)
@@ -674,7 +660,7 @@ def _conclude(
         for own, one in zip(settled, results, strict=True)
     ]
     results, contradicted = tuple(one for one, _ in both), both[at][1]
-    results, nothing = doubt(opening.silence or opening.misread, results, at)
+    results, nothing = doubt(opening.misread, results, at)
     hints = [*opening.hints, rows.burst, contradicted, short]
     hints += () if session.recordings.commanded else say_band(getattr(session.how, "band", None))
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest

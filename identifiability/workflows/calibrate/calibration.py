@@ -48,8 +48,7 @@ from identifiability.workflows.commands import (
     source_name,
 )
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.opening import Progress, in_memory, quiet, share
-from identifiability.workflows.session import require_signal
+from identifiability.workflows.session import Progress, in_memory, quiet, share
 
 # How often does `diagnose` name what is not there, on this robot and this motion? The whole path is
 # repeated from the raw log on: tests alone would miss false names by filters.
@@ -269,12 +268,11 @@ def calibrate(
     OptionError
         If the ladder has no such model.
     LogError
-        If the logs do not fit in memory, or have nothing to explain.
+        If the logs do not fit in memory.
     """
     analysis.robot.check_stands("calibration")
     trials = settle_count(replicates, 240, 32, quick=quick)
     names = settle_count(names, 40, 4, quick=quick)
-    require_signal(analysis.samples, "calibrated")
     entry = None if analysis.source is None else analysis.source.entry.models
     alone = entry[0].name if entry and len(entry) == 1 else analysis.chosen.name
     result = analysis.models[analysis.find_model(model or alone)]

@@ -19,16 +19,14 @@ from identifiability.estimation.fit import Fit, body_scatter, find_left_out
 from identifiability.estimation.noise import JointRuns, Noise, Runs, find_runs, fit_residual_noise
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, judge
-from identifiability.foundation.linalg import TINY
+from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import LEVEL, REACH, Share, clustered_share, each_share
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation
-from identifiability.logs.prepare.instruments import add_instrument, complete_along
-from identifiability.logs.prepare.preparation import Plan, joint_log, make_plan
-from identifiability.logs.spectrum import noise_size
+from identifiability.logs.prepare.instruments import add_instrument, noise_again
 from identifiability.physical.pseudo_inertia import BASIS, natural_scale, scale_matrix, to_matrix
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
@@ -37,7 +35,8 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.result import ModelResult
-from identifiability.workflows.opening import in_memory
+from identifiability.workflows.analyze.workflow import measure_again
+from identifiability.workflows.session import in_memory
 
 # Simulated experiments with known truth, fitted and judged; and what many of them come to.
 #
@@ -247,112 +246,11 @@ def count_outcomes(trials: Sequence[Outcome], truth: Array, names: Sequence[str]
     )
 
 
-# Errors of the measured motion, estimated from the log, and the motion with new ones.
-#
-# Differences of high order leave nothing of a smooth motion and all of white noise: their size is
-# that of the noise. New noise goes the way of the log: filter, differentiate, close the loops.
-
-
-@frozen
-class MotionErrors:
-    """The motion of one log, to be measured again.
-
-    Attributes
-    ----------
-    samples : Dataset
-        The true motion: the second record where there is one, else as prepared; errors that it has
-        make the new ones do a little less.
-    log : Log
-        The same, as a log at the joints.
-    plan : Plan
-    sd : (3, N, n)
-        Of the noise on measured positions, velocities and accelerations of the actuated joints;
-        zero for what is not measured [rad or m, and per s, per s²].
-    exact : bool
-        Whether the true motion is a second record, without the errors of the log.
-    instrumented : bool
-        Whether it has a second record, which may be that of another log.
-    """
-
-    samples: Dataset
-    log: Log
-    plan: Plan
-    sd: Array
-    exact: bool
-    instrumented: bool
-
-    @staticmethod
-    def of(robot: Robot, samples: Dataset, raw: Log, how: Preparation) -> MotionErrors:
-        """Return the errors of a log that was prepared."""
-        if samples.cutoff is not None:
-            how = replace(how, cutoff=samples.cutoff, outputs=samples.band)
-        plan = make_plan(robot, raw, how)
-        log = joint_log(robot, plan.mend(raw))
-        sd = np.stack([noise_size(x) for x in _channels(log)])
-        instrumented = samples.beside is not None
-        other = samples if instrumented else add_instrument(robot, log, samples, always=True)
-        beside = None if other is None else other.beside
-        near = beside or samples
-        motion = replace(near.motion, smooth_v=None)  # its signs are those of its speeds
-        true = replace(near, motion=motion, instrument=None)
-        at = _channels(log)
-        at[:, motion.kept] = motion.actuated_q, motion.actuated_v, motion.actuated_a
-        exact = beside is not None
-        return MotionErrors(true, _with(log, at), plan, sd, exact, instrumented)
-
-    def measure(self, robot: Robot, rng: np.random.Generator) -> tuple[Log, Dataset]:
-        """Return the log with new errors and its samples, at the same times."""
-        e = self.sd * rng.standard_normal(self.sd.shape)
-        log, noise, plan = _with(self.log, _channels(self.log) + e), _with(self.log, e), self.plan
-        motion, moved = self.samples.motion, np.stack(plan.derive(noise))
-        moved[:, motion.kept] += motion.actuated_q, motion.actuated_v, motion.actuated_a
-        motion = complete_along(robot, motion, [*moved]) or motion
-        smooth = self.plan.smooth_speed(log)
-        if smooth is not None:
-            motion = replace(motion, smooth_v=smooth[motion.kept])
-        return log, replace(self.samples, motion=motion)
-
-
-def measure_anew(
-    structure: Structure, motion: Sequence[MotionErrors], rng: np.random.Generator
-) -> tuple[Array, Array | None]:
-    """Return columns of base parameters along logs with new errors, and instruments as they had."""
-    return base_columns(structure.regression(sample_anew(structure.robot, motion, rng)))
-
-
-def sample_anew(
-    robot: Robot, motion: Sequence[MotionErrors], rng: np.random.Generator
-) -> list[Dataset]:
-    """Return the samples of all logs with new errors, and instruments as the logs have them."""
-    found = [m.measure(robot, rng) for m in motion]
-    out = []
-    for m, (log, own) in zip(motion, found, strict=True):
-        others = [s for _, s in found if s is not own]
-        has = own
-        if m.instrumented:
-            found_one = add_instrument(robot, log, own, others, always=True)
-            has = found_one or replace(own, instrument=own.motion)
-        out.append(has)
-    return out
-
-
-def _channels(log: Log) -> Array:
-    """Return what is measured of the motion, (3, N, n); zero where it is not."""
-    each = (log.q, log.dq, log.ddq)
-    return np.stack([np.zeros_like(log.q) if x is None else x for x in each])
-
-
-def _with(log: Log, channels: Array) -> Log:
-    q, dq, ddq = channels
-    dq, ddq = None if log.dq is None else dq, None if log.ddq is None else ddq
-    return replace(log, q=q, dq=dq, ddq=ddq)
-
-
 # True robots that file and logs make likely: what simulated repetitions are made from.
 #
-# The centre is the robot that the file's bodies, each to ± `SHARE` of its moments, and the logs
-# make likeliest together; every repetition draws its bodies anew around it, made physically
-# possible.
+# The centre is the nearest real robot of the model, which file and logs make likely together; every
+# repetition draws its bodies anew around it, each to ± `SHARE` of the file's moments, made
+# physically possible.
 
 
 _TO_THETA = np.linalg.pinv(BASIS.reshape(10, 16))
@@ -365,90 +263,38 @@ class TrueRobots:
     Attributes
     ----------
     structure : Structure
-    bodies : (p,)
-        Its standard parameters of bodies of which the file states a mass; zero for all others.
+    centre : (p,)
+        Its standard parameters.
     scatter : (p,)
         Standard deviations around them; zero for what is no body's.
-    others : (b,)
-        Base parameters of all that is not in `bodies`: friction, rotors.
     """
 
     structure: Structure
-    bodies: Array
+    centre: Array
     scatter: Array
-    others: Array
 
     @staticmethod
-    def of(analysis: Analysis, result: ModelResult) -> TrueRobots:
+    def of(structure: Structure, result: ModelResult) -> TrueRobots:
         """Return the robots that file and logs make likely.
 
-        What is no body's is as the model has it, with what it leaves out where the unpruned model
-        is sure of that.
+        Raises
+        ------
+        LogError
+            If no real robot was found near the model.
         """
-        structure, full = analysis.structure, analysis.full
-        scatter, rows = body_scatter(structure), structure.inertial
-        stated = np.zeros(len(scatter), bool)
-        stated[rows[scatter[rows].any(1)]] = True
-        bodies = np.where(stated, structure.nominal, 0.0)
-        of_others = np.any(structure.G[:, ~stated], axis=1)
-        span, others = _free(result.submodel, full, of_others, structure.G @ bodies)
-        noise = full.estimate.variance * np.maximum(full.estimate.times, 1.0)
-        torque = analysis.information.torque.sum() / max(analysis.information.rows, 1)
-        factor = analysis.information.factor(1.0 / np.maximum(noise, TINY * torque + 1e-300))
-        R = factor[:, :-1]
-        left = factor[:, -1] - R @ (structure.G @ bodies + others)
-        moved = scatter > 0
-        by_body = R @ structure.G[:, moved] * scatter[moved]
-        rows_ = np.hstack([by_body, R @ span])
-        A = np.vstack([rows_, np.eye(moved.sum(), rows_.shape[1])])
-        found = np.linalg.lstsq(A, np.append(left, np.zeros(moved.sum())), rcond=None)[0]
-        bodies[moved] += scatter[moved] * found[: moved.sum()]
-        return TrueRobots(structure, bodies, scatter, others + span @ found[moved.sum() :])
+        if result.physical is None or result.physical.nearest is None:
+            raise LogError(f"No real robot is near {result.name}, which repetitions are made from.")
+        return TrueRobots(structure, result.physical.nearest.phi, body_scatter(structure))
 
     def draw(self, rng: np.random.Generator) -> Array:
         """Return the base parameters of a robot, (b,)."""
-        theta = self.bodies + self.scatter * rng.standard_normal(len(self.bodies))
+        theta = self.centre + self.scatter * rng.standard_normal(len(self.centre))
         rows = self.structure.inertial
         rows = rows[self.scatter[rows].any(1)]
         if len(rows):
             theta[rows] = make_possible(theta[rows], self.structure.nominal[rows])
-        base: Array = self.structure.G @ theta + self.others
+        base: Array = self.structure.G @ theta
         return base
-
-
-def _free(
-    submodel: Submodel, full: ModelResult, rows: np.ndarray, by_bodies: Array
-) -> tuple[Array, Array]:
-    """Return what base parameters of others than bodies may be: span (b, f) and its origin (b,).
-
-    Parameters
-    ----------
-    submodel : Submodel
-    full : ModelResult
-        The unpruned model.
-    rows : (b,) bool
-        Base parameters in which something else than bodies acts.
-    by_bodies : (b,)
-        What bodies make of them in the file.
-    """
-    own, fit = submodel.M[rows], full.estimate
-    own = own[:, own.any(0)]
-    left = np.eye(rows.sum()) - own @ np.linalg.pinv(own)
-    half = left @ full.submodel.M[rows]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        wider = np.nan_to_num(full.fit.robust / fit.sigma, nan=1.0, posinf=1.0)
-    C = np.where(np.isfinite(fit.covariance), fit.covariance, 0.0) * np.outer(wider, wider)
-    sd = np.sqrt(np.einsum("ij,jk,ik->i", half, C, half))
-    open_ = half[:, ~fit.determined].any(1)
-    # What a model leaves out, and no body has, is in a true robot if the unpruned model finds
-    # it this many robust standard deviations from zero: less is noise, which must not be
-    # planted as truth.
-    away = left @ (full.submodel.expand(fit.value) - submodel.fixed)[rows]
-    # So many of its standard deviations.
-    sure = (np.abs(away) > 3.0 * sd) & (sd > 0) & ~open_
-    span = np.zeros((len(rows), own.shape[1] + sure.sum()))
-    span[rows] = np.hstack([own, left[:, sure]])
-    return span, np.where(rows & (submodel.fixed != 0), submodel.fixed - by_bodies, 0.0)
 
 
 def make_possible(theta: Array, like: Array) -> Array:
@@ -490,8 +336,8 @@ class World:
     experiment : Experiment
         The true motion, and how its outcomes are judged.
     robots : TrueRobots
-    motion : tuple of MotionErrors
-        Of each log.
+    logs : tuple of (Log, Dataset, Preparation)
+        Each as it was measured and prepared, and how.
     noise : Noise
         Of the torque; with what the errors of the motion add it is like the residual.
     runs : Runs
@@ -500,7 +346,7 @@ class World:
 
     experiment: Experiment
     robots: TrueRobots
-    motion: tuple[MotionErrors, ...]
+    logs: tuple[tuple[Log, Dataset, Preparation], ...]
     noise: Noise
     runs: Runs
 
@@ -508,8 +354,7 @@ class World:
     def of(analysis: Analysis, result: ModelResult, refits: int, rng: np.random.Generator) -> World:
         """Return the world that is like the logs of an analysis.
 
-        Errors of the motion make part of the residual: the noise of the torque is the rest. Where
-        they would make more than was found, they are made smaller.
+        Errors of the motion make part of the residual: the noise of the torque is the rest.
 
         Parameters
         ----------
@@ -519,15 +364,23 @@ class World:
         refits : int
             Of the bootstrap in each.
         rng : numpy.random.Generator
+
+        Raises
+        ------
+        LogError
         """
         samples, logs = in_memory(analysis.samples), in_memory(analysis.recordings.fitted)
-        how: Any = analysis.settings["preparation"]
-        motion = tuple(
-            MotionErrors.of(analysis.robot, s, raw, how)
-            for s, raw in zip(samples, logs, strict=True)
-        )
+        asked: Any = analysis.settings["preparation"]
+        how = [
+            asked if s.cutoff is None else replace(asked, cutoff=s.cutoff, outputs=s.band)
+            for s in samples
+        ]
+        # The true motion is as prepared; the signs of its speeds are those of the motion itself.
+        true = [
+            replace(s, motion=replace(s.motion, smooth_v=None), instrument=None) for s in samples
+        ]
         experiment = Experiment.of(
-            analysis.structure.regression([m.samples for m in motion]),
+            analysis.structure.regression(true),
             result.submodel,
             method=result.estimate.estimator,
             replicates=refits,
@@ -535,17 +388,17 @@ class World:
         )
         W, tau, moves, runs = experiment.W, experiment.tau, experiment.moves, find_runs(samples)
         noise = fit_residual_noise(tau, W, JointRuns.of(runs, moves))
-        robots = TrueRobots.of(analysis, result)
-        if any(m.sd.any() for m in motion):
-            again = (measure_anew(robots.structure, motion, rng)[0] for _ in range(DRAWS))
-            made = np.mean([((x - W) @ robots.draw(rng)) ** 2 for x in again], axis=(0, 1))
-            made /= np.maximum(moves.mean(0) * analysis.full.estimate.variance, 1e-300)
-            worst = max(float(made.max()), 1.0)
-            motion = tuple(replace(m, sd=worst**-0.5 * m.sd) for m in motion)
-            if not all(m.exact for m in motion):  # beside an exact motion it is all there is
-                rest = np.sqrt(np.maximum(1.0 - made / worst, LEAST))
-                noise = noise.scaled(rest)
-        return World(experiment, robots, motion, noise, runs)
+        robots = TrueRobots.of(analysis.structure, result)
+        world = World(experiment, robots, tuple(zip(logs, samples, how, strict=True)), noise, runs)
+        again = (world.measure_anew(rng)[0] for _ in range(DRAWS))
+        made = np.mean([((x - W) @ robots.draw(rng)) ** 2 for x in again], axis=(0, 1))
+        made /= np.maximum(moves.mean(0) * analysis.full.estimate.variance, 1e-300)
+        return replace(world, noise=noise.scaled(np.sqrt(np.maximum(1.0 - made, LEAST))))
+
+    def measure_anew(self, rng: np.random.Generator) -> tuple[Array, Array | None]:
+        """Return columns of base parameters along logs with new errors, and instruments."""
+        structure = self.robots.structure
+        return base_columns(structure.regression(sample_anew(structure.robot, self.logs, rng)))
 
     def repeat(self, seed: np.random.SeedSequence) -> tuple[Outcome, Array]:
         """Return one repetition, fitted and judged, and what the labels meant in it, (k,)."""
@@ -555,7 +408,21 @@ class World:
         truth = np.linalg.lstsq(submodel.M, beta - submodel.fixed, rcond=None)[0]
         # Sticking joints say nothing.
         tau = e.W @ beta + self.noise.simulate(self.runs, of_noise) * e.moves
-        W, V = e.W, None
-        if any(m.sd.any() for m in self.motion):
-            W, V = measure_anew(self.robots.structure, self.motion, of_motion)
+        W, V = self.measure_anew(of_motion)
         return e.judge(e.gather(tau, W, V), tau, W, of_fit), truth
+
+
+def sample_anew(
+    robot: Robot, logs: Sequence[tuple[Log, Dataset, Preparation]], rng: np.random.Generator
+) -> list[Dataset]:
+    """Return the samples of logs with as much noise once more, and instruments as they have."""
+    again = [noise_again(log, rng) for log, *_ in logs]
+    pairs = zip(again, logs, strict=True)
+    found = [measure_again(robot, log, own, how) for log, (_, own, how) in pairs]
+    return [
+        own
+        if own.instrument is None
+        else add_instrument(robot, log, own, [s for s in found if s is not own], always=True)
+        or replace(own, instrument=own.motion)
+        for log, own in zip(again, found, strict=True)
+    ]

@@ -46,7 +46,7 @@ from identifiability.workflows.excite.criteria import (
 from identifiability.workflows.excite.limits import LimitsLike
 from identifiability.workflows.excite.search import Series
 from identifiability.workflows.excite.workflow import find_motion
-from identifiability.workflows.opening import Progress
+from identifiability.workflows.session import Progress
 
 #: Similarity from which on two torques are the same one.
 SAME: Tolerance = 1.0 - 1e-6

@@ -39,9 +39,9 @@ from identifiability.robot import Robot
 from identifiability.workflows.analyze.workflow import hold_folds, settle_robot
 from identifiability.workflows.answers import after_mass, answer_next, answer_quality, with_hints
 from identifiability.workflows.commands import (
+    EXPORT,
     given_paths,
     held_back,
-    name_export,
     name_logs,
     on_file,
     source_name,
@@ -54,7 +54,7 @@ from identifiability.workflows.session import weigh_rows
 
 if TYPE_CHECKING:
     from identifiability.workflows.commanded import Moved
-    from identifiability.workflows.opening import Recordings
+    from identifiability.workflows.session import Recordings
 
 
 class Rival(NamedTuple):
@@ -553,7 +553,7 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     apart = [("Find the motion that tells one name from the other:", ask)]
     again = f"identifiability diagnose {robot} {logs}"
     judge = f"identifiability analyze {robot} {logs} --ladder {{file}} --report report.html"
-    text, name = name_export(d.robot, d.fit.names)
+    text, name = EXPORT
     use = f"identifiability export {robot} {{file}} --out {name}"
     return [
         *(apart if any(e.alternatives for e in d.effects) else ()),

@@ -74,21 +74,19 @@ from identifiability.workflows.diagnose.result import (
     Rival,
     simulate_forward,
 )
-from identifiability.workflows.opening import (
+from identifiability.workflows.session import (
     Logs,
+    Opening,
     Progress,
     Recordings,
+    Session,
     in_memory,
     quiet,
     read_recordings,
-    state_provenance,
-)
-from identifiability.workflows.session import (
-    Opening,
-    Session,
     require_signal,
     settle_gains,
     settle_prior,
+    state_provenance,
     weigh_rows,
     where_outlying,
 )

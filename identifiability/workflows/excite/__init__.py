@@ -4,14 +4,12 @@ What to use when:
 
 - `excite` finds the motion: for a first log (condition number), for what to measure next about
   some parameters (information), or to tell two effects apart;
-- `excite_commands` finds commands of position servos, for robots without torque sensors;
 - `find_limits` reads limits.
 
 The method, in the order of the files: what must be kept (`limits`), what is asked (`criteria`),
 what candidates cost and the search among them (`search`), and the answer (`result`).
 """
 
-from identifiability.workflows.excite.commands import excite_commands
 from identifiability.workflows.excite.limits import find_limits
 from identifiability.workflows.excite.result import Excitation
 from identifiability.workflows.excite.workflow import excite
@@ -19,6 +17,5 @@ from identifiability.workflows.excite.workflow import excite
 __all__ = [
     "Excitation",
     "excite",
-    "excite_commands",
     "find_limits",
 ]

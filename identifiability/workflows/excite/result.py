@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import field
 from functools import cached_property
+from io import BytesIO
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -19,7 +20,7 @@ from identifiability.foundation.errors import ClosureError, LogError, listing
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import MOST_SAMPLES
-from identifiability.foundation.output import csv_text, write_text
+from identifiability.foundation.output import check_ending, csv_text, write_bytes, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import digits, format_count, format_number, percent
 from identifiability.foundation.values import frozen
@@ -275,8 +276,9 @@ class Excitation(Result):
         Parameters
         ----------
         path : path
-            CSV with t, JOINT.q, JOINT.dq and JOINT.ddq; or an MCAP bag with one message of
-            ``trajectory_msgs/JointTrajectory`` (extra ``ros``).
+            CSV with t, JOINT.q, JOINT.dq and JOINT.ddq, and JOINT.cmd of position servos, which
+            are told the positions; NumPy arrays (.npz: t, q, dq, ddq, joints); or an MCAP bag with
+            one message of ``trajectory_msgs/JointTrajectory`` (extra ``ros``).
         rate : float [Hz]
         periods : int
 
@@ -284,10 +286,20 @@ class Excitation(Result):
         ------
         LogError, OutputError
         """
-        motion = self.play(rate, periods)
+        check_ending(path, ".csv", ".npz", ".mcap")
+        motion, joints = self.play(rate, periods), self.limits.joints
+        each = {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
         if Path(path).suffix.lower() == ".mcap":
-            return write_trajectory_bag(path, self.limits.joints, motion)
-        return write_text(path, csv_text(_motion_frame(self.limits.joints, motion)))
+            return write_trajectory_bag(path, joints, motion)
+        if Path(path).suffix.lower() == ".npz":
+            packed = BytesIO()
+            np.savez(packed, t=motion.t, q=motion.q, dq=motion.dq, ddq=motion.ddq, joints=joints)
+            return write_bytes(path, packed.getvalue())
+        told = each if self.robot.servo is None else {**each, "cmd": motion.q}
+        columns = {
+            f"{joint}.{kind}": x[:, k] for k, joint in enumerate(joints) for kind, x in told.items()
+        }
+        return write_text(path, csv_text(pd.DataFrame({"t": motion.t, **columns})))
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what the motion tells, whether the robot may play it, what next."""
@@ -333,14 +345,6 @@ class Excitation(Result):
         if self.limits.assumed:
             told.append(f"Assumed, as nobody stated them: {listing(self.limits.assumed)}")
         return " ".join(f"{text}." for text in told)
-
-
-def _motion_frame(joints: tuple[str, ...], motion: PrescribedMotion) -> pd.DataFrame:
-    columns = {"t": motion.t}
-    for k, joint in enumerate(joints):
-        for kind, x in (("q", motion.q), ("dq", motion.dq), ("ddq", motion.ddq)):
-            columns[f"{joint}.{kind}"] = x[:, k]
-    return pd.DataFrame(columns)
 
 
 def _worth(result: Excitation) -> Answer:

@@ -37,8 +37,7 @@ from identifiability.workflows.excite.criteria import (
 from identifiability.workflows.excite.limits import CLEARANCE, LimitsLike, Workspace, find_limits
 from identifiability.workflows.excite.result import Excitation, Merit
 from identifiability.workflows.excite.search import OPEN, Objective, Search, Series, search
-from identifiability.workflows.opening import Logs, Progress, quiet, state_provenance
-from identifiability.workflows.session import Session
+from identifiability.workflows.session import Logs, Progress, Session, quiet, state_provenance
 
 
 @checked
@@ -70,7 +69,7 @@ def excite(
     at_rest : bool
         Begin and end without speed and acceleration, which takes two harmonics of each joint.
     duration : float [s], optional
-        The period, by default 7.5 s; of commands 15 s in all.
+        The period, by default 7.5 s.
     samples : int
         Samples a period; all of them are checked.
     limits : mapping, path or None

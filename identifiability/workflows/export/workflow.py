@@ -5,6 +5,8 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
+from difflib import unified_diff
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +26,6 @@ from identifiability.effects.vocabulary import (
     settle_asymmetry,
     settle_springs,
     stated_numbers,
-    values_in_file,
 )
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.documents import read_document, toml_text
@@ -32,7 +33,6 @@ from identifiability.foundation.errors import IdentifiabilityError, RobotError, 
 from identifiability.foundation.names import BASE, GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.foundation.options import ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
-from identifiability.foundation.result import shown
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import state_mass
@@ -42,10 +42,11 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.locate import LARGEST, SMALLEST
 from identifiability.robot.servo import state_delay
-from identifiability.robot.write import write_converted, write_robot
-from identifiability.workflows.opening import Logs, list_logs
-from identifiability.workflows.predict import Entry, FitEntry, RealEntry, ResultEntry, state_missing
-from identifiability.workflows.session import Session
+from identifiability.robot.table import write_converted
+from identifiability.robot.write import write_robot
+from identifiability.workflows.export.snippet import write_snippet
+from identifiability.workflows.predict import FitEntry, RealEntry, ResultEntry, state_missing
+from identifiability.workflows.session import Logs, Session, list_logs
 
 # What is exported of a result: its JSON, checked against the robot.
 
@@ -54,7 +55,6 @@ class PhysicalEntry(RealEntry):
     """The nearest real robot."""
 
     shapes: dict[str, float] = Field(default={})
-    error_ra_file: float | None
     error_joints: tuple[dict[str, Any], ...] = ()
     cad_prior: float = 0.0
     certificate: str = ""
@@ -62,18 +62,10 @@ class PhysicalEntry(RealEntry):
     reason: str = ""
 
 
-class VerdictEntry(Entry):
-    """What the logs say of a parameter of the unpruned model."""
-
-    name: str
-    verdict: str
-
-
 class Result(ResultEntry):
     """The part of a result that is exported."""
 
     physical: PhysicalEntry
-    full_parameters: tuple[VerdictEntry, ...] = ()
 
 
 def check_result(robot: Robot, path: Path, content: Result, known: set[str]) -> None:
@@ -276,6 +268,45 @@ def write_parameters(
     return Written(Path(path), sidecar, lost)
 
 
+def write_patch(
+    robot: Robot, parameters: Mapping[str, float], path: FilePath, **how: Any
+) -> Written:
+    """Write what changes in a robot's own file and its sidecar as a unified diff.
+
+    Parameters
+    ----------
+    robot, parameters
+        As of `write_parameters`.
+    path : str or Path
+        Of the diff, which ``patch -p1`` applies in the folder of the robot file.
+    **how
+        As of `write_parameters`.
+
+    Raises
+    ------
+    RobotError, OutputError
+        As of `write_parameters`.
+    """
+    with temporary_folder() as folder:
+        made = write_parameters(robot, parameters, Path(folder) / robot.path.name, **how)
+        pairs = (robot.path, made.robot), (robot.sidecar, made.sidecar)
+        text = "".join(_difference(own, new) for own, new in pairs if new is not None)
+    return replace(made, robot=write_text(path, text), sidecar=None)
+
+
+def _difference(own: Path | None, new: Path) -> str:
+    """Return a unified diff of two files, the first of which need not be there."""
+    old, changed = (
+        [] if path is None else path.read_bytes().decode("utf-8").splitlines(keepends=True)
+        for path in (own, new)
+    )
+    names = "/dev/null" if own is None else f"a/{own.name}", f"b/{(own or new).name}"
+    lines = unified_diff(old, changed, *names)
+    return "".join(
+        line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines
+    )
+
+
 def _rests(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
     """Return where the springs of joints are relaxed; those of stated axes stand with them."""
     joints = robot.tree.single
@@ -292,6 +323,7 @@ ENDINGS: dict[Format, str] = {
     "urdf": ".urdf",
     "json": ".json",
     "isaaclab": ".py",
+    "patch": ".patch",
 }
 
 
@@ -322,6 +354,10 @@ class Exported:
         Functions of a joint's motion or load that the result says are missing.
     commanded : str
         How far rollouts are off, of logs of commands.
+    snippet : Path or None
+        Torque of what the file cannot hold, as a function for MuJoCo.
+    added : tuple of str
+        Effects that are in it.
     """
 
     robot: Path
@@ -336,6 +372,8 @@ class Exported:
     gravity: str = ""
     missing: tuple[str, ...] = ()
     commanded: str = ""
+    snippet: Path | None = None
+    added: tuple[str, ...] = ()
 
     @property
     def statement(self) -> str:
@@ -348,6 +386,13 @@ class Exported:
                 f"{self.robot.name} cannot hold {listing(beside, len(beside))}: {stand} in the "
                 "sidecar, which simulators do not read."
             )
+        if self.snippet is not None:
+            left = [effect for effect in self.beside if effect not in self.added]
+            end = f"; {listing(left, 4)} is in neither" if left else ""
+            if not left and self.error_ra is not None:
+                end = f", and both together err by {percent(self.error_ra)}"
+            added = listing(self.added, 4)
+            parts.append(f"In MuJoCo {self.snippet.name} adds {added} to it{end}.")
         if self.gravity:
             parts.append(f"{self.robot.name} holds a tilted base: gravity {self.gravity}.")
         if self.known:
@@ -360,12 +405,6 @@ class Exported:
                 f"On the fitted logs the real robot errs by {percent(self.error_ra)}, and what "
                 f"{self.robot.name} alone holds by {percent(self.error_ra_file)}."
             )
-        elif self.error_ra is not None:
-            parts.append(
-                f"On the fitted logs the real robot errs by {percent(self.error_ra)}; what "
-                f"{self.robot.name} alone holds was not measured when the result was made: make it "
-                "again to know."
-            )
         parts += [self.unseen.text] if self.unseen is not None else []
         if self.anew:
             parts.append(
@@ -374,10 +413,6 @@ class Exported:
             )
         parts += state_missing(self.missing)
         return " ".join(filter(None, parts))
-
-    def _repr_html_(self) -> str:
-        files = " and ".join(str(path) for path in (self.robot, self.sidecar) if path is not None)
-        return shown("\n".join(filter(None, (f"Written: {files}", self.mass, self.statement))))
 
 
 @checked
@@ -400,8 +435,9 @@ def export(
         JSON of `analyze`, `prune` or `diagnose`.
     out : path
         ``.xml`` for MJCF, ``.urdf`` for URDF, from either kind of file; ``.json`` for the
-        parameters alone; ``.py`` for a configuration of actuators (isaaclab).
-    form : {"mjcf", "urdf", "json", "isaaclab"}, optional
+        parameters alone; ``.py`` for a configuration of actuators (isaaclab); ``.patch`` for what
+        changes in the robot's own file and sidecar, as a unified diff.
+    form : {"mjcf", "urdf", "json", "isaaclab", "patch"}, optional
         What to write; by default what the ending says. From an MJCF comes a URDF as well, and the
         other way round, without geometry; isaaclab is a configuration of actuators for robots with
         servos.
@@ -436,7 +472,7 @@ def export(
         robot = robot.turned(np.array(physical.gravity.direction))
     robot, given = settle_gravity(robot, given)
     loaded = any(value and n in effect_of and effect_of[n].loaded for n, value in given.items())
-    wanted, unseen = _find_format(Path(out), form), None
+    wanted, unseen, snippet, added = _find_format(Path(out), form), None, None, list[str]()
     alone, written = physical.error_ra, Written(Path(out), None, ())
     kind: Kind | None = None
     if wanted == "json":
@@ -444,8 +480,9 @@ def export(
     elif wanted == "isaaclab":
         write_isaaclab(robot, given, content, Path(out))
     else:
-        kind = "urdf" if wanted == "urdf" else "mjcf"
-        alone = _error_of_file(robot, physical, kind)
+        patch = wanted == "patch"
+        kind = file_kinds(robot)[0] if patch else "urdf" if wanted == "urdf" else "mjcf"
+        alone = physical.error_ra_files.get(kind)
         what: dict[str, Any] = {
             "keep": False,
             "shapes": shapes,
@@ -454,14 +491,19 @@ def export(
         }
         if list_logs(validate):
             with temporary_folder() as folder:
-                tried = write_parameters(robot, given, Path(folder) / Path(out).name, **what)
+                name = robot.path.name if patch else Path(out).name
+                tried = write_parameters(robot, given, Path(folder) / name, **what)
                 unseen = judge_files(own, tried, validate, content.fit)
             if unseen.written > unseen.before and not force:
                 raise IdentifiabilityError(
                     f"{unseen.text} So {Path(out).name} would be worse than the file that it comes "
                     "from: export to .json, or write it all the same with --force."
                 )
-        written = write_parameters(robot, given, out, **what)
+        written = (write_patch if patch else write_parameters)(robot, given, out, **what)
+        if written.sidecar is not None:
+            read = partial(_reread, own, written.robot, written.sidecar)
+            place = written.robot.with_name(f"{written.robot.stem}_torque.py")
+            snippet, added = write_snippet(read(alone=False), read(alone=True), place)
     beside: dict[str, list[str]] = {}
     for name in written.beside:
         if name in effect_of or name[:-1] not in written.beside:  # else one way of both
@@ -480,6 +522,8 @@ def export(
         gravity="" if robot.tilt is None else robot.tilt.text,
         missing=content.missing,
         commanded="" if content.rollout is None else content.rollout.statement,
+        snippet=snippet,
+        added=tuple(added),
     )
 
 
@@ -575,27 +619,18 @@ def _reread(robot: Robot, path: Path, sidecar: Path | None, *, alone: bool) -> R
 # What a simulator has to know of servos beside their gains.
 
 
-def undetermined(robot: Robot, content: Result) -> list[str]:
-    """Return the joints' numbers that the logs do not determine, which are near the file's."""
-    sure = {v.name for v in content.full_parameters if v.verdict == "identifiable"}
-    kinds = (robot.inertia_parts[0], "Fv", "Fc")
-    names = [f"{joint}.{kind}" for joint in robot.joints for kind in kinds]
-    return [name for name in names if name not in sure] if content.full_parameters else []
-
-
 def state_servos(robot: Robot, content: Result) -> str:
     """Return what an exported robot file says of its servos; nothing where it has none."""
     servo, moved = robot.servo, content.rollout
     if servo is None or moved is None:
         return ""
-    open_ = listing(undetermined(robot, content), 60) or "none"
     return (
         f"{moved.statement} C{state_delay(np.array(moved.delays), moved.logs)[1:]}. "
         f"Rotors (armature), damping and friction are those of continuous time, of servos that "
         f"measure at {servo.rate:g} Hz: positions that old take kp / {2 * servo.rate:g} off the "
         "damping. A simulator's step of h seconds does the same, kp h / 2 where its servo is "
         "explicit, and adds h / 2 of all damping to the armature where damping is implicit: keep "
-        f"the step at 1 ms or take that off. Not determined by itself, near the file's: {open_}."
+        "the step at 1 ms or take that off."
     )
 
 
@@ -613,7 +648,6 @@ def write_isaaclab(robot: Robot, given: Mapping[str, float], content: Result, ou
             f"{robot.path} states no gains of servos, which a configuration of actuators is made "
             "of; give them in the sidecar: [servo] kp = …, kv = …."
         )
-    open_ = set(undetermined(robot, content))
     delay = servo.delay if content.rollout is None else content.rollout.delay
     kinds = {"armature": robot.inertia_parts[0], "friction": "Fc", "viscous_friction": "Fv"}
     limits = np.minimum(-servo.low, servo.high)
@@ -645,11 +679,9 @@ def write_isaaclab(robot: Robot, given: Mapping[str, float], content: Result, ou
     for word, values in rows.items():
         if not values:
             continue
-        kind = kinds.get("friction" if word == "dynamic_friction" else word)
         lines.append(f"    {word}={{")
         for joint, value in values.items():
-            mark = "  # not determined by itself" if f"{joint}.{kind}" in open_ else ""
-            lines.append(f'        "{joint}": {value:.6g},{mark}')
+            lines.append(f'        "{joint}": {value:.6g},')
         lines.append("    },")
     lines += [
         "    min_delay=round(DELAY / PHYSICS_DT),",
@@ -671,12 +703,3 @@ def _find_format(out: Path, form: Format | None) -> Format:
         return form
     check_ending(out, *dict.fromkeys(ENDINGS.values()))
     return next(name for name, ending in ENDINGS.items() if ending == out.suffix.lower())
-
-
-def _error_of_file(robot: Robot, physical: PhysicalEntry, kind: Kind) -> float | None:
-    """Return the error of what a robot file alone holds; None where nobody measured it."""
-    if kind in physical.error_ra_files:
-        return physical.error_ra_files[kind]
-    if values_in_file(robot, physical.parameters, kind) == physical.parameters:
-        return physical.error_ra
-    return physical.error_ra_file if kind == file_kinds(robot)[0] else None

@@ -59,7 +59,6 @@ from identifiability.workflows.analyze.workflow import (
     settle_robot,
     tell_with_file,
 )
-from identifiability.workflows.opening import Logs, Progress, quiet, running, share
 from identifiability.workflows.prune.elimination import (
     Search,
     Step,
@@ -71,7 +70,17 @@ from identifiability.workflows.prune.elimination import (
 )
 from identifiability.workflows.prune.moves import propose_moves
 from identifiability.workflows.prune.result import Ladder, PrunedModel
-from identifiability.workflows.session import Session, Weighed, find_missing, settle_prior
+from identifiability.workflows.session import (
+    Logs,
+    Progress,
+    Session,
+    Weighed,
+    find_missing,
+    quiet,
+    running,
+    settle_prior,
+    share,
+)
 
 #: Models as good as the best, and smaller ones, whose physical certificate is asked for.
 CERTIFIED = 4

@@ -11,7 +11,7 @@ from identifiability.logs.prepare import prepare_log
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, random_trajectory
 from identifiability.workflows.diagnose.problem import prepare_rows
-from identifiability.workflows.opening import read_recordings
+from identifiability.workflows.session import read_recordings
 
 T = 0.01 * np.arange(200)
 

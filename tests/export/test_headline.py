@@ -1,0 +1,70 @@
+"""The two errors of a headline are those that other engines find, on motion that was not fitted.
+
+The file alone is read by MuJoCo and by Pinocchio; what its sidecar holds beside it is added here.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability import analyze, simulate
+from identifiability.regression.regression import Model, Regression
+from identifiability.robot import Robot
+from identifiability.simulation import Noise
+from identifiability.simulation.motion import find_motion
+from identifiability.workflows.export import export
+from studies.drawn_robots import draw_arm
+
+from ..roads import in_mujoco, in_pinocchio, project
+
+#: Torque along an actuated joint of what a URDF cannot hold.
+BESIDE = {
+    "Ia": lambda _v, a: a,
+    "Fc": lambda v, _a: np.sign(v),
+    "off": lambda v, _a: np.ones_like(v),
+}
+
+
+def errors_outside(robot, result, folder):
+    """Return the errors of the file by each engine, and of file and sidecar, on unseen motion."""
+    exported = export(robot, result.to_json(folder / "r.json"), folder / f"fit{robot.path.suffix}")
+    copy, (samples,) = Robot.load(exported.robot), result.validation
+    (part,) = Regression(copy, Model.of("rigid_body"), (samples,)).parts(whole=True)
+    data = np.concatenate([chunk.data for chunk in part.chunks()])
+    measured, found = [], {"mujoco": [], "pinocchio": [], "beside": []}
+    for piece in samples.pieces(4096):
+        motion = piece.motion
+        for name, engine in (("mujoco", in_mujoco), ("pinocchio", in_pinocchio)):
+            tree = engine(exported.robot, copy, motion)
+            found[name].append(piece.down(project(copy, motion, tree)))
+        more = np.zeros(motion.actuated_v.shape)
+        for parameter in (n for names in exported.beside.values() for n in names):
+            joint, kind = parameter.rsplit(".", 1)
+            k = robot.joints.index(joint)
+            along = BESIDE[kind](motion.actuated_v[:, k], motion.actuated_a[:, k])
+            more[:, k] += copy.nominal[parameter] * along
+        found["beside"].append(piece.down(more))
+        measured.append(piece.down(piece.tau))
+    tau, alone = np.concatenate(measured), {n: np.concatenate(x) for n, x in found.items()}
+    alone["whole"] = alone["mujoco"] + alone.pop("beside")
+    scale = np.abs(tau - tau[data].mean())[data].sum()
+    return {name: np.abs(tau - x)[data].sum() / scale for name, x in alone.items()}
+
+
+@pytest.mark.parametrize("name", ["two-link", "six-dof-arm", "five-bar", "RRR", "RPRRR"])
+def test_both_errors_of_the_headline_are_found_by_other_engines(name, tmp_path):
+    rng = np.random.default_rng(5)
+    robot = draw_arm(rng, tmp_path, name) if name.isupper() else Robot.load(name)
+    logs = [
+        simulate(robot, find_motion(robot, "random", 400, rng), noise=Noise(torque=0.03), rng=rng)
+        for _ in range(2)
+    ]
+    fitted, unseen = (replace(log, name=f"run{k}") for k, log in enumerate(logs))
+    result = analyze(robot, fitted, unseen, replicates=0)
+    found = errors_outside(robot, result, tmp_path)
+    files = result.real_robot["error_ra_validation_files"]
+    alone = files["mjcf" if robot.mjcf else "urdf"]
+    assert found["mujoco"] == pytest.approx(alone, rel=0.01)
+    assert found["pinocchio"] == pytest.approx(alone, rel=0.01)
+    assert found["whole"] == pytest.approx(result.chosen.error_ra_validation, rel=0.01)

@@ -1,0 +1,67 @@
+"""What a file lacks of a joint's own friction and springs is in MuJoCo by file and snippet."""
+
+import runpy
+
+import mujoco
+import numpy as np
+import pytest
+
+from identifiability.effects import FAMILIES
+from identifiability.regression.regression import Model
+from identifiability.robot import Robot, complete_motion
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
+from identifiability.workflows.export.snippet import OWN, write_snippet
+from identifiability.workflows.export.workflow import _reread, write_parameters
+
+from .. import roads
+
+#: What no MJCF holds.
+LACKING = (
+    "Stribeck friction",
+    "friction that depends on the position",
+    "an unnamed function of velocity",
+)
+
+
+def torque(robot, motion):
+    """Return the torque of all that file and sidecar say."""
+    every = Model(tuple(f.effect for f in FAMILIES.values() if f.name != "coulomb_friction"))
+    phi = np.array([robot.nominal.get(p.name, 0.0) for p in every.parameters(robot)])
+    return every.regressor(robot, motion) @ phi
+
+
+@pytest.mark.parametrize("title", OWN)
+def test_file_and_snippet_have_the_torque_of_file_and_sidecar(title, tmp_path, monkeypatch):
+    robot, effect = Robot.load("two-link"), OWN[title]
+    names = [p.name for p in effect.parameters(robot) if p.name.startswith("elbow.")]
+    sizes = {name: 0.4 + 0.3 * k for k, name in enumerate(names)}
+    written = write_parameters(robot, {**robot.nominal, **sizes}, tmp_path / "fit.xml")
+    if written.sidecar is None:
+        return  # the file holds it
+    whole, alone = (
+        _reread(robot, written.robot, written.sidecar, alone=flag) for flag in (False, True)
+    )
+    path, found = write_snippet(whole, alone, tmp_path / "fit_torque.py")
+    if path is None:
+        assert title not in LACKING
+        return
+    assert found == [title]
+    add = runpy.run_path(str(path))["add_torque"]
+    move = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
+    motion = complete_motion(robot, move.t, move.q, move.dq, move.ddq)
+    stated, load = torque(whole, motion), roads.load_mujoco
+
+    def load_with(path):
+        model = load(path)
+        mujoco.set_mjcb_passive(add)
+        return model
+
+    file = roads.in_mujoco(written.robot, alone, motion)
+    monkeypatch.setattr(roads, "load_mujoco", load_with)
+    try:
+        both = roads.in_mujoco(written.robot, alone, motion)
+    finally:
+        mujoco.set_mjcb_passive(None)
+    lacks = np.sqrt(np.mean((file - stated) ** 2))
+    assert lacks > 0.01
+    assert np.sqrt(np.mean((both - stated) ** 2)) < 0.02 * lacks
