@@ -31,7 +31,7 @@ FLOOR: Tolerance = 1e-2
 THIN: Tolerance = 1e-6
 #: Precisions of what may be missing that are tried beside the noise, in that of its innovations,
 #: and rounds in which those of all functions and the noise take turns.
-PRECISIONS = np.geomspace(1e-6, 1e6, 7)
+PRECISIONS = np.geomspace(1e-6, 1e6, 13)
 ROUNDS = 4
 #: Most columns of what may be missing beside which the noise is measured.
 DIRECTIONS = 120

@@ -541,8 +541,7 @@ def predict_all(
     layout = Layout.of(counts, torque, find_signal(surveys), np.array([s.rows for s in surveys]))
     work = partial(_predict_part, tasks=tuple(tasks), layout=layout)
     parts = [part for part in regression.parts() if part.is_shown]
-    here = all(part.is_kept for part in parts)
-    found = map_parts(work, parts, None if here else engine, progress)
+    found = map_parts(work, parts, engine, progress)
     return [_join(one, counts) for one in zip(*found, strict=True)]
 
 

@@ -21,7 +21,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.options import at_least, checked
 from identifiability.foundation.values import frozen, remember
 from identifiability.logs.prepare.dataset import Dataset
-from identifiability.regression.regression import Chunk, LogPart, Regression, map_parts
+from identifiability.regression.regression import LogPart, Regression, map_parts
 
 # `ActuatorBlocks`: what the rows of one actuator say, over the columns that it can see.
 #
@@ -581,19 +581,9 @@ def gather_information(
         gather = partial(
             _gather_part, seen=seen, bases=bases, acts=acts, edges=edges, longest=longest
         )
-        parts = list(regression.parts())
-        for part in parts:
-            if part.remote:  # what is kept is not sent about
-                part.keep([])
-        here = partial(gather, blocks=every)
-        for part, found in zip(
-            parts, map_parts(gather, parts, engine, progress, here), strict=True
-        ):
-            first, own, unseen, kept = found
+        for first, own, unseen in map_parts(gather, regression.parts(), engine, progress):
             missed += unseen
-            if part.remote:
-                every.add_all(first, own)
-                part.keep(kept)
+            every.add_all(first, own)
         if not missed.any():
             break
         # In the subsample these columns did not act.
@@ -617,26 +607,19 @@ def _gather_part(
     acts: np.ndarray,
     edges: Sequence[np.ndarray],
     longest: int,
-    blocks: _Blocks | None = None,
-) -> tuple[int, _Blocks, Array, list[Chunk]]:
-    """Return the first block of a part, its blocks, squares of columns not `seen`, what is kept.
-
-    They are put into all blocks where these are here.
-    """
+) -> tuple[int, _Blocks, Array]:
+    """Return the first block of a part, its blocks, and squares of columns not `seen`."""
     own, before = edges[part.log], sum(map(len, edges[: part.log]))
-    first = before
-    if blocks is None:
-        ends = np.searchsorted(own, [part.start, part.start + part.samples.outputs - 1], "right")
-        first, count = before + int(ends[0]) - 1, int(ends[1] - ends[0]) + 1
-        blocks = _Blocks(count, longest, [len(S) for S in bases])
-    into = _into(seen, bases)
-    missed, offset = np.zeros(acts.shape), first if part.remote else 0
+    first = max(int(np.searchsorted(own, part.start, "right")) - 1, 0)
+    count = int(np.searchsorted(own, part.start + part.samples.outputs)) - first
+    blocks = _Blocks(count, longest, [len(S) for S in bases])
+    into, missed = _into(seen, bases), np.zeros(acts.shape)
     for chunk in part.chunks():
         W = chunk.wide
         if not acts.all():
             missed[~acts] += np.einsum("nak,nak->ak", W, W)[~acts]
-        blocks.take(into, (W, chunk.tau, chunk.data), chunk.start, own, before - offset)
-    return first, blocks, missed, part.kept or []
+        blocks.take(into, (W, chunk.tau, chunk.data), chunk.start, own, -first)
+    return before + first, blocks, missed
 
 
 def _survey(regression: Regression) -> list[Array]:
