@@ -14,7 +14,7 @@ from operator import add
 import numpy as np
 from scipy.special import stdtrit
 
-from identifiability.estimation.estimator import Estimate, dependence
+from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import LEVELS, Folds
 from identifiability.estimation.fit import Fit, remembering_covariance
 from identifiability.foundation.engines import Engine, Steps
@@ -143,15 +143,11 @@ def widening(information: Information, fit: Estimate, known: Fit) -> float:
 
 def _never_shown(information: Information, fit: Estimate) -> Array:
     """Return the directions that change no torque along the fitted motion, (k, dropped)."""
-    kept = list(fit.kept)
-    dropped = [c for c in range(information.size) if c not in set(kept)]
-    directions = np.zeros((information.size, len(dropped)))
-    directions[dropped, range(len(dropped))] = 1.0
-    if kept and dropped:
-        length = np.linalg.norm(information.factor(fit.weights)[:, : information.size], axis=0)
-        leans = dependence(information, kept, fit.weights)
-        directions[kept] = -leans * length[dropped] / length[kept][:, None]
-    size = np.linalg.norm(information.factor()[:, :-1], axis=0) / np.sqrt(information.samples)
+    weighted, plain = (
+        np.linalg.norm(information.factor(w)[:, :-1], axis=0) for w in (fit.weights, None)
+    )
+    directions = fit.open / np.where(weighted > 0, weighted, 1.0)[:, None]
+    size = plain / np.sqrt(information.samples)
     # A column which never acted counts for this share of the largest one.
     least = 1e-3 * size.max(initial=0.0)
     scaled: Array = directions / np.maximum(size @ np.abs(directions), least or 1.0)
