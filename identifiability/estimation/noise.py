@@ -33,6 +33,8 @@ THIN: Tolerance = 1e-6
 #: and rounds in which those of all functions and the noise take turns.
 PRECISIONS = np.geomspace(1e-6, 1e6, 13)
 ROUNDS = 4
+#: Samples before those of a simulated series, after which it does not know how it began.
+FORGOTTEN = 10_000
 #: Most columns of what may be missing beside which the noise is measured.
 DIRECTIONS = 120
 
@@ -65,7 +67,7 @@ def integrate_correlation(acf: Array) -> Array:
     return time
 
 
-# Autoregressive series by their partial autocorrelations: predict, whiten, colour.
+# Autoregressive series by their partial autocorrelations: predict and whiten.
 #
 # Any partial autocorrelations inside (-1, 1) make a stationary series [Monahan 1984]; innovations
 # have unit variance throughout.
@@ -122,21 +124,6 @@ def innovation_filter(predictor: Array) -> Array:
     out = np.ones(len(predictor) + 1)
     np.negative(predictor, out=out[1:])
     return out
-
-
-def colour(e: Array, pacf: Array) -> Array:
-    """Return stationary autoregressive noise with innovations e (N,)."""
-    predictors, variances = levinson(pacf)
-    p = min(len(pacf), len(e))
-    x = np.array(e, float)
-    for m in range(p):
-        x[m] *= np.sqrt(variances[m])
-        x[m] += predictors[m] @ x[:m][::-1]
-    if len(e) > p > 0:
-        a = innovation_filter(predictors[-1])
-        start = scipy.signal.lfiltic([1.0], a, x[:p][::-1])
-        x[p:] = scipy.signal.lfilter([1.0], a, e[p:], zi=start)[0]
-    return x
 
 
 def whiten(x: Array, runs: Runs, pacf: Array) -> Array:
@@ -388,11 +375,13 @@ class Noise:
             Stretches without gaps; together they are all samples.
         rng : numpy.random.Generator
         """
-        out = rng.standard_normal((runs[-1][1], len(self.joints)))
+        out = np.zeros((runs[-1][1], len(self.joints)))
         for j, own in enumerate(self.joints):
-            for start, stop in runs:
-                out[start:stop, j] = colour(out[start:stop, j], own.pacf)
-        return out * [own.sigma for own in self.joints]
+            a = innovation_filter(levinson(own.pacf)[0][-1])
+            for start, stop in runs:  # what it begins with is forgotten when it begins to count
+                e = own.sigma * rng.standard_normal(FORGOTTEN + stop - start)
+                out[start:stop, j] = scipy.signal.lfilter([1.0], a, e)[FORGOTTEN:]
+        return out
 
 
 def principal_columns(X: Array) -> tuple[Array, Array]:

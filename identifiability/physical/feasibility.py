@@ -11,7 +11,7 @@ import scipy.sparse
 
 from identifiability.effects.vocabulary import file_kinds, values_in_file
 from identifiability.estimation.estimator import settle_signs
-from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Level, Score
+from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Score
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import GROUPED_KINDS, Array
@@ -192,7 +192,7 @@ def choose_prior(
     if not scores:
         return None
     at = int(np.argmax(np.array(total) >= max(total) - LEVELS.nats))
-    good = Evidence.of(scores[at], free).level is not Level.WORSE
+    good = Evidence.of(scores[at], free).limits[1] >= 0
     return PriorChoice(weights[at], values[at], scores[at], good)
 
 

@@ -382,19 +382,6 @@ class Information:
                 out[np.ix_(here, there)] += part.total[np.ix_(a[here], b[there])]
         return out
 
-    def within(self, sets: np.ndarray) -> Array:
-        """Return products of sets of columns (s, k) among themselves, (s, k, k)."""
-        out = np.zeros((*sets.shape, sets.shape[1]))
-        for place, part in zip(self._places, self.parts, strict=True):
-            at = place[sets]
-            act = np.flatnonzero((at >= 0).any(1))
-            if len(act):
-                at = at[act]
-                on = (at >= 0).astype(float)
-                own = part.total[np.maximum(at, 0)[:, :, None], np.maximum(at, 0)[:, None, :]]
-                out[act] += own * on[:, :, None] * on[:, None, :]
-        return out
-
     def squares(self, change: Array) -> Array:
         """Return each actuator's sum of squares of ``[W τ] change``, (n,) or (n, m).
 

@@ -207,24 +207,6 @@ def choose_windows(
     return tuple(out)
 
 
-def choose_within(
-    windows: Sequence[np.ndarray], sizes: tuple[int, int, int]
-) -> tuple[np.ndarray, ...]:
-    """Return fewer of the samples that windows (w, 2) of each log show, as `choose_windows` does.
-
-    What is chosen across the border of two windows becomes a window in either.
-    """
-    out = []
-    counts = [int(np.diff(own).sum()) for own in windows]
-    for own, chosen in zip(windows, choose_windows(counts, sizes), strict=True):
-        before = np.cumsum([0, *np.diff(own)[:-1, 0]])
-        low = np.maximum(chosen[:, None, 0], before)
-        high = np.minimum(chosen[:, None, 1], before + np.diff(own)[:, 0])
-        found = np.stack([low, high], 2) + (own[:, 0] - before)[:, None]
-        out.append(found[low < high])
-    return tuple(out)
-
-
 def inside(windows: np.ndarray, start: int, stop: int) -> list[tuple[int, slice]]:
     """Return which of the samples [start, stop) lie in windows (w, 2), by number of the window."""
     low, high = np.maximum(windows[:, 0], start), np.minimum(windows[:, 1], stop)

@@ -52,6 +52,11 @@ def fit_known(estimate, scores=None, *, noise=1.0, **terms) -> Fit:
                **terms)  # fmt: skip
 
 
+def score_of(held, fit, M=None):
+    """Return what a model, fitted to each fold's rest, predicts of the folds."""
+    return held.score(held.refit(fit, M), held.roots(fit, M))
+
+
 def ar1(rng, rho: float, samples: int, columns: int = 1):
     """Return first-order autoregressive noise of unit variance, (samples, columns)."""
     noise = rng.standard_normal((samples, columns))
