@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial, reduce
-from itertools import pairwise
 from operator import add
 
 import numpy as np
@@ -499,12 +498,11 @@ class Task:
 
     def predict(self, W: Array, start: int) -> Array:
         """Return the torque (N, n, m) of samples from one on, over all logs, with W (N, n, b)."""
-        if self.folds is None:
-            whole: Array = W @ self.values[0]
-            return whole
-        which = self.folds.at(start, start + len(W))
-        edges = [0, *(np.flatnonzero(np.diff(which)) + 1).tolist(), len(W)]
-        return np.concatenate([W[a:b] @ self.values[which[a]] for a, b in pairwise(edges)])
+        at, out = np.zeros(len(W), int), np.empty((*W.shape[:2], self.values.shape[2]))
+        at = at if self.folds is None else self.folds.at(start, start + len(W))
+        for fold in np.unique(at):
+            out[at == fold] = W[at == fold] @ self.values[fold]
+        return out
 
 
 def predict(regression: Regression, values: Array, *, engine: Engine | None = None) -> Prediction:

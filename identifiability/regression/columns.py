@@ -194,7 +194,7 @@ def compute_entries(
             W = np.zeros((len(piece.motion), len(robot.actuated), width))
             effect.fill(robot, piece.motion, W)
             W = piece.motion.freed(W)
-            acts: np.ndarray = W.any(0)
+            acts = np.asarray(W.any(0))
             found = [(j, k, c) for k, c in columns for j in np.flatnonzero(acts[:, k]).tolist()]
             if found:
                 own = np.stack([piece.silenced(W[:, j, k], j) for j, k, _ in found], 1)

@@ -389,7 +389,7 @@ class Information:
         ----------
         change : (k + 1,) or (k + 1, m)
         """
-        rows = (F @ change[[*columns, self.size]] for columns, F in self._factors)
+        rows = (part.root @ turned for part, turned in self.of_actuators(change))
         return np.array([np.square(own).sum(0) for own in rows])
 
     def squares_of_blocks(self, change: Array) -> Array:
@@ -430,19 +430,10 @@ class Information:
         found: Array = self.remember(w.tobytes(), partial(self._factor, w)).copy()
         return found
 
-    @cached_property
-    def _factors(self) -> list[tuple[np.ndarray, Array]]:
-        """Columns W (v,) that each actuator can see, and a triangular factor (…, v + 1) of them."""
-        found = []
-        for part in self.parts:
-            own, columns = self._own(part)
-            found.append((columns, triangular_factor(part.root @ own)))
-        return found
-
     def _factor(self, weights: Array) -> Array:
         """Return a factor of weighted rows."""
-        every = zip(np.sqrt(weights), self._factors, strict=True)
-        rows = [w * _spread(F, columns, self.size) for w, (columns, F) in every]
+        every = zip(np.sqrt(weights), self.of_actuators(np.eye(self.size + 1)), strict=True)
+        rows = [w * part.root @ turned for w, (part, turned) in every]
         return triangular_factor(np.vstack([*rows, np.zeros((self.size + 1, self.size + 1))]))
 
     def _own(self, part: ActuatorBlocks) -> tuple[Array, np.ndarray]:
@@ -514,13 +505,6 @@ class Information:
         what = {"counts": np.add.reduceat(self.counts, at), "log": self.log[at]}
         what["data"] = np.add.reduceat(self.data, at, axis=0)
         return replace(self.summed(owner == np.arange(len(at))[:, None]), **what)
-
-
-def _spread(F: Array, columns: np.ndarray, size: int) -> Array:
-    """Return the rows (r, v + 1) of some columns and the torque over so many columns."""
-    wide = np.zeros((len(F), size + 1))
-    wide[:, [*columns, size]] = F
-    return wide
 
 
 # Gathered from a regression, chunk by chunk, here or on workers.
