@@ -171,8 +171,6 @@ def choose_prior(
         return None
     G, wider = structure.G, float(np.sqrt(fit.memory))  # a log counts as its independent samples
     with one_thread():
-        if len(weights) > 1:
-            weights = _within_reach(model, projection, weights)
         ways = []
         for row in held_out.folds.train:
             rest = model.whole.take(row)
@@ -184,32 +182,12 @@ def choose_prior(
             values.append(np.stack([phi for phi, _ in found]) @ G.T)
             roots = wider * (G @ np.stack([root for _, root in found]))
             scores.append(held_out.score(values[-1], roots))
-            total = [float(score.density.sum()) for score in scores]
-            if len(total) > 1 and total[-1] <= total[-2] + LEVELS.nats:
-                break  # a lighter one still would give up more of the file for nothing
     if not scores:
         return None
-    at = int(np.argmax(np.array(total) >= max(total) - LEVELS.nats))
+    total = np.array([score.density.sum() for score in scores])
+    at = int(np.argmax(total >= total.max() - LEVELS.nats))
     good = Evidence.of(scores[at], free).limits[1] >= 0
     return PriorChoice(weights[at], values[at], scores[at], good)
-
-
-def _within_reach(
-    model: FittedModel, projection: Projection, weights: Sequence[float]
-) -> Sequence[float]:
-    """Return the weights without those that are surely too heavy.
-
-    With the next lighter one the log likelihood of what is fitted rises by more than a nat a
-    parameter, and no more than that is a prior worth on what is not fitted.
-    """
-    data, before = _believe(model, weights[-1]), np.inf
-    nat = 2.0 * data.unit**2 * model.estimate.memory
-    for k, (phi, _) in enumerate(projection.follow(data, weights)):
-        misfit = float(data.rss(phi)) / nat
-        if before - misfit <= len(model.estimate.kept):
-            return weights[k - 1 :]
-        before = misfit
-    return weights  # the lightest that pays is not reached, and others only on the way to it
 
 
 def _projection(model: FittedModel, cad_weight: float) -> Projection:

@@ -609,12 +609,6 @@ def _survey(regression: Regression) -> list[Array]:
     few = regression if step == 1 else regression.thin(step)
     for part in few.parts(whole=True):
         for chunk in part.chunks():
-            wide = chunk.wide
-            for a in range(n):
-                own = np.column_stack([wide[:, a], chunk.tau[:, a]])
-                rows = np.vstack([factors[a], own])
-                acts = rows.any(0)
-                R = triangular_factor(rows[:, acts])
-                factors[a] = np.zeros((len(R), width + 1))
-                factors[a][:, acts] = R
+            rows = np.concatenate([chunk.wide, chunk.tau[:, :, None]], axis=2)
+            factors = [triangular_factor(np.vstack([R, rows[:, a]])) for a, R in enumerate(factors)]
     return factors

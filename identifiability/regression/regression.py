@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
-from itertools import repeat
+from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
@@ -335,37 +334,31 @@ class LogPart:
 
     def _computed(self, size: int, windows: np.ndarray | None = None) -> Iterator[Chunk]:
         """Yield its chunks, or those that reach into windows."""
-        start = self.start
-        own, others = self._pieces(self.samples, size), self._pieces(self.instruments, size)
-        for (piece, regressor), (_, instruments) in zip(own, others, strict=False):
+        widths, start = self.model.widths(self.robot), self.start
+        both = [self.samples, *([] if self.instruments is None else [self.instruments])]
+        for piece, *others in zip(*(self._pieces(x, size, widths) for x in both), strict=False):
             t, first = piece.motion.t[piece.at], start
             start += len(t)
             if windows is not None and not inside(windows, first, start):
                 continue
-            W, V = regressor(), instruments()
-            if V is not None and V.shape != W.shape:
+            W, *instruments = (self._regressor(x, widths) for x in (piece, *others))
+            if any(V.shape != W.shape for V in instruments):
                 raise ValueError("instruments need as many samples as the log that they stand for")
             velocity, moves = piece.motion.actuated_v[piece.at], piece.moves
             if self.dwelling:
                 piece = replace(piece, weight=np.ones_like(piece.weight))  # noqa: PLW2901 - it all
-            W, V = piece.weighed(W), None if V is None else piece.weighed(V)
-            yield Chunk(self.log, first, W, piece.torque, piece.raw, t, velocity, moves, V)
+            V = piece.weighed(instruments[0]) if instruments else None
+            what = piece.weighed(W), piece.torque, piece.raw, t, velocity, moves, V
+            yield Chunk(self.log, first, *what)
 
-    def _pieces(
-        self, samples: Dataset | None, size: int
-    ) -> Iterator[tuple[Any, Callable[[], Any]]]:
-        """Yield pieces and what computes the regressor of their outputs."""
-        if samples is None:
-            yield from repeat((None, lambda: None))
-            return
-        widths = self.model.widths(self.robot)
+    def _pieces(self, samples: Dataset, size: int, widths: Sequence[int]) -> Iterable[Piece]:
+        """Return pieces of so many samples, or of as many as its columns allow."""
         most, reach = most_rows((len(self.robot.actuated), sum(widths))), 1
         if samples.decimation is not None:
             # Beside few samples a strong filter would draw on many more, for each piece anew.
             reach = samples.decimation.reach
             size = min(max(size, REACHES * reach), max(size, most))
-        for piece in samples.pieces(min(size, max(most, reach))):  # of many joints they are large
-            yield piece, partial(self._regressor, piece, widths)
+        return samples.pieces(min(size, max(most, reach)))  # of many joints they are large
 
     def _regressor(self, piece: Piece, widths: Sequence[int]) -> Array:
         W = self.model.regressor(self.robot, piece.motion, widths)
