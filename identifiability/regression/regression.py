@@ -455,8 +455,8 @@ class Regression:
     def _kept(self) -> list[list[Chunk] | None]:
         """Where chunks of each log are kept; None if they take too much memory."""
         width = len(self.parameters) * (1 if self.instruments is None else 2)
-        room = 8 * self.outputs * len(self.robot.actuated) * width < KEEP_BYTES
-        return [[] if room and not samples.long else None for samples in self.samples]
+        size = 8 * self.outputs * len(self.robot.actuated) * width
+        return [None if x.long or size >= KEEP_BYTES else [] for x in self.samples]
 
 
 def map_parts(
