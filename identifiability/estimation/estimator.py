@@ -6,7 +6,6 @@ any. How long the noise of each actuator remembers is measured in what a fit lea
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -70,8 +69,11 @@ class Estimate:
         Noise variance of each actuator, with what the columns swallow of it [torque²].
     rss : (n,)
         Residual sum of squares of each actuator.
-    dof : int
-        Rows less determined columns.
+    rows : (n,)
+        Rows of each actuator, one at least.
+    open : (k, d)
+        Changes of values that change no torque, in columns of length one: one for each column that
+        was not fitted.
     condition : float
         Condition number of the column-scaled matrix of determined columns.
     weights : (n,)
@@ -91,7 +93,8 @@ class Estimate:
     kept: tuple[int, ...]
     variance: Array
     rss: Array
-    dof: int
+    rows: np.ndarray
+    open: Array
     condition: float
     weights: Array
     times: Array
@@ -104,6 +107,17 @@ class Estimate:
         share = self.weights * self.variance
         total = share.sum()
         return float((share * self.times).sum() / total if total > 0 else self.times.mean())
+
+    @property
+    def dof(self) -> int:
+        """Rows less fitted columns."""
+        return int(self.rows.sum()) - len(self.kept)
+
+    @property
+    def unit(self) -> float:
+        """Variance of noise of weight 1, whose independent rows pay for the columns."""
+        independent = float(np.sum(self.rows / self.times)) - len(self.kept)
+        return float(self.weights @ self.rss) / max(independent, 1.0)
 
     @property
     def sigma(self) -> Array:
@@ -441,7 +455,7 @@ class Estimator:
         part = information.select(kept)
         found = combine(part, plain.weights)
         rss = part.squares(np.append(-found.value, 1.0))
-        scale = noise_scale(part, plain.weights, plain.times, rss)
+        scale = replace(plain, rss=rss).unit
         # Under independent residuals, whatever the weights know.
         Z = part.joint.factor(plain.weights / plain.times)[:, : 2 * part.size] @ found.left
         bias = (found.B * np.sqrt(found.bias(scale)))[:, found.weak]
@@ -451,7 +465,7 @@ class Estimator:
         both = np.logical_and.outer(plain.determined, plain.determined)
         wide = np.zeros((bias.shape[1], len(value)))
         wide[:, kept] = bias.T
-        more = np.maximum(rss - plain.rss, 0.0) * len(rss) / (plain.dof + len(kept))
+        more = np.maximum(rss - plain.rss, 0.0) * len(rss) / plain.rows.sum()
         return replace(
             plain,
             value=value,
@@ -528,9 +542,8 @@ class Estimator:
             return information.factor(fit.weights)
         kept, k = list(fit.kept), information.size
         part = information.select(kept)
-        scale = noise_scale(part, fit.weights, fit.times, fit.rss)
         F = np.zeros((k + 1, k + 1))
-        F[: len(kept), kept] = combine(part, fit.weights).root(scale)
+        F[: len(kept), kept] = combine(part, fit.weights).root(fit.unit)
         F[:k, k] = F[:k, :k] @ fit.value
         F[k, k] = np.sqrt(fit.weights @ fit.rss)
         return triangular_factor(F)
@@ -574,94 +587,50 @@ def weigh(information: Information, density: Array) -> Array:
     return float(np.mean(density)) / density if density.all() else np.ones(information.actuators)
 
 
-def noise_scale(information: Information, weights: Array, times: Array, rss: Array) -> float:
-    """Return the variance of noise of weight 1, whose independent rows pay for the columns."""
-    independent = float(np.sum(information.rows_each / times)) - information.size
-    return float(weights @ rss) / max(independent, 1.0)
-
-
 def _solve(
-    information: Information, weights: Array, estimator: Estimator, times: Array | None = None
+    information: Information,
+    weights: Array,
+    estimator: Estimator,
+    times: Array | None = None,
 ) -> Estimate:
     k, n = information.size, information.actuators
     times = np.ones(n) if times is None else times
-    kept, condition = _determined(information, weights)
-    if len(kept) < k:
-        part = _solve(information.select(kept), weights, estimator, times)
-        return _embed(part, information, kept)
     R = information.factor(weights)
-    value = solve_triangular(R[:k, :k], R[:k, k]) if k else np.empty(0)
-    rss = information.squares(np.append(-value, 1.0))
-    dof = information.rows - k
-    # Weights that know of memory are those of σ² κ; independent residuals would have σ² alone.
-    scale = noise_scale(information, weights, times, rss)
-    covariance = scale * sandwich(R[:k, :k], information.factor(weights / times)[:, :k])
-    return Estimate(
-        columns=information.columns,
-        value=value,
-        covariance=covariance,
-        determined=np.ones(k, bool),
-        kept=tuple(range(k)),
-        # Each actuator pays for its share of the parameters in proportion to its rows.
-        variance=rss / np.maximum(information.rows_each * (1 - k / max(information.rows, 1)), 1.0),
-        rss=rss,
-        dof=dof,
-        condition=condition,
-        weights=weights,
-        times=times,
-        estimator=estimator,
-    )
-
-
-def _unit_columns(information: Information, weights: Array) -> tuple[Array, np.ndarray]:
-    """Return a factor's columns (k + 1, k) at unit length, and which of them ever act (k,)."""
-    R = information.factor(weights)[:, : information.size]
-    length = np.linalg.norm(R, axis=0)
+    length = np.linalg.norm(R[:, :k], axis=0)
     acts = length > RANK_TOLERANCE * length.max(initial=0.0)
-    return np.where(acts, R / np.where(acts, length, 1.0), 0.0), acts
-
-
-def _determined(information: Information, weights: Array) -> tuple[list[int], float]:
-    """Return the columns that this motion tells apart, and the condition of all that act."""
-    unit, acts = _unit_columns(information, weights)
-    if not acts.any():
-        return [], 1.0
-    condition = float(np.linalg.cond(unit[:, acts]))
-    return scan_columns(unit, np.flatnonzero(acts).tolist()), condition
-
-
-def _embed(part: Estimate, whole: Information, kept: list[int]) -> Estimate:
-    """Return the estimate of the independent columns among all columns."""
-    k = whole.size
-    value, determined = np.zeros(k), np.zeros(k, bool)
-    covariance = np.diag(np.full(k, np.inf))
-    value[kept] = part.value
+    unit = np.where(acts, R[:, :k] / np.where(acts, length, 1.0), 0.0)
+    kept = scan_columns(unit, np.flatnonzero(acts).tolist())
+    dropped = np.delete(np.arange(k), kept)
+    never, m, value = np.eye(k)[:, dropped], len(kept), np.zeros(k)
+    covariance = np.zeros((k, k))
+    if kept:
+        never[kept] = -np.linalg.lstsq(unit[:, kept], unit[:, dropped], rcond=None)[0]
+        R = triangular_factor(R[:, [*kept, k]])
+        value[kept] = solve_triangular(R[:m, :m], R[:m, m])
+    rss = information.squares(np.append(-value, 1.0))
+    if kept:
+        # Weights that know of memory are those of σ² κ; independent residuals would have σ² alone.
+        white = sandwich(R[:m, :m], information.factor(weights / times)[:, kept])
+        covariance[np.ix_(kept, kept)] = white
     # A column that a dropped one leans on has a value only as long as that one is zero.
-    alone = np.abs(dependence(whole, kept, part.weights)).max(1, initial=0.0) < NEARLY
-    determined[np.array(kept, int)[alone]] = True
-    covariance[np.ix_(kept, kept)] = part.covariance
-    mixed = np.flatnonzero(~determined)
-    covariance[mixed, :] = 0.0
-    covariance[:, mixed] = 0.0
-    covariance[mixed, mixed] = np.inf
-    return replace(
-        part,
-        columns=whole.columns,
+    determined = np.abs(never).max(1, initial=0.0) < NEARLY
+    covariance[~determined] = covariance[:, ~determined] = 0.0
+    found = Estimate(
+        columns=information.columns,
         value=value,
         covariance=covariance,
         determined=determined,
         kept=tuple(kept),
+        # Each actuator pays for its share of the parameters in proportion to its rows.
+        variance=rss / np.maximum(information.rows_each * (1 - m / max(information.rows, 1)), 1.0),
+        rss=rss,
+        rows=information.rows_each,
+        open=never,
+        condition=float(np.linalg.cond(unit[:, kept])) if kept else 1.0,
+        weights=weights,
+        times=times,
+        estimator=estimator,
     )
-
-
-def dependence(information: Information, kept: Sequence[int], weights: Array) -> Array:
-    """Return how the dropped columns depend on the kept ones, (kept, dropped).
-
-    Columns are scaled to unit length; a column that never acts depends on nothing.
-    """
-    dropped = [c for c in range(information.size) if c not in set(kept)]
-    if not kept or not dropped:
-        return np.zeros((len(kept), len(dropped)))
-    unit, _ = _unit_columns(information, weights)
-    solved: Array = np.linalg.lstsq(unit[:, list(kept)], unit[:, dropped], rcond=None)[0]
-    return solved
+    return replace(
+        found, covariance=found.unit * covariance + np.diag(np.where(determined, 0, np.inf))
+    )

@@ -4,14 +4,15 @@ Accounts are compared by what they predict of motion that did not choose them. T
 
     folds = Folds.of(information, memory)              # who tests what, whose rest is fitted
     held = Held.of(information, noise, folds)          # sums over each fold, whitened; once
-    a = held.score_fit(fit)                            # `Score` of a model: what it predicts
-    b = held.score_fit(smaller, submodel.M, submodel.fixed)     # of one that has fewer parameters
-    Evidence.of(a, b).level                            # better, as good, worse, not told apart
+    a = held.score(held.refit(fit), held.roots(fit))   # `Score` of a model: what it predicts
+    M = submodel.M                                     # of one that has fewer parameters
+    b = held.score(held.refit(smaller, M, submodel.fixed), held.roots(smaller, M))
+    Evidence.of(a, b).limits                           # of the gain, in which A is better
 
 What to use when:
 
 - *A choice* (a model, a weight of a prior, an estimator) is made on blocked folds of the fitted
-  logs. `HeldOut.score_fit` asks the estimator for its fits to each fold's rest; `score` takes
+  logs. `HeldOut.refit` asks the estimator for its fits to each fold's rest; `score` takes
   values ``(F, k)`` that somebody else has fitted to these (`Folds.train`), over the k columns of
   the regression, so a reduced model's are ``fixed + M x``. The smallest of those that may stand for
   the best (`near_best`) is used; weights of all are `weigh_models`.
@@ -35,7 +36,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
@@ -49,15 +49,6 @@ from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
-
-
-class Level(StrEnum):
-    """What prediction says of one account against another; the value is the public word."""
-
-    BETTER = "better"
-    AS_GOOD = "as good"
-    WORSE = "worse"
-    OPEN = "not told apart"
 
 
 @frozen
@@ -265,8 +256,8 @@ class HeldOut:
         own = np.maximum(noise.variance * noise.times, least_noise(information))
         return HeldOut(information, folds, own, information.summed(folds.tested))
 
-    def score_fit(self, fit: Estimate, M: Array | None = None, fixed: Array | None = None) -> Score:
-        """Return what a model predicts, fitted to each fold's rest.
+    def refit(self, fit: Estimate, M: Array | None = None, fixed: Array | None = None) -> Array:
+        """Return the values of a model fitted to each fold's rest, (F, k).
 
         Parameters
         ----------
@@ -277,10 +268,6 @@ class HeldOut:
         fixed : (k,), optional
             Values that it holds fixed.
         """
-        return self.score(self.refit(fit, M, fixed), self.roots(fit, M))
-
-    def refit(self, fit: Estimate, M: Array | None = None, fixed: Array | None = None) -> Array:
-        """Return the values of a model fitted to each fold's rest, (F, k); as `score_fit`."""
         part = self.information
         if M is not None:
             part = part.reduce(M, fit.columns, fixed)
@@ -476,16 +463,6 @@ class Evidence:
     def replaceable(self) -> bool:
         """Whether A may stand for B: its error surely rises by next to nothing."""
         return bool(self.limits[0] > -np.log1p(LEVELS.rise))
-
-    @property
-    def level(self) -> Level:
-        """What the error over all joints says."""
-        low, high = self.limits
-        if low > 0:
-            return Level.BETTER
-        if high < 0:
-            return Level.WORSE
-        return Level.AS_GOOD if self.replaceable else Level.OPEN
 
 
 def _sum_gain(each: Array, ratio: float) -> Gain:

@@ -2,8 +2,8 @@
 
 Of whitened rows normal equations ``P x = h`` say all: P are products of columns, with the precision
 that is known beforehand, h those with the torque. What is asked of a linear model anywhere (values,
-their covariance, how likely the torque is with the values averaged over, what columns are beside
-others, what is predicted) is asked here.
+their covariance, how likely the torque is with the values averaged over, what is predicted) is
+asked here.
 """
 
 from __future__ import annotations
@@ -91,15 +91,3 @@ class Normal:
         """Return the values of nested models by h (k, M) of each, (k, M); as `halves`."""
         half = self.halves(h, free)
         return np.asarray(solve_triangular(self.factor, half, lower=True, trans="T"))
-
-    def beside(self, own: Array, cross: Array) -> Array:
-        """Return products of further columns beside these, (m, m).
-
-        Parameters
-        ----------
-        own, cross : (m, m), (k, m)
-            Products of them among themselves, and of these with them.
-        """
-        along = solve_triangular(self.factor, cross, lower=True)
-        left: Array = own - along.T @ along
-        return left

@@ -54,7 +54,7 @@ from identifiability.regression.columns import (
 )
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
-from identifiability.regression.regression import Chunk, Regression, choose_within, inside
+from identifiability.regression.regression import Chunk, Regression, choose_windows, inside
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
@@ -163,14 +163,14 @@ class Excerpt:
         plain = regression
         if regression.instruments is not None:
             plain = replace(regression, instruments=None)
-        windows = choose_within(plain.windows, most or EXCERPT)
+        windows = choose_windows([s.outputs for s in plain.samples], most or EXCERPT)
         chunks: list[Chunk] = []
         pieces: list[Piece] = []
         seen, outputs = [np.empty(0, int)], 0
-        for part in plain.parts():
-            if not inside(windows[part.log], part.start, part.start + part.samples.outputs):
+        for part in (replace(part, windows=windows[part.log]) for part in plain.parts()):
+            if not part.is_shown:
                 continue
-            chunks += [own for c in part.shown() for own in c.inside(windows[part.log])]
+            chunks += part.shown()
             start = part.start
             for piece in part.samples.pieces(PIECE):
                 stop = start + len(piece.motion.t[piece.at])

@@ -7,15 +7,12 @@ that resembles a residual.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
-from copy import copy
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import scipy
 
-from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.linalg import NEARLY, RANK_TOLERANCE, ROUNDOFF, TINY
 from identifiability.foundation.names import Array
@@ -36,6 +33,8 @@ THIN: Tolerance = 1e-6
 #: and rounds in which those of all functions and the noise take turns.
 PRECISIONS = np.geomspace(1e-6, 1e6, 13)
 ROUNDS = 4
+#: Samples before those of a simulated series, after which it does not know how it began.
+FORGOTTEN = 10_000
 #: Most columns of what may be missing beside which the noise is measured.
 DIRECTIONS = 120
 
@@ -68,7 +67,7 @@ def integrate_correlation(acf: Array) -> Array:
     return time
 
 
-# Autoregressive series by their partial autocorrelations: predict, whiten, colour.
+# Autoregressive series by their partial autocorrelations: predict and whiten.
 #
 # Any partial autocorrelations inside (-1, 1) make a stationary series [Monahan 1984]; innovations
 # have unit variance throughout.
@@ -104,15 +103,6 @@ def _data_runs(runs: Runs, data: np.ndarray) -> Runs:
     return out
 
 
-def take_data(runs: Runs, y: Array, *others: Array) -> tuple[Runs, list[Array]]:
-    """Return rows (N, …) that lie in stretches, and the stretches among them."""
-    if sum(stop - start for start, stop in runs) == len(y):
-        return runs, [y, *others]
-    inside = np.concatenate([np.arange(0), *(np.arange(a, b) for a, b in runs)])
-    ends = np.cumsum([0, *(b - a for a, b in runs)]).tolist()
-    return list(pairwise(ends)), [x[inside] for x in (y, *others)]
-
-
 def levinson(pacf: Array) -> tuple[list[Array], Array]:
     """Return predictors of order 0 … p and their error variances, the last one 1.
 
@@ -134,21 +124,6 @@ def innovation_filter(predictor: Array) -> Array:
     out = np.ones(len(predictor) + 1)
     np.negative(predictor, out=out[1:])
     return out
-
-
-def colour(e: Array, pacf: Array) -> Array:
-    """Return stationary autoregressive noise with innovations e (N,)."""
-    predictors, variances = levinson(pacf)
-    p = min(len(pacf), len(e))
-    x = np.array(e, float)
-    for m in range(p):
-        x[m] *= np.sqrt(variances[m])
-        x[m] += predictors[m] @ x[:m][::-1]
-    if len(e) > p > 0:
-        a = innovation_filter(predictors[-1])
-        start = scipy.signal.lfiltic([1.0], a, x[:p][::-1])
-        x[p:] = scipy.signal.lfilter([1.0], a, e[p:], zi=start)[0]
-    return x
 
 
 def whiten(x: Array, runs: Runs, pacf: Array) -> Array:
@@ -237,6 +212,8 @@ class LaggedProducts:
 class RestrictedLikelihood:
     """Restricted likelihood of autoregressive noise.
 
+    What is random has a precision, in that of the innovations; what is fixed has none.
+
     Parameters
     ----------
     y : (N,)
@@ -246,12 +223,6 @@ class RestrictedLikelihood:
     random : sequence of (N, …), optional
         What may be random.
     floor : float, optional
-
-    Attributes
-    ----------
-    prior : (k + …,)
-        Precision of what is random, in that of the innovations; zero for what is fixed, as all is
-        at first.
     """
 
     def __init__(
@@ -269,132 +240,56 @@ class RestrictedLikelihood:
         # By a pivoted factor: singular values do not always converge.
         rest = beside - Z @ scipy.linalg.lstsq(Z, beside, lapack_driver="gelsy")[0]
         self.lagged = LaggedProducts.of(np.column_stack([Z, beside]), runs)
-        self.rows, self.k = self.lagged.rows, Z.shape[1]
-        self.fixed = float(beside @ beside)
+        self.rows, self.fixed = self.lagged.rows, float(beside @ beside)
         self.floor = floor * float(rest @ rest) / self.rows
-        self.prior = np.zeros(self.k)
-        self.left = float(rest @ rest) * self.scale**2 / self.dof
         self.rounding = float(rest @ rest) <= RANK_TOLERANCE**2
 
-    @property
-    def dof(self) -> int:
-        """Rows beside what is fixed, one at least."""
-        return max(self.rows - int(np.sum(self.prior == 0)), 1)
-
-    def with_prior(self, prior: Array) -> RestrictedLikelihood:
-        """Return that of the same rows under another prior (k,)."""
-        other = copy(self)
-        other.prior = prior
-        return other
-
-    def deviances(self, theta: Array, at: np.ndarray, precisions: Array) -> Array:
-        """Return the deviance where columns (b,) have each of several precisions (c,), (c,).
-
-        The others as the prior says: what they leave is met once.
-        """
+    def whitened(self, theta: Array) -> tuple[Array, float]:
+        """Return products of columns and y that noise leaves white, and its log determinant."""
         weights, logdet, white = self.lagged.weigh(np.tanh(theta))
-        G, others = self._products(weights, white), np.delete(np.arange(self.k), at)
-        G[others, others] += self.prior[others]
-        own = np.append(at, self.k)
-        rest = Normal.of(G[np.ix_(others, others)], G[others, -1])
-        left = rest.beside(G[np.ix_(own, own)], G[np.ix_(others, own)])
-        e, U = np.linalg.eigh(left[:-1, :-1])
-        total = np.maximum(e, 0.0) + precisions[:, None]
-        rss = np.maximum(left[-1, -1] - ((U.T @ left[:-1, -1]) ** 2 / total).sum(1), 1e-300)
-        known = np.log(self.prior[others][self.prior[others] > 0]).sum()
-        size = np.log(total / precisions[:, None]).sum(1) - known
-        size += 2 * np.log(np.diag(rest.factor)).sum()
-        found: Array = self.dof * np.log(rss / self.dof) + logdet + size
-        return found
-
-    def _products(self, weights: Array, white: float) -> Array:
         G: Array = np.tensordot(weights, self.lagged.products)
         G[-1, -1] += self.floor * white
-        G.ravel()[:: len(G) + 1] += 0.01 * TINY * np.trace(G)
-        return G
+        # Slow noise leaves of slow columns what rounding leaves of their products.
+        G.ravel()[:: len(G) + 1][:-1] += TINY * np.diag(self.lagged.products[0, 0])[:-1]
+        return G, logdet
 
-    def _factor(self, weights: Array, white: float) -> Array:
-        G = self._products(weights, white)
-        G[range(self.k), range(self.k)] += self.prior
-        for share in (0.01 * TINY, TINY, 100.0 * TINY):  # below, directions are rounding
-            G.ravel()[:: len(G) + 1] += share * np.trace(G)
-            try:
-                return np.linalg.cholesky(G)
-            except np.linalg.LinAlgError:  # slow noise leaves nothing of slow columns
-                continue
-        raise np.linalg.LinAlgError("The whitened columns are not finite.")
+    def profile(self, whitened: tuple[Array, float], prior: Array) -> tuple[float, float]:
+        """Return minus twice the log-likelihood, sigma profiled out, and that sigma.
 
-    def deviance(self, theta: Array) -> float:
-        """Return minus twice the restricted log-likelihood, sigma profiled out."""
-        weights, logdet, white = self.lagged.weigh(np.tanh(theta))
-        return self._deviance(self._factor(weights, white), logdet)
-
-    def _deviance(self, L: Array, logdet: float) -> float:
-        diagonal = np.diag(L)
-        rss = max(diagonal[-1] ** 2, 1e-300)
-        known = np.log(self.prior[self.prior > 0]).sum()
-        size = 2 * np.log(diagonal[:-1]).sum() - known
-        return float(self.dof * np.log(rss / self.dof) + logdet + size)
-
-    def slope(self, theta: Array) -> tuple[float, Array]:
-        """Return the deviance and its derivatives, (p,).
-
-        Products are met once: what changes with theta is what each of them counts for.
+        Parameters
+        ----------
+        whitened : (m + 1, m + 1) and float
+        prior : (m,)
+            Precision of each column; zero for what is fixed.
         """
-        weights, logdet, white = self.lagged.weigh(np.tanh(theta))
-        L = self._factor(weights, white)
-        inverse, _ = scipy.linalg.lapack.dtrtri(L, lower=1)
-        inverse[-1] *= np.sqrt(self.dof)
-        toward = inverse.T @ inverse  # derivative by the whitened products
-        each = np.tensordot(self.lagged.products, toward)
+        G, logdet = whitened
+        diagonal = np.diag(np.linalg.cholesky(G + np.diag(np.append(prior, 0.0))))
+        dof = max(self.rows - int(np.sum(prior == 0)), 1)
+        sigma = max(float(diagonal[-1]) / float(np.sqrt(dof)), TINY)
+        size = 2 * np.log(diagonal[:-1]).sum() - np.log(prior[prior > 0]).sum()
+        return float(2 * dof * np.log(sigma) + logdet + size), sigma * self.scale
 
-        def around(theta: Array) -> float:
-            weights, logdet, white = self.lagged.weigh(np.tanh(theta))
-            size = np.sum(weights * each) + toward[-1, -1] * self.floor * white
-            return float(size + logdet)
+    def maximise(self, prior: Array) -> Array:
+        """Return the transformed partial autocorrelations (p,) of the order with the least BIC."""
 
-        steps = 1e-4 * np.eye(len(theta))
-        slope = [(around(theta + step) - around(theta - step)) / 2e-4 for step in steps]
-        return self._deviance(L, logdet), np.array(slope)
+        def deviance(theta: Array) -> float:
+            return self.profile(self.whitened(theta), prior)[0]
 
-    def sigma(self, theta: Array) -> float:
-        """Return the standard deviation of the innovations."""
-        weights, _, white = self.lagged.weigh(np.tanh(theta))
-        L = self._factor(weights, white)
-        return max(float(L[-1, -1]) * self.scale / float(np.sqrt(self.dof)), 1e-12 * self.scale)
-
-    def maximise(self) -> Array:
-        """Return the transformed partial autocorrelations (p,) of the order with the least BIC.
-
-        None explains more than the highest: orders between are tried while they may pay by that.
-        """
         best = theta = np.empty(0)
-        if self.rounding:
-            return best
-        price, least, lowest = np.log(self.dof), self.deviance(best), -np.inf
+        least, how = deviance(best), {"ftol": 1e-3 / self.rows, "gtol": 0.0, "eps": 1e-4}
         for order in range(1, HIGHEST_ORDER + 1):
-            if lowest + order * price >= least:
-                break
+            start = np.append(theta, 0.3 if order == 1 else 0.0)
+            limits = [(-BOUND, BOUND)] * order
             try:
-                theta, deviance = self.descend(np.append(theta, 0.3 if order == 1 else 0.0))
+                found = scipy.optimize.minimize(
+                    deviance, start, method="L-BFGS-B", bounds=limits, options=how
+                )
             except np.linalg.LinAlgError:  # noise that slow leaves nothing of the columns
                 break
-            value = deviance + order * price
+            theta, value = found.x, float(found.fun) + order * np.log(self.rows)
             if value < least - ROUNDOFF:
                 best, least = theta, value
-            if order == 1:
-                with suppress(np.linalg.LinAlgError):
-                    lowest = self.descend(np.pad(theta, (0, HIGHEST_ORDER - 1)))[1]
         return best
-
-    def descend(self, start: Array) -> tuple[Array, float]:
-        """Return where the deviance is least for the order of a start (p,), and how much it is."""
-        limits = [(-BOUND, BOUND)] * len(start)
-        how = {"ftol": 1e-3 / max(self.rows, 1), "gtol": 0.0}
-        found = scipy.optimize.minimize(
-            self.slope, start, jac=True, method="L-BFGS-B", bounds=limits, options=how
-        )
-        return found.x, float(found.fun)
 
 
 # `ARNoise`: autoregressive noise of each joint, fitted beside whatever the dictionary explains.
@@ -480,11 +375,13 @@ class Noise:
             Stretches without gaps; together they are all samples.
         rng : numpy.random.Generator
         """
-        out = rng.standard_normal((runs[-1][1], len(self.joints)))
+        out = np.zeros((runs[-1][1], len(self.joints)))
         for j, own in enumerate(self.joints):
-            for start, stop in runs:
-                out[start:stop, j] = colour(out[start:stop, j], own.pacf)
-        return out * [own.sigma for own in self.joints]
+            a = innovation_filter(levinson(own.pacf)[0][-1])
+            for start, stop in runs:  # what it begins with is forgotten when it begins to count
+                e = own.sigma * rng.standard_normal(FORGOTTEN + stop - start)
+                out[start:stop, j] = scipy.signal.lfilter([1.0], a, e)[FORGOTTEN:]
+        return out
 
 
 def principal_columns(X: Array) -> tuple[Array, Array]:
@@ -515,67 +412,64 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
     Parameters
     ----------
     blocks : sequence of (N, k)
-        Columns of the model, then of what may be missing, what must not be left out first.
+        Columns of the model, then of what may be missing, what must not be left out first; zero
+        between the stretches.
     y : (N,)
     runs : Runs
     """
-    runs, (y, X, *random) = take_data(runs, y, *blocks)
-    silent = JointNoise(np.empty(0), np.inf)
+    silent, rows = JointNoise(np.empty(0), np.inf), sum(b - a for a, b in runs)
     if not any(b - a >= HIGHEST_ORDER for a, b in runs):
         return silent
-    most = int(RULES.columns_most * len(y))
-    basis = span_columns(X, most)
+    most = int(RULES.columns_most * rows)
+    basis = span_columns(blocks[0], most)
     # As many columns as rows would leave nothing, and no noise.
     parts, room = list[Array](), min(2 * most - basis.shape[1], DIRECTIONS)
-    for part in (np.sqrt(len(y)) * principal_columns(Z)[0] for Z in random):
+    for part in (np.sqrt(rows) * principal_columns(Z)[0] for Z in blocks[1:]):
         if 0 < part.shape[1] <= room:
             parts.append(part)
             room -= part.shape[1]
     every = RestrictedLikelihood(y, basis, runs, parts)
     if every.rounding:  # it says nothing, unless something that is missing is exact
-        exact = JointNoise(np.empty(0), NEARLY * every.scale / np.sqrt(len(y)))
+        exact = JointNoise(np.empty(0), NEARLY * every.scale / np.sqrt(rows))
         return exact if every.fixed > NEARLY**2 else silent
     owner = np.repeat(np.arange(-1, len(parts)), [basis.shape[1], *(p.shape[1] for p in parts)])
     found = [_settle(every, owner, np.full(len(parts), start)) for start in (PRECISIONS[-1], 1.0)]
-    _, best, prior = min(found, key=lambda x: x[0])
-    final = every.with_prior(prior)
-    return JointNoise(np.tanh(best), final.sigma(best))
+    return min(found, key=lambda x: x[0])[1]
 
 
 def _settle(
-    problem: RestrictedLikelihood, owner: np.ndarray, precisions: Array
-) -> tuple[float, Array, Array]:
-    """Return deviance with prices, noise and prior where functions and noise took turns.
+    problem: RestrictedLikelihood, owner: np.ndarray, values: Array
+) -> tuple[float, JointNoise]:
+    """Return deviance with prices, and noise, where functions and noise took turns.
 
     Parameters
     ----------
     problem : RestrictedLikelihood
     owner : (k,) int
         Which function each column is of; −1 for the model's.
-    precisions : (f,)
-        Of each function at first.
+    values : (f,)
+        Precision of each function at first.
     """
 
-    def prior_of(values: Array) -> Array:
-        if not values.size:  # no function acts here
-            return np.zeros(len(owner))
-        return np.where(owner < 0, 0.0, values[np.maximum(owner, 0)])
+    def prior() -> Array:  # of what is fixed it is the last
+        own: Array = np.append(values, 0.0)[owner]
+        return own
 
-    values, none = precisions.copy(), PRECISIONS[-1]
-    best = problem.with_prior(prior_of(values)).maximise()
+    price, none = 2.0 * RULES.smooth_price, PRECISIONS[-1]
+    best = problem.maximise(prior())
     for _ in range(ROUNDS):
-        before = values.copy()
+        before, whitened = values.copy(), problem.whitened(best)
         for k in range(len(values)):
-            under = problem.with_prior(prior_of(values))
-            each = under.deviances(best, np.flatnonzero(owner == k), PRECISIONS)
-            pays = each[-1] - each.min() > 2.0 * RULES.smooth_price
-            values[k] = PRECISIONS[int(np.argmin(each))] if pays else none
+            each = []
+            for values[k] in PRECISIONS:
+                each.append(problem.profile(whitened, prior())[0])
+            values[k] = PRECISIONS[np.argmin(each)] if each[-1] - min(each) > price else none
         if np.array_equal(values, before):
             break
-        best = problem.with_prior(prior_of(values)).maximise()
-    own = prior_of(values)
-    price = 2.0 * RULES.smooth_price * np.sum(values < none) + len(best) * np.log(problem.rows)
-    return problem.with_prior(own).deviance(best) + float(price), best, own
+        best = problem.maximise(prior())
+    deviance, sigma = problem.profile(problem.whitened(best), prior())
+    paid = price * np.sum(values < none) + len(best) * np.log(problem.rows)
+    return deviance + float(paid), JointNoise(np.tanh(best), sigma)
 
 
 def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> Noise:

@@ -8,13 +8,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial, reduce
-from itertools import pairwise
 from operator import add
 
 import numpy as np
 from scipy.special import stdtrit
 
-from identifiability.estimation.estimator import Estimate, dependence
+from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import LEVELS, Folds
 from identifiability.estimation.fit import Fit, remembering_covariance
 from identifiability.foundation.engines import Engine, Steps
@@ -143,15 +142,11 @@ def widening(information: Information, fit: Estimate, known: Fit) -> float:
 
 def _never_shown(information: Information, fit: Estimate) -> Array:
     """Return the directions that change no torque along the fitted motion, (k, dropped)."""
-    kept = list(fit.kept)
-    dropped = [c for c in range(information.size) if c not in set(kept)]
-    directions = np.zeros((information.size, len(dropped)))
-    directions[dropped, range(len(dropped))] = 1.0
-    if kept and dropped:
-        length = np.linalg.norm(information.factor(fit.weights)[:, : information.size], axis=0)
-        leans = dependence(information, kept, fit.weights)
-        directions[kept] = -leans * length[dropped] / length[kept][:, None]
-    size = np.linalg.norm(information.factor()[:, :-1], axis=0) / np.sqrt(information.samples)
+    weighted, plain = (
+        np.linalg.norm(information.factor(w)[:, :-1], axis=0) for w in (fit.weights, None)
+    )
+    directions = fit.open / np.where(weighted > 0, weighted, 1.0)[:, None]
+    size = plain / np.sqrt(information.samples)
     # A column which never acted counts for this share of the largest one.
     least = 1e-3 * size.max(initial=0.0)
     scaled: Array = directions / np.maximum(size @ np.abs(directions), least or 1.0)
@@ -503,12 +498,11 @@ class Task:
 
     def predict(self, W: Array, start: int) -> Array:
         """Return the torque (N, n, m) of samples from one on, over all logs, with W (N, n, b)."""
-        if self.folds is None:
-            whole: Array = W @ self.values[0]
-            return whole
-        which = self.folds.at(start, start + len(W))
-        edges = [0, *(np.flatnonzero(np.diff(which)) + 1).tolist(), len(W)]
-        return np.concatenate([W[a:b] @ self.values[which[a]] for a, b in pairwise(edges)])
+        at, out = np.zeros(len(W), int), np.empty((*W.shape[:2], self.values.shape[2]))
+        at = at if self.folds is None else self.folds.at(start, start + len(W))
+        for fold in np.unique(at):
+            out[at == fold] = W[at == fold] @ self.values[fold]
+        return out
 
 
 def predict(regression: Regression, values: Array, *, engine: Engine | None = None) -> Prediction:
@@ -541,8 +535,7 @@ def predict_all(
     layout = Layout.of(counts, torque, find_signal(surveys), np.array([s.rows for s in surveys]))
     work = partial(_predict_part, tasks=tuple(tasks), layout=layout)
     parts = [part for part in regression.parts() if part.is_shown]
-    here = all(part.is_kept for part in parts)
-    found = map_parts(work, parts, None if here else engine, progress)
+    found = map_parts(work, parts, engine, progress)
     return [_join(one, counts) for one in zip(*found, strict=True)]
 
 

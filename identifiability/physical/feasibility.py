@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import clarabel
 import numpy as np
-import scipy.sparse
 
 from identifiability.effects.vocabulary import file_kinds, values_in_file
 from identifiability.estimation.estimator import settle_signs
-from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Level, Score
+from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Score
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import GROUPED_KINDS, Array
@@ -23,7 +21,7 @@ from identifiability.physical.fitted_model import (
     PhysicalSet,
     physical_set,
 )
-from identifiability.physical.project import ADVICE, EXACTER, FeasibleEstimate, Projection
+from identifiability.physical.project import FeasibleEstimate, Projection, solve_program
 from identifiability.physical.pseudo_inertia import BOUNDARY, check_body
 from identifiability.physical.rules import RULES
 from identifiability.regression.reduction import Submodel, leave_to_terms
@@ -172,8 +170,6 @@ def choose_prior(
         return None
     G, wider = structure.G, float(np.sqrt(fit.memory))  # a log counts as its independent samples
     with one_thread():
-        if len(weights) > 1:
-            weights = _within_reach(model, projection, weights)
         ways = []
         for row in held_out.folds.train:
             rest = model.whole.take(row)
@@ -185,32 +181,12 @@ def choose_prior(
             values.append(np.stack([phi for phi, _ in found]) @ G.T)
             roots = wider * (G @ np.stack([root for _, root in found]))
             scores.append(held_out.score(values[-1], roots))
-            total = [float(score.density.sum()) for score in scores]
-            if len(total) > 1 and total[-1] <= total[-2] + LEVELS.nats:
-                break  # a lighter one still would give up more of the file for nothing
     if not scores:
         return None
-    at = int(np.argmax(np.array(total) >= max(total) - LEVELS.nats))
-    good = Evidence.of(scores[at], free).level is not Level.WORSE
+    total = np.array([score.density.sum() for score in scores])
+    at = int(np.argmax(total >= total.max() - LEVELS.nats))
+    good = Evidence.of(scores[at], free).limits[1] >= 0
     return PriorChoice(weights[at], values[at], scores[at], good)
-
-
-def _within_reach(
-    model: FittedModel, projection: Projection, weights: Sequence[float]
-) -> Sequence[float]:
-    """Return the weights without those that are surely too heavy.
-
-    With the next lighter one the log likelihood of what is fitted rises by more than a nat a
-    parameter, and no more than that is a prior worth on what is not fitted.
-    """
-    data, before = _believe(model, weights[-1]), np.inf
-    nat = 2.0 * data.unit**2 * model.estimate.memory
-    for k, (phi, _) in enumerate(projection.follow(data, weights)):
-        misfit = float(data.rss(phi)) / nat
-        if before - misfit <= len(model.estimate.kept):
-            return weights[k - 1 :]
-        before = misfit
-    return weights  # the lightest that pays is not reached, and others only on the way to it
 
 
 def _projection(model: FittedModel, cad_weight: float) -> Projection:
@@ -370,8 +346,6 @@ def _most_room(
 
     maximise t ≤ 1 over ``rows @ u + slack ≥ t`` and ``maps @ u + at ⪰ t 1``
 
-    This is what Clarabel takes as it stands: cvxpy would take longer to load than it to solve.
-
     Parameters
     ----------
     rows, slack : (m, n) and (m,)
@@ -382,31 +356,15 @@ def _most_room(
     -------
     (n,), float, (m,) and (k, 16)
     """
-    m, n = rows.shape
-    low, high = np.tril_indices(4)  # the lower triangle by rows is the upper one by columns
-    twice, triangle = np.where(low == high, 1.0, np.sqrt(2.0)), 4 * low + high
-    maps = (twice[:, None] * maps[:, triangle]).reshape(-1, n)
-    unit = np.tile(np.eye(4).ravel()[triangle], len(at))
-    A = -np.vstack([np.zeros(n), rows, maps])
-    b = np.concatenate([[1.0], slack, (twice * at[:, triangle]).ravel()])
-    A = np.column_stack([A, np.concatenate([np.ones(m + 1), unit])])
-    kinds = [clarabel.NonnegativeConeT(m + 1), *[clarabel.PSDTriangleConeT(4)] * len(at)]
-    none = scipy.sparse.csc_array((n + 1, n + 1))
-    for options in ({}, EXACTER):
-        settings = clarabel.DefaultSettings()
-        settings.verbose = False
-        for name, value in options.items():
-            setattr(settings, name, value)
-        cost, given = -np.eye(n + 1)[n], scipy.sparse.csc_array(A)
-        found = clarabel.DefaultSolver(none, cost, given, b, kinds, settings).solve()
-        if str(found.status) in {"Solved", "AlmostSolved"}:
-            x, z = np.array(found.x), np.array(found.z)
-            Z = np.zeros((len(at), 4, 4))
-            Z[:, low, high] = Z[:, high, low] = z[m + 1 :].reshape(len(at), -1) / twice
-            return x[:n], float(x[n]), z[1 : m + 1], Z.reshape(-1, 16)
-    raise ValueError(
-        f"certificate: the solver found no answer ({found.status}); expected one; {ADVICE}."
-    )
+    import cvxpy as cp  # noqa: PLC0415 - as in `project`
+
+    u, t = cp.Variable(rows.shape[1]), cp.Variable()
+    signs = np.vstack([np.zeros(rows.shape[1]), rows]) @ u + np.append(1.0, slack) >= t
+    squares = [cp.reshape(A @ u + b, (4, 4), order="C") for A, b in zip(maps, at, strict=True)]
+    bodies = [J >> t * np.eye(4) for J in squares]
+    solve_program(cp.Problem(cp.Maximize(t), [signs, *bodies]), "certificate")
+    Z = np.array([J.dual_value for J in bodies]).reshape(-1, 16)
+    return u.value, float(t.value), signs.dual_value[1:], Z
 
 
 def _column_scale(G: Array, beta: Array, region: PhysicalSet) -> Array:

@@ -211,20 +211,10 @@ class Projection:
             away = [cp.trace(J) - cp.log_det(J) - 4 for J in square(self.nominal)]
             cost += self.prior.weight * sum(away)
         problem = cp.Problem(cp.Minimize(cost), [linked, held, signs, *bodies])
-        for options in ({}, EXACTER):
-            with warnings.catch_warnings(), suppress(cp.SolverError):
-                warnings.filterwarnings("ignore", "Solution may be inaccurate")
-                problem.solve(solver=cp.CLARABEL, **options)
-            if problem.status == cp.OPTIMAL:
-                break
-        if problem.status not in cp.settings.SOLUTION_PRESENT:
-            raise ValueError(
-                f"projection: the solver found no answer ({problem.status}); expected one, since "
-                f"every body has room; {ADVICE}."
-            )
+        accurate = solve_program(problem, "projection")
         pressure = np.array([np.linalg.norm(J.dual_value) for J in bodies])
         z = program.along.T @ step.value
-        return Optimum(z, pressure, problem.status == cp.OPTIMAL)
+        return Optimum(z, pressure, accurate)
 
     def follow(self, data: LeastSquares, weights: Sequence[float]) -> Iterator[tuple[Array, Array]]:
         """Yield the optimum (p,) under each weight, and a root (p, q) of its errors.
@@ -294,6 +284,30 @@ class Projection:
             active_bodies=tuple(np.array(region.names, object)[pressed]),
             accurate=found.accurate,
         )
+
+
+def solve_program(problem: Any, what: str) -> bool:
+    """Solve a cvxpy problem; return whether the solver is sure of the optimum.
+
+    Raises
+    ------
+    ValueError
+        When the solver finds none.
+    """
+    import cvxpy as cp  # noqa: PLC0415
+
+    for options in ({}, EXACTER):
+        with warnings.catch_warnings(), suppress(cp.SolverError):
+            warnings.filterwarnings("ignore", "Solution may be inaccurate")
+            problem.solve(solver=cp.CLARABEL, **options)
+        if problem.status == cp.OPTIMAL:
+            return True
+    if problem.status not in cp.settings.SOLUTION_PRESENT:
+        raise ValueError(
+            f"{what}: the solver found no answer ({problem.status}); expected one, since every "
+            f"body has room; {ADVICE}."
+        )
+    return False
 
 
 def project(data: LeastSquares, region: PhysicalSet, **options: Any) -> FeasibleEstimate:

@@ -186,29 +186,22 @@ def compute_entries(
     """
     layout = _lay_out(robot, parts)
     rows = sum(len(piece.motion.t[piece.at]) for piece in pieces)
-    longest = max((len(piece.motion) for piece in pieces), default=0)
-    widest = max((width for _, width, _ in layout), default=0)
-    # Each column of each joint in one piece, for it is asked for, and filtered, alone; what acts is
-    # zero again, so that new memory is not asked for of every effect.
-    space = np.zeros((len(robot.actuated), widest, longest))
     entries: Entries = {}
     start = 0
     for piece in pieces:
         stop = start + len(piece.motion.t[piece.at])
         for effect, width, columns in layout:
-            W = space[:, :width, : len(piece.motion)]
-            effect.fill(robot, piece.motion, W.transpose(2, 0, 1))
-            if piece.motion.free is not None:
-                W[:] = piece.motion.freed(W.transpose(2, 0, 1)).transpose(1, 2, 0)
-            acts: np.ndarray = np.einsum("jkt,jkt->jk", W, W) != 0  # quicker than to ask each
+            W = np.zeros((len(piece.motion), len(robot.actuated), width))
+            effect.fill(robot, piece.motion, W)
+            W = piece.motion.freed(W)
+            acts = np.asarray(W.any(0))
             found = [(j, k, c) for k, c in columns for j in np.flatnonzero(acts[:, k]).tolist()]
             if found:
-                own = np.stack([piece.silenced(W[j, k], j) for j, k, _ in found]).T
+                own = np.stack([piece.silenced(W[:, j, k], j) for j, k, _ in found], 1)
                 for (j, _, c), values in zip(found, piece.down(own).T, strict=True):
                     if (j, c) not in entries:
                         entries[j, c] = np.zeros(rows)
                     entries[j, c][start:stop] = piece.weighed(values, j)
-            W[acts] = 0.0
         start = stop
     return entries
 

@@ -21,7 +21,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.options import at_least, checked
 from identifiability.foundation.values import frozen, remember
 from identifiability.logs.prepare.dataset import Dataset
-from identifiability.regression.regression import Chunk, LogPart, Regression, map_parts
+from identifiability.regression.regression import LogPart, Regression, map_parts
 
 # `ActuatorBlocks`: what the rows of one actuator say, over the columns that it can see.
 #
@@ -382,19 +382,6 @@ class Information:
                 out[np.ix_(here, there)] += part.total[np.ix_(a[here], b[there])]
         return out
 
-    def within(self, sets: np.ndarray) -> Array:
-        """Return products of sets of columns (s, k) among themselves, (s, k, k)."""
-        out = np.zeros((*sets.shape, sets.shape[1]))
-        for place, part in zip(self._places, self.parts, strict=True):
-            at = place[sets]
-            act = np.flatnonzero((at >= 0).any(1))
-            if len(act):
-                at = at[act]
-                on = (at >= 0).astype(float)
-                own = part.total[np.maximum(at, 0)[:, :, None], np.maximum(at, 0)[:, None, :]]
-                out[act] += own * on[:, :, None] * on[:, None, :]
-        return out
-
     def squares(self, change: Array) -> Array:
         """Return each actuator's sum of squares of ``[W τ] change``, (n,) or (n, m).
 
@@ -402,7 +389,7 @@ class Information:
         ----------
         change : (k + 1,) or (k + 1, m)
         """
-        rows = (F @ change[[*columns, self.size]] for columns, F in self._factors)
+        rows = (part.root @ turned for part, turned in self.of_actuators(change))
         return np.array([np.square(own).sum(0) for own in rows])
 
     def squares_of_blocks(self, change: Array) -> Array:
@@ -443,19 +430,10 @@ class Information:
         found: Array = self.remember(w.tobytes(), partial(self._factor, w)).copy()
         return found
 
-    @cached_property
-    def _factors(self) -> list[tuple[np.ndarray, Array]]:
-        """Columns W (v,) that each actuator can see, and a triangular factor (…, v + 1) of them."""
-        found = []
-        for part in self.parts:
-            own, columns = self._own(part)
-            found.append((columns, triangular_factor(part.root @ own)))
-        return found
-
     def _factor(self, weights: Array) -> Array:
         """Return a factor of weighted rows."""
-        every = zip(np.sqrt(weights), self._factors, strict=True)
-        rows = [w * _spread(F, columns, self.size) for w, (columns, F) in every]
+        every = zip(np.sqrt(weights), self.of_actuators(np.eye(self.size + 1)), strict=True)
+        rows = [w * part.root @ turned for w, (part, turned) in every]
         return triangular_factor(np.vstack([*rows, np.zeros((self.size + 1, self.size + 1))]))
 
     def _own(self, part: ActuatorBlocks) -> tuple[Array, np.ndarray]:
@@ -529,13 +507,6 @@ class Information:
         return replace(self.summed(owner == np.arange(len(at))[:, None]), **what)
 
 
-def _spread(F: Array, columns: np.ndarray, size: int) -> Array:
-    """Return the rows (r, v + 1) of some columns and the torque over so many columns."""
-    wide = np.zeros((len(F), size + 1))
-    wide[:, [*columns, size]] = F
-    return wide
-
-
 # Gathered from a regression, chunk by chunk, here or on workers.
 
 
@@ -581,19 +552,9 @@ def gather_information(
         gather = partial(
             _gather_part, seen=seen, bases=bases, acts=acts, edges=edges, longest=longest
         )
-        parts = list(regression.parts())
-        for part in parts:
-            if part.remote:  # what is kept is not sent about
-                part.keep([])
-        here = partial(gather, blocks=every)
-        for part, found in zip(
-            parts, map_parts(gather, parts, engine, progress, here), strict=True
-        ):
-            first, own, unseen, kept = found
+        for first, own, unseen in map_parts(gather, regression.parts(), engine, progress):
             missed += unseen
-            if part.remote:
-                every.add_all(first, own)
-                part.keep(kept)
+            every.add_all(first, own)
         if not missed.any():
             break
         # In the subsample these columns did not act.
@@ -617,26 +578,19 @@ def _gather_part(
     acts: np.ndarray,
     edges: Sequence[np.ndarray],
     longest: int,
-    blocks: _Blocks | None = None,
-) -> tuple[int, _Blocks, Array, list[Chunk]]:
-    """Return the first block of a part, its blocks, squares of columns not `seen`, what is kept.
-
-    They are put into all blocks where these are here.
-    """
+) -> tuple[int, _Blocks, Array]:
+    """Return the first block of a part, its blocks, and squares of columns not `seen`."""
     own, before = edges[part.log], sum(map(len, edges[: part.log]))
-    first = before
-    if blocks is None:
-        ends = np.searchsorted(own, [part.start, part.start + part.samples.outputs - 1], "right")
-        first, count = before + int(ends[0]) - 1, int(ends[1] - ends[0]) + 1
-        blocks = _Blocks(count, longest, [len(S) for S in bases])
-    into = _into(seen, bases)
-    missed, offset = np.zeros(acts.shape), first if part.remote else 0
+    first = max(int(np.searchsorted(own, part.start, "right")) - 1, 0)
+    count = int(np.searchsorted(own, part.start + part.samples.outputs)) - first
+    blocks = _Blocks(count, longest, [len(S) for S in bases])
+    into, missed = _into(seen, bases), np.zeros(acts.shape)
     for chunk in part.chunks():
         W = chunk.wide
         if not acts.all():
             missed[~acts] += np.einsum("nak,nak->ak", W, W)[~acts]
-        blocks.take(into, (W, chunk.tau, chunk.data), chunk.start, own, before - offset)
-    return first, blocks, missed, part.kept or []
+        blocks.take(into, (W, chunk.tau, chunk.data), chunk.start, own, -first)
+    return before + first, blocks, missed
 
 
 def _survey(regression: Regression) -> list[Array]:
@@ -655,12 +609,6 @@ def _survey(regression: Regression) -> list[Array]:
     few = regression if step == 1 else regression.thin(step)
     for part in few.parts(whole=True):
         for chunk in part.chunks():
-            wide = chunk.wide
-            for a in range(n):
-                own = np.column_stack([wide[:, a], chunk.tau[:, a]])
-                rows = np.vstack([factors[a], own])
-                acts = rows.any(0)
-                R = triangular_factor(rows[:, acts])
-                factors[a] = np.zeros((len(R), width + 1))
-                factors[a][:, acts] = R
+            rows = np.concatenate([chunk.wide, chunk.tau[:, :, None]], axis=2)
+            factors = [triangular_factor(np.vstack([R, rows[:, a]])) for a, R in enumerate(factors)]
     return factors

@@ -17,7 +17,6 @@ from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
-from scipy.optimize import lsq_linear
 
 from identifiability.effects import FAMILIES, default_effects
 from identifiability.foundation.documents import key, read_document
@@ -514,11 +513,8 @@ def leave_to_terms(structure: Structure, R: Array, phi: Array) -> Array:
     for own, terms, P in _contained(structure, R):
         least = np.where(structure.nonnegative[terms], -out[terms], -np.inf)
         length = np.linalg.norm(R[:, terms], axis=0)
-        # What a sign forbids altogether leaves no room between its limits, which SciPy wants.
-        limits = np.minimum(least * length, -ROUNDOFF), np.inf
-        aim = R[:, own] @ out[own]
-        share = lsq_linear(R[:, terms] / length, aim, limits, method="bvls").x / length
-        share = np.maximum(share, least)
+        free = np.linalg.lstsq(R[:, terms] / length, R[:, own] @ out[own], rcond=None)[0]
+        share = np.maximum(free / length, least)
         out[own] -= P @ share
         out[terms] += share
         out[own[~R[:, own].any(axis=0)]] = 0.0

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
-from itertools import repeat
+from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
@@ -207,24 +206,6 @@ def choose_windows(
     return tuple(out)
 
 
-def choose_within(
-    windows: Sequence[np.ndarray], sizes: tuple[int, int, int]
-) -> tuple[np.ndarray, ...]:
-    """Return fewer of the samples that windows (w, 2) of each log show, as `choose_windows` does.
-
-    What is chosen across the border of two windows becomes a window in either.
-    """
-    out = []
-    counts = [int(np.diff(own).sum()) for own in windows]
-    for own, chosen in zip(windows, choose_windows(counts, sizes), strict=True):
-        before = np.cumsum([0, *np.diff(own)[:-1, 0]])
-        low = np.maximum(chosen[:, None, 0], before)
-        high = np.minimum(chosen[:, None, 1], before + np.diff(own)[:, 0])
-        found = np.stack([low, high], 2) + (own[:, 0] - before)[:, None]
-        out.append(found[low < high])
-    return tuple(out)
-
-
 def inside(windows: np.ndarray, start: int, stop: int) -> list[tuple[int, slice]]:
     """Return which of the samples [start, stop) lie in windows (w, 2), by number of the window."""
     low, high = np.maximum(windows[:, 0], start), np.minimum(windows[:, 1], stop)
@@ -309,7 +290,7 @@ class LogPart:
     windows : (w, 2) int
         Outputs [start, stop) of the log that are looked at one by one.
     kept : list of Chunk or None
-        Where those of them are kept, once they were computed; None if they take too much memory.
+        Where all chunks are kept, once they were computed; None if they take too much memory.
     dwelling : bool
         Whether rows are computed where torque is no data, too.
     """
@@ -325,44 +306,25 @@ class LogPart:
     kept: list[Chunk] | None
     dwelling: bool = False
 
-    def keep(self, chunks: Sequence[Chunk]) -> None:
-        """Keep the chunks of its windows that were computed, here or elsewhere."""
-        if self.kept is not None:
-            self.kept[:] = chunks
-
     @property
     def remote(self) -> bool:
         """Whether it is worth sending to another process."""
         return self.samples.own is not None
 
     def chunks(self, size: int = CHUNK) -> Iterator[Chunk]:
-        """Yield its chunks; each one's W is overwritten by the next, unless all are kept."""
-        if self.kept and self._covered:
-            yield from self.kept
+        """Yield its chunks, which are kept for the next time where there is room."""
+        if self.kept is None:
+            yield from self._computed(size)
             return
-        done = []
-        for chunk in self._computed(size):
-            own = [] if self.kept is None else chunk.inside(self.windows)
-            done += own
-            yield own[0] if own and self._covered else chunk
-        self.keep(done)
+        if not self.kept:
+            self.kept[:] = self._computed(size)
+        yield from self.kept
 
     def shown(self) -> Iterator[Chunk]:
-        """Yield the chunks of its windows alone, which are kept for the next time."""
-        if self.kept:
-            yield from self.kept
-            return
-        done = []
-        for chunk in self._computed(CHUNK, windows=self.windows):
-            own = chunk.inside(self.windows)
-            done += [] if self.kept is None else own
-            yield from own
-        self.keep(done)
-
-    @property
-    def is_kept(self) -> bool:
-        """Whether chunks of its windows are kept."""
-        return bool(self.kept)
+        """Yield the chunks of its windows alone."""
+        every = self._computed(CHUNK, self.windows) if self.kept is None else self.chunks()
+        for chunk in every:
+            yield from chunk.inside(self.windows)
 
     @property
     def is_shown(self) -> bool:
@@ -370,45 +332,33 @@ class LogPart:
         count = self.samples.outputs
         return not count or bool(inside(self.windows, self.start, self.start + count))
 
-    @property
-    def _covered(self) -> bool:
-        """Whether one window reaches over all of it."""
-        stop = self.start + self.samples.outputs
-        return bool(np.any((self.windows[:, 0] <= self.start) & (self.windows[:, 1] >= stop)))
-
     def _computed(self, size: int, windows: np.ndarray | None = None) -> Iterator[Chunk]:
-        """Yield its chunks, or those that reach into windows; the next one overwrites W."""
-        start = self.start
-        own, others = self._pieces(self.samples, size), self._pieces(self.instruments, size)
-        for (piece, regressor), (_, instruments) in zip(own, others, strict=False):
+        """Yield its chunks, or those that reach into windows."""
+        widths, start = self.model.widths(self.robot), self.start
+        both = [self.samples, *([] if self.instruments is None else [self.instruments])]
+        for piece, *others in zip(*(self._pieces(x, size, widths) for x in both), strict=False):
             t, first = piece.motion.t[piece.at], start
             start += len(t)
             if windows is not None and not inside(windows, first, start):
                 continue
-            W, V = regressor(), instruments()
-            if V is not None and V.shape != W.shape:
+            W, *instruments = (self._regressor(x, widths) for x in (piece, *others))
+            if any(V.shape != W.shape for V in instruments):
                 raise ValueError("instruments need as many samples as the log that they stand for")
             velocity, moves = piece.motion.actuated_v[piece.at], piece.moves
             if self.dwelling:
                 piece = replace(piece, weight=np.ones_like(piece.weight))  # noqa: PLW2901 - it all
-            W, V = piece.weighed(W), None if V is None else piece.weighed(V)
-            yield Chunk(self.log, first, W, piece.torque, piece.raw, t, velocity, moves, V)
+            V = piece.weighed(instruments[0]) if instruments else None
+            what = piece.weighed(W), piece.torque, piece.raw, t, velocity, moves, V
+            yield Chunk(self.log, first, *what)
 
-    def _pieces(
-        self, samples: Dataset | None, size: int
-    ) -> Iterator[tuple[Any, Callable[[], Any]]]:
-        """Yield pieces and what computes the regressor of their outputs."""
-        if samples is None:
-            yield from repeat((None, lambda: None))
-            return
-        widths = self.model.widths(self.robot)
+    def _pieces(self, samples: Dataset, size: int, widths: Sequence[int]) -> Iterable[Piece]:
+        """Return pieces of so many samples, or of as many as its columns allow."""
         most, reach = most_rows((len(self.robot.actuated), sum(widths))), 1
         if samples.decimation is not None:
             # Beside few samples a strong filter would draw on many more, for each piece anew.
             reach = samples.decimation.reach
             size = min(max(size, REACHES * reach), max(size, most))
-        for piece in samples.pieces(min(size, max(most, reach))):  # of many joints they are large
-            yield piece, partial(self._regressor, piece, widths)
+        return samples.pieces(min(size, max(most, reach)))  # of many joints they are large
 
     def _regressor(self, piece: Piece, widths: Sequence[int]) -> Array:
         W = self.model.regressor(self.robot, piece.motion, widths)
@@ -424,7 +374,7 @@ def most_rows(shape: tuple[int, int]) -> int:
 # `Regression`: named columns of a `Model` along measured motion, chunk by chunk.
 
 
-#: Rows that are looked at one by one are kept up to this size, not computed again [bytes].
+#: Rows are kept up to this size, not computed again [bytes].
 KEEP_BYTES: Tolerance = 150e6
 
 
@@ -470,10 +420,7 @@ class Regression:
         return choose_windows([s.outputs for s in self.samples])
 
     def chunks(self, size: int = CHUNK) -> Iterator[tuple[int, int, Array, Array]]:
-        """Yield ``(log, start, W (m, n, p), tau (m, n))`` in order of time, log by log.
-
-        W is a buffer that the next chunk overwrites, unless the whole regression is kept.
-        """
+        """Yield ``(log, start, W (m, n, p), tau (m, n))`` in order of time, log by log."""
         for part in self.parts(whole=True):
             for chunk in part.chunks(size):
                 yield chunk.log, chunk.start, chunk.W, chunk.tau
@@ -493,8 +440,7 @@ class Regression:
             beside = [None] * len(own) if other is None else [other] if whole else other.divided()
             start = 0
             for one, two in zip(own, beside, strict=True):
-                kept = self._find_kept(k, start, one)
-                rest = self.windows[k], kept, self.dwelling
+                rest = self.windows[k], self._kept[k], self.dwelling
                 out.append(LogPart(*what, k, start, one, two, *rest))
                 start += one.outputs
         return out
@@ -505,19 +451,12 @@ class Regression:
         others = self.instruments and tuple(s.thin(step) for s in self.instruments)
         return replace(self, samples=samples, instruments=others)
 
-    def _find_kept(self, log: int, start: int, samples: Dataset) -> list[Chunk] | None:
-        """Return where chunks of a part are kept; None if they take too much memory."""
-        shown = sum(int(np.sum(w[:, 1] - w[:, 0])) for w in self.windows)
-        width = len(self.parameters) * (1 if self.instruments is None else 2)
-        size = 8 * shown * len(self.robot.actuated) * width
-        if samples.long or size >= KEEP_BYTES:
-            return None
-        return self._kept.setdefault((log, start, samples.outputs), [])
-
     @cached_property
-    def _kept(self) -> dict[tuple[int, int, int], list[Chunk]]:
-        """Chunks by log, first output and size of a part: empty ones begin where others do."""
-        return {}
+    def _kept(self) -> list[list[Chunk] | None]:
+        """Where chunks of each log are kept; None if they take too much memory."""
+        width = len(self.parameters) * (1 if self.instruments is None else 2)
+        size = 8 * self.outputs * len(self.robot.actuated) * width
+        return [None if x.long or size >= KEEP_BYTES else [] for x in self.samples]
 
 
 def map_parts(
@@ -525,7 +464,6 @@ def map_parts(
     parts: Sequence[LogPart],
     engine: Engine | None = None,
     progress: Steps | None = None,
-    here: Callable[[LogPart], Result] | None = None,
 ) -> Iterator[Result]:
     """Yield ``function(part)`` for every part of a regression, in order.
 
@@ -538,12 +476,10 @@ def map_parts(
         Where stretches of long logs are worked on; logs in memory are worked on here.
     progress : callable(int, int), optional
         Called with the number of parts done and to do.
-    here : callable, optional
-        Instead of the function for logs in memory.
     """
     remote = [p for p in parts if p.remote]
     found = (engine or Serial()).map(function, remote) if remote else iter(())
     for done, part in enumerate(parts, 1):
-        yield next(found) if part.remote else (here or function)(part)
+        yield next(found) if part.remote else function(part)
         if progress is not None:
             progress(done, len(parts))

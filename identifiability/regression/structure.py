@@ -269,17 +269,17 @@ class Structure:
     @cached_property
     def nonnegative(self) -> np.ndarray:
         """Whether physics forbids a standard parameter below zero, (p,) bool."""
-        return _read_only(np.array([p.nonnegative for p in self.parameters], bool))
+        return np.array([p.nonnegative for p in self.parameters], bool)
 
     @cached_property
     def nominal(self) -> Array:
         """Standard parameters that the robot file states, zero where it states none, (p,)."""
-        return _read_only(np.array([self.robot.nominal.get(n, 0.0) for n in self.columns]))
+        return np.array([self.robot.nominal.get(n, 0.0) for n in self.columns])
 
     @cached_property
     def nominal_base(self) -> Array:
         """Base parameters that the robot file states, (b,)."""
-        return _read_only(self.G @ self.nominal)
+        return self.G @ self.nominal
 
     @cached_property
     def shapes(self) -> dict[str, float]:
@@ -298,7 +298,7 @@ class Structure:
         """Columns of each body's ten parameters in the order of `GROUPED_KINDS`, (nb, 10) int."""
         at = {name: k for k, name in enumerate(self.columns)}
         rows = [[at[f"{stem}{kind}"] for kind in GROUPED_KINDS] for stem in self.bodies]
-        return _read_only(np.array(rows, int).reshape(-1, 10))
+        return np.array(rows, int).reshape(-1, 10)
 
     @cached_property
     def friction(self) -> dict[str, list[tuple[tuple[int, ...], tuple[float, ...]]]]:
@@ -320,11 +320,6 @@ class Structure:
         others = tuple(s.beside for s in samples if s.beside is not None)
         beside = others if others and len(others) == len(samples) else None
         return Regression(self.robot, self.model, tuple(samples), self.base.kept, beside)
-
-
-def _read_only(array: Array) -> Array:
-    array.flags.writeable = False
-    return array
 
 
 class OfStructure:

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import approx_fprime
 
 from identifiability import Log, Robot, analyze, calibrate, export
-from identifiability.estimation.noise import LaggedProducts, RestrictedLikelihood, whiten
+from identifiability.estimation.noise import LaggedProducts, whiten
 from identifiability.estimation.verdict import Class, Flag
 from identifiability.report.results import answer_first
 from identifiability.simulation import Noise
@@ -27,17 +26,6 @@ def test_lagged_products_whiten_as_rows_do_whatever_the_lengths_of_stretches(ord
     assert white == pytest.approx(np.sum(known**2))
     inside = np.concatenate([np.arange(a, b) for a, b in runs])
     assert logdet == pytest.approx(-2 * np.linalg.slogdet(known[np.ix_(inside, inside)])[1])
-
-
-def test_derivatives_of_the_restricted_likelihood_are_those_of_its_values():
-    rng, runs = np.random.default_rng(3), [(0, 40), (40, 43), (45, 70)]
-    basis = np.linalg.qr(rng.standard_normal((70, 5)))[0]
-    problem = RestrictedLikelihood(np.cumsum(rng.standard_normal(70)), basis, runs)
-    for order in (1, 2, 4):
-        theta = rng.uniform(-1, 1.5, order)
-        value, slope = problem.slope(theta)
-        assert value == pytest.approx(problem.deviance(theta))
-        np.testing.assert_allclose(slope, approx_fprime(theta, problem.deviance, 1e-6), rtol=1e-3)
 
 
 @pytest.fixture(scope="module")

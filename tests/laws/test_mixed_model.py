@@ -167,9 +167,6 @@ def test_products_add_up_over_stretches_and_blocks(rows):
     np.testing.assert_allclose(both, products_of(Z, y, cut).between(every, every), atol=1e-9)
     halves = sum(whole.take(np.array([k])).between(every, every) for k in (0, 1))
     np.testing.assert_allclose(halves, whole.between(every, every))
-    sets = np.array([[0, 7], [3, 8]])
-    for k, some in enumerate(sets):
-        np.testing.assert_allclose(whole.within(sets)[k], whole.between(some, some))
 
 
 def test_evidence_is_the_density_of_unseen_rows_given_fitted_ones(rows):

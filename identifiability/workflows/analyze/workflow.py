@@ -22,7 +22,7 @@ from identifiability.estimation.estimate import (
     fit_whole,
     settle_noise,
 )
-from identifiability.estimation.estimator import Estimate, Estimator, dependence, forbidden_signs
+from identifiability.estimation.estimator import Estimate, Estimator, forbidden_signs
 from identifiability.estimation.evidence import Evidence, Folds, HeldOut, Score, near_best
 from identifiability.estimation.fit import Fit, find_left_out
 from identifiability.estimation.groups import Alternatives
@@ -313,7 +313,7 @@ def decide_model(
     alternatives = missing.of_labels(submodel, estimate)
     fit = replace(fit, shared=shared, left_out=left_out, alternatives=alternatives)
     stated = np.linalg.lstsq(submodel.M, structure.nominal_base - submodel.fixed, rcond=None)[0]
-    aliases = _aliases(model.information, estimate, submodel)
+    aliases = _aliases(estimate)
     forbidden = forbidden_signs(model.information, estimate, submodel.nonnegative)
     verdicts = judge(fit, submodel.labels, submodel.units, torque, aliases, forbidden, stated)
     return fit, verdicts, tuple(np.array(submodel.columns, object)[forbidden])
@@ -405,16 +405,13 @@ def tell_with_file(model: FittedModel, result: Judged, share: float) -> tuple[Ju
     return replace(result, verdicts=tuple(verdicts)), both.hint
 
 
-def _aliases(information: Information, fit: Estimate, submodel: Submodel) -> tuple[str, ...]:
+def _aliases(fit: Estimate) -> tuple[str, ...]:
     """Return, for each undetermined parameter, what this motion cannot tell it from."""
-    out = [""] * len(submodel)
-    dropped = [c for c in range(len(submodel)) if c not in set(fit.kept)]
-    leans = dependence(information, fit.kept, fit.weights)
+    out, leans = [""] * len(fit.columns), np.abs(fit.open)
     for k in np.flatnonzero(~fit.determined):
-        own, rest = (fit.kept, dropped) if k in fit.kept else (dropped, fit.kept)
-        at = own.index(int(k))
-        row = np.abs(leans[at] if k in fit.kept else leans[:, at])
-        others = [submodel.columns[rest[i]] for i in np.argsort(-row) if row[i] > NEARLY]
+        shared, own = (leans * leans[k]).max(1, initial=0.0), k in fit.kept
+        near = (i for i in np.argsort(-shared) if (i in fit.kept) != own and shared[i] > NEARLY)
+        others = [fit.columns[i] for i in near]
         out[k] = (
             f"This motion determines only its combination with {listing(others, 4)}."
             if others

@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 
 from identifiability.estimation.estimate import Method, estimate
-from identifiability.estimation.estimator import Estimate, combine, noise_scale
+from identifiability.estimation.estimator import Estimate, combine
 from identifiability.estimation.evidence import (
     LEVELS,
     Folds,
@@ -186,7 +186,7 @@ def whiten_regression(
     return WhitenedRegression(
         start=start,
         inverse=np.eye(len(columns))[:, kept] @ turned,
-        unit=max(noise_scale(information, full.weights, full.times, full.rss), floor),
+        unit=max(full.unit, floor),
         tests=tests,
         gram=_see(information, full, R, tests),
         variation=information.torque if variation is None else variation,

@@ -35,7 +35,8 @@ def fit_of(value, sigma, determined=None, weights=(1.0,), rss=(100.0,), columns=
         kept=tuple(np.flatnonzero(known).tolist()),
         variance=rss / 100,
         rss=rss,
-        dof=100,
+        rows=np.full(len(rss), (100 + known.sum()) / len(rss)),
+        open=np.eye(k)[:, ~known],
         condition=1.0,
         weights=np.asarray(weights, float),
         times=np.ones(len(weights)),
@@ -49,6 +50,11 @@ def fit_known(estimate, scores=None, *, noise=1.0, **terms) -> Fit:
     each = np.broadcast_to(noise, k).astype(float)
     return Fit(estimate=estimate, column_rms=np.full(k, 3.0), column_noise=each, scores=scores,
                **terms)  # fmt: skip
+
+
+def score_of(held, fit, M=None):
+    """Return what a model, fitted to each fold's rest, predicts of the folds."""
+    return held.score(held.refit(fit, M), held.roots(fit, M))
 
 
 def ar1(rng, rho: float, samples: int, columns: int = 1):

@@ -154,7 +154,6 @@ class Rows:
             SimpleNamespace(
                 remote=False,
                 is_shown=True,
-                is_kept=False,
                 dwelling=False,
                 shown=lambda k=k: self.chunks(k),
             )

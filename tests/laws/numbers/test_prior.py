@@ -155,7 +155,7 @@ def test_the_heaviest_prior_within_two_nats_is_taken_and_a_surely_better_fit_sta
         return Score(np.full(F, total / F), times * squares, 100 * squares.sum(0), real.folds.ratio)
 
     for totals, free, taken, good in (
-        ((-10.0, -1.5, 0.0, 1.9), score(0.0), 1, True),  # and the last one is not asked
+        ((-10.0, -1.5, 0.0, 0.4), score(0.0), 1, True),
         ((-30.0, -10.0, 0.0, 1.0), score(0.0), 2, True),
         ((-30.0, -10.0, 0.0, 1.0), score(500.0, 0.01), 2, False),
     ):

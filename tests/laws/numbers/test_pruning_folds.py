@@ -12,7 +12,7 @@ from identifiability.regression.information import Information
 from identifiability.workflows.prune.elimination import Remaining, whiten_regression
 from identifiability.workflows.prune.moves import Kind, Move
 
-from .made import gather
+from .made import gather, score_of
 
 WEIGHTS = np.array([4.0, 0.25])
 
@@ -78,7 +78,7 @@ def test_densities_are_the_judges(rows, move):
     fit = after(replace(folds, unit=1.0), *([] if move is None else [move]))
     M = fit.partition.matrix
     own = estimate(information.reduce(M, [f"c{j}" for j in range(M.shape[1])]), "ols")
-    expected = fixed.score_fit(replace(own, weights=WEIGHTS), M)
+    expected = score_of(fixed, replace(own, weights=WEIGHTS), M)
     np.testing.assert_allclose(fit.score.density, expected.density, rtol=1e-6)
     np.testing.assert_allclose(fit.score.squares, expected.squares, rtol=1e-6)
 

@@ -17,7 +17,7 @@ from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import Submodel
 from identifiability.workflows.analyze.workflow import Settled, assess_ladder, select_model
 
-from .made import gather
+from .made import gather, score_of
 
 
 @dataclass
@@ -142,7 +142,7 @@ def ladder():
         Prediction.of([np.arange(960.0)], tau[h], W[h] @ values, np.zeros(960, int)) for h in half
     ]
     held_out = HeldOut.of(every, Noise.of(fits[0].variance, fits[0].times))
-    scores = [held_out.score_fit(f, r.M) for r, f in zip(submodels, fits, strict=True)]
+    scores = [score_of(held_out, f, r.M) for r, f in zip(submodels, fits, strict=True)]
     judged = [Evidence.of(score, scores[0]) for score in scores]
     rng, physics = np.random.default_rng(0), [Physics(0.1), Physics(-0.1)]
     pairs = zip(models, physics, strict=True)
