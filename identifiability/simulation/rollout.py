@@ -135,13 +135,15 @@ class CommandedRobot:
         return np.array(found, int)
 
     def numbers(self) -> dict[str, Array]:
-        """Return armature, damping, dry friction and offset of the joints, each (n,)."""
+        """Return armature, damping, dry friction, offset and gains of the joints, each (n,)."""
         m, k = self.model, self.dofs
         return {
             "Ia": m.dof_armature[k].copy(),
             "Fv": m.dof_damping[k].copy(),
             "Fc": m.dof_frictionloss[k].copy(),
             "off": self.offset.copy(),
+            "kv": self.servo.kv,
+            "kp": self.servo.kp,
         }
 
     @quiet()

@@ -12,35 +12,31 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from identifiability.effects.nominal import rigid_torque
 from identifiability.estimation.rollouts import (
-    Gains,
+    SHAPE,
+    Bodies,
     Rollouts,
     contradicted,
-    fit_gains,
     fit_rollouts,
-    record,
     roll_late,
     share_missed,
 )
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError, listing
-from identifiability.foundation.findings import Finding, of_key, phrase
+from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.rounding import percent
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import check_commands, of_commands, servo_log
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.prepare import Preparation, prepare_log
+from identifiability.logs.spectrum import noise_level, resolution
 from identifiability.physical.cad_prior import thick_inertia
-from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -77,40 +73,29 @@ def follow_commands(
     structure: Structure,
     how: Preparation,
     rng: np.random.Generator,
-    values: Mapping[str, float],
 ) -> Any:
-    """Return recordings whose fitted logs have calibrated torque where it comes from commands.
+    """Return recordings with calibrated torque where it comes from commands.
 
     Parameters
     ----------
     recordings : Recordings
-        As `give_torque` made its logs, or as this returned them for other bodies.
+        As `give_torque` made its logs.
     structure : Structure
     how : Preparation
         With the cut-off that all logs are prepared with.
     rng : Generator
-    values : mapping
-        Fitted standard parameters by name, whose bodies are rolled out; empty for the file's.
     """
-    robot, fitted, first = structure.robot, recordings.fitted, recordings.rolled
+    robot, fitted = structure.robot, recordings.fitted
     commanded = [x for x in fitted if of_commands(x)]
-    earlier = of_key(recordings.hints, "commands", "rollouts")  # what was said of others
-    hints = tuple(hint for hint in recordings.hints if hint not in earlier)
     if robot.servo is None or not commanded:
         return recordings
-    if first is None:
-        refuse_scale(structure, commanded, how)
     known, own = robot.servo.delay, [log.select(robot.joints) for log in commanded]
     try:
-        found = fit_rollouts(robot, own, delay=known, fitted=values)
+        found = fit_rollouts(robot, own, file_bodies(robot), known)
     except RobotError as error:
         text = phrase("rollouts", "none" if known is None else "stated", error=str(error))
-        said = Finding("rollouts", text=text)
-        return replace(recordings, hints=(said, *hints), rolled=None)
-    doubt = check_found(robot, commanded, found)
-    if first is not None:
-        found = replace(found, before=first.before)
-    values = {**values, **found.parameters(robot)}
+        return replace(recordings, hints=(Finding("rollouts", text=text), *recordings.hints))
+    doubt, values = check_found(robot, commanded, found), found.parameters
     delays = dict(zip(map(id, commanded), found.delays.tolist(), strict=True))
     own_fitted = calibrate(structure, fitted, values, how, rng, delays)
     errors = dict(zip(map(id, commanded), found.delay_errors, strict=True))
@@ -128,7 +113,8 @@ def follow_commands(
     return replace(
         recordings,
         fitted=own_fitted,
-        hints=(said, *hints),
+        held_out=calibrate(structure, recordings.held_out, values, how, rng, {}),
+        hints=(said, *recordings.hints),
         later=tuple(later),
         rolled=found,
         values=values,
@@ -189,6 +175,16 @@ def calibrate(
     )
 
 
+def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
+    """Return positions (N, n) with the steps of a log's encoders, and what else is its noise."""
+    finest = resolution(log.q)
+    noise = np.sqrt(np.maximum(noise_level(log.q, log.t) ** 2 - finest**2 / 12, 0.0))
+    at = rng.uniform(size=q.shape[1])
+    width = np.where(finest > 0, finest, 1.0)
+    rounded = np.where(finest > 0, (np.floor(q / width + at) + 0.5 - at) * width, q)
+    return np.asarray(rounded + noise * rng.standard_normal(q.shape))
+
+
 def moved(log: Log, servo: Servo, other: Servo, more: float = 0.0) -> Log:
     """Return a log as it is with other servos, and commands that act later by a little [s]."""
     assert log.servo_delay is not None
@@ -222,45 +218,6 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     (lost,) = np.nonzero(share > ESTIMATION_RULES.rollout_contradicted)
     each = [f"'{robot.joints[j]}' ({100 * share[j]:.0f} %)" for j in lost]
     return f"{phrase('rollouts', 'lost', joints=each)} " if each else ""
-
-
-def refuse_scale(structure: Structure, logs: Sequence[Log], how: Preparation) -> None:
-    """Refuse gains that make many times the torque that bodies of the file need, before long work.
-
-    Each joint's torque is a multiple of what the file's bodies need, and what its rotor, friction
-    and offset add. It is one where gains are right, hardly feels the delay, and noise makes it
-    less. Rollouts of servos so stiff take minutes.
-
-    Raises
-    ------
-    LogError
-    """
-    robot, servo = structure.robot, structure.robot.servo
-    assert servo is not None
-    endless = np.full(len(robot.joints), np.inf)
-    free = replace(servo, low=-endless, high=endless)
-    across, along, count = 0.0, 0.0, 0
-    for log in logs:
-        raw = servo_log(log, free, log.servo_delay or 0.0)
-        samples = prepare_log(robot, replace(raw, unmeasured=None), how)
-        motion, needed = samples.motion, rigid_torque(robot, samples.motion)
-        for j, tau in enumerate(samples.tau.T):
-            v, a = motion.actuated_v[:, j], motion.actuated_a[:, j]
-            own = np.column_stack([np.ones(len(v)), v, a, np.sign(v)])
-            Q = np.linalg.qr(own)[0]
-            x, y = (z - Q @ (Q.T @ z) for z in (needed[:, j], tau))
-            size = float(y @ y) or 1.0
-            along, across = along + float(x @ y) / size, across + float(x @ x) / size
-            count += 1
-    # Share of a torque that bodies explain beside rotors, friction and offsets.
-    if across <= 0 or along**2 < 0.1 * count * across:
-        return
-    many = along / across
-    # A servo that makes so many times the torque that the file's bodies need has other gains.
-    if many > 5.0:
-        told = {"names": [log.name for log in logs], "file": robot.path.name, "many": many}
-        gains = {"joint": robot.joints[0], "kp": servo.kp[0], "kv": servo.kv[0]}
-        raise LogError(Finding("servos.scale", servo.source, **told, **gains))
 
 
 @frozen
@@ -382,86 +339,17 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
 #
 # Commands and positions tell ratios alone: gains, rotors, friction and bodies that are all twice as
 # large move alike. The scale comes from what is known beside the logs: bodies within a share of the
-# robot file's, or what its sidecar states of single ones (``[prior_share]``, ``[prior]``). Bodies
-# are fitted beside the gains in coordinates in which each stays a possible one,
-# J = P (1 + E)(1 + E)ᵀ Pᵀ with E upper triangular and J₀ = P Pᵀ the file's pseudo-inertia.
+# robot file's, or what its sidecar states of single ones (``[prior_share]``, ``[prior]``).
 
 
-#: Length of logs that gains are found from, all together [s]: more says little more of them.
-LONG: Tolerance = 60.0
-
-
-_UPPER = np.triu_indices(4)
-
-
-@frozen
-class Bodies:
-    """Bodies that are a robot file's within shares, as `estimation.rollouts.Believed`.
-
-    Attributes
-    ----------
-    robot : Robot
-    share : float
-        Within which a body is the file's, where its sidecar does not say otherwise.
-    """
-
-    robot: Robot
-    share: float = PHYSICAL_RULES.body_within
-
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """Bodies whose inertia the file states."""
-        nominal = self.robot.nominal
-        return tuple(b for b in self.robot.bodies if nominal.get(f"{b}.m", 0.0) > 0)
-
-    @property
-    def bodies(self) -> tuple[str, ...]:
-        """The body of each coordinate."""
-        return tuple(b for b in self.names for _ in range(len(_UPPER[0])))
-
-    @cached_property
-    def _roots(self) -> list[Array]:
-        nominal = self.robot.nominal
-        each = [np.array([nominal[f"{b}.{k}"] for k in GROUPED_KINDS]) for b in self.names]
-        pairs = zip(self.names, each, strict=True)
-        return [np.linalg.cholesky(thick_inertia(x, b)) for b, x in pairs]
-
-    @property
-    def shares(self) -> Array:
-        """Within which each body is the file's, (nb,)."""
-        return np.array([self.robot.said.prior_share.get(b, self.share) for b in self.names])
-
-    def values(self, e: Array) -> dict[str, float]:
-        """Return standard parameters at some coordinates, ten of each body (m,)."""
-        out: dict[str, float] = {}
-        for body, P, own in zip(self.names, self._roots, e.reshape(-1, 10), strict=True):
-            E = np.eye(4)
-            E[_UPPER] += own
-            J = P @ E @ E.T @ P.T
-            phi = np.linalg.lstsq(BASIS.reshape(10, 16).T, J.ravel(), rcond=None)[0]
-            out |= dict(zip((f"{body}.{k}" for k in GROUPED_KINDS), phi.tolist(), strict=True))
-        return out
-
-    def along(self, e: Array) -> Array:
-        """Return how coordinates change where bodies get heavier and stay alike, (m,)."""
-        return np.asarray(0.5 * (np.tile(np.eye(4)[_UPPER], len(self.names)) + e))
-
-    def rows(self, e: Array, numbers: Mapping[str, Array]) -> Array:
-        """Return how far bodies and stated parameters are from what is believed, (r,) [σ]."""
-        near = (e.reshape(-1, 10) / self.shares[:, None]).ravel()
-        joints = {
-            f"{joint}.{self.robot.inertia_parts[0] if kind == 'Ia' else kind}": x
-            for kind, values in numbers.items()
-            for joint, x in zip(self.robot.joints, values, strict=True)
-        }
-        found = {**(self.values(e) if self._stated else {}), **joints}
-        return np.array([*near, *((found[k] - m) / s for k, (m, s) in self._stated.items())])
-
-    @cached_property
-    def _stated(self) -> dict[str, tuple[float, float]]:
-        joints = {f"{j}.{k}" for j in self.robot.joints for k in ("Ia", "Ja", "Fv", "Fc", "off")}
-        known = {f"{b}.{k}" for b in self.names for k in GROUPED_KINDS} | joints
-        return {name: at for name, at in self.robot.prior.items() if name in known}
+def file_bodies(robot: Robot) -> Bodies:
+    """Return the bodies of a robot file that have mass, within shares."""
+    nominal, said = robot.nominal, robot.said.prior_share
+    own = [b for b in robot.bodies if nominal.get(f"{b}.m", 0.0) > 0]
+    each = {b: np.array([nominal[f"{b}.{k}"] for k in GROUPED_KINDS]) for b in own}
+    roots = {b: np.linalg.cholesky(thick_inertia(x, b)) for b, x in each.items()}
+    shares = np.array([said.get(b, PHYSICAL_RULES.body_within) for b in own])
+    return Bodies(roots, shares, robot.prior)
 
 
 def select(robot: Robot, logs: Iterable[Log]) -> list[Log]:
@@ -492,29 +380,28 @@ def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
     every = [log for log in logs if log.q_ref is not None]
     if robot.servo is None or not (every and robot.servo.unknown.any()):
         return robot
-    each = LONG / len(every)
-    parts = [x.rows(0, min(len(x), round(each / signals.sampling_step(x.t)))) for x in every]
-    believed = Bodies(robot)
-    if not believed.names:
+    bodies = file_bodies(robot)
+    if not bodies.roots:
         raise RobotError(Finding("gains.massless", robot.path))
-    found = fit_gains(robot, parts, believed)
-    share = share_missed(found.errors, parts)
+    found = fit_rollouts(robot, every, bodies, robot.servo.delay)
+    share, names = share_missed(found.errors, every), [x.name for x in every]
     k = int(np.argmax(share))
     if contradicted(share):  # of a single joint rollouts with these gains tell
-        names = [x.name for x in every]
         raise LogError(Finding("gains.none", robot.joints[k], names=names, share=share[k]))
     values, axes = np.linalg.eigh(found.covariance)
     doubt = (np.sqrt(np.maximum(values, 0.0)) * axes).T
     # Doubt of a gain that is none.
     doubt = doubt[np.linalg.norm(doubt, axis=1) > 1e-4]
-    told = state_gains(robot, [x.name for x in every], found, believed)
-    return replace(robot, servo=replace(found.servo, source=FOUND, found=told, doubt=doubt))
+    told = state_gains(robot, names, found, bodies)
+    servo = robot.servo.having(found.numbers)
+    return replace(robot, servo=replace(servo, source=FOUND, found=told, doubt=doubt))
 
 
-def state_gains(robot: Robot, names: Sequence[str], found: Gains, believed: Bodies) -> str:
+def state_gains(robot: Robot, names: Sequence[str], found: Rollouts, bodies: Bodies) -> str:
     """Return what gains were found, and what fixes their scale."""
-    servo, asked = found.servo, robot.servo
+    asked = robot.servo
     assert asked is not None
+    servo, known = asked.having(found.numbers), [*bodies.roots]
     sure = np.sqrt(np.diag(found.covariance))
     free = np.flatnonzero(np.isnan(asked.kp))
     each = [f"{robot.joints[k]} {servo.kp[k]:.4g} (± {percent(sure[k], 2)})" for k in free]
@@ -523,14 +410,12 @@ def state_gains(robot: Robot, names: Sequence[str], found: Gains, believed: Bodi
     others = [f"{robot.joints[k]} {servo.kv[k]:.4g}" for k in damped]
     said += [f"kv of {listing(others, 12)}"] if others else []
     text = [phrase("gains.found", "says", names=list(names), gains="; ".join(said))]
-    unit = np.tile(0.5 * np.eye(4)[_UPPER], len(believed.names)).reshape(-1, 10)
-    by = found.by_belief[: unit.size].reshape(-1, 10)
-    fixed = (by * unit).sum(1) / believed.shares
+    fixed = 0.5 * found.by_belief[: SHAPE * len(known) : SHAPE] / bodies.shares
     if fixed.sum() > 0.5:
         # Share of the scale of a body that is named for it, where bodies fix more than
         # half.
         named = [
-            f"{believed.names[k]} ({100 * fixed[k]:.0f} %; within {percent(believed.shares[k])})"
+            f"{known[k]} ({100 * fixed[k]:.0f} %; within {percent(bodies.shares[k])})"
             for k in np.argsort(-fixed)
             if fixed[k] > 0.2
         ]
