@@ -154,7 +154,7 @@ def find_alternative(logs: MeasuredLogs) -> Alternative | None:
     if not judged:
         return None
     new, given = rows.count(judged[0]), rows.fit(rows.plain, beside=True)
-    price = 0.5 * np.log(rows.data.sum())
+    price = 0.5 * float(np.log(rows.data.sum()))
     odds = [float(new @ (given - rows.fit(a, beside=True))) - price * a.free for a in judged]
     best = int(np.argmax(np.array(odds) > max(odds) - 1.0))
     return replace(judged[best], nats=odds[best]) if odds[best] >= RULES.alternative_nats else None

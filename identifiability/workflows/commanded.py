@@ -11,7 +11,7 @@ the motion, whose errors are not those of the log (calibrated instrumental varia
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,6 @@ from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.rounding import percent
-from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import check_commands, of_commands, servo_log
 from identifiability.logs.contradictions import check_units
@@ -218,101 +217,6 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     (lost,) = np.nonzero(share > ESTIMATION_RULES.rollout_contradicted)
     each = [f"'{robot.joints[j]}' ({100 * share[j]:.0f} %)" for j in lost]
     return f"{phrase('rollouts', 'lost', joints=each)} " if each else ""
-
-
-@frozen
-class Moved:
-    """How far rollouts of a fitted robot are off, beside those of the file's.
-
-    Attributes
-    ----------
-    logs : tuple of str
-        Along whose commands.
-    unseen : bool
-        Whether none of them was fitted.
-    delays : tuple of float [s]
-        With which the fitted robot takes them.
-    error, error_file : float [rad or m]
-        Of positions (rms) of joints that turn, or if none does, slide; NaN where one diverged.
-    unit : str
-        Of a thousandth of it: mrad or mm.
-    gains : mapping
-        Of the servos, ``kp`` and ``kv`` by joint, where logs told them.
-    """
-
-    logs: tuple[str, ...]
-    unseen: bool
-    delays: tuple[float, ...]
-    error: float
-    error_file: float
-    unit: str
-    gains: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-
-    @property
-    def statement(self) -> str:
-        """The errors in one sentence."""
-        own, file = (
-            f"errs by {1e3 * x:.3g} {self.unit} (rms)" if np.isfinite(x) else "diverges"
-            for x in (self.error, self.error_file)
-        )
-        of = "not fitted" if self.unseen else "fitted"
-        return (
-            f"Moved by the commands of {listing(self.logs, 3)} ({of}), the fitted robot {own}, "
-            f"the file's {file}."
-        )
-
-    def to_dict(self) -> dict[str, object]:
-        """Return it as JSON has it."""
-        errors = {"error": self.error, "error_file": self.error_file}
-        known = {k: x if np.isfinite(x) else None for k, x in errors.items()}
-        told = {"statement": self.statement, "logs": list(self.logs), "unseen": self.unseen}
-        gains = {"gains": {k: dict(x) for k, x in self.gains.items()}} if self.gains else {}
-        return {**told, "delays": list(self.delays), **known, **gains}
-
-
-def measure_rollouts(
-    robot: Robot,
-    values: Mapping[str, float],
-    fitted: Sequence[Log],
-    held_out: Sequence[Log],
-) -> Moved | None:
-    """Return how far rollouts are off on unseen logs of commands, or else on fitted ones.
-
-    None where there is no such log, or the robot cannot be rolled out.
-
-    Parameters
-    ----------
-    robot : Robot
-        With the file's values.
-    values : mapping
-        The fitted standard parameters by name.
-    fitted, held_out : sequence of Log
-    """
-    commanded = [
-        [x.select(robot.joints) for x in logs if of_commands(x)] for logs in (held_out, fitted)
-    ]
-    logs = commanded[0] or commanded[1]
-    if robot.servo is None or not logs or not values:
-        return None
-    try:
-        machines = CommandedRobot(robot, values), CommandedRobot(robot, {})
-    except RobotError:
-        return None
-    slides = np.array([robot.is_prismatic(int(k)) for k in robot.actuated], bool)
-    alike = slides if slides.all() else ~slides
-    errors, delays = list[float](), tuple[float, ...]()
-    for k, machine in enumerate(machines):
-        # The file's robot shall not be blamed for the other one's delay.
-        found = k and machine.servo.delay is None
-        late = [None if found else x.servo_delay or 0.0 for x in logs]
-        moved = [roll_late(machine, x, d) for x, d in zip(logs, late, strict=True)]
-        apart = [(q - x.q)[forgotten(x) :, alike] for (_, q), x in zip(moved, logs, strict=True)]
-        errors.append(float(np.sqrt(np.mean(np.concatenate(apart) ** 2))))
-        delays = delays or tuple(d for d, _ in moved)
-    names = tuple(x.name for x in logs)
-    unit = "mm" if slides.all() else "mrad"
-    gains = robot.servo.by_joint(robot.joints)
-    return Moved(names, bool(commanded[0]), delays, errors[0], errors[1], unit, gains)
 
 
 def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:

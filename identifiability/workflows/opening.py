@@ -41,7 +41,6 @@ from identifiability.robot.servo import Servo
 
 if TYPE_CHECKING:
     from identifiability.estimation.rollouts import Rollouts
-    from identifiability.workflows.commanded import Moved
 
 LogLike = Log | str | Path | pd.DataFrame | Mapping[str, Any]
 Logs = Annotated[
@@ -101,14 +100,6 @@ class Recordings:
             Finding("commands", text=f"{h} {said}") if h in own else h for h in self.hints
         )
         return replace(self, fitted=fitted, held_out=held_out, hints=hints)
-
-    def measure_rollouts(self, robot: Robot, values: Mapping[str, float]) -> Moved | None:
-        """Return how far rollouts of a fitted robot are off, where there are logs of commands."""
-        if not self.commanded:
-            return None
-        from identifiability.workflows.commanded import measure_rollouts  # noqa: PLC0415 - MuJoCo
-
-        return measure_rollouts(robot, values, self.fitted, self.held_out)
 
 
 @contextmanager

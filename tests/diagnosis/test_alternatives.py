@@ -143,7 +143,12 @@ def test_no_other_model_is_chosen_where_masses_alone_are_the_file_s_no_more(name
 
 @pytest.mark.parametrize(
     ("effect", "name"),
-    [("stribeck_friction", "3-rps"), ("hysteresis", "six-dof-arm"), ("position_friction", "3-rps")],
+    [
+        ("stribeck_friction", "3-rps"),
+        ("hysteresis", "six-dof-arm"),
+        ("position_friction", "3-rps"),
+        ("position_friction=0.2", "two-link"),
+    ],
 )
 def test_what_is_missing_anyway_votes_for_no_other_model(name, effect):
     robot, rng = Robot.load(name), np.random.default_rng(3)
