@@ -2,8 +2,9 @@
 
 Positions are all that is measured and all that a rollout is asked for, so nothing is differentiated
 and no noise stands in columns: damped Gauss–Newton steps on the positions that the servos make of
-the commands. Bodies are the file's within shares and fitted beside the joints. Where gains are to
-be found, too, positions tell all numbers up to one factor, which comes from these shares.
+the commands. Bodies are the file's but for their sizes, which are fitted beside the joints, within
+shares. Where gains are to be found, too, positions tell all numbers up to one factor, which comes
+from these shares.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from scipy.optimize import lsq_linear
 
 from identifiability.estimation.noise import autocorrelation_time
 from identifiability.estimation.rules import RULES
-from identifiability.foundation.names import GROUPED_KINDS, Array
+from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -50,58 +51,6 @@ LONG: Tolerance = 60.0
 #: A search ends where a step promises less than this share of the error, or after so many steps.
 GAIN: Tolerance = 2e-4
 STEPS = 20
-
-#: Coordinates of a body: how much larger it is, and where its centre of mass is (3,).
-SHAPE = 4
-
-
-@frozen
-class Bodies:
-    """Bodies that are a robot file's within shares: J = P E Eᵀ Pᵀ with E = (1 + e₀) 1 + e₁₋₃ e₄ᵀ.
-
-    Each stays a possible one. How it turns about its centre of mass follows from its size.
-
-    Attributes
-    ----------
-    roots : mapping of str to (4, 4)
-        P of the file's pseudo-inertia P Pᵀ, by body.
-    shares : (nb,)
-        Within which each body is the file's.
-    stated : mapping of str to (mean, sd)
-        Standard parameters that are known beside the file.
-    """
-
-    roots: Mapping[str, Array]
-    shares: Array
-    stated: Mapping[str, tuple[float, float]]
-
-    @property
-    def bodies(self) -> tuple[str, ...]:
-        """The body of each coordinate, (m,)."""
-        return tuple(b for b in self.roots for _ in range(SHAPE))
-
-    def values(self, e: Array) -> dict[str, float]:
-        """Return standard parameters at some coordinates (m,)."""
-        out: dict[str, float] = {}
-        for (body, P), own in zip(self.roots.items(), e.reshape(-1, SHAPE), strict=True):
-            E = (1.0 + own[0]) * np.eye(4)
-            E[:3, 3] += own[1:]
-            J = P @ E @ E.T @ P.T
-            inertia = np.trace(J[:3, :3]) * np.eye(3) - J[:3, :3]
-            phi = [*inertia[np.triu_indices(3)], *J[3]]
-            out |= {f"{body}.{k}": float(x) for k, x in zip(GROUPED_KINDS, phi, strict=True)}
-        return out
-
-    def rows(self, e: Array, joints: Mapping[str, float]) -> Array:
-        """Return how far coordinates and standard parameters are from what is known, (r,) [σ]."""
-        near = (e.reshape(-1, SHAPE) / self.shares[:, None]).ravel()
-        found = {**self.values(e), **joints}
-        known = [(found[k] - m) / s for k, (m, s) in self.stated.items() if k in found]
-        return np.array([*near, *known])
-
-
-#: Bodies that stay as they are.
-FIXED = Bodies({}, np.empty(0), {})
 
 
 @frozen
@@ -142,7 +91,7 @@ class Rollouts:
 
 
 def fit_rollouts(
-    robot: Robot, logs: Sequence[Log], bodies: Bodies, delay: float | None = None
+    robot: Robot, logs: Sequence[Log], shares: Mapping[str, float], delay: float | None = None
 ) -> Rollouts:
     """Return the numbers of joints, bodies and servos with which rollouts follow logs.
 
@@ -152,7 +101,8 @@ def fit_rollouts(
         With servos, of which some gains may be NaN.
     logs : sequence of Log
         With commands, in the robot's order of joints.
-    bodies : Bodies
+    shares : mapping of str to float
+        Bodies whose sizes are fitted, and within which share each is the file's.
     delay : float [s], optional
         Where it is known.
 
@@ -178,7 +128,7 @@ def fit_rollouts(
     if not contradicted(share_missed(problem.errors(q), first)):
         numbers, _, delays = problem.unpack(x)
         machine = CommandedRobot(robot, {}, machine.servo.having(numbers))
-        problem = Problem(machine, logs, free, delay, bodies)
+        problem = Problem(machine, logs, free, delay, shares)
         x, q, J = problem.descend(problem.pack(numbers, delays))
     numbers, e, delays = problem.unpack(x)
     size = np.linalg.norm(J, axis=0)
@@ -188,7 +138,7 @@ def fit_rollouts(
     found = free[-1] if free[-1].any() else np.ones(n, bool)
     return Rollouts(
         numbers=numbers,
-        parameters={**problem.bodies.values(e), **name_numbers(robot, numbers)},
+        parameters={**problem.sized(e), **name_numbers(robot, numbers)},
         delays=delays,
         errors=problem.errors(q),
         before=before,
@@ -289,9 +239,9 @@ def roll_late(machine: CommandedRobot, log: Log, delay: float | None = None) -> 
 class Problem:
     """Positions of the rollouts of all logs, as a function of one vector of numbers.
 
-    The vector holds numbers of the joints by kind, coordinates of bodies, and a delay for each log.
-    Where a gain is found its logarithm stands in the vector, and the joint's other numbers are over
-    it: positions hardly tell what is common to all of them.
+    The vector holds numbers of the joints by kind, half the logarithm of how much larger bodies
+    are, and a delay for each log. Where a gain is found its logarithm stands in the vector, and the
+    joint's other numbers are over it: positions hardly tell what is common to all of them.
 
     Parameters
     ----------
@@ -301,7 +251,8 @@ class Problem:
         At which joints numbers are varied.
     delay : float [s], optional
         Where it is known.
-    bodies : Bodies
+    shares : mapping of str to float
+        Bodies that are varied, and within which share each is the file's.
     """
 
     def __init__(
@@ -310,34 +261,40 @@ class Problem:
         logs: Sequence[Log],
         free: np.ndarray,
         delay: float | None = None,
-        bodies: Bodies = FIXED,
+        shares: Mapping[str, float] | None = None,
     ) -> None:
-        self.logs, self.bodies, of = logs, bodies, bodies.bodies
+        self.logs, self.shares = logs, shares or {}
         self.trees = machine.trees
         self.dt = min(signals.sampling_step(log.t) for log in logs)
-        #: Where the coordinates of bodies begin, and where delays do.
-        self.at = free.size, free.size + len(of)
+        #: Where bodies begin, and where delays do.
+        self.at = free.size, free.size + len(self.shares)
         #: Which tree each number is of.
-        self.tree_of = np.concatenate([np.tile(self.trees, len(free)), machine.trees_of(of)])
+        self.tree_of = np.concatenate(
+            [np.tile(self.trees, len(free)), machine.trees_of([*self.shares])]
+        )
         #: Numbers that grow with the gain of their joint, (kinds, n).
         self.over = free & free[-1]
         self.over[-1] = False
         late = np.full(len(logs), delay is None)
-        self.varied = np.concatenate([free.ravel(), np.ones(len(of), bool), late])
+        self.varied = np.concatenate([free.ravel(), np.ones(len(self.shares), bool), late])
         servo, moved = machine.servo, np.max([log.q.std(0) for log in logs], axis=0) + 1e-3
         inertia = machine.inertia(logs[0].q.mean(0))
         torque = np.minimum(np.maximum(0.3 * servo.kp, servo.kv) * moved, servo.high)
         damping = servo.kv + inertia / 0.1  # of a servo that takes a tenth of a second
         sizes = (inertia, damping, torque, torque, damping, np.ones(len(inertia)))
-        shares = VARIED * np.concatenate([*sizes, np.ones(len(of))])
+        steps = VARIED * np.concatenate([*sizes, np.ones(len(self.shares))])
         #: By how much each number is varied.
-        self.by = np.concatenate([shares, np.full(len(logs), LATER * self.dt)])
+        self.by = np.concatenate([steps, np.full(len(logs), LATER * self.dt)])
         self.machine, self.having = machine, lru_cache(maxsize=2)(self._having)
 
+    def sized(self, e: Array) -> dict[str, float]:
+        """Return standard parameters of bodies that are exp(2 e) times the file's, (nb,)."""
+        file, each = self.machine.robot.nominal, zip(self.shares, np.exp(2 * e), strict=True)
+        return {f"{b}.{k}": x * file[f"{b}.{k}"] for b, x in each for k in INERTIAL_KINDS}
+
     def _having(self, e: bytes) -> CommandedRobot:
-        """Return the robot with bodies at some coordinates."""
-        values = self.bodies.values(np.frombuffer(e))
-        m = self.machine
+        """Return the robot with bodies of other sizes."""
+        m, values = self.machine, self.sized(np.frombuffer(e))
         return CommandedRobot(m.robot, values, m.servo) if values else m
 
     def pack(self, numbers: Mapping[str, Array], late: Array | float) -> Array:
@@ -347,7 +304,7 @@ class Problem:
         return np.concatenate([*rows, *rest])
 
     def unpack(self, x: Array) -> tuple[dict[str, Array], Array, Array]:
-        """Return the numbers of a vector, coordinates of bodies, and delays."""
+        """Return the numbers of a vector, sizes of bodies, and delays."""
         a, b = self.at
         table = x[:a].reshape(self.over.shape)
         numbers = dict(zip(KINDS, table * np.exp(self.over * table[-1]), strict=True))
@@ -426,9 +383,11 @@ class Problem:
         return np.append(self.apart(q), self.belief(x))
 
     def belief(self, x: Array) -> Array:
-        """Return how far bodies and joints' numbers are from what is known, (b,) [σ]."""
-        numbers, e, _ = self.unpack(x)
-        return self.bodies.rows(e, name_numbers(self.machine.robot, numbers))
+        """Return how far bodies are from the file's, and all from what is stated, (b,) [σ]."""
+        robot, (numbers, e, _) = self.machine.robot, self.unpack(x)
+        found = {**self.sized(e), **name_numbers(robot, numbers)} if self.shares else {}
+        stated = [(found[k] - m) / s for k, (m, s) in robot.prior.items() if k in found]
+        return np.array([*e / [*self.shares.values()], *stated])
 
     def linearise(self, x: Array) -> Array:
         """Return the derivative of the residual, (r, p); trees are varied at once."""

@@ -17,8 +17,6 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.rollouts import (
-    SHAPE,
-    Bodies,
     Rollouts,
     contradicted,
     fit_rollouts,
@@ -28,14 +26,13 @@ from identifiability.estimation.rollouts import (
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.findings import Finding, phrase
-from identifiability.foundation.names import GROUPED_KINDS, Array
+from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import percent
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import check_commands, of_commands, servo_log
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.logs.spectrum import noise_level, resolution
-from identifiability.physical.cad_prior import thick_inertia
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -84,94 +81,83 @@ def follow_commands(
         With the cut-off that all logs are prepared with.
     rng : Generator
     """
-    robot, fitted = structure.robot, recordings.fitted
-    commanded = [x for x in fitted if of_commands(x)]
-    if robot.servo is None or not commanded:
+    robot, servo, fitted = structure.robot, structure.robot.servo, recordings.fitted
+    at = [k for k, x in enumerate(fitted) if of_commands(x)]
+    if servo is None or not at:
         return recordings
-    known, own = robot.servo.delay, [log.select(robot.joints) for log in commanded]
+    commanded = [fitted[k].select(robot.joints) for k in at]
     try:
-        found = fit_rollouts(robot, own, file_bodies(robot), known)
+        found = fit_rollouts(robot, commanded, file_shares(robot), servo.delay)
     except RobotError as error:
-        text = phrase("rollouts", "none" if known is None else "stated", error=str(error))
+        text = phrase("rollouts", "none" if servo.delay is None else "stated", error=str(error))
         return replace(recordings, hints=(Finding("rollouts", text=text), *recordings.hints))
-    doubt, values = check_found(robot, commanded, found), found.parameters
-    delays = dict(zip(map(id, commanded), found.delays.tolist(), strict=True))
-    own_fitted = calibrate(structure, fitted, values, how, rng, delays)
-    errors = dict(zip(map(id, commanded), found.delay_errors, strict=True))
+    text = check_found(robot, commanded, found) + state_servos(robot, commanded, found)
+
+    def calibrated(log: Log, delay: float | None) -> Log:
+        return calibrate(structure, log.select(robot.joints), delay, found.parameters, how, rng)
+
+    own = {k: calibrated(fitted[k], d) for k, d in zip(at, found.delays.tolist(), strict=True)}
     later = [
-        {k: moved(log, robot.servo, robot.servo, float(errors[id(given)]))}
-        for k, (given, log) in enumerate(zip(fitted, own_fitted, strict=True))
-        if errors.get(id(given))
+        {k: moved(log, servo, servo, float(sd))}
+        for (k, log), sd in zip(own.items(), found.delay_errors, strict=True)
+        if sd
     ]
-    for other in robot.servo.doubted:
-        pairs = enumerate(own_fitted)
-        later.append({k: moved(x, robot.servo, other) for k, x in pairs if of_commands(x)})
-    rolled = any(x.rollout is not None for x in own_fitted)
-    text = doubt + state_servos(robot, commanded, found)
-    said = Finding("commands" if rolled else "rollouts", text=text)
+    later += [{k: moved(x, servo, other) for k, x in own.items()} for other in servo.doubted]
+    rolled = any(x.rollout is not None for x in own.values())
+    unseen = (calibrated(x, servo.delay) if of_commands(x) else x for x in recordings.held_out)
     return replace(
         recordings,
-        fitted=own_fitted,
-        held_out=calibrate(structure, recordings.held_out, values, how, rng, {}),
-        hints=(said, *recordings.hints),
+        fitted=tuple(own.get(k, x) for k, x in enumerate(fitted)),
+        held_out=tuple(unseen),
+        hints=(Finding("commands" if rolled else "rollouts", text=text), *recordings.hints),
         later=tuple(later),
         rolled=found,
-        values=values,
+        values=found.parameters,
     )
 
 
 def calibrate(
     structure: Structure,
-    logs: Sequence[Log],
+    log: Log,
+    delay: float | None,
     values: Mapping[str, float],
     how: Preparation,
     rng: np.random.Generator,
-    delays: Mapping[int, float],
-) -> tuple[Log, ...]:
-    """Return logs without what recording a rollout of them leaves, where torque is of commands.
+) -> Log:
+    """Return a log of commands without what recording a rollout of it leaves in its torque.
 
     Parameters
     ----------
     structure, how, rng
         As of `follow_commands`.
-    logs : sequence of Log
-        As `give_torque` returned them.
+    log : Log
+        As `give_torque` returned it, in the robot's order of joints.
+    delay : float or None [s]
+        Where it is known; else it is found.
     values : mapping
         Standard parameters by name of what is rolled out.
-    delays : mapping of int to float [s]
-        By identity of the log, where they are known; others are found.
     """
     robot = structure.robot
-    assert robot.servo is not None
     machine = CommandedRobot(robot, values)
-    known = {**robot.nominal, **values}
-    phi = np.array([known.get(name, 0.0) for name in structure.columns])
-
-    def without(log: Log, delay: float | None) -> Log:
-        delay, q = roll_late(machine, log, delay)
-        given = servo_log(replace(log, unmeasured=None), machine.servo, delay)
-        lost = np.zeros(q.shape, bool) if given.unmeasured is None else given.unmeasured.copy()
-        if not np.isfinite(q).all():  # nothing can be said of it
-            return given
-        left, count = np.zeros(q.shape), np.zeros(q.shape)
-        for _ in range(PHASES):
-            again = replace(given, q=record(q, log, rng), unmeasured=None)
-            samples = prepare_log(robot, servo_log(again, machine.servo, delay), how)
-            rows, moves = samples.motion.kept, samples.weight > 0
-            told = structure.model.regressor(robot, samples.motion) @ phi
-            left[rows] += np.where(moves, samples.tau - told, 0.0)
-            count[rows] += moves
-        lost |= count < PHASES
-        lost[: forgotten(log)] = True
-        tau = given.tau - left / np.maximum(count, 1)
-        return replace(given, tau=tau, unmeasured=lost if lost.any() else None, rollout=q)
-
-    return tuple(
-        without(log.select(robot.joints), delays.get(id(log), robot.servo.delay))
-        if of_commands(log)
-        else log
-        for log in logs
-    )
+    phi = np.array([{**robot.nominal, **values}.get(name, 0.0) for name in structure.columns])
+    delay, q = roll_late(machine, log, delay)
+    given = servo_log(replace(log, unmeasured=None), machine.servo, delay)
+    if not np.isfinite(q).all():  # nothing can be said of it
+        return given
+    left, count = np.zeros(q.shape), np.zeros(q.shape)
+    for _ in range(PHASES):
+        again = replace(given, q=record(q, log, rng), unmeasured=None)
+        samples = prepare_log(robot, servo_log(again, machine.servo, delay), how)
+        rows, moves = samples.motion.kept, samples.weight > 0
+        told = structure.model.regressor(robot, samples.motion) @ phi
+        left[rows] += np.where(moves, samples.tau - told, 0.0)
+        count[rows] += moves
+    lost = count < PHASES
+    lost[: forgotten(log)] = True
+    if given.unmeasured is not None:
+        lost |= given.unmeasured
+    tau = given.tau - left / np.maximum(count, 1)
+    return replace(given, tau=tau, unmeasured=lost if lost.any() else None, rollout=q)
 
 
 def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
@@ -246,14 +232,10 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
 # robot file's, or what its sidecar states of single ones (``[prior_share]``, ``[prior]``).
 
 
-def file_bodies(robot: Robot) -> Bodies:
-    """Return the bodies of a robot file that have mass, within shares."""
-    nominal, said = robot.nominal, robot.said.prior_share
-    own = [b for b in robot.bodies if nominal.get(f"{b}.m", 0.0) > 0]
-    each = {b: np.array([nominal[f"{b}.{k}"] for k in GROUPED_KINDS]) for b in own}
-    roots = {b: np.linalg.cholesky(thick_inertia(x, b)) for b, x in each.items()}
-    shares = np.array([said.get(b, PHYSICAL_RULES.body_within) for b in own])
-    return Bodies(roots, shares, robot.prior)
+def file_shares(robot: Robot) -> dict[str, float]:
+    """Return within which shares bodies are the robot file's, of those that have mass there."""
+    own = [b for b in robot.bodies if robot.nominal.get(f"{b}.m", 0.0) > 0]
+    return {b: robot.said.prior_share.get(b, PHYSICAL_RULES.body_within) for b in own}
 
 
 def select(robot: Robot, logs: Iterable[Log]) -> list[Log]:
@@ -284,10 +266,10 @@ def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
     every = [log for log in logs if log.q_ref is not None]
     if robot.servo is None or not (every and robot.servo.unknown.any()):
         return robot
-    bodies = file_bodies(robot)
-    if not bodies.roots:
+    shares = file_shares(robot)
+    if not shares:
         raise RobotError(Finding("gains.massless", robot.path))
-    found = fit_rollouts(robot, every, bodies, robot.servo.delay)
+    found = fit_rollouts(robot, every, shares, robot.servo.delay)
     share, names = share_missed(found.errors, every), [x.name for x in every]
     k = int(np.argmax(share))
     if contradicted(share):  # of a single joint rollouts with these gains tell
@@ -296,16 +278,18 @@ def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
     doubt = (np.sqrt(np.maximum(values, 0.0)) * axes).T
     # Doubt of a gain that is none.
     doubt = doubt[np.linalg.norm(doubt, axis=1) > 1e-4]
-    told = state_gains(robot, names, found, bodies)
+    told = state_gains(robot, names, found, shares)
     servo = robot.servo.having(found.numbers)
     return replace(robot, servo=replace(servo, source=FOUND, found=told, doubt=doubt))
 
 
-def state_gains(robot: Robot, names: Sequence[str], found: Rollouts, bodies: Bodies) -> str:
+def state_gains(
+    robot: Robot, names: Sequence[str], found: Rollouts, shares: Mapping[str, float]
+) -> str:
     """Return what gains were found, and what fixes their scale."""
     asked = robot.servo
     assert asked is not None
-    servo, known = asked.having(found.numbers), [*bodies.roots]
+    servo, known = asked.having(found.numbers), [*shares]
     sure = np.sqrt(np.diag(found.covariance))
     free = np.flatnonzero(np.isnan(asked.kp))
     each = [f"{robot.joints[k]} {servo.kp[k]:.4g} (± {percent(sure[k], 2)})" for k in free]
@@ -314,12 +298,12 @@ def state_gains(robot: Robot, names: Sequence[str], found: Rollouts, bodies: Bod
     others = [f"{robot.joints[k]} {servo.kv[k]:.4g}" for k in damped]
     said += [f"kv of {listing(others, 12)}"] if others else []
     text = [phrase("gains.found", "says", names=list(names), gains="; ".join(said))]
-    fixed = 0.5 * found.by_belief[: SHAPE * len(known) : SHAPE] / bodies.shares
+    fixed = 0.5 * found.by_belief[: len(known)] / [*shares.values()]
     if fixed.sum() > 0.5:
         # Share of the scale of a body that is named for it, where bodies fix more than
         # half.
         named = [
-            f"{known[k]} ({100 * fixed[k]:.0f} %; within {percent(bodies.shares[k])})"
+            f"{known[k]} ({100 * fixed[k]:.0f} %; within {percent(shares[known[k]])})"
             for k in np.argsort(-fixed)
             if fixed[k] > 0.2
         ]

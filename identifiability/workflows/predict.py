@@ -60,15 +60,6 @@ from identifiability.workflows.opening import Logs, in_memory, read_recordings
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
 
-# `TorquePrediction`: the torque of a fitted model along logs, beside the measured one.
-
-
-def correlation_of(covariance: Array) -> Array:
-    """Return the correlation matrix of a covariance; NaN where a variance is zero or unknown."""
-    sd = np.sqrt(np.where(np.diag(covariance) > 0, np.diag(covariance), np.nan))
-    out: Array = covariance / np.outer(sd, sd)
-    return out
-
 
 def state_missing(functions: Sequence[str]) -> tuple[str, ...]:
     """Return what holds of the values of a fit beside which functions are missing, if any are."""
@@ -314,8 +305,9 @@ class Predicts(ABC):
         Near −1 the sum of two parameters is known better than either, near 1 their difference.
         """
         covariance = self.covariance_frame()
-        covariance[:] = correlation_of(covariance.to_numpy())
-        return covariance
+        variance = np.diag(covariance)
+        sd = np.sqrt(np.where(variance > 0, variance, np.nan))
+        return covariance.div(sd, axis=0).div(sd, axis=1)
 
     def predict(self, logs: Logs, *, engine: Engine | None = None) -> TorquePrediction:
         """Return the torque of the model to use along logs, with its intervals.
