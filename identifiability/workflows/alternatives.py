@@ -175,10 +175,9 @@ class _Rows:
         self.parts = self.seen.X[..., None]
         g, size = self.robot.gravity, float(np.linalg.norm(self.robot.gravity))
         if size and "rigid_body" in self.structure.model.names:
-            away = np.where(g > 0, -size, size)  # with the given one they tell what has no weight
-            X = np.stack([self._look(self.robot.turned(a)).X for a in np.diag(away)], 3)
-            bare = (self.seen.X - X @ (g / away))[..., None] / (1.0 - (g / away).sum())
-            self.parts = np.concatenate([bare, (X - bare) / away], 3)
+            bare = self._look(weightless(self.robot)).X
+            axes = [self._look(self.robot.turned(a)).X - bare for a in size * np.eye(3)]
+            self.parts = np.stack([bare, *(x / size for x in axes)], 3)
         same = np.arange(n), np.ones(n), np.zeros(n), np.zeros(n, bool)
         self.plain = Alternative("", "", *same, g)
         #: Of the log [s].
@@ -311,13 +310,13 @@ class _Rows:
         return out
 
     @cache  # noqa: B019 - as long as the rows
-    def _products(self, j: int, beside: bool) -> tuple[Array, Array, Array]:
-        """Return the parts of a joint (N, b k), their products, and those with all torque."""
+    def _parts(self, j: int, beside: bool) -> tuple[Array, Array]:
+        """Return the parts of a joint (N, b k), and their products."""
         own = self._seen_at(j, self.parts[:, j].reshape(len(self.data), -1), beside)
-        return own, own.T @ own, own.T @ self._torque(j, None, beside)
+        return own, own.T @ own
 
     @cache  # noqa: B019 - as long as the rows
-    def _torque(self, j: int, by: float | None, beside: bool) -> Array:
+    def _torque(self, j: int, by: float, beside: bool) -> Array:
         """Return all torque (N, n) as data of a joint, some time later, before any low-pass."""
         if not by:
             return self._seen_at(j, self.seen.y, beside)
@@ -345,11 +344,10 @@ class _Rows:
         w, (b, k), n = self._weights(a), self.parts.shape[2:], len(a.lacks)
         A, h, square = np.empty((n, b, b)), np.empty((n, b)), np.empty(n)
         for j, own in enumerate(w):
-            rows, gram, cross = self._products(j, beside)
+            rows, gram = self._parts(j, beside)
             y = self._torque_of(a, j, beside)
-            found = rows.T @ y if a.late[j] else cross[:, a.order[j]]
             A[j] = np.einsum("a,paqb,b->pq", own, gram.reshape(b, k, b, k), own, optimize=True)
-            h[j], square[j] = found.reshape(b, k) @ own, y @ y
+            h[j], square[j] = (y @ rows).reshape(b, k) @ own, y @ y
         scale = self.variation[a.order] * np.maximum(self.data.sum(0), 1)
         weight = 1.0 / scale
         for _ in range(3):
@@ -368,7 +366,7 @@ class _Rows:
         w, (b, k), (x, _) = self._weights(a), self.parts.shape[2:], self._solve(a, beside=True)
         left = [
             self._torque_of(a, j, beside=True)
-            - self._products(j, beside=True)[0].reshape(-1, b, k) @ own @ x
+            - self._parts(j, beside=True)[0].reshape(-1, b, k) @ own @ x
             for j, own in enumerate(w)
         ]
         new = self.data.sum(0) / autocorrelation_time(np.column_stack(left))
