@@ -414,7 +414,7 @@ def judge(
     )
     at = rolled.delays[0]
     ends = (at - 1.96 * unsure, at + 1.96 * unsure)
-    table.loc[len(table)] = ["delay", at, ends, "", late, "delay"]
+    table.loc[len(table)] = ["delay", at, ends, "", (), late, "delay"]
     table["seed"] = seed
     out["hints"] = float(any("contradicts that bodies" in hint for hint in found.hints))
     # Half of them say how far is far; the others are as new to that as the truth.

@@ -65,7 +65,7 @@ from identifiability.workflows.answers import (
     with_hints,
     words,
 )
-from identifiability.workflows.predict import Fit, correlation_of
+from identifiability.workflows.predict import Fit
 
 
 def analysis_heading(analysis: Analysis) -> tuple[str, str]:
@@ -201,7 +201,7 @@ def _tell_windows(analysis: Analysis) -> str:
 
 def section_correlated(fit: Fit) -> Section:
     """Return the parameters whose estimates hang together, as a map and in words."""
-    correlation = correlation_of(fit.covariance)
+    correlation = fit.correlation_frame().to_numpy()
     at = order_correlated(correlation)
     if not len(at):
         return section("analysis.correlated", text=sentence("analysis.apart"))

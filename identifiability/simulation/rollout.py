@@ -108,40 +108,29 @@ class CommandedRobot:
 
     def longest(self, numbers: Mapping[str, Array]) -> float:
         """Return the longest step that takes little of any joint's inertia off [s]."""
-        damping = np.maximum(numbers["Fv"], 0.0) + self._servo(numbers).kv
+        damping = np.maximum(numbers["Fv"], 0.0) + self.servo.having(numbers).kv
         ratio = (self.bare + numbers["Ia"]) / np.maximum(damping, 1e-12)
         return float(max(LEAST, LITTLE * ratio.min()))
-
-    def _servo(self, numbers: Mapping[str, Array]) -> Servo:
-        """Return the servos; gains may be among the numbers of the joints."""
-        return self.servo.having(numbers)
 
     @property
     def trees(self) -> np.ndarray:
         """Which tree behind the base each joint is of, (n,) int: none moves another's."""
-        return self._trees([int(self.model.dof_bodyid[dof]) for dof in self.dofs])
+        return np.asarray(self.model.dof_treeid[self.dofs])
 
     def trees_of(self, bodies: Sequence[str]) -> np.ndarray:
         """Return which tree each body is of, (m,) int."""
-        return self._trees([self.model.body(name).id for name in bodies])
-
-    def _trees(self, bodies: Sequence[int]) -> np.ndarray:
-        m, found = self.model, []
-        for body in bodies:
-            at = body
-            while int(m.body_weldid[m.body_parentid[at]]):
-                at = int(m.body_parentid[at])
-            found.append(at)
-        return np.array(found, int)
+        return np.array([self.model.body_treeid[self.model.body(b).id] for b in bodies], int)
 
     def numbers(self) -> dict[str, Array]:
-        """Return armature, damping, dry friction and offset of the joints, each (n,)."""
+        """Return armature, damping, dry friction, offset and gains of the joints, each (n,)."""
         m, k = self.model, self.dofs
         return {
             "Ia": m.dof_armature[k].copy(),
             "Fv": m.dof_damping[k].copy(),
             "Fc": m.dof_frictionloss[k].copy(),
             "off": self.offset.copy(),
+            "kv": self.servo.kv,
+            "kp": self.servo.kp,
         }
 
     @quiet()
@@ -196,7 +185,7 @@ class CommandedRobot:
             q[self.at], v[self.dofs] = log.q[a], speed[a]
             begin = begins[r]
             times = log.t[a] + begin + h * np.arange(steps)
-            controls[r] = acting(log, self._servo(numbers[k]), times, h, float(delays[k]))
+            controls[r] = acting(log, self.servo.having(numbers[k]), times, h, float(delays[k]))
             a0 = self._acceleration(models[k], q, v, controls[r, 0])
             q[self.at] += begin * speed[a] + (0.5 * begin**2 - h**2 / 8) * a0[self.dofs]
             v += (begin - 0.5 * h) * a0
@@ -235,7 +224,7 @@ class CommandedRobot:
         damping = np.maximum(numbers["Fv"], 0.0)
         model.dof_damping[dofs] = damping
         model.dof_frictionloss[dofs] = np.maximum(numbers["Fc"], 0.0)
-        servo = self._servo(numbers)
+        servo = self.servo.having(numbers)
         whole = self.bare + numbers["Ia"]
         taken = -servo.lead + 0.5 * h * (damping + servo.damping)
         # A file without rotors may state less inertia than a servo of this rate could hold.

@@ -3,18 +3,18 @@
 Torque columns may be exchanged, turned, late or in another unit, a driver may have taken gravity
 out of them, a base may stand otherwise than its file says. Each is the model of the same base
 parameters along other rows, or under other gravity. What fits to all rows leave proposes; what
-decides is the evidence of the rows under broad priors, of each of them beside the same noise and
-the same smooth functions, so that what is missing anyway cannot vote. Held-out logs choose none,
+decides is by how much it falls beside the same smooth functions, so that what is missing anyway
+cannot vote, of as many rows as tell something new. Held-out logs choose none,
 and masses of the file neither: one unit of all columns is none of these, since a linear model
 cannot tell it from other masses.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import cached_property, partial
-from itertools import combinations, pairwise, product
+from functools import cache, cached_property, partial
+from itertools import combinations, product
 
 import numpy as np
 from scipy.optimize import minimize
@@ -25,9 +25,7 @@ from identifiability.effects.inertia import ActuatorInertia
 from identifiability.effects.nominal import gravity_torque
 from identifiability.effects.transmission import Hysteresis
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
-from identifiability.estimation.mixed_model import Group, MixedModel, Term, whitened_information
-from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, rich_noise
-from identifiability.foundation.linalg import NEARLY
+from identifiability.estimation.noise import autocorrelation_time
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.rules import Tolerance
@@ -36,7 +34,6 @@ from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
 from identifiability.quality import MeasuredLogs
 from identifiability.regression.columns import list_candidates
-from identifiability.regression.information import Information
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.rules import RULES
@@ -51,12 +48,8 @@ DELAYS: tuple[Tolerance, ...] = (0.02, 0.05, 0.1, 0.2)
 BETWEEN = np.geomspace(0.3, 3.0, 25)
 #: Logs of what is left by which one alternative is as good as another.
 EVEN: Tolerance = 0.02
-#: Precision beforehand of what is held at zero.
-FIRM: Tolerance = 1e12
-#: Most directions of what may be missing at a joint, and rows for each of them.
-SMOOTH = (60, 6)
-#: Sizes of smooth functions that are tried, relative to the torque of their joint.
-SIZES = np.geomspace(1e-4, 1.0, 5)
+#: Of what may be missing at a joint directions count that are so strong, beside the strongest.
+STRONG: Tolerance = 0.03
 
 
 @frozen
@@ -157,16 +150,14 @@ def find_alternative(logs: MeasuredLogs) -> Alternative | None:
         if gain > 0 and error <= RULES.alternative_error:
             found.append((gain, replace(a, error=error)))
     # Of what is as good the first is taken.
-    first = sorted(found, key=lambda x: -x[0])[:JUDGED]
-    judged = [rows.refine(a) for _, a in first]
+    judged = [rows.refine(a) for _, a in sorted(found, key=lambda x: -x[0])[:JUDGED]]
     if not judged:
         return None
-    given, *each = rows.judge([rows.plain, *judged])
-    price = 0.5 * np.log(rows.data.sum())
-    odds = np.array(each) - given - price * np.array([a.free for a in judged])
-    best = int(np.argmax(odds > odds.max() - 1.0))
-    nats = float(odds[best])
-    return replace(judged[best], nats=nats) if nats >= RULES.alternative_nats else None
+    new, given = rows.count(judged[0]), rows.fit(rows.plain, beside=True)
+    price = 0.5 * float(np.log(rows.data.sum()))
+    odds = [float(new @ (given - rows.fit(a, beside=True))) - price * a.free for a in judged]
+    best = int(np.argmax(np.array(odds) > max(odds) - 1.0))
+    return replace(judged[best], nats=odds[best]) if odds[best] >= RULES.alternative_nats else None
 
 
 class _Rows:
@@ -184,13 +175,11 @@ class _Rows:
         self.parts = self.seen.X[..., None]
         g, size = self.robot.gravity, float(np.linalg.norm(self.robot.gravity))
         if size and "rigid_body" in self.structure.model.names:
-            away = np.where(g > 0, -size, size)  # with the given one they tell what has no weight
-            X = np.stack([self._look(self.robot.turned(a)).X for a in np.diag(away)], 3)
-            bare = (self.seen.X - X @ (g / away))[..., None] / (1.0 - (g / away).sum())
-            self.parts = np.concatenate([bare, (X - bare) / away], 3)
+            bare = self._look(weightless(self.robot)).X
+            axes = [self._look(self.robot.turned(a)).X - bare for a in size * np.eye(3)]
+            self.parts = np.stack([bare, *(x / size for x in axes)], 3)
         same = np.arange(n), np.ones(n), np.zeros(n), np.zeros(n, bool)
         self.plain = Alternative("", "", *same, g)
-        self._moved = {0.0: self.seen.y}
         #: Of the log [s].
         self.step = float(np.median(np.diff(self.seen.pieces[0].motion.t)))
 
@@ -298,46 +287,67 @@ class _Rows:
 
     # What fits to all rows leave of each column of the log.
 
+    def _seen_at(self, j: int, rows: Array, beside: bool) -> Array:
+        """Return rows (N, m) of the data of a joint, or what smooth functions leave of them."""
+        own = self.data[:, [j]] * rows
+        if beside:
+            U, gone = self._smooth[j]
+            own -= U @ (gone[:, None] * (U.T @ own))
+        return own
+
     @cached_property
-    def _products(self) -> tuple[Array, Array]:
-        """Products of the parts of each joint (n, 4, b, 4, b), and with each column of torque."""
-        own = np.where(self.data[:, :, None, None], self.parts, 0.0)
-        n, (b, k) = own.shape[1], own.shape[2:]
-        flat = np.transpose(own, (1, 0, 3, 2)).reshape(n, len(own), -1)
-        with_torque = np.swapaxes(np.swapaxes(flat, 1, 2) @ self.seen.y, 1, 2)
-        grams = np.swapaxes(flat, 1, 2) @ flat
-        return grams.reshape(n, k, b, k, b), with_torque.reshape(n, -1, k, b)
+    def _smooth(self) -> list[tuple[Array, Array]]:
+        """Most of what may be missing at each joint: functions, lagging friction, inertia."""
+        some = Hysteresis.name, ActuatorInertia.name
+        families = [f for f in find_families(None) if f.unnamed or f.name in some]
+        motions, present = [piece.motion for piece in self.seen.pieces], self.structure.present
+        listed, _ = list_candidates(self.robot, families, present, motions, fixed=False)
+        missing, out = Missing(with_reversals(self.robot, listed, present), self.seen), []
+        for j, acting in enumerate(missing.acting):
+            Z = np.stack([missing.entries[j, k] / missing.scale[k] for k in acting.tolist()], 1)
+            U, size, _ = np.linalg.svd(Z, full_matrices=False)
+            out.append((U, 1.0 - 1.0 / np.hypot(1.0, size / (STRONG * size[0]))))
+        return out
 
-    def _weights(self, a: Alternative) -> Array:
-        """Return by what parts of each joint are multiplied, (n, 1 or 4)."""
-        weight = np.column_stack([np.ones(len(a.lacks)), np.outer(~a.lacks, a.gravity)])
-        return np.asarray(weight[:, : self.parts.shape[3]] / a.factor[:, None])
+    @cache  # noqa: B019 - as long as the rows
+    def _parts(self, j: int, beside: bool) -> tuple[Array, Array]:
+        """Return the parts of a joint (N, b k), and their products."""
+        own = self._seen_at(j, self.parts[:, j].reshape(len(self.data), -1), beside)
+        return own, own.T @ own
 
-    def moved(self, column: int, by: float) -> Array:
-        """Return a column of torque (N,) as it is some time later, moved before any low-pass."""
-        if by in self._moved:
-            return self._moved[by][:, column]
+    @cache  # noqa: B019 - as long as the rows
+    def _torque(self, j: int, by: float, beside: bool) -> Array:
+        """Return all torque (N, n) as data of a joint, some time later, before any low-pass."""
+        if not by:
+            return self._seen_at(j, self.seen.y, beside)
         parts = []
         for piece in self.seen.pieces:
             t = piece.motion.t
             t = np.interp(np.linspace(0, len(t) - 1, len(piece.tau)), np.arange(len(t)), t)
             tau = np.column_stack([np.interp(t + by, t, x) for x in piece.tau.T])
             parts.append(replace(piece, tau=tau).torque)
-        self._moved[by] = np.concatenate(parts)[self.seen.seen]
-        return self._moved[by][:, column]
+        return self._seen_at(j, np.concatenate(parts)[self.seen.seen], beside)
 
-    def fit(self, a: Alternative) -> Array:
-        """Return logs of what is left of each column of the log over its own scale, (n,).
+    def _weights(self, a: Alternative) -> Array:
+        """Return by what parts of each joint are multiplied, (n, 1 or 4)."""
+        weight = np.column_stack([np.ones(len(a.lacks)), np.outer(~a.lacks, a.gravity)])
+        return np.asarray(weight[:, : self.parts.shape[3]] / a.factor[:, None])
+
+    def _torque_of(self, a: Alternative, j: int, beside: bool) -> Array:
+        return self._torque(j, float(a.late[j]), beside)[:, a.order[j]]
+
+    def _solve(self, a: Alternative, beside: bool) -> tuple[Array, Array]:
+        """Return values (b,), and the squares that they leave of each joint's torque (n,).
 
         Friction and rotor inertia are not negative; joints are weighed by what is left of them.
         """
-        w, (grams, crosses) = self._weights(a), self._products
-        A = np.einsum("ja,japbq,jb->jpq", w, grams, w, optimize=True)
-        h = np.einsum("ja,jap->jp", w, crosses[np.arange(len(w)), a.order])
-        square = np.einsum("nj,nj->j", self.data, self.seen.y[:, a.order] ** 2)
-        for j in np.flatnonzero(a.late).tolist():
-            y = self.data[:, j] * self.moved(int(a.order[j]), float(a.late[j]))
-            h[j], square[j] = (self.parts[:, j] @ w[j]).T @ y, y @ y
+        w, (b, k), n = self._weights(a), self.parts.shape[2:], len(a.lacks)
+        A, h, square = np.empty((n, b, b)), np.empty((n, b)), np.empty(n)
+        for j, own in enumerate(w):
+            rows, gram = self._parts(j, beside)
+            y = self._torque_of(a, j, beside)
+            A[j] = np.einsum("a,paqb,b->pq", own, gram.reshape(b, k, b, k), own, optimize=True)
+            h[j], square[j] = (y @ rows).reshape(b, k) @ own, y @ y
         scale = self.variation[a.order] * np.maximum(self.data.sum(0), 1)
         weight = 1.0 / scale
         for _ in range(3):
@@ -345,82 +355,22 @@ class _Rows:
             x = _solve(G, g, self.structure.base.nonnegative)
             left = np.maximum(square - 2.0 * h @ x + (A @ x) @ x, 1e-9 * scale)
             weight = 1.0 / left
-        logs: Array = 0.5 * np.log(left / scale)[np.argsort(a.order)]
-        return logs
+        return x, left / scale
 
-    # The judge.
+    def fit(self, a: Alternative, beside: bool = False) -> Array:
+        """Return logs of what is left of each column of the log over its own scale, (n,)."""
+        return np.asarray(0.5 * np.log(self._solve(a, beside)[1])[np.argsort(a.order)])
 
-    @cached_property
-    def _smooth(self) -> list[Array]:
-        """What may be missing at each joint, (N, q): functions, lagging friction, inertia."""
-        some = Hysteresis.name, ActuatorInertia.name
-        families = [f for f in find_families(None) if f.unnamed or f.name in some]
-        motions, present = [piece.motion for piece in self.seen.pieces], self.structure.present
-        listed, _ = list_candidates(self.robot, families, present, motions, fixed=False)
-        missing = Missing(with_reversals(self.robot, listed, present), self.seen)
-        unit = np.linalg.norm(self.seen.y, axis=0)
-        most, out = min(len(self.seen.y) // SMOOTH[1], SMOOTH[0]), []
-        for j, acting in enumerate(missing.acting):
-            Z = np.stack([missing.entries[j, k] / missing.scale[k] for k in acting.tolist()], 1)
-            U, size, _ = np.linalg.svd(Z / unit[j], full_matrices=False)
-            out.append(U[:, :most] * size[:most])
-        return out
-
-    def judge(self, judged: Sequence[Alternative]) -> list[float]:
-        """Return the log evidence of models beside one noise."""
-        joints = [np.argsort(a.order).tolist() for a in judged]
-        data = np.logical_and.reduce([self.data[:, own] for own in joints])
-        runs, noise = JointRuns.of(self.seen.runs.each[0], data), []
-        for c, stretches in enumerate(runs.each):
-            pairs = zip(judged, joints, strict=True)
-            X = np.hstack([self.parts[:, own[c]] @ self._weights(a)[own[c]] for a, own in pairs])
-            blocks = [X[:, X.any(0)], self._smooth[joints[0][c]]]
-            own = rich_noise(blocks, self.seen.y[:, c], stretches)
-            exact = JointNoise(np.empty(0), NEARLY * float(np.sqrt(self.variation[c])))
-            noise.append(own if np.isfinite(own.sigma) else exact)
-        return [self._evidence(a, tuple(noise), runs, data) for a in judged]
-
-    def _evidence(self, a: Alternative, noise: ARNoise, runs: JointRuns, data: np.ndarray) -> float:
-        b, w = self.parts.shape[2], self._weights(a)
-        rows: list[Array] = []
-        size = np.zeros(b)
-        for c, j in enumerate(np.argsort(a.order).tolist()):
-            X, y = self.parts[:, j] @ w[j], self.moved(c, float(a.late[j]))
-            own = np.column_stack([X, self._smooth[j], y]) * data[:, [c]]
-            length = float(np.linalg.norm(own[:, -1])) or 1.0
-            size += (own[:, :b] ** 2).sum(0) / length**2
-            own[:, b:-1] *= length
-            rows.append(own)
-        for own in rows:
-            own[:, :b] /= np.where(size > 0, np.sqrt(size), 1.0)
-        ends = b + np.cumsum([0, *(own.shape[1] - 1 - b for own in rows)])
-        columns = [
-            np.concatenate([np.arange(b), np.arange(start, stop), ends[-1:]])
-            for start, stop in pairwise(ends.tolist())
+    def count(self, a: Alternative) -> Array:
+        """Return how many rows of each column of the log tell something new, (n,)."""
+        w, (b, k), (x, _) = self._weights(a), self.parts.shape[2:], self._solve(a, beside=True)
+        left = [
+            self._torque_of(a, j, beside=True)
+            - self._parts(j, beside=True)[0].reshape(-1, b, k) @ own @ x
+            for j, own in enumerate(w)
         ]
-        white = whitened_information(columns, rows, noise, runs, [0, len(data)])
-        nonnegative = self.structure.base.nonnegative
-        return max(_evidence(white, nonnegative, size)[0] for size in SIZES)
-
-
-def _evidence(products: Information, nonnegative: np.ndarray, size: float) -> tuple[float, Array]:
-    """Return the log evidence of whitened rows, and values of their columns (m,).
-
-    Columns of the model (b,) have values of unit variance beforehand, smooth functions those of a
-    size. A column that would be negative is held at zero.
-    """
-    b, prior = len(nonnegative), np.ones(len(nonnegative))
-    smooth = Term(Group("", "", (np.arange(b, products.size),), 0.0), 0, size**2, 0.0)
-    while True:
-        model = MixedModel(products, b, (), np.ones(products.size), np.diag(prior))
-        s = model.solve((smooth,))
-        negative = nonnegative & (s.value[:b] < 0) & (prior < FIRM)
-        if not negative.any():
-            break
-        prior[negative] = FIRM
-    last = np.array([products.size])
-    square = products.between(last, last).item()
-    return s.log_likelihood + 0.5 * float(np.log(prior).sum() - square), s.value
+        new = self.data.sum(0) / autocorrelation_time(np.column_stack(left))
+        return np.asarray(new[np.argsort(a.order)])
 
 
 def _solve(G: Array, g: Array, nonnegative: np.ndarray) -> Array:

@@ -20,7 +20,7 @@ from identifiability.estimation.prediction import Prediction, TorqueUncertainty
 from identifiability.foundation.answers import Answer, Column, Table, frame_table
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.engines import Engine, one_thread
-from identifiability.foundation.errors import IdentifiabilityError, RobotError
+from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import BASE, Array, shorten_paths
 from identifiability.foundation.options import Expected, OptionError, checked
@@ -29,7 +29,7 @@ from identifiability.foundation.rounding import digits, error_text, format_count
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
-from identifiability.logs.commands import has_commands
+from identifiability.logs.commands import has_commands, of_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
@@ -51,15 +51,6 @@ from identifiability.workflows.answers import answer_next, answer_quality, with_
 from identifiability.workflows.commands import EXPORT, given_paths, name_logs, source_name
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Logs, Session, in_memory, read_recordings
-
-# `TorquePrediction`: the torque of a fitted model along logs, beside the measured one.
-
-
-def correlation_of(covariance: Array) -> Array:
-    """Return the correlation matrix of a covariance; NaN where a variance is zero or unknown."""
-    sd = np.sqrt(np.where(np.diag(covariance) > 0, np.diag(covariance), np.nan))
-    out: Array = covariance / np.outer(sd, sd)
-    return out
 
 
 def state_missing(functions: Sequence[str]) -> tuple[str, ...]:
@@ -306,8 +297,9 @@ class Predicts(ABC):
         Near −1 the sum of two parameters is known better than either, near 1 their difference.
         """
         covariance = self.covariance_frame()
-        covariance[:] = correlation_of(covariance.to_numpy())
-        return covariance
+        variance = np.diag(covariance)
+        sd = np.sqrt(np.where(variance > 0, variance, np.nan))
+        return covariance.div(sd, axis=0).div(sd, axis=1)
 
     def predict(self, logs: Logs, *, engine: Engine | None = None) -> TorquePrediction:
         """Return the torque of the model to use along logs, with its intervals.
@@ -731,33 +723,28 @@ class PositionPrediction(Result):
     hints: tuple[str, ...] = ()
 
     @cached_property
-    def _slides(self) -> np.ndarray:
-        """Which joints slide, (n,) bool."""
-        return np.array([self.robot.is_prismatic(int(k)) for k in self.robot.actuated], bool)
-
-    @property
     def alike(self) -> np.ndarray:
         """Which joints turn, or if none does, slide, (n,) bool: what errors are told of."""
-        return self._slides if self._slides.all() else ~self._slides
+        slides = np.array([self.robot.is_prismatic(int(k)) for k in self.robot.actuated], bool)
+        return slides if slides.all() else ~slides
 
     @property
     def unit(self) -> str:
         """Of a thousandth of `totals`: mrad, or mm where every joint slides."""
-        return "mm" if self._slides.all() else "mrad"
+        return "mm" if self.robot.is_prismatic(int(self.robot.actuated[self.alike][0])) else "mrad"
 
     @property
     def totals(self) -> Array:
         """Error of each run over these joints (rms), (runs,)."""
-        return self._over_joints("errors")
+        return self._over_joints([run.errors for run in self.runs])
 
     @property
     def window_totals(self) -> Array:
         """The same over windows of a second."""
-        return self._over_joints("window_errors")
+        return self._over_joints([run.window_errors for run in self.runs])
 
-    def _over_joints(self, which: str) -> Array:
-        each = np.array([getattr(run, which)[self.alike] for run in self.runs])
-        return np.asarray(np.sqrt(np.mean(each**2, axis=1)))
+    def _over_joints(self, errors: list[Array]) -> Array:
+        return np.asarray(np.sqrt(np.mean(np.array(errors)[:, self.alike] ** 2, axis=1)))
 
     def answers(self) -> tuple[Answer, ...]:
         """Return by how much positions err, and what moved the robots, and when."""
@@ -838,6 +825,75 @@ def _driven(result: PositionPrediction) -> Answer:
     found = any(run.found for run in result.runs)
     text = "Found from these logs: with it positions err least." if found else "As it is stated."
     return Answer("When do commands act?", "; ".join(told), text, "blue")
+
+
+@frozen
+class Moved:
+    """How far rollouts of a fitted robot are off, beside those of the file's.
+
+    Attributes
+    ----------
+    found : PositionPrediction
+        Of both, along logs of commands.
+    unseen : bool
+        Whether none of them was fitted.
+    """
+
+    found: PositionPrediction
+    unseen: bool
+
+    @staticmethod
+    def of(
+        robot: Robot, values: Mapping[str, float], fitted: Sequence[Log], held_out: Sequence[Log]
+    ) -> Moved | None:
+        """Return it on unseen logs of commands, or else on fitted ones.
+
+        None where there is no such log, or the robot cannot be rolled out.
+
+        Parameters
+        ----------
+        robot : Robot
+            With the file's values.
+        values : mapping
+            The fitted standard parameters by name.
+        fitted, held_out : sequence of Log
+        """
+        sides = [
+            [x.select(robot.joints) for x in own if of_commands(x)] for own in (held_out, fitted)
+        ]
+        logs = sides[0] or sides[1]
+        if not (logs and values):
+            return None
+        try:
+            runs = tuple(_move(robot, "", own, logs) for own in ({}, values))
+        except RobotError:
+            return None
+        return Moved(PositionPrediction(robot=robot, logs=tuple(logs), runs=runs), bool(sides[0]))
+
+    @property
+    def statement(self) -> str:
+        """The errors in one sentence."""
+        file, own = (
+            f"errs by {1e3 * x:.3g} {self.found.unit} (rms)" if np.isfinite(x) else "diverges"
+            for x in self.found.totals
+        )
+        logs = listing([log.name for log in self.found.logs], 3)
+        of = "not fitted" if self.unseen else "fitted"
+        return f"Moved by the commands of {logs} ({of}), the fitted robot {own}, the file's {file}."
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as JSON has it."""
+        robot, (file, own) = self.found.robot, self.found.totals.tolist()
+        gains = {} if robot.servo is None else robot.servo.by_joint(robot.joints)
+        return {
+            "statement": self.statement,
+            "logs": [log.name for log in self.found.logs],
+            "unseen": self.unseen,
+            "delays": list(self.found.runs[1].delays),
+            "error": own if np.isfinite(own) else None,
+            "error_file": file if np.isfinite(file) else None,
+            **({"gains": gains} if gains else {}),
+        }
 
 
 @checked

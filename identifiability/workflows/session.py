@@ -29,7 +29,6 @@ from identifiability.estimation.estimate import (
     Method,
     Outliers,
     find_estimator,
-    settle_noise,
     weigh_outliers,
 )
 from identifiability.estimation.estimator import Estimator
@@ -60,14 +59,12 @@ from identifiability.logs.prepare.dataset import explain_silence
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.physical.cad_prior import WEAK, share_weight
-from identifiability.physical.feasibility import find_nearest
-from identifiability.physical.fitted_model import FittedModel
+from identifiability.physical.cad_prior import share_weight
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.quality import MeasuredLogs, Reading, find_always, find_oddities, mend
 from identifiability.quality.registry import Does, check
 from identifiability.regression.information import Information, gather_information
-from identifiability.regression.reduction import LadderSource, full_model
+from identifiability.regression.reduction import LadderSource
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
@@ -76,7 +73,6 @@ from identifiability.workflows.alternatives import Alternative, find_alternative
 
 if TYPE_CHECKING:
     from identifiability.estimation.rollouts import Rollouts
-    from identifiability.workflows.commanded import Moved
 
 LogLike = Log | str | Path | pd.DataFrame | Mapping[str, Any]
 Logs = Annotated[
@@ -136,14 +132,6 @@ class Recordings:
             Finding("commands", text=f"{h} {said}") if h in own else h for h in self.hints
         )
         return replace(self, fitted=fitted, held_out=held_out, hints=hints)
-
-    def measure_rollouts(self, robot: Robot, values: Mapping[str, float]) -> Moved | None:
-        """Return how far rollouts of a fitted robot are off, where there are logs of commands."""
-        if not self.commanded:
-            return None
-        from identifiability.workflows.commanded import measure_rollouts  # noqa: PLC0415 - MuJoCo
-
-        return measure_rollouts(robot, values, self.fitted, self.held_out)
 
 
 @contextmanager
@@ -508,63 +496,15 @@ class Session:
             return self.settled
         return settle_cutoff(self.structure.robot, self.recordings.fitted, self.preparation)
 
-    def follow(
-        self, rng: np.random.Generator, values: Mapping[str, float] | None = None
-    ) -> Session:
-        """Return the session with calibrated torque of the commands of fitted logs.
-
-        What moves by them has the file's bodies, or those of the standard parameters that were
-        fitted to such torque before.
-        """
+    def follow(self, rng: np.random.Generator) -> Session:
+        """Return the session with torque of commands, calibrated on rollouts of a fitted robot."""
         if not self.recordings.commanded:
             return self
         from identifiability.workflows.commanded import follow_commands  # noqa: PLC0415 - MuJoCo
 
         self.say("rolling out commands", 0.1)
-        what = self.recordings, self.structure, self.how, rng
-        return replace(self, recordings=follow_commands(*what, values or {}), settled=self.how)
-
-    def follow_fitted(
-        self,
-        rng: np.random.Generator,
-        method: Method = "wls",
-        kind: Kind = "auto",
-        cad_weight: float | None = share_weight(PHYSICAL_RULES.body_within),
-    ) -> Session:
-        """Return logs with torque of commands, calibrated on rollouts of a robot fitted to it.
-
-        Bodies that the file weighs wrongly move the delay with which its rollouts follow, and
-        servos that are stiff make much torque of that: so it is found again with the bodies fitted,
-        where rollouts then err less.
-        """
-        found = self.follow(rng)
-        start = found.recordings.rolled
-        if start is None:
-            return found
-        if start.delay_errors.any():  # not where delays are known
-            better = found._with_fitted_bodies(rng, method, kind, cad_weight)
-            after = None if better is None else better.recordings.rolled
-            if better and after and np.mean((after.errors / start.errors) ** 2) < 1:
-                found = better
-        given = found.recordings
-        from identifiability.workflows.commanded import calibrate  # noqa: PLC0415 - MuJoCo
-
-        unseen = calibrate(self.structure, given.held_out, given.values, self.how, rng, {})
-        return replace(found, recordings=replace(given, held_out=unseen))
-
-    def _with_fitted_bodies(
-        self, rng: np.random.Generator, method: Method, kind: Kind, cad_weight: float | None
-    ) -> Session | None:
-        """Return the session with torque calibrated on fitted bodies; None where none are."""
-        opening = replace(self, recordings=replace(self.recordings, held_out=())).open()
-        if opening.silence or opening.misread:
-            return None
-        rows = self.weigh(opening, method, kind)
-        estimator = settle_noise(rows.estimator, rows.information)
-        submodel = full_model(rows.opening.structure.base)
-        model = FittedModel.of(rows.opening.structure, submodel, rows.information, estimator)
-        values = find_nearest(model, cad_weight or WEAK).parameters()
-        return self.follow(rng, values) if values else None
+        found = follow_commands(self.recordings, self.structure, self.how, rng)
+        return replace(self, recordings=found, settled=self.how)
 
     def settle(
         self, done: str = "", prepare: Callable[[Log], Dataset] | None = None

@@ -83,8 +83,6 @@ from identifiability.workflows.session import Recordings, state_provenance
 if TYPE_CHECKING:
     from xarray import DataTree
 
-    from identifiability.workflows.commanded import Moved
-
 #: Parameters and logs that a sentence names.
 NAMED = 3
 
@@ -393,9 +391,12 @@ class Laddered(OfStructure, Result, predict.Predicts):
         return state_provenance(self.robot, logs, options["seed"], self.source, options)
 
     @cached_property
-    def moved(self) -> Moved | None:
+    def moved(self) -> predict.Moved | None:
         """How far rollouts of the nearest real robot are off, of logs of commands."""
-        return self.recordings.measure_rollouts(self.robot, self.real_robot["parameters"])
+        logs = self.recordings
+        return predict.Moved.of(
+            self.robot, self.real_robot["parameters"], logs.fitted, logs.held_out
+        )
 
     @cached_property
     def fit(self) -> predict.Fit:

@@ -589,7 +589,7 @@ def analyze(
             session = Session.read(structure, logs, validate, preparation, say, runner)
             commanded = session.recordings.commanded
             share_, cad_prior = settle_prior(prior, cad_prior, commanded)
-            given = session.follow_fitted(streams[0], base, estimator, cad_prior)
+            given = session.follow(streams[0])
             (session, opening), entry = given.settle("analyzed"), source.settle(commanded=commanded)
             try:
                 submodels = build_comparison(entry, opening.structure)

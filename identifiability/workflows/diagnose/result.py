@@ -48,12 +48,11 @@ from identifiability.workflows.commands import (
 )
 from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
 from identifiability.workflows.diagnose.problem import Discrepancy, Gap, Setting
-from identifiability.workflows.predict import Fit, Predicts, settled
+from identifiability.workflows.predict import Fit, Moved, Predicts, settled
 from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 from identifiability.workflows.session import weigh_rows
 
 if TYPE_CHECKING:
-    from identifiability.workflows.commanded import Moved
     from identifiability.workflows.session import Recordings
 
 
@@ -331,7 +330,7 @@ class Diagnosis(Result, Setting, Predicts):
         """Return the diagnosis with how far rollouts are off, where logs are of commands."""
         if not logs.commanded:
             return self
-        moved = logs.measure_rollouts(self.robot, self.physical["parameters"])
+        moved = Moved.of(self.robot, self.physical["parameters"], logs.fitted, logs.held_out)
         said = () if moved is None else (moved.statement,)
         return replace(self, moved=moved, hints=(*said, *self.hints))
 

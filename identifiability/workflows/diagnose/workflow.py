@@ -25,7 +25,6 @@ from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
-from identifiability.physical.cad_prior import share_weight
 from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import (
     USUAL_EFFECTS,
@@ -166,8 +165,7 @@ def diagnose(
             near = 0.0
         structure, known = _settle_values(robot, model, fixed, commanded=commanded)
         session = Session(structure, given, preparation, say, engine or Serial())
-        weight = share_weight(near) if near else None
-        given = session.follow_fitted(np.random.default_rng(seed), cad_weight=weight).recordings
+        given = session.follow(np.random.default_rng(seed)).recordings
         asked = _Asked(session, effects, known, streams[0], near, fixed is not False, seed)
         found, opening = asked.look(given)
         later = common_delay(found)

@@ -160,7 +160,7 @@ def prune(
             session = Session.read(structure, logs, validate, preparation, say, runner)
             commanded = session.recordings.commanded
             share_, cad_prior = settle_prior(prior, cad_prior, commanded)
-            session = session.follow_fitted(streams[0], base, estimator, cad_prior)
+            session = session.follow(streams[0])
             session, opening = session.settle("pruned")
             rows = session.weigh(opening, base, estimator)
             start = build_ladder(LadderEntry(models=source.entry.models[:1]), session.structure)[0]
