@@ -86,7 +86,6 @@ RULES = tuple(
         ("acc accel accelerometer acceleration linear_acceleration a", "base.acc"),
         ("gyro gyroscope angular_velocity angular w omega ang_vel", "base.gyro"),
         ("pos position p", "base.pos"),
-        ("vel velocity linear linear_velocity lin_vel v", "base.vel"),
         ("quat quaternion orientation q", "base.quat"),
         ("s sec secs second seconds", "", "time", 1.0),
         ("ms msec millis milliseconds", "", "time", 1e-3),

@@ -416,7 +416,7 @@ def _prepare_rows(
     LogError, ClosureError
     """
     log, origin, own = rows
-    log = joint_log(robot, plan.mend(log, origin))
+    log = joint_log(robot, plan.mend(log))
     q, dq, ddq = plan.derive(log, origin)
     part = slice(own[0] - origin, own[1] - origin)
     try:

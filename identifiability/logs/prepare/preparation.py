@@ -6,7 +6,7 @@ where joints stand.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -25,7 +25,6 @@ from identifiability.logs.base import ACC, GYRO
 from identifiability.logs.commands import of_commands
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.gaps import Gaps, Grid, StaleRule, fill
-from identifiability.logs.log import join_logs
 from identifiability.logs.rows import WINDOW
 from identifiability.logs.rules import RULES
 from identifiability.logs.spectrum import (
@@ -315,26 +314,16 @@ class Plan:
             sd *= 2 * np.pi * np.sqrt(2 / 3 * self.step * (self.cutoff or 0.0) ** 3)
         return sd
 
-    def mend(self, log: Log, origin: int = 0) -> Log:
-        """Return a log, as it was recorded, with repeated values interpolated.
-
-        Parameters
-        ----------
-        log : Log
-        origin : int
-            Row of its first sample in the whole log.
-        """
-        if self.stale is None or self.grid is None:
-            return log if self.stale is None else self.stale.mend(log)
-        return join_logs(
-            [self.stale.mend(log.rows(a, b)) for a, b in self.stretches(len(log), origin)]
-        )
+    def mend(self, log: Log) -> Log:
+        """Return a log, as it was recorded, with repeated values interpolated."""
+        return log if self.stale is None else self.stale.mend(log)
 
     def derive(self, log: Log, origin: int = 0) -> tuple[Array, Array, Array]:
         """Return position, velocity and acceleration of the actuated joints, each (N, n).
 
         The computed derivatives of a joint that never moves are zero: the sign of what rounding
-        leaves there would pass for friction, another one on every processor.
+        leaves there would pass for friction, another one on every processor. Those of a stretch
+        that is too short are zero, too: it will be left out.
 
         Parameters
         ----------
@@ -342,32 +331,31 @@ class Plan:
         origin : int
             Row of its first sample in the whole log.
         """
-        if log.base is not None:
-            return self._derive_floating(log, origin)
         if self.cutoff is None:
             assert log.dq is not None
             assert log.ddq is not None
-            return log.q, log.dq, log.ddq
-        stretches = self.stretches(len(log), origin)
-        parts = [self._filter(log.rows(a, b), origin + a) for a, b in stretches]
-        q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
-        moves = ~signals.never_moves(log.q.min(0), log.q.max(0))
-        return q, np.where(moves, dq, 0.0), np.where(moves, ddq, 0.0)
-
-    def _derive_floating(self, log: Log, origin: int) -> tuple[Array, Array, Array]:
-        """Return the motion of joints, those first that stand for the base."""
-        assert log.base is not None
-        q, dq, ddq = (np.array(x) for x in self.derive(replace(log, base=None), origin))
-        stretches = self.stretches(len(log), origin)
-        for a, b in stretches:
-            at = np.arange(b - a) if self.grid is None else self.grid.places(origin + a, origin + b)
-            if self.grid is not None and b - a < self.grid.least:
-                continue
+            q, dq, ddq = log.q, log.dq, log.ddq
+        else:
+            q, (dq, ddq) = np.array(log.q), np.zeros((2, *log.q.shape))
+            for rows, at in self._stretches(len(log), origin):
+                x = signals.lowpass(fill(log.q[rows], at), self.step, self.cutoff)
+                if log.dq is None:
+                    v = signals.differentiate(x, self.step)
+                else:
+                    v = signals.lowpass(fill(log.dq[rows], at), self.step, self.cutoff)
+                q[rows], dq[rows] = x[at], v[at]
+                ddq[rows] = signals.differentiate(v, self.step)[at]
+            still = signals.never_moves(log.q.min(0), log.q.max(0))
+            dq[:, still] = ddq[:, still] = 0.0
+        if log.base is None:
+            return q, dq, ddq
+        q, dq, ddq = np.array(q), np.array(dq), np.array(ddq)
+        for rows, at in self._stretches(len(log), origin):
             # Not low-passed: it enters the columns linearly, and those are, as torque is.
-            record = fill(log.base[a:b, :6], at)
+            record = fill(log.base[rows, :6], at)
             alpha = signals.differentiate(record[:, GYRO], self.step)[at]
-            dq[a:b, 3:6] = record[at, GYRO]
-            ddq[a:b, :SIX] = base_acceleration(record[at, ACC], record[at, GYRO], alpha)
+            dq[rows, 3:6] = record[at, GYRO]
+            ddq[rows, :SIX] = base_acceleration(record[at, ACC], record[at, GYRO], alpha)
         return q, dq, ddq
 
     def smooth_speed(self, log: Log, origin: int = 0) -> Array | None:
@@ -381,11 +369,22 @@ class Plan:
         """
         if self.smoothing is None or log.dq is None:
             return None
-        parts = []
-        for a, b in self.stretches(len(log), origin):
-            at = np.arange(b - a) if self.grid is None else self.grid.places(origin + a, origin + b)
-            parts.append(self.smoothing.apply(fill(log.dq[a:b], at), self.step)[at])
-        return np.concatenate(parts)
+        out = np.zeros((len(log), 2, log.dq.shape[1]))
+        for rows, at in self._stretches(len(log), origin):
+            out[rows] = self.smoothing.apply(fill(log.dq[rows], at), self.step)[at]
+        return out
+
+    def _stretches(self, rows: int, origin: int) -> Iterator[tuple[slice, np.ndarray]]:
+        """Yield the stretches without a long gap of so many rows from `origin` on, but short ones.
+
+        With how many steps after its first each row of them was sampled.
+        """
+        if self.grid is None:
+            yield slice(0, rows), np.arange(rows)
+            return
+        for a, b in self.grid.stretches(origin, origin + rows):
+            if b - a >= self.grid.least:
+                yield slice(a, b), self.grid.places(origin + a, origin + b)
 
     def lacking(self, unmeasured: np.ndarray) -> np.ndarray:
         """Return where torque is no data, from where it was not measured, (N, n) bool.
@@ -397,27 +396,6 @@ class Plan:
             return unmeasured
         short = _reached(~_reached(~unmeasured, self.factor // 2), self.factor // 2) & unmeasured
         return _reached(short, self.factor)
-
-    def stretches(self, rows: int, origin: int) -> list[tuple[int, int]]:
-        """Return the stretches without a long gap of so many rows from `origin` on."""
-        return [(0, rows)] if self.grid is None else self.grid.stretches(origin, origin + rows)
-
-    def _filter(self, log: Log, origin: int) -> tuple[Array, Array, Array]:
-        """Return the motion of a stretch; short gaps are filled before and forgotten after."""
-        assert self.cutoff is not None
-        if self.grid is None:
-            at = np.arange(len(log))
-        elif len(log) < self.grid.least:  # it will be left out
-            return log.q, np.zeros_like(log.q), np.zeros_like(log.q)
-        else:
-            at = self.grid.places(origin, origin + len(log))
-        q = signals.lowpass(fill(log.q, at), self.step, self.cutoff)
-        if log.dq is None:
-            dq = signals.differentiate(q, self.step)
-        else:
-            dq = signals.lowpass(fill(log.dq, at), self.step, self.cutoff)
-        ddq = signals.differentiate(dq, self.step)
-        return (q, dq, ddq) if len(q) == len(log) else (q[at], dq[at], ddq[at])
 
 
 def _reached(x: np.ndarray, reach: int) -> np.ndarray:

@@ -324,15 +324,11 @@ def sample_anew(
     robot: Robot, motion: Sequence[MotionErrors], rng: np.random.Generator
 ) -> list[Dataset]:
     """Return the samples of all logs with new errors, and instruments as the logs have them."""
-    found = [m.measure(robot, rng) for m in motion]
     out = []
-    for m, (log, own) in zip(motion, found, strict=True):
-        others = [s for _, s in found if s is not own]
-        has = own
-        if m.instrumented:
-            found_one = add_instrument(robot, log, own, others, always=True)
-            has = found_one or replace(own, instrument=own.motion)
-        out.append(has)
+    for m in motion:
+        log, own = m.measure(robot, rng)
+        again = add_instrument(robot, log, own, always=True) if m.instrumented else own
+        out.append(again or replace(own, instrument=own.motion))
     return out
 
 
