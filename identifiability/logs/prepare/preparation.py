@@ -25,6 +25,7 @@ from identifiability.logs.base import ACC, GYRO
 from identifiability.logs.commands import of_commands
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.gaps import Gaps, Grid, StaleRule, fill
+from identifiability.logs.log import join_logs
 from identifiability.logs.rows import WINDOW
 from identifiability.logs.rules import RULES
 from identifiability.logs.spectrum import (
@@ -314,9 +315,19 @@ class Plan:
             sd *= 2 * np.pi * np.sqrt(2 / 3 * self.step * (self.cutoff or 0.0) ** 3)
         return sd
 
-    def mend(self, log: Log) -> Log:
-        """Return a log, as it was recorded, with repeated values interpolated."""
-        return log if self.stale is None else self.stale.mend(log)
+    def mend(self, log: Log, origin: int = 0) -> Log:
+        """Return a log, as it was recorded, with repeated values interpolated.
+
+        Parameters
+        ----------
+        log : Log
+        origin : int
+            Row of its first sample in the whole log.
+        """
+        if self.stale is None or self.grid is None:
+            return log if self.stale is None else self.stale.mend(log)
+        ends = self.grid.stretches(origin, origin + len(log))
+        return join_logs([self.stale.mend(log.rows(a, b)) for a, b in ends])
 
     def derive(self, log: Log, origin: int = 0) -> tuple[Array, Array, Array]:
         """Return position, velocity and acceleration of the actuated joints, each (N, n).
@@ -623,7 +634,10 @@ def settle_cutoff(
         how = _settle(robot, computed, how)
     if how.keep_rest or not logs:
         return how
-    stays = [_find_stays(robot, log, x, how) for log, x in zip(logs, raw, strict=True)]
+    stays = [
+        Stays.of(_plan_motion(log, x, how), [joint_log(robot, w) for w in x.logs], x.origins)
+        for log, x in zip(logs, raw, strict=True)
+    ]
     return SettledPreparation(**{**vars(how), "stands": ever_stand(stays)})
 
 
@@ -663,9 +677,8 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
     filtered = _is_filtered(log, how)
     raw = Windows.of(log, mend=filtered)
     windows, stale = [joint_log(robot, w) for w in raw.logs], raw.stale
-    notes: list[str] = []
-    if has_motors(robot, raw.logs[0]):
-        notes.append("motor positions and torques were converted to the joint side")
+    notes = ["motor positions and torques were converted to the joint side"]
+    notes *= has_motors(robot, raw.logs[0])
     check_units(robot, windows)
     if not (log.torque or log.motion_alone or robot.base is not None):
         raise LogError(
@@ -673,7 +686,7 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
         )
     if filtered and how.cutoff is None:
         how = _settle(robot, [raw], how)
-    plan = _plan_motion(robot, log, raw, how)
+    plan = _plan_motion(log, raw, how)
     if plan.cutoff is None:
         plan = replace(plan, smoothing=_choose_smoothing(windows, plan.step))
     if stale is not None:
@@ -702,13 +715,7 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
     return replace(plan, dwells=dwells, notes=(*plan.notes, *notes))
 
 
-def _find_stays(robot: Robot, log: Log, raw: Windows, how: Preparation) -> Stays:
-    """Return how long joints of a log stay about zero speed."""
-    plan = _plan_motion(robot, log, raw, how)
-    return Stays.of(plan, [joint_log(robot, w) for w in raw.logs], raw.origins)
-
-
-def _plan_motion(robot: Robot, log: Log, raw: Windows, how: Preparation) -> Plan:
+def _plan_motion(log: Log, raw: Windows, how: Preparation) -> Plan:
     """Return how the motion of a log is derived, gap by gap."""
     return plan_gaps(_plan_derivatives(log, raw.gaps, how), raw.gaps, len(log))
 
