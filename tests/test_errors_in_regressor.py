@@ -86,8 +86,8 @@ def test_a_log_without_a_second_record_is_named_and_does_not_stop_the_others(
     logs[1] = replace(logs[1], name="bare")
     monkeypatch.setattr(
         "identifiability.workflows.session.add_instrument",
-        lambda robot, log, samples, others, **how: (
-            None if log.name == "bare" else add_instrument(robot, log, samples, others, **how)
+        lambda robot, log, samples, **how: (
+            None if log.name == "bare" else add_instrument(robot, log, samples, **how)
         ),
     )
     mixed = analyze("3-rps", logs, replicates=20, posterior=False)

@@ -1,4 +1,4 @@
-"""Positions alone, of a motion that is no series: its noise is known, and a repetition helps."""
+"""Positions alone, of a motion that is no series: its noise is known, and is in the intervals."""
 
 from dataclasses import replace
 
@@ -12,7 +12,6 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise
 from identifiability.workflows.analyze import analyze
-from identifiability.workflows.calibrate.world import sample_anew
 
 STEP, SAMPLES = 0.005, 4000
 NOISE = 2e-3
@@ -65,15 +64,3 @@ def test_noise_that_a_cutoff_lets_in_is_in_the_intervals(exact):
     assert np.mean(held) >= 0.95
     assert np.mean(biased) > 0.05  # else nothing would be tested
     assert not analyze("two-link", measure(exact, 0), replicates=0).full.fit.shared.get("bias")
-
-
-def test_two_logs_of_one_motion_are_each_other_s_instruments_also_when_measured_anew(exact):
-    logs = [replace(measure(exact, seed).rows(0, 2500), name=f"run {seed}") for seed in (0, 1)]
-    found = analyze("two-link", logs, preparation=HOW, replicates=0)
-    assert found.to_dict()["estimator"] == "iv"
-    assert all("repetitions" in s.notes[-1] for s in found.samples)
-    at = {v.name: v for v in found.chosen.verdicts}
-    assert abs(at["link1.Iyy"].bias_sigma) > 2
-    measured = [(log, s, HOW) for s, log in zip(found.samples, logs, strict=True)]
-    again = sample_anew(found.robot, measured, np.random.default_rng(0))
-    assert all("repetitions" in s.notes[-1] for s in again)

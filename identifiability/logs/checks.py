@@ -128,7 +128,7 @@ class Clock:
     first, last : float [s]
     usual : float [s]
         The usual step.
-    longest, shortest : float [s]
+    longest : float [s]
         Of all steps.
     odd : (3, m)
         Rows of the steps that are not the usual one, their times and next times [s].
@@ -141,27 +141,26 @@ class Clock:
     last: float
     usual: float
     longest: float
-    shortest: float
     odd: Array
     back: Array
 
     @staticmethod
     def of(t: Array) -> Clock:
         """Return the clock of times (N,) [s]."""
-        ends, odd, back, usual = [np.nan], [np.empty((3, 0))], [np.empty((3, 0))], np.nan
+        odd, back, usual, longest = [np.empty((3, 0))], [np.empty((3, 0))], np.nan, -np.inf
         for a, b in divide_rows(len(t) - 1):
             part = t[a : b + 1]
             steps = np.diff(part)
             if len(steps) and np.isnan(usual):
                 usual = float(np.median(steps))
-            ends += [steps.min(initial=np.inf), steps.max(initial=-np.inf)]
+            longest = max(longest, float(steps.max(initial=-np.inf)))
             every = np.stack([np.arange(a, b), part[:-1], part[1:]])
             # Steps that differ from the usual one by more than this share of it are remembered.
             odd.append(every[:, np.abs(steps - usual) > 0.4 * usual])
             back.append(every[:, ~(steps > 0)][:, :1])
         first, last = (float(t[0]), float(t[-1])) if len(t) else (np.nan, np.nan)
-        return Clock(len(t), first, last, usual, np.nanmax(ends), np.nanmin(ends),
-                     np.concatenate(odd, 1), np.concatenate(back, 1).T)  # fmt: skip
+        every = np.concatenate(odd, 1), np.concatenate(back, 1).T
+        return Clock(len(t), first, last, usual, longest, *every)
 
     def check(self, source: str) -> None:
         """Refuse times that are too few or do not increase.

@@ -25,9 +25,11 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.names import (
     BARE,
     COMMANDED,
+    DIMENSIONS,
     INDEX,
     KINDS,
     SPELLED,
+    UNITS,
     Column,
     find_unit,
     guess_column,
@@ -40,10 +42,6 @@ from identifiability.logs.rules import RULES
 
 if TYPE_CHECKING:
     import pandas as pd
-
-#: A unit of each channel, for sentences.
-EXAMPLES = {"t": "ms", "q": "deg", "q_ref": "deg", "dq": "deg/s", "ddq": "deg/s2", "tau": "Nm"}
-EXAMPLES |= {"dq_ref": "deg/s", "tau_ff": "Nm", "current": "A"}
 
 #: Channels that are angles or their rates, and one degree [rad].
 ANGULAR = ("q", "dq", "ddq", "q_ref", "dq_ref")
@@ -121,11 +119,10 @@ def name_columns(
     every = known.commands or not torque  # beside torque those alone that are called as here
     commands = [g for g in guesses if g.kind in COMMANDS and (every or g.literal)]
     measured = [g for g in guesses if g.kind not in COMMANDS]
-    if not any(g.kind == "q" for g in measured):
-        measured = [replace(g, kind="q") if g.kind == BARE else g for g in measured]
-    if not any(g.kind == "tau" for g in measured):
-        measured = [replace(g, kind="tau", current=True) if g.kind == "current" else g
-                    for g in measured]  # fmt: skip
+    for kind, other in (("q", BARE), ("tau", "current")):
+        if not any(g.kind == kind for g in measured):
+            own = {"kind": kind, "current": other == "current"}
+            measured = [replace(g, **own) if g.kind == other else g for g in measured]
     literal = [g for g in measured if g.literal]
     if _all_there({g.name for g in literal}, known, needed):
         measured = [g for g in measured if g.literal or g.joint in known.locked]
@@ -262,6 +259,7 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
         return replace(column, unit=unit, factor=column.gear * unit.factor)
     unread = unread_unit(name, (*known.motors, *known.joints))
     if unread and name not in dict(known.columns.rules):
+        example = next(u for u, (what, _) in UNITS.items() if what == DIMENSIONS[kind][0])
         gain = (
             f"give what one of it is in N·m or N ([torque] gain = {{{column.joint} = …}} in the "
             f"sidecar) with --map '{name}={column.name}'"
@@ -269,7 +267,7 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
         raise LogError(
             f"{source}: the column '{name}' states the unit '{unread}', which is not known; "
             f"say in which one {column.name} is given, as in --map '{name}={column.name} "
-            f"[{EXAMPLES[kind]}]', or {gain if column.kind == 'tau' else 'correct the header'}."
+            f"[{example}]', or {gain if column.kind == 'tau' else 'correct the header'}."
         )
     factor, offset = column.gear, 0.0
     if kind in ANGULAR and column.joint in known.scales:
@@ -714,7 +712,7 @@ def as_dates(given: pd.Series, start: int) -> pd.Series | None:
         return None
     times = given
     if given.dtype.kind not in "mM":
-        if not given.map(lambda x: isinstance(x, str)).all() or to_numbers(given).notna().any():
+        if not given.map(lambda x: isinstance(x, str)).all() or np.isfinite(to_floats(given)).any():
             return None
         texts = given.str.strip().str.replace(r"(?<=:\d\d),(?=\d+$)", ".", regex=True)
         texts = texts.str.replace(_POINTED, _as_iso, regex=True)
@@ -729,13 +727,6 @@ def as_dates(given: pd.Series, start: int) -> pd.Series | None:
     return pd.Series(times.to_numpy(kind).astype(np.int64) - start)
 
 
-def to_numbers(given: pd.Series) -> pd.Series:
-    """Return a column as numbers; NaN for what is none."""
-    import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
-
-    return pd.to_numeric(given, errors="coerce")
-
-
 def as_times(given: pd.Series, time: Column) -> pd.Series:
     """Return a column of times in seconds; as it is where it holds what is no time."""
     import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
@@ -745,8 +736,8 @@ def as_times(given: pd.Series, time: Column) -> pd.Series:
         return given if dates is None else dates * 1e-9
     if time.factor == 1.0 and not time.offset:
         return given
-    times = to_numbers(given)
-    return given if times.isna().any() else pd.Series(time.scale(times.to_numpy(float)))
+    times = to_floats(given)
+    return given if np.isnan(times).any() else pd.Series(time.scale(times))
 
 
 def _with(naming: Naming, time: Column, *notes: str) -> Naming:

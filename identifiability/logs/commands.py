@@ -130,26 +130,18 @@ def check_commands(log: Log) -> None:
         return
     # A command is followed at some delay up to this one [s].
     most = max(1, round(0.5 / signals.sampling_step(log.t)))
-    for k, joint in enumerate(log.joints):
-        command, moved = log.q_ref[:, k], float(log.q[:, k].std())
-        if max(moved, float(command.std())) < RULES.small:
+    for joint, command, q in zip(log.joints, log.q_ref.T, log.q.T, strict=True):
+        told, moved = float(command.std()), float(q.std())
+        if max(moved, told) < RULES.small:
             continue
-        own = _follows(command, log.q[:, k], most)
-        ratio = float(command.std()) / max(moved, RULES.small)
-        degrees = 0.5 < np.radians(ratio) < 2.0
-        if own > 0.5 and not degrees:
-            continue
-        near = [_follows(command, x, most) for x in log.q.T]
-        best = int(np.argmax(near))
-        other = best != k and near[best] > 0.5
-        meant = f"; '{log.joints[best]}' does" if other else ""
-        if own > 0.5:
-            meant = "; it looks like degrees"
-        raise LogError(
-            f"{log.name}: '{joint}' does not follow its command{meant}: say which column is its "
-            f"command, as in --map 'COLUMN={joint}.cmd', and in which unit; if that is right, its "
-            "servo is too weak for this motion: leave the log out."
-        )
+        degrees = 0.5 < np.radians(told / max(moved, RULES.small)) < 2.0
+        if degrees or _follows(command, q, most) <= 0.5:
+            raise LogError(
+                f"{log.name}: '{joint}' does not follow its command"
+                f"{'; it looks like degrees' if degrees else ''}: say which column is its command, "
+                f"as in --map 'COLUMN={joint}.cmd', and in which unit; if that is right, its servo "
+                "is too weak for this motion: leave the log out."
+            )
 
 
 def _follows(command: Array, q: Array, most: int) -> float:

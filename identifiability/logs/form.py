@@ -63,13 +63,6 @@ class Form:
     lines: int = 0
     notes: tuple[str, ...] = ()
 
-    def plain_text(self, piece: bytes) -> bytes:
-        """Return some lines without comments."""
-        if self.comment and self.comment.encode() in piece:
-            mark = re.escape(self.comment.encode())
-            piece = re.sub(rb"(?m)^[ \t]*" + mark + rb"[^\r\n]*(\r\n|\r|\n|$)", b"", piece)
-        return piece
-
     def split(self, line: str) -> list[str]:
         """Return the fields of a line; one field if one is longer than any table's."""
         return next((fields for _, fields in self.rows([line])), [])

@@ -105,7 +105,7 @@ def find_stale(x: Array, steps: Array) -> np.ndarray:
 
 
 def interpolate(x: Array, stale: np.ndarray) -> Array:
-    """Return x (N, n) with stale samples (N,) bool on the cubic through their four neighbours."""
+    """Return x (N, …) with stale samples (N,) bool on the cubic through their four neighbours."""
     good, out = np.flatnonzero(~stale), x.copy()
     at = np.flatnonzero(stale)
     if not len(at) or len(good) < 4:
@@ -135,7 +135,7 @@ class Gaps:
     usual : float
         What 95 % of the steps without a gap deviate by, as a share of the usual one.
     jitter : float
-        The largest deviation of any step that is no gap, as a share of the usual one.
+        What no step without a gap deviates by more, but for usual ones.
     rows : (m,) int
         Rows after which samples are missing.
     t : (m,) [s]
@@ -181,9 +181,7 @@ class Gaps:
         # deviations.
         gap = ratio - 1 > max((RULES.gap - 1), 2.0 * usual)
         gap &= ~_late(rows, ratio)
-        worst = max(clock.longest, clock.shortest, key=lambda s: abs(s / dt - 1))
-        odd = np.abs(ratio[~gap] - 1)
-        jitter = float(odd.max(initial=0.0)) if len(rows) else abs(worst / dt - 1)
+        jitter = float(np.abs(ratio[~gap] - 1).max(initial=usual))
         length = (then - t)[gap]
         others = max(clock.rows - 1 - len(length), 1)
         drift = (clock.last - clock.first - float(length.sum())) / others / dt - 1
@@ -298,8 +296,7 @@ def fill(x: Array, at: np.ndarray) -> Array:
         return x
     wide, missing = np.zeros((at[-1] + 1, *x.shape[1:])), np.ones(at[-1] + 1, bool)
     wide[at], missing[at] = x, False
-    filled = interpolate(wide.reshape(len(wide), -1), missing)
-    return filled.reshape(wide.shape)
+    return interpolate(wide, missing)
 
 
 def _late(rows: np.ndarray, ratio: Array) -> np.ndarray:

@@ -364,9 +364,10 @@ def _read_log(reading: Reading, pieces: Iterable[Whole]) -> Log:
         gone = fields["unmeasured"] = np.isnan(tau)
         pairs = zip(tau.T, gone.T, strict=True)
         fields["tau"] = np.stack([_bridge(t, x, missing) for x, missing in pairs], 1)
-    if reading.beside is not None and reading.known.base is not None:
-        fields["base"], told = read_base(reading.known.base, reading.beside, reading.source)
-        notes = (*notes, *told)
+    if reading.known.base is not None:
+        beside = reading.known.base, t, reading.beside, reading.source
+        fields["base"], told = read_base(*beside)
+        notes = (*notes, told)
     return Log(
         reading.source,
         naming.joints,

@@ -86,21 +86,16 @@ RULES = tuple(
         ("acc accel accelerometer acceleration linear_acceleration a", "base.acc"),
         ("gyro gyroscope angular_velocity angular w omega ang_vel", "base.gyro"),
         ("pos position p", "base.pos"),
-        ("vel velocity linear linear_velocity lin_vel v", "base.vel"),
         ("quat quaternion orientation q", "base.quat"),
         ("s sec secs second seconds", "", "time", 1.0),
         ("ms msec millis milliseconds", "", "time", 1e-3),
         ("us usec µs microseconds", "", "time", 1e-6),
         ("ns nsec nanoseconds", "", "time", 1e-9),
-        ("min", "", "time", 60.0),
         ("rad radian radians", "", "angle", 1.0),
-        ("mrad", "", "angle", 1e-3),
         ("deg degree degrees ° Grad", "", "angle", math.pi / 180),
         ("m", "", "length", 1.0),
         ("cm", "", "length", 1e-2),
         ("mm", "", "length", 1e-3),
-        ("µm um", "", "length", 1e-6),
-        ("in inch inches", "", "length", 0.0254),
         ("rpm U/min tr/min", "", "angle/s", math.pi / 30),
         ("Nm", "", "torque", 1.0),
         ("Ncm", "", "torque", 1e-2),
@@ -112,11 +107,7 @@ RULES = tuple(
         ("lbfft lbft ftlbf ftlb", "", "torque", 1.3558179483),
         ("lbfin lbin inlbf inlb", "", "torque", 0.1129848290),
         ("N", "", "force", 1.0),
-        ("mN", "", "force", 1e-3),
         ("kN", "", "force", 1e3),
-        ("daN", "", "force", 10.0),
-        ("kgf", "", "force", 9.80665),
-        ("lbf", "", "force", 4.4482216153),
         ("A Amp", "", "current", 1.0),
         ("mA", "", "current", 1e-3),
     )
@@ -313,11 +304,6 @@ class Column:
     def name(self) -> str:
         """What it is called here."""
         return f"{self.joint}.{self.kind}" if self.joint else self.kind
-
-    @property
-    def is_time(self) -> bool:
-        """Whether it holds times that are no seconds."""
-        return self.kind == "t" and (self.factor, self.offset, self.dates) != (1.0, 0.0, None)
 
     def scale(self, values: Array) -> Array:
         """Return values of the table, (N,), in SI units."""

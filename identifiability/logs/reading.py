@@ -16,14 +16,14 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.logs import signals
-from identifiability.logs.base import RawBase, find_base
+from identifiability.logs.base import find_base
 from identifiability.logs.checks import CHANNELS, Clock, Numbers, to_floats
 from identifiability.logs.columns import Naming, as_times, name_columns, settle_time, start_of
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
 from identifiability.logs.formats.reader import Whole
-from identifiability.logs.names import INDEX, Column, guess_column
-from identifiability.logs.rows import WINDOW, gather, is_long
+from identifiability.logs.names import INDEX, guess_column
+from identifiability.logs.rows import WINDOW, divide_rows, gather, is_long
 from identifiability.logs.rules import RULES
 from identifiability.robot.floating import BASE_JOINTS
 
@@ -52,37 +52,34 @@ def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
         ``t`` and columns of channels; NaN where a cell is empty.
     """
     known = {name: np.isfinite(x) for name, x in values.items() if name != "t"}
-    if len(values["t"]) < RULES.fewest or (np.diff(values["t"]) < 0).any():
-        return dict(values), ""
-    empty = any((~rows).mean() > RULES.unexplained for rows in known.values())
-    if not empty:
-        held = {name: _fresh(rows) for name, rows in _by_channel(values).items()}
-        known = {name: held[name.rpartition(".")[2]] for name in known}
+    t, same = values["t"], (dict(values), "")
+    if len(t) < RULES.fewest or (np.diff(t) < 0).any():
+        return same
+    why = "cells are empty between"
+    if all((~rows).mean() <= RULES.unexplained for rows in known.values()):
+        why = "values were written again until new ones came"
+        for kind in {name.rpartition(".")[2] for name in known}:
+            own = [name for name in known if name.endswith(f".{kind}")]
+            known |= dict.fromkeys(own, _fresh(np.stack([values[name] for name in own], 1)))
         if all(rows.all() for rows in known.values()):
-            return dict(values), ""
-    t = values["t"]
+            return same
     counts = {name: int(rows.sum()) for name, rows in known.items()}
     needed = [name for name in counts if name.endswith((".q", ".tau"))]
     slowest = min(needed, key=lambda name: counts[name])
     if counts[slowest] < RULES.fewest:
-        return dict(values), ""
+        return same
     # Velocities that come slower than positions by this factor are left out, and computed.
     kept = [n for n in counts if n in needed or 2.0 * counts[n] >= counts[slowest]]
     at = t[known[slowest]]
     out = {name: _resample(t[known[name]], values[name][known[name]], at, name) for name in kept}
     good = np.all([np.isfinite(x) for x in out.values()], axis=0)
-    return {"t": at[good], **{name: x[good] for name, x in out.items()}}, _tell(
-        known, slowest, [n for n in counts if n not in kept], held=not empty
+    each = {name.rpartition(".")[2]: f"{count}" for name, count in counts.items()}
+    rows = listing([f"{kind} in {count}" for kind, count in each.items()])
+    left = ", ".join(n for n in counts if n not in kept)
+    return {"t": at[good], **{name: x[good] for name, x in out.items()}}, (
+        f"columns came at rates of their own ({rows} of {len(t)} rows; {why}) and were brought to "
+        f"the times of {slowest}{f'; {left} came slower and were left out' if left else ''}"
     )
-
-
-def _by_channel(values: Mapping[str, Array]) -> dict[str, Array]:
-    """Return what a table has of each channel, (N, n)."""
-    kinds = dict.fromkeys(name.rpartition(".")[2] for name in values if name != "t")
-    return {
-        kind: np.stack([x for name, x in values.items() if name.endswith(f".{kind}")], 1)
-        for kind in kinds
-    }
 
 
 def _fresh(x: Array) -> np.ndarray:
@@ -117,48 +114,6 @@ def _resample(t: Array, x: Array, at: Array, name: str) -> Array:
     found = np.interp(at, t, x) if name.endswith(".tau") else signals.cubic(at, t, x)
     exact = np.isin(at, t)
     return np.where(inside & (near | exact), found, np.nan)
-
-
-def _tell(known: Mapping[str, np.ndarray], slowest: str, left: list[str], *, held: bool) -> str:
-    """Return what was done, half a sentence."""
-    counts = {name.rpartition(".")[2]: rows.sum() for name, rows in known.items()}
-    rows = [f"{kind} in {count}" for kind, count in counts.items()]
-    why = "values were written again until new ones came" if held else "cells are empty between"
-    rest = f"; {', '.join(left)} came slower and were left out" if left else ""
-    return (
-        f"columns came at rates of their own ({listing(rows)} of {len(known[slowest])} rows; "
-        f"{why}) and were brought to the times of {slowest}{rest}"
-    )
-
-
-def put_on_clock(
-    t: Array, raw_t: Array, columns: Mapping[str, Array], discrete: Sequence[str]
-) -> dict[str, Array]:
-    """Return columns about a base at times t (N,).
-
-    Flags are held until they change. All else is interpolated between its own samples, which are
-    fewer than rows where cells are empty or values are written again until new ones come.
-
-    Parameters
-    ----------
-    t, raw_t : (N,), (M,) [s]
-        Times of the log, and of the rows that the columns have.
-    columns : mapping of str to (M,)
-        By the keys of `find_base`: those of a kind come together.
-    discrete : sequence of str
-        Those that are flags.
-    """
-    out: dict[str, Array] = {}
-    for key, column in columns.items():
-        known = np.isfinite(column)
-        if key in discrete and known.any():
-            last = np.searchsorted(raw_t[known], t, side="right") - 1
-            out[key] = column[known][last.clip(0)]
-        elif known.any():
-            if known.all():
-                known = _fresh(column[:, None])
-            out[key] = np.interp(t, raw_t[known], column[known])
-    return out
 
 
 # `Reading`: the first reading of a table, piece by piece: what is what, and whether it can be.
@@ -196,8 +151,9 @@ class Reading:
         Which columns are which; empty before the first rows.
     sha256 : str
         Of the whole.
-    beside : RawBase or None
-        In the end, what the table says of a base that floats.
+    beside : mapping of str to (N,)
+        In the end, what the table says of a base that floats, by the keys of `find_base`, at the
+        times of the log: on straight lines where it came at other times.
     start : float or None [s]
         As of a `Log`: what the times count from, by themselves or as the table says (``attrs``).
     """
@@ -207,12 +163,10 @@ class Reading:
         self.naming, self._form = Naming((), ()), PLAIN
         self.start: float | None = None
         self._numbers: dict[str, Numbers] = {}
-        self._torque = 0.0
         self._lacks: dict[str, float] = {}
-        self._held: dict[str, tuple[float, float]] = {}
         self._last: pd.Series | None = None
         self._base: Mapping[str, str] = {}
-        self.beside: RawBase | None = None
+        self.beside: dict[str, Array] = {}
 
     def read(self, pieces: Iterable[Whole]) -> dict[str, Array]:
         """Return times (N,) and the channels (N, n) that there are of every joint.
@@ -224,7 +178,8 @@ class Reading:
             or the times are too few or do not increase.
         """
         values = gather(self._take(*piece) for piece in pieces)
-        notes = [*self._form.notes, *self.naming.notes, *self._check_locked()]
+        locked = {c.joint: values.pop(f"locked {c.joint}") for c in self.naming.locked}
+        notes = [*self._form.notes, *self.naming.notes, *self._check_locked(locked)]
         raw = {key: values.pop(key) for key in self._base}
         times = values["t"]
         values, note = self._unify(values)
@@ -234,8 +189,12 @@ class Reading:
             values.pop("q_ref", None)  # before the first command there is none
         self._check(values)
         if self.known.base is not None:
-            flags = [c.flag for c in self.known.base.contacts]
-            self.beside = RawBase(values["t"], put_on_clock(values["t"], times, raw, flags))
+            known = {key: np.isfinite(x) for key, x in raw.items()}
+            self.beside = {
+                key: np.interp(values["t"], times[some], raw[key][some])
+                for key, some in known.items()
+                if some.any()
+            }
         return values
 
     def _take(self, frame: pd.DataFrame, form: Form, digest: str) -> dict[str, Array]:
@@ -252,21 +211,16 @@ class Reading:
             self.start = start if found is None else found
         frame = self._hold_commands(frame)
         out = {key: to_floats(frame[column]) for key, column in self._base.items()}
-        for held in self.naming.locked:
-            self._follow_locked(held, frame[held.source])
+        out |= {
+            f"locked {c.joint}": c.scale(to_floats(frame[c.source])) for c in self.naming.locked
+        }
         columns = {c: np.full(len(frame), x) for c, x in self._lacks.items()}
-        columns |= {c.name: self._read_column(c, frame[c.source]) for c in self.naming.columns}
+        for c in self.naming.columns:
+            given, numbers = frame[c.source], self._numbers[c.name]
+            columns[c.name] = (
+                numbers.add(as_times(given, c)) if c.name == "t" else c.scale(numbers.add(given))
+            )
         return out | stack_channels(self.naming.joints, columns)
-
-    def _read_column(self, column: Column, given: pd.Series) -> Array:
-        """Return the next rows of a column, with checks of its values."""
-        numbers = self._numbers[column.name]
-        if column.name == "t":
-            return numbers.add(as_times(given, column))
-        values = column.scale(numbers.add(given))
-        if column.kind == "tau":
-            self._torque = max(self._torque, float(np.nanmax(np.abs(values), initial=0.0)))
-        return values
 
     def _hold_commands(self, frame: pd.DataFrame) -> pd.DataFrame:
         """Return a table with the commands that stand for torque held until the next comes.
@@ -296,23 +250,18 @@ class Reading:
         torque = {f"{j}.tau": np.nan for j in naming.joints} | dict.fromkeys(naming.made, 0.0)
         self._lacks = {c: x for c, x in torque.items() if c not in self._numbers}
 
-    def _follow_locked(self, column: Column, given: pd.Series) -> None:
-        """Follow where a joint is that is said not to move; single wrong values do not count."""
-        values = column.scale(to_floats(given))
-        values = values[np.isfinite(values)]
-        if len(values):
-            low, high = np.quantile(values, [0.01, 0.99])
-            least, most = self._held.get(column.joint, (np.inf, -np.inf))
-            self._held[column.joint] = min(least, float(low)), max(most, float(high))
-
-    def _check_locked(self) -> Iterator[str]:
+    def _check_locked(self, locked: Mapping[str, Array]) -> Iterator[str]:
         """Refuse a lock that the positions contradict; say where the joint stands elsewhere.
 
         Raises
         ------
         LogError
         """
-        for joint, (low, high) in self._held.items():
+        for joint, x in locked.items():
+            known = x[np.isfinite(x)]
+            if not len(known):
+                continue
+            low, high = np.quantile(known, [0.01, 0.99])  # single wrong values do not count
             at, held = 0.5 * (low + high), self.known.locked[joint]
             if high - low > RULES.small:
                 raise LogError(
@@ -333,8 +282,10 @@ class Reading:
         if torques and all(x.lost and x.bad == x.rows for x in torques):
             raise LogError(Finding("torque.none", self.source))
         # All torque of a log is not smaller: a hundredth of a milligram at a millimetre.
-        if 0 < self._torque < 1e-09:
-            raise LogError(Finding("torque.small", self.source, torque=self._torque))
+        parts = (values["tau"][a:b] for a, b in divide_rows(len(values["t"])))
+        largest = max(float(np.nanmax(np.abs(x), initial=0.0)) for x in parts)
+        if 0 < largest < 1e-09:
+            raise LogError(Finding("torque.small", self.source, torque=largest))
         for column, x in numbers.items():
             if not (column.endswith(".q_ref") or (column.endswith(".tau") and x.lost)):
                 x.finish()

@@ -289,27 +289,21 @@ def fit_fourier(
 def find_period(t: Array, q: Array, harmonics: int, most: int = 40) -> float:
     """Return the period, a whole fraction of the duration, whose Fourier series fits q best [s].
 
-    Of evenly spaced samples these series are bins of one discrete Fourier transform, and what they
-    leave is the power of all others.
+    These series are bins of one discrete Fourier transform, and what they leave is the power of all
+    others.
     """
     N = len(t)
     step = sampling_step(t)
     duration = t[-1] - t[0] + step
     best, chosen = np.inf, duration
-    spread = max(float(np.sum((q - q.mean(0)) ** 2)), 1e-300)
-    even = np.abs(t - t[0] - step * np.arange(N)).max() < RULES.small * step
-    power = 2.0 / N * (np.abs(np.fft.rfft(q - q.mean(0), axis=0)) ** 2).sum(1) if even else None
+    power = (np.abs(np.fft.rfft(q - q.mean(0), axis=0)) ** 2).sum(1)
     for k in range(1, most + 1):
         # Its shortest period has four samples.
         if 4 * harmonics * k > N:
             break
-        if power is None:
-            fitted = fit_fourier(t, q, duration / k, harmonics).motion(t)[0]
-            error = np.sum((q - fitted) ** 2) / spread
-        else:
-            left = np.ones(len(power), bool)
-            left[: harmonics * k + 1 : k] = False
-            error = power[left].sum() / spread
+        left = np.ones(len(power), bool)
+        left[: harmonics * k + 1 : k] = False
+        error = power[left].sum()
         if error < 0.5 * best:  # a longer period with k× the harmonics always fits a little better
             best, chosen = error, duration / k
     return float(chosen)

@@ -195,8 +195,6 @@ class Band:
         Share of the power of an acceleration that noise has at the cut-off, of the worst joint.
     reason : str
         Why outputs end there, for the report; nothing where the cut-off was given.
-    joints : (n,) [Hz]
-        Bandwidth of each joint, of the fastest log.
     rate : float [Hz]
         At which the slowest log was sampled.
     """
@@ -207,7 +205,6 @@ class Band:
     limit: float
     noise: float
     reason: str
-    joints: Array
     rate: float = np.inf
 
 
@@ -233,8 +230,7 @@ def choose_band(
     cutoff : float or None [Hz]
         One that was given; None chooses it.
     """
-    joints = np.max([s.bandwidths() for s in spectra], axis=0)
-    band = float(joints.max(initial=0.0))
+    band = max(float(s.bandwidths().max(initial=0.0)) for s in spectra)
     rate = min(s.rate for s in spectra)
     highest = RULES.cutoff_highest * rate
     most = max(RULES.cutoff_wide * band, RULES.cutoff_lowest)
@@ -252,7 +248,7 @@ def choose_band(
     loud = np.flatnonzero([noise(at) > RULES.small for at in tried])
     limit = float(tried[max(loud[0] - 1, 0)] if len(loud) else tried[-1])
     if cutoff is not None:
-        return Band(cutoff, cutoff, band, limit, noise(cutoff), "", joints, rate)
+        return Band(cutoff, cutoff, band, limit, noise(cutoff), "", rate)
     chosen, reason = most, f"{RULES.cutoff_wide:g} × the motion's band of {band:.3g} Hz"
     if most == RULES.cutoff_lowest:
         reason = f"the least there is, the motion's band is {band:.2g} Hz"
@@ -269,7 +265,7 @@ def choose_band(
             f"{RULES.cutoff_highest:g} × the sampling rate, the motion reaches {band:.3g} Hz",
         )
     wide = max(chosen, min(limit, highest))
-    return Band(wide, chosen, band, limit, noise(wide), reason, joints, rate)
+    return Band(wide, chosen, band, limit, noise(wide), reason, rate)
 
 
 # White noise, gaps and steps of measured signals, told from differences between their samples.

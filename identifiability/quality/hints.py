@@ -28,7 +28,8 @@ from identifiability.robot import complete_motion
 #
 # At each joint the measured torque is regressed on what the file's masses predict, beside what any
 # drive adds (friction, rotor inertia, offset); or on all that the file predicts, where it states
-# the drive too. A file can be wrong, but hardly by a factor of `unit_factor`.
+# the drive too. A file can be wrong, but hardly by a factor of `unit_factor`. One joint's alone is
+# an alternative of the model (`workflows.alternatives`).
 
 
 #: Units of torque that people give, and how many of them make one N·m or N.
@@ -37,31 +38,19 @@ UNITS = {"mN·m (or mN)": 1e3, "N·cm": 1e2, "N·mm": 1e3, "kN·m (or kN)": 1e-3
 
 @check("unit", Does.EXPLAINS)
 def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
-    """Return torque whose size contradicts the file: at all joints, or far more at one of them."""
+    """Return torque whose size contradicts the file at all joints."""
     factors = measure_factors(logs) if logs.weighs else np.empty(0)
-    known = np.flatnonzero(np.isfinite(factors))
-    if not len(known):
-        return []
-    share, most = factors[known], np.log(RULES.unit_factor)
-    apart = np.abs(np.log(share))
-    # No other body makes the torque of one joint alone so much larger or smaller.
-    other = apart > 2 * most
-    if other.any() and not other.all() and (other == (apart > most)).all():
-        k = int(np.flatnonzero(other)[0])
-        how = phrase("unit", "one", joint=logs.joints[known[k]], name=_name_unit(share[k]))
-        return [Finding("unit", multiple=f"{share[k]:.2g} times", how=how, factors=share.tolist())]
-    if not (apart > most).all():
+    share = factors[np.isfinite(factors)]
+    most = np.log(RULES.unit_factor)
+    if not len(share) or not (np.abs(np.log(share)) > most).all():
         return []
     middle = float(np.exp(np.median(np.log(share))))
+    names = [u for u, f in UNITS.items() if 1 / 2 < middle / f < 2]
+    name = f", as if it were in {' or '.join(names)}" if names else ""
     alike = np.ptp(np.log(share)) < most
-    how = phrase("unit", "alike", name=_name_unit(middle)) if alike else phrase("unit", "apart")
+    how = phrase("unit", "alike", name=name) if alike else phrase("unit", "apart")
     multiple = " … ".join(dict.fromkeys(f"{x:.2g}" for x in (share.min(), share.max())))
     return [Finding("unit", multiple=f"{multiple} times", how=how, factors=share.tolist())]
-
-
-def _name_unit(factor: float) -> str:
-    names = [u for u, f in UNITS.items() if 1 / 2 < factor / f < 2]
-    return f", as if it were in {' or '.join(names)}" if names else ""
 
 
 def measure_factors(logs: MeasuredLogs) -> Array:

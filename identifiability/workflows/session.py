@@ -623,18 +623,13 @@ class Session:
         if kind == "ls":
             return opening, plain
         logs, samples, always = self.recordings.fitted, opening.samples, kind == "iv"
-        short = [s for s in samples if not s.long]
         found = [
-            None
-            if s.long
-            else add_instrument(
-                opening.robot, log, s, [x for x in short if x is not s], always=always
-            )
+            None if s.long else add_instrument(opening.robot, log, s, always=always)
             for log, s in zip(logs, samples, strict=True)
         ]
         if always and None in found:
             raise LogError(Finding("instrument.none", logs[found.index(None)].name))
-        if len(short) < len(samples) or not any(found):
+        if any(s.long for s in samples) or not any(found):
             return opening, plain
         note = "it has no second record of its motion, and is fitted as by least squares"
         every = (

@@ -15,10 +15,9 @@ They stand for torque where no joint has effort.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from itertools import chain
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,7 +26,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array, numbered
+from identifiability.foundation.names import numbered
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.reader import Whole, hash_files, reader
 
@@ -60,8 +59,6 @@ BASE = {
     "nav_msgs/msg/Odometry": (
         ("pose.pose.position", "odom.position", "xyz"),
         ("pose.pose.orientation", "odom.orientation", "xyzw"),
-        ("twist.twist.linear", "odom.linear", "xyz"),
-        ("twist.twist.angular", "odom.angular", "xyz"),
     ),
     "geometry_msgs/msg/PoseStamped": (
         ("pose.position", "pose.position", "xyz"),
@@ -121,8 +118,9 @@ def read_bag(path: str | Path, known: Conventions) -> pd.DataFrame:
         name, _, of = named.partition(",")
         states = _choose_topic(bag, reader, name)
         goal = _choose_commands(bag, reader, of)
-        told = _Told(f"{bag}: the joint states on {states}", known)
-        frame = told.read(_messages(reader, states, JOINT_STATE), commanded=bool(goal))
+        source = f"{bag}: the joint states on {states}"
+        told = _messages(reader, states, JOINT_STATE)
+        frame = _read_states(source, told, known, commanded=bool(goal))
         if goal:
             _add_commands(reader, frame, goal)
         _add_base(reader, frame)
@@ -187,30 +185,31 @@ def _choose_commands(path: Path, reader: Any, wanted: str) -> str:
     return chosen[0] if len(chosen) == 1 else ""
 
 
+def _row(names: Sequence[str], values: Mapping[str, Any]) -> dict[str, float]:
+    """Return what a message says of joints, by columns of a log, but of arrays it left empty."""
+    told = {kind: x for kind, x in values.items() if len(x) == len(names)}
+    return {f"{n}.{kind}": y for kind, x in told.items() for n, y in zip(names, x, strict=True)}
+
+
 def _add_commands(reader: Any, frame: pd.DataFrame, topic: str) -> None:
     """Add the commands that were recorded last before each row to joint states."""
+    import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
+
     kind = next(c.msgtype for c in reader.connections if c.topic == topic)
     names_of, of, dot_of = COMMANDS[kind]
-    when, rows, called = list[int](), list[tuple[Array, ...]](), tuple[str, ...]()
+    when, rows = list[int](), list[dict[str, float]]()
     for recorded, message in _messages(reader, topic, COMMANDS):
         point = getattr(message, of)
-        values = (getattr(point, "positions", point), getattr(point, "velocities", ()))
-        values = (values[0], getattr(message, dot_of)) if dot_of else values
-        names = tuple(getattr(message, names_of)) if names_of else numbered(len(values[0]))
-        called = called or names
-        if names == called and len(values[0]) == len(names):
-            when.append(recorded)
-            rows.append(tuple(np.asarray(x, float) for x in values))
-    if not rows:
-        return
-    last = np.searchsorted(when, frame.attrs["recorded"], side="right") - 1
-    kinds = ["cmd"]
-    if all(len(row[1]) == len(called) and np.isfinite(row[1]).all() for row in rows):
-        kinds.append("dq_cmd")  # else velocities that nobody commands
-    for k, end in enumerate(kinds):
-        held = np.array([row[k] for row in rows])[last]
-        held[last < 0] = np.nan
-        frame[[f"{name}.{end}" for name in called]] = held
+        dot = getattr(message, dot_of) if dot_of else getattr(point, "velocities", ())
+        q = getattr(point, "positions", point)
+        names = getattr(message, names_of) if names_of else numbered(len(q))
+        when.append(recorded)
+        rows.append(_row(names, {"cmd": q, "dq_cmd": dot}))
+    if rows:
+        table = pd.DataFrame(rows, dtype=float).dropna(axis=1)  # velocities that nobody commands
+        last = np.searchsorted(when, frame.attrs["recorded"], side="right") - 1
+        held = np.where((last < 0)[:, None], np.nan, table.to_numpy()[last])
+        frame[[*table]] = held
 
 
 def _add_base(reader: Any, frame: pd.DataFrame) -> None:
@@ -241,91 +240,58 @@ def _stamp(message: Any) -> int:
     return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
-class _Told:
-    """Joint states of one topic, of which messages may tell of other joints than others do."""
+def _read_states(
+    source: str, messages: Iterable[tuple[int, Any]], known: Conventions, *, commanded: bool
+) -> pd.DataFrame:
+    """Return what messages say of joints, by their stamps; joints without effort are passive.
 
-    def __init__(self, source: str, known: Conventions) -> None:
-        self.source, self.known = source, known
+    Raises
+    ------
+    LogError
+        If none tells of all joints of the robot, or of position and effort.
+    """
+    import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
 
-    def read(self, messages: Iterable[tuple[int, Any]], *, commanded: bool) -> pd.DataFrame:
-        """Return what messages of all wanted joints say, by their stamps."""
-        import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
-
-        rows: dict[tuple[str, ...], list[Array]] = {}
-        clocks: dict[tuple[str, ...], list[tuple[int, int]]] = {}
-        for recorded, message in messages:
-            names = tuple(message.name)
-            each = [np.asarray(getattr(message, field), float) for field in FIELDS.values()]
-            none = np.full(len(names), np.nan)
-            each = [x if len(x) == len(names) else none for x in each]
-            rows.setdefault(names, []).append(np.concatenate(each))
-            clocks.setdefault(names, []).append((_stamp(message), recorded))
-        wanted = self._choose([*rows])
-        told = [names for names in rows if wanted and {*wanted} <= {*names}]
-        if not told:
+    rows, clocks, groups = list[dict[str, float]](), list[tuple[int, int]](), dict[Any, Any]()
+    for recorded, message in messages:
+        told = {kind: getattr(message, field) for kind, field in FIELDS.items()}
+        rows.append(_row(message.name, told))
+        clocks.append((_stamp(message), recorded))
+        groups.setdefault(frozenset(message.name), message.name)
+    table, times = pd.DataFrame(rows, dtype=float), np.array(clocks, np.int64).reshape(-1, 2)
+    rename = known.columns.apply
+    if len(groups) > 1:
+        called = {rename(n): f"{n}.q" for n in sorted(frozenset().union(*groups))}
+        sides = (known.motors, known.joints)
+        needed = next(([called[j] for j in x] for x in sides if x and {*x} <= {*called}), [])
+        whole = table[needed].notna().all(axis=1).to_numpy() & bool(needed)
+        if not whole.any():
+            first, other, *_ = groups.values()
             raise LogError(
-                f"{self.source} have no message that tells of all of {listing(wanted, 4)}; "
-                f"they tell of {listing([*dict.fromkeys(chain(*rows))], 6)}."
+                f"{source} tell of different joints ({listing(first)}; then {listing(other)}), and "
+                "no message of all joints that are needed: if they are called otherwise, add "
+                "--map 'OLD=NEW', and lock what does not move (a gripper, say), --lock JOINT=VALUE."
             )
-        columns = {names: [f"{n}.{kind}" for kind in FIELDS for n in names] for names in told}
-        parts = [pd.DataFrame(np.array(rows[names]), columns=columns[names]) for names in told]
-        table = pd.concat(parts, ignore_index=True)
-        stamped, recordings = np.array([x for names in told for x in clocks[names]], np.int64).T
-        stamp = stamped if stamped.min() > 0 else recordings
-        order = np.argsort(stamp, kind="stable")
-        frame: pd.DataFrame = self._columns(table.iloc[order], wanted, commanded=commanded)
-        frame.insert(0, "t", (stamp[order] - stamp.min()) * 1e-9)
-        frame.attrs["start"] = float(stamp.min()) * 1e-9  # on the clock of the stamps
-        frame.attrs["recorded"] = recordings[order]
-        frame.attrs["mixed"] = len({frozenset(names) for names in rows}) > 1
-        return frame
-
-    def _choose(self, groups: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-        """Return the joints of all messages; where these differ, those of the robot.
-
-        Raises
-        ------
-        LogError
-        """
-        first = groups[0] if groups else ()
-        odd = [g for g in groups if {*g} != {*first}]
-        if not odd:
-            return first
-        rename = self.known.columns.apply
-        called = {rename(name): name for name in sorted({*chain(*groups)})}
-        for joints in (self.known.motors, self.known.joints):
-            if joints and {*joints} <= {*called}:
-                needed = [called[j] for j in joints]
-                group = next((g for g in groups if {*needed} <= {*g}), ())
-                return (*needed, *(n for n in group if rename(n) in self.known.locked))
+        table, times = table[whole], times[whole]
+    table = table.dropna(axis=1, how="all")
+    pairs = [name.rsplit(".", 1) for name in table]
+    driven = {joint for joint, kind in pairs if kind == "tau"}
+    lacking = [k for k in ("q", "tau") if not any(kind == k for _, kind in pairs)]
+    if lacking and (lacking != ["tau"] or not commanded):
         raise LogError(
-            f"{self.source} tell of different joints ({listing(first)}; then {listing(odd[0])}), "
-            "and no message of all joints that are needed: if they are called otherwise, add "
-            "--map 'OLD=NEW', and lock what does not move (a gripper, say), --lock JOINT=VALUE."
+            f"{source} have no {FIELDS[lacking[0]]} in some or all messages; record a topic that "
+            "has position and effort, or commands beside position."
         )
-
-    def _columns(self, table: pd.DataFrame, wanted: Sequence[str], *, commanded: bool) -> Any:
-        """Return the columns that say something; joints without effort are passive.
-
-        Raises
-        ------
-        LogError
-        """
-        there = table.notna()
-        told = {kind: [n for n in wanted if there[f"{n}.{kind}"].any()] for kind in FIELDS}
-        lacking = [kind for kind in ("q", "tau") if not told[kind]]
-        if lacking and (lacking != ["tau"] or not commanded):
-            raise LogError(
-                f"{self.source} have no {FIELDS[lacking[0]]} in some or all messages; record a "
-                "topic that has position and effort, or commands beside position."
-            )
-        driven = told["q" if lacking else "tau"]
-        # Velocities that nobody measured are none, torque that stands for commands is not there.
-        kinds = [k for k in FIELDS if k not in lacking and (k != "dq" or {*driven} <= {*told[k]})]
-        own = {*self.known.motors, *self.known.joints, *self.known.locked}
-        still = [n for n in told["q"] if n not in driven and self.known.columns.apply(n) in own]
-        names = [*(f"{n}.{kind}" for kind in kinds for n in driven), *(f"{n}.q" for n in still)]
-        return table[names].reset_index(drop=True)
+    own = {*known.motors, *known.joints, *known.locked}
+    stamp = times[:, 0] if times[:, 0].min() > 0 else times[:, 1]
+    order = np.argsort(stamp, kind="stable")
+    kept = [lacking or j in driven or (k == "q" and rename(j) in own) for j, k in pairs]
+    frame = table.loc[:, np.array(kept, bool)].iloc[order].reset_index(drop=True)
+    frame.insert(0, "t", (stamp[order] - stamp.min()) * 1e-9)
+    frame.attrs["start"] = float(stamp.min()) * 1e-9  # on the clock of the stamps
+    frame.attrs["recorded"] = times[order, 1]
+    frame.attrs["mixed"] = len(groups) > 1
+    return frame
 
 
 @reader(

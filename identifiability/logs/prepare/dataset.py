@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.foundation.engines import Engine, Serial, Steps
-from identifiability.foundation.errors import ClosureError, LogError, RobotError
+from identifiability.foundation.errors import LogError, RobotError
 from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
@@ -23,7 +23,6 @@ from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.base import AFTER, UP
-from identifiability.logs.log import join_logs
 from identifiability.logs.prepare.preparation import Plan, Preparation, joint_log, make_plan
 from identifiability.logs.rows import divide_rows, find_range, forget, gather, is_long
 from identifiability.logs.rules import RULES
@@ -396,9 +395,7 @@ class Dataset:
         return notes
 
 
-def _prepare_rows(
-    rows: tuple[Log, int, Rows], robot: Robot, plan: Plan, *, anywhere: bool
-) -> Dataset:
+def _prepare_rows(rows: tuple[Log, int, Rows], robot: Robot, plan: Plan) -> Dataset:
     """Prepare some rows of a log by a plan.
 
     Parameters
@@ -408,8 +405,6 @@ def _prepare_rows(
         log, and which rows of that are wanted.
     robot : Robot
     plan : Plan
-    anywhere : bool
-        The loops must close somewhere in these rows.
 
     Raises
     ------
@@ -419,14 +414,9 @@ def _prepare_rows(
     log = joint_log(robot, plan.mend(log, origin))
     q, dq, ddq = plan.derive(log, origin)
     part = slice(own[0] - origin, own[1] - origin)
-    try:
-        touch = _touch(robot, log)
-        touch = None if touch is None else touch[part]
-        motion = complete_motion(robot, log.t[part], q[part], dq[part], ddq[part], touch)
-    except ClosureError:
-        if anywhere:
-            raise
-        motion = _no_motion(robot, np.arange(part.stop - part.start))
+    touch = _touch(robot, log)
+    touch = None if touch is None else touch[part]
+    motion = complete_motion(robot, log.t[part], q[part], dq[part], ddq[part], touch)
     smooth = plan.smooth_speed(log, origin)
     if smooth is not None:
         motion = replace(motion, smooth_v=smooth[part][motion.kept])
@@ -503,14 +493,6 @@ def _known_torque(robot: Robot, name: str, motion: Motion) -> Array:
         raise LogError(f"{name}: {error}") from None
 
 
-def _no_motion(robot: Robot, rows: np.ndarray) -> Motion:
-    """Return the motion of rows at which the loops do not close, as if it had none."""
-    n = len(robot.actuated)
-    tree, joint, none = np.empty((0, robot.nv)), np.empty((0, n)), np.empty(0, int)
-    q, X = np.empty((0, len(robot.home))), np.empty((0, len(robot.dependent), n))
-    return Motion(np.empty(0), q, tree, tree, joint, joint, joint, X, none, rows)
-
-
 def join_motions(motions: Sequence[Motion]) -> Motion:
     """Return motions one after the other."""
     first, none = motions[0], np.empty(0, int)
@@ -570,15 +552,11 @@ def prepare_log(
     """
     how, total = how or Preparation(), len(log)
     plan = make_plan(robot, log, how)
-    if log.long and robot.closed:  # before a long time is spent on loops that close nowhere
-        some = [joint_log(robot, x.rows(0, 64)) for _, x in log.windows()]
-        tried = join_logs(some)
-        complete_motion(robot, tried.t, tried.q, 0 * tried.q, 0 * tried.q)
     reach, rows = plan.reach, []
     for a, b in divide_rows(total, max(PIECE, MARGINS * reach)):
         low = max(0, a - reach)
         rows.append((log.rows(low, min(total, b + reach)), low, (a, b)))
-    work = partial(_prepare_rows, robot=robot, plan=plan, anywhere=not log.long)
+    work = partial(_prepare_rows, robot=robot, plan=plan)
     done = (engine if engine and log.long else Serial()).map(work, rows, progress=progress)
     found = _join(done)
     notes = [*plan.notes, *found.describe(robot.joints, total)]

@@ -2,8 +2,8 @@
 
 Noise in the motion biases least squares. Instruments are the same columns along a second record of
 the motion, the first that exists of: a Fourier series that explains all that was measured of it but
-its noise; repetitions of it in other logs; the smoothed motion, where velocity and acceleration
-were measured with noise of their own. Positions alone that are none of these have none. No
+its noise; the smoothed motion, where velocity and acceleration were measured with noise of their
+own. Positions alone that are none of these have none. No
 simulator and no data sheet is asked: noise is what remains of differences of high order.
 """
 
@@ -34,16 +34,14 @@ SecondRecord: TypeAlias = "tuple[Sequence[Array] | Array, str]"
 #: Noise may have so many times the power that differences see.
 LOUDER: Tolerance = 1.5
 
-#: Other logs in which repetitions are looked for, samples in which a period is, and rounds in which
-#: a lag is improved.
-LOGS, ENOUGH, ROUNDS = 8, 4096, 4
+#: Samples in which a period is looked for, and rounds in which a lag is improved.
+ENOUGH, ROUNDS = 4096, 4
 
 
 def add_instrument(
     robot: Robot,
     log: Log,
     samples: Dataset,
-    others: Sequence[Dataset] = (),
     *,
     always: bool = False,
 ) -> Dataset | None:
@@ -55,12 +53,10 @@ def add_instrument(
     log : Log
         What the samples were prepared from.
     samples : Dataset
-    others : sequence of Dataset
-        Other logs, which may have the same motion.
     always : bool
         Also where noise is negligible, and so is what it does to least squares.
     """
-    found = _find_record(joint_log(robot, log), samples, others, always=always)
+    found = _find_record(joint_log(robot, log), samples, always=always)
     if found is None:
         return None
     record, note = found
@@ -72,9 +68,7 @@ def add_instrument(
     return replace(samples, instrument=motion, notes=(*samples.notes, note))
 
 
-def _find_record(
-    log: Log, samples: Dataset, others: Sequence[Dataset], *, always: bool
-) -> SecondRecord | None:
+def _find_record(log: Log, samples: Dataset, *, always: bool) -> SecondRecord | None:
     """Return a second record of the motion of a log on the joint side; None where there is none."""
     if log.rollout is not None:
         motion = _derive(log.rollout, log, samples.cutoff)
@@ -82,19 +76,16 @@ def _find_record(
     channels = [x for x in (log.q, log.dq, log.ddq) if x is not None]
     # While a coarse encoder stands still, its noise does so too: differences do not see it.
     noise = [np.maximum(noise_level(x, log.t), resolution(x) / np.sqrt(12)) for x in channels]
-    if len(channels) == 3 and all(map(_negligible, noise, channels)) and not always:
+    pairs = zip(noise, channels, strict=True)
+    quiet = all(np.all(sd <= RULES.negligible * x.std(0)) for sd, x in pairs)
+    if len(channels) == 3 and quiet and not always:
         return None
     found = None
     if samples.cutoff is not None or len(channels) == 3:
         found = _fit_series(log, channels, noise)
-    found = found or _find_repetitions(log, samples, others)
     if found is None and samples.cutoff is None and len(channels) == 3:
         found = _smooth(log, channels)
     return found
-
-
-def _negligible(noise: Array, x: Array) -> bool:
-    return bool(np.all(noise <= RULES.negligible * x.std(0)))
 
 
 def complete_along(robot: Robot, measured: Motion, other: Sequence[Array] | Array) -> Motion | None:
@@ -123,85 +114,43 @@ def complete_along(robot: Robot, measured: Motion, other: Sequence[Array] | Arra
     return replace(measured, **mixed)
 
 
-# Repetitions of a motion in other logs, on one clock.
-#
-# A motion that was made again has the noise of its own measurement: what is the same in both is
-# the motion. Clocks are aligned by the lag at which positions agree, to a fraction of a sample.
-
-
-def _find_repetitions(log: Log, samples: Dataset, others: Sequence[Dataset]) -> SecondRecord | None:
-    """Return the mean of the motion as other logs have it; None where none has it."""
-    own, records = samples.motion, []
-    for other in others[:LOGS]:
-        found = _again(own, other.motion)
-        if found is not None and not shares_noise(own.actuated_q, found[1][0]):
-            records.append(found[1])
-    if not records:
-        return None
-    full = np.zeros((3, *log.q.shape))
-    full[:, own.kept] = np.mean(records, axis=0)
-    return full, f"the instruments' motion is the mean of its repetitions in {len(records)} log(s)"
+# A motion that was made again, on another clock.
 
 
 def find_lag(own: Motion, other: Motion) -> float | None:
-    """Return how much later another log makes the motion of `own` [s]; None where it does not."""
-    found = _again(own, other)
-    return None if found is None else found[0]
+    """Return how much later another log makes the motion of `own` [s]; None where it does not.
 
-
-def _again(own: Motion, other: Motion) -> tuple[float, Array] | None:
-    """Return how much later another log makes a motion [s], and its motion then, (3, K, n).
-
-    None where it does not, at nearly all samples; at the others the motion is that of `own`.
+    Clocks are aligned by the lag at which positions agree, to a fraction of a sample.
     """
     step = signals.sampling_step(own.t)
     moves = ~signals.never_moves(own.actuated_q.min(0), own.actuated_q.max(0))
     if not moves.any() or len(other) <= ORDER:
         return None
-    (start, near), (begin, far) = (_on_grid(x, step, moves) for x in (own, other))
+    near, far = (_on_grid(x, step, moves) for x in (own, other))
     # Positions that agree correlate, at the lag at which they do.
     cross = scipy.signal.correlate(far, near, method="fft")[:, near.shape[1] - 1]
-    known = np.stack([own.actuated_q, own.actuated_v, own.actuated_a])
-    there = np.stack([other.actuated_q, other.actuated_v, other.actuated_a], 1)
-    curve = scipy.interpolate.CubicSpline(other.t, there)
-    later = begin - start + (int(np.argmax(cross)) - len(near) + 1) * step
+    curve = scipy.interpolate.CubicSpline(other.t, other.actuated_q)
+    later = float(other.t[0] - own.t[0]) + (int(np.argmax(cross)) - len(near) + 1) * step
+    weight = 1.0 / np.maximum(own.actuated_q.var(0), 1e-300)
     for _ in range(ROUNDS):
         at = own.t + later
         good = (at >= other.t[0]) & (at <= other.t[-1])
         if not good.any():
             return None
-        record = np.where(good[:, None], curve(at).transpose(1, 0, 2), known)
-        later += align(own.actuated_q[good], own.actuated_v[good], record[0, good])
-    same = agrees(own.actuated_q[good], record[0, good], 0.05)
-    return (later, record) if same and good.mean() >= RULES.nearly_all else None
+        q, speed, there = own.actuated_q[good], own.actuated_v[good], curve(at[good])
+        pull = (weight * speed * (q - there)).sum()
+        later += float(pull / (weight * speed**2).sum().clip(1e-300))
+    noise = noise_level(q) ** 2 + noise_level(there) ** 2
+    allowed = (0.05 * q.std(0)) ** 2 + LOUDER * noise + ROUNDOFF
+    same = bool(np.all(np.mean((q - there) ** 2, axis=0) <= allowed))
+    return later if same and good.mean() >= RULES.nearly_all else None
 
 
-def agrees(x: Array, y: Array, share: float) -> bool:
-    """Return whether positions (K, n) differ by little beside how much they vary, and noise."""
-    noise = noise_level(x) ** 2 + noise_level(y) ** 2
-    allowed = (share * x.std(0)) ** 2 + LOUDER * noise + ROUNDOFF
-    return bool(np.all(np.mean((x - y) ** 2, axis=0) <= allowed))
-
-
-def shares_noise(x: Array, y: Array) -> bool:
-    """Return whether the noise of positions (K, n) and (K, n) is in part the same."""
-    a, b = (np.diff(one, ORDER, axis=0) for one in (x, y))
-    size = np.sqrt((a**2).sum(0) * (b**2).sum(0))
-    # Correlation from which on two records share their noise, as rounding at the same places.
-    return bool(np.any(np.abs((a * b).sum(0)) > 0.3 * size))
-
-
-def align(own: Array, speed: Array, other: Array) -> float:
-    """Return how much later `other` is than `own` [s], to first order: both (K, n)."""
-    weight = 1.0 / np.maximum(own.var(0), 1e-300)
-    return float((weight * speed * (own - other)).sum() / (weight * speed**2).sum().clip(1e-300))
-
-
-def _on_grid(motion: Motion, step: float, moves: np.ndarray) -> tuple[float, Array]:
-    """Return the first time, and what moves at even steps from there on, about its mean."""
+def _on_grid(motion: Motion, step: float, moves: np.ndarray) -> Array:
+    """Return what moves at even steps, about its mean."""
     at = np.arange(motion.t[0], motion.t[-1] + 0.5 * step, step)
     even = np.stack([np.interp(at, motion.t, x) for x in motion.actuated_q.T[moves]], 1)
-    return float(motion.t[0]), even - even.mean(0)
+    return even - even.mean(0)
 
 
 # A Fourier series of all that was measured, and the smoothed motion.

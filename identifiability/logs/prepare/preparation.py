@@ -6,7 +6,7 @@ where joints stand.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -326,15 +326,15 @@ class Plan:
         """
         if self.stale is None or self.grid is None:
             return log if self.stale is None else self.stale.mend(log)
-        return join_logs(
-            [self.stale.mend(log.rows(a, b)) for a, b in self.stretches(len(log), origin)]
-        )
+        ends = self.grid.stretches(origin, origin + len(log))
+        return join_logs([self.stale.mend(log.rows(a, b)) for a, b in ends])
 
     def derive(self, log: Log, origin: int = 0) -> tuple[Array, Array, Array]:
         """Return position, velocity and acceleration of the actuated joints, each (N, n).
 
         The computed derivatives of a joint that never moves are zero: the sign of what rounding
-        leaves there would pass for friction, another one on every processor.
+        leaves there would pass for friction, another one on every processor. Those of a stretch
+        that is too short are zero, too: it will be left out.
 
         Parameters
         ----------
@@ -342,32 +342,31 @@ class Plan:
         origin : int
             Row of its first sample in the whole log.
         """
-        if log.base is not None:
-            return self._derive_floating(log, origin)
         if self.cutoff is None:
             assert log.dq is not None
             assert log.ddq is not None
-            return log.q, log.dq, log.ddq
-        stretches = self.stretches(len(log), origin)
-        parts = [self._filter(log.rows(a, b), origin + a) for a, b in stretches]
-        q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
-        moves = ~signals.never_moves(log.q.min(0), log.q.max(0))
-        return q, np.where(moves, dq, 0.0), np.where(moves, ddq, 0.0)
-
-    def _derive_floating(self, log: Log, origin: int) -> tuple[Array, Array, Array]:
-        """Return the motion of joints, those first that stand for the base."""
-        assert log.base is not None
-        q, dq, ddq = (np.array(x) for x in self.derive(replace(log, base=None), origin))
-        stretches = self.stretches(len(log), origin)
-        for a, b in stretches:
-            at = np.arange(b - a) if self.grid is None else self.grid.places(origin + a, origin + b)
-            if self.grid is not None and b - a < self.grid.least:
-                continue
+            q, dq, ddq = log.q, log.dq, log.ddq
+        else:
+            q, (dq, ddq) = np.array(log.q), np.zeros((2, *log.q.shape))
+            for rows, at in self._stretches(len(log), origin):
+                x = signals.lowpass(fill(log.q[rows], at), self.step, self.cutoff)
+                if log.dq is None:
+                    v = signals.differentiate(x, self.step)
+                else:
+                    v = signals.lowpass(fill(log.dq[rows], at), self.step, self.cutoff)
+                q[rows], dq[rows] = x[at], v[at]
+                ddq[rows] = signals.differentiate(v, self.step)[at]
+            still = signals.never_moves(log.q.min(0), log.q.max(0))
+            dq[:, still] = ddq[:, still] = 0.0
+        if log.base is None:
+            return q, dq, ddq
+        q, dq, ddq = np.array(q), np.array(dq), np.array(ddq)
+        for rows, at in self._stretches(len(log), origin):
             # Not low-passed: it enters the columns linearly, and those are, as torque is.
-            record = fill(log.base[a:b, :6], at)
+            record = fill(log.base[rows, :6], at)
             alpha = signals.differentiate(record[:, GYRO], self.step)[at]
-            dq[a:b, 3:6] = record[at, GYRO]
-            ddq[a:b, :SIX] = base_acceleration(record[at, ACC], record[at, GYRO], alpha)
+            dq[rows, 3:6] = record[at, GYRO]
+            ddq[rows, :SIX] = base_acceleration(record[at, ACC], record[at, GYRO], alpha)
         return q, dq, ddq
 
     def smooth_speed(self, log: Log, origin: int = 0) -> Array | None:
@@ -381,11 +380,22 @@ class Plan:
         """
         if self.smoothing is None or log.dq is None:
             return None
-        parts = []
-        for a, b in self.stretches(len(log), origin):
-            at = np.arange(b - a) if self.grid is None else self.grid.places(origin + a, origin + b)
-            parts.append(self.smoothing.apply(fill(log.dq[a:b], at), self.step)[at])
-        return np.concatenate(parts)
+        out = np.zeros((len(log), 2, log.dq.shape[1]))
+        for rows, at in self._stretches(len(log), origin):
+            out[rows] = self.smoothing.apply(fill(log.dq[rows], at), self.step)[at]
+        return out
+
+    def _stretches(self, rows: int, origin: int) -> Iterator[tuple[slice, np.ndarray]]:
+        """Yield the stretches without a long gap of so many rows from `origin` on, but short ones.
+
+        With how many steps after its first each row of them was sampled.
+        """
+        if self.grid is None:
+            yield slice(0, rows), np.arange(rows)
+            return
+        for a, b in self.grid.stretches(origin, origin + rows):
+            if b - a >= self.grid.least:
+                yield slice(a, b), self.grid.places(origin + a, origin + b)
 
     def lacking(self, unmeasured: np.ndarray) -> np.ndarray:
         """Return where torque is no data, from where it was not measured, (N, n) bool.
@@ -397,27 +407,6 @@ class Plan:
             return unmeasured
         short = _reached(~_reached(~unmeasured, self.factor // 2), self.factor // 2) & unmeasured
         return _reached(short, self.factor)
-
-    def stretches(self, rows: int, origin: int) -> list[tuple[int, int]]:
-        """Return the stretches without a long gap of so many rows from `origin` on."""
-        return [(0, rows)] if self.grid is None else self.grid.stretches(origin, origin + rows)
-
-    def _filter(self, log: Log, origin: int) -> tuple[Array, Array, Array]:
-        """Return the motion of a stretch; short gaps are filled before and forgotten after."""
-        assert self.cutoff is not None
-        if self.grid is None:
-            at = np.arange(len(log))
-        elif len(log) < self.grid.least:  # it will be left out
-            return log.q, np.zeros_like(log.q), np.zeros_like(log.q)
-        else:
-            at = self.grid.places(origin, origin + len(log))
-        q = signals.lowpass(fill(log.q, at), self.step, self.cutoff)
-        if log.dq is None:
-            dq = signals.differentiate(q, self.step)
-        else:
-            dq = signals.lowpass(fill(log.dq, at), self.step, self.cutoff)
-        ddq = signals.differentiate(dq, self.step)
-        return (q, dq, ddq) if len(q) == len(log) else (q[at], dq[at], ddq[at])
 
 
 def _reached(x: np.ndarray, reach: int) -> np.ndarray:
@@ -645,7 +634,10 @@ def settle_cutoff(
         how = _settle(robot, computed, how)
     if how.keep_rest or not logs:
         return how
-    stays = [_find_stays(robot, log, x, how) for log, x in zip(logs, raw, strict=True)]
+    stays = [
+        Stays.of(_plan_motion(log, x, how), [joint_log(robot, w) for w in x.logs], x.origins)
+        for log, x in zip(logs, raw, strict=True)
+    ]
     return SettledPreparation(**{**vars(how), "stands": ever_stand(stays)})
 
 
@@ -685,9 +677,8 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
     filtered = _is_filtered(log, how)
     raw = Windows.of(log, mend=filtered)
     windows, stale = [joint_log(robot, w) for w in raw.logs], raw.stale
-    notes: list[str] = []
-    if has_motors(robot, raw.logs[0]):
-        notes.append("motor positions and torques were converted to the joint side")
+    notes = ["motor positions and torques were converted to the joint side"]
+    notes *= has_motors(robot, raw.logs[0])
     check_units(robot, windows)
     if not (log.torque or log.motion_alone or robot.base is not None):
         raise LogError(
@@ -695,7 +686,7 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
         )
     if filtered and how.cutoff is None:
         how = _settle(robot, [raw], how)
-    plan = _plan_motion(robot, log, raw, how)
+    plan = _plan_motion(log, raw, how)
     if plan.cutoff is None:
         plan = replace(plan, smoothing=_choose_smoothing(windows, plan.step))
     if stale is not None:
@@ -724,13 +715,7 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
     return replace(plan, dwells=dwells, notes=(*plan.notes, *notes))
 
 
-def _find_stays(robot: Robot, log: Log, raw: Windows, how: Preparation) -> Stays:
-    """Return how long joints of a log stay about zero speed."""
-    plan = _plan_motion(robot, log, raw, how)
-    return Stays.of(plan, [joint_log(robot, w) for w in raw.logs], raw.origins)
-
-
-def _plan_motion(robot: Robot, log: Log, raw: Windows, how: Preparation) -> Plan:
+def _plan_motion(log: Log, raw: Windows, how: Preparation) -> Plan:
     """Return how the motion of a log is derived, gap by gap."""
     return plan_gaps(_plan_derivatives(log, raw.gaps, how), raw.gaps, len(log))
 

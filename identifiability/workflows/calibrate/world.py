@@ -422,7 +422,6 @@ def sample_anew(
     return [
         own
         if own.instrument is None
-        else add_instrument(robot, log, own, [s for s in found if s is not own], always=True)
-        or replace(own, instrument=own.motion)
+        else add_instrument(robot, log, own, always=True) or replace(own, instrument=own.motion)
         for log, own in zip(again, found, strict=True)
     ]

@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.logs.prepare.instruments import add_instrument
+from identifiability.logs.prepare.instruments import add_instrument, find_lag
 from identifiability.logs.spectrum import noise_level, resolution
 from identifiability.robot import Robot
 
@@ -133,49 +133,16 @@ def positions_only(log, **changes):
     return replace(log, dq=None, ddq=None, **changes)
 
 
-def test_a_repetition_on_another_clock_is_found_and_its_errors_are_its_own(robot):
-    log, again, exact = twice(robot)
+def test_a_motion_that_is_made_again_on_another_clock_is_found(robot):
+    log, again, _ = twice(robot)
     # It starts 0.4123 s later in the motion, which is no whole number of steps, by its own clock.
     t = log.t[:-100] + 0.4123
     moved = {k: CubicSpline(again.t, getattr(again, k))(t) for k in ("q", "dq", "ddq")}
     again = replace(again, t=7.0 + log.t[:-100], tau=again.tau[:-100], **moved)
-    how = Preparation(keep_rest=True)
-    samples, other = (prepare_log(robot, x, how) for x in (log, again))
-    found = add_instrument(robot, log, samples, [other])
-    assert "mean of its repetitions in 1 log" in found.notes[-1]
-    for first, second in errors(found, exact, samples.motion.kept):
-        a, b = first[200:-200], second[200:-200]
-        assert b.std() < 1.2 * a.std()
-        assert np.abs((a * b).mean(0) / (a**2).mean(0)).max() < 0.15
-
-
-def test_more_repetitions_have_less_noise(robot):
-    log, exact = noisy(robot, periodic=False)
-    how, others = (
-        Preparation(keep_rest=True),
-        [noisy(robot, False, seed)[0] for seed in range(1, 8)],
-    )
-    samples, *again = (prepare_log(robot, x, how) for x in (log, *others))
-    samples = add_instrument(robot, log, samples, again)
-    assert "repetitions" in samples.notes[-1]
-    for first, second in errors(samples, exact, samples.motion.kept):
-        assert second.std() == pytest.approx(first.std() / np.sqrt(7), rel=0.15)
-        assert np.abs((first * second).mean(0) / (first**2).mean(0)).max() < 0.1
-
-
-def test_rounding_that_repeats_with_the_motion_is_no_second_record(robot):
-    log, again, _ = twice(robot, level=0.0)
-    rounded = [positions_only(x, q=2e-3 * np.rint(x.q / 2e-3)) for x in (log, again)]
-    samples, other = (prepare_log(robot, x) for x in rounded)
-    assert add_instrument(robot, rounded[0], samples, [other]) is None
-
-
-def test_another_motion_is_no_repetition(robot):
-    log, _ = noisy(robot, periodic=False, level=0.1)
-    log, other = log.rows(0, 900), positions_only(log.rows(1000, 2000), name="other")
-    log = positions_only(log)
-    samples = prepare_log(robot, log)
-    assert add_instrument(robot, log, samples, [prepare_log(robot, other)]) is None
+    own, other = (prepare_log(robot, x, Preparation(keep_rest=True)).motion for x in (log, again))
+    assert find_lag(own, other) == pytest.approx(7.0 - 0.4123, abs=2e-4)
+    another = replace(noisy(robot, periodic=True)[0], name="other")
+    assert find_lag(own, prepare_log(robot, another).motion) is None
 
 
 def test_commands_are_read_unless_they_have_gaps(robot, tmp_path):
