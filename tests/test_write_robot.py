@@ -51,6 +51,19 @@ def test_written_robots_give_the_written_parameters_on_both_roads(robot, tmp_pat
     np.testing.assert_allclose(simulated, fitted, atol=1e-9 * np.abs(fitted).max())
 
 
+def test_only_the_numbers_that_changed_are_written_anew(rps, tmp_path):
+    """Comments, order and indentation of the user's file stay: one tag differs."""
+    name = rps.path.name
+    own = rps.path.read_text().splitlines()
+    changed = {"leg1_lower.Izz": 1.5 * rps.nominal["leg1_lower.Izz"]}
+    write_parameters(rps, changed, tmp_path / name)
+    new = (tmp_path / name).read_text().splitlines()
+    assert len(new) == len(own)
+    differ = [k for k, lines in enumerate(zip(own, new, strict=True)) if lines[0] != lines[1]]
+    assert 1 <= len(differ) <= 2
+    assert all("<inertial" in new[k] for k in differ)
+
+
 def test_the_template_is_unchanged(rps, tmp_path):
     before = rps.path.read_bytes()
     write_parameters(rps, {"platform.m": 11.0}, tmp_path / "copy.xml")

@@ -164,7 +164,7 @@ def parse_xml(path: Path, roots: tuple[str, ...]) -> ET.Element:
     return root
 
 
-def _expand_includes(path: Path, root: ET.Element, found: list[Path]) -> None:
+def expand_includes(path: Path, root: ET.Element, found: list[Path]) -> None:
     """Put the children of included files where they are included, and note these files."""
     for parent in list(root.iter()):
         for child in [c for c in parent if c.tag == "include"]:
@@ -177,7 +177,7 @@ def _expand_includes(path: Path, root: ET.Element, found: list[Path]) -> None:
                 )
             check_files(path, path, *found)
             inner = parse_xml(file, ("mujoco", "mujocoinclude"))
-            _expand_includes(path, inner, found)
+            expand_includes(path, inner, found)
             at = list(parent).index(child)
             parent[at : at + 1] = list(inner)
 
@@ -252,7 +252,7 @@ def read_included(path: Path) -> tuple[ET.Element, list[Path]]:
     found: list[Path] = []
     root = parse_xml(path, ("mujoco", "robot"))
     if root.tag == "mujoco":
-        _expand_includes(path, root, found)
+        expand_includes(path, root, found)
     _check_size(path, root)
     return root, found
 

@@ -1,4 +1,4 @@
-"""Write URDF and sidecar of a robot whose links are stated in a table, or one by one.
+"""Write a robot anew: from a table of its links, or in the other format.
 
 A table is a TOML file; angles are in rad, or as it says in ``angles``, lengths in m::
 
@@ -14,7 +14,7 @@ A table is a TOML file; angles are in rad, or as it says in ``angles``, lengths 
     joint = "shoulder"        # without one the link is fixed
     type = "prismatic"        # default: revolute
     a = 0.4318
-    alpha = "-pi/2"           # a text is always in rad
+    alpha = -90
     d = 0.15
     theta = 0                 # the joint's position adds to it (to d of a prismatic one)
     range = [-2.8, 2.8]       # [rad or m]
@@ -32,51 +32,31 @@ A modified frame is that of the URDF link. A standard one lies behind the joint:
 from __future__ import annotations
 
 import math
-import re
+import tomllib
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 import pinocchio as pin
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from identifiability.foundation.documents import Span, first_problem, read_document, toml_text
 from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.output import check_apart, check_ending, write_together
-from identifiability.robot.kinematics import shortest_turn
+from identifiability.foundation.linalg import TINY
+from identifiability.foundation.names import Array
+from identifiability.foundation.output import check_apart, check_ending, write_text, write_together
+from identifiability.robot.assembly import position_limits
+from identifiability.robot.description import Coupling, Description
+from identifiability.robot.kinematics import WORLD, Joint, Point
 from identifiability.robot.sidecar import Sidecar, Triple
-from identifiability.robot.write import numbers, urdf_inertial, urdf_joint
+from identifiability.robot.write import numbers, turn_base, urdf_inertial, urdf_joint
 
 #: The link on which the first ones stand.
 BASE = "base"
 
 
-_PI = re.compile(r"([+-]?)\s*(\d{0,9}\.?\d{0,9})\s*\*?\s*(?:pi|π)\s*(?:/\s*(\d{1,9}\.?\d{0,9}))?")
-
-
-def _angle(value: Any) -> Any:
-    """Check that a text is a part of π; it stays one, as its unit is never degrees."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        raise ValueError('give a number, or a text such as "-pi/2"')  # noqa: TRY004 # pydantic's
-    return (read_pi(value), "rad") if isinstance(value, str) else (float(value), "")
-
-
-def read_pi(text: str) -> float:
-    """Return the angle of a text such as ``-pi/2`` or ``0.75 pi`` [rad].
-
-    Raises
-    ------
-    ValueError
-    """
-    found = _PI.fullmatch(text.strip())
-    if found is None or found[2] == "." or (found[3] and not float(found[3])):
-        raise ValueError(f"'{text[:60]}' is no part of pi; write it as -pi/2, or as a number")
-    return float(f"{found[1]}{found[2] or 1}") * math.pi / float(found[3] or 1.0)
-
-
-Angle = Annotated[tuple[float, str], BeforeValidator(_angle)]
 Distance = Annotated[float, Field(ge=-1e6, le=1e6)]
 Name = Annotated[str, Field(min_length=1)]
 
@@ -93,9 +73,9 @@ class Row(_Strict):
     joint: Name | None = None
     type: Literal["revolute", "prismatic"] = "revolute"
     a: Distance = 0.0
-    alpha: Angle = (0.0, "")
+    alpha: float = 0.0
     d: Distance = 0.0
-    theta: Angle = (0.0, "")
+    theta: float = 0.0
     position: Triple = (0.0, 0.0, 0.0)
     rpy: Triple = (0.0, 0.0, 0.0)
     axis: Triple = (0.0, 0.0, 1.0)
@@ -115,15 +95,16 @@ class Table(_Strict):
     links: list[Row] = Field(min_length=1)
     sidecar: Sidecar = Sidecar()
 
-    def radians(self, angle: tuple[float, str]) -> float:
-        """Return an angle [rad]."""
-        return math.radians(angle[0]) if (angle[1] or self.angles) == "deg" else angle[0]
+    @property
+    def unit(self) -> float:
+        """What the file's unit of angles is [rad]."""
+        return math.radians(1.0) if self.angles == "deg" else 1.0
 
     def place(self, row: Row) -> pin.SE3:
         """Return the frame of a row in that of its parent, with its joint at zero."""
         if self.convention == "frames":
             return pin.SE3(pin.rpy.rpyToMatrix(*row.rpy), np.array(row.position))
-        roll, yaw = self.radians(row.alpha), self.radians(row.theta)
+        roll, yaw = self.unit * row.alpha, self.unit * row.theta
         x = pin.SE3(pin.rpy.rpyToMatrix(roll, 0.0, 0.0), np.array([row.a, 0.0, 0.0]))
         z = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([0.0, 0.0, row.d]))
         return x * z if self.convention == "modified" else z * x
@@ -209,15 +190,11 @@ def _check(source: str, table: Table) -> None:
         joints += [row.joint] if row.joint else []
 
 
-def _urdf(table: Table) -> ET.Element:
+def _urdf(table: Table, base: str = BASE) -> ET.Element:
     """Return the URDF: a link and a joint a row, of standard rows the frame behind the joint."""
     top = ET.Element("robot", name=table.name)
-    ET.SubElement(top, "link", name="ground")
-    ET.SubElement(top, "link", name=BASE)
-    down = np.array([0.0, 0.0, -1.0])
-    turn = pin.exp3(shortest_turn(np.array(table.gravity), down))
-    urdf_joint(top, "stands", "fixed", "ground", BASE, pin.SE3(turn, np.zeros(3)))
-    before, ends = BASE, {BASE: BASE}
+    ET.SubElement(top, "link", name=base)
+    before, ends = base, {base: base}
     for row in table.links:
         parent = ends[before if row.parent is None else row.parent]
         place, inside = table.place(row), pin.SE3.Identity()
@@ -232,12 +209,13 @@ def _urdf(table: Table) -> ET.Element:
         if row.joint is not None:
             ET.SubElement(made, "axis", xyz=numbers(np.array(row.axis)))
         if kind in ("revolute", "prismatic"):
-            unit = math.pi / 180 if kind == "revolute" and table.angles == "deg" else 1.0
+            unit = table.unit if kind == "revolute" else 1.0
             low, high = (f"{unit * x:.17g}" for x in row.range or (-1e6, 1e6))
             ET.SubElement(made, "limit", lower=low, upper=high, effort="0", velocity="0")
         if split:
             ET.SubElement(top, "link", name=ends[row.name])
             urdf_joint(top, ends[row.name], "fixed", row.name, ends[row.name], inside)
+    turn_base(top, np.array(table.gravity))
     return top
 
 
@@ -250,3 +228,260 @@ def _inertial(link: ET.Element, row: Row, inside: pin.SE3) -> None:
     own = np.array([[t.get("".join(sorted(a + b)), 0.0) for a in "xyz"] for b in "xyz"])  # type: ignore[call-overload]
     centre = np.array(inside.act(np.array(row.centre or (0.0, 0.0, 0.0))))
     urdf_inertial(link, mass, centre, inside.rotation @ own @ inside.rotation.T)
+
+
+# What both formats of a robot are written from.
+
+
+def body_joints(robot: Description, ground: str) -> Iterator[tuple[str, str, list[Joint]]]:
+    """Yield every body, what it hangs on, and the joints that move it there, in their order."""
+    for body, link in zip(robot.bodies, robot.links, strict=True):
+        above = ground if link.parent == WORLD else robot.bodies[link.parent]
+        yield body, above, list(robot.tree.joints[link.first : link.last + 1])
+
+
+def ends_of(robot: Description, ground: str) -> list[list[tuple[str, Array]]]:
+    """Return of every loop its two bodies and the points in the frames of their joints."""
+    behind = {link.last: body for body, link in zip(robot.bodies, robot.links, strict=True)}
+    behind[WORLD] = ground
+    points: list[tuple[Point, Point]] = [(loop.first, loop.second) for loop in robot.loops]
+    return [[(behind[p.joint], p.position) for p in pair] for pair in points]
+
+
+def placement(joint: Joint) -> pin.SE3:
+    """Return the place of a joint on the one before it."""
+    return pin.SE3(np.array(joint.rotation), np.array(joint.translation))
+
+
+def in_file(robot: Description, most: int) -> dict[str, Coupling]:
+    """Return the couplings of a format whose polynomials have so many coefficients, by joint."""
+    short = (c for c in robot.couplings if len(c.terms) == 1 and len(c.polynomial) <= most)
+    return {c.joint: c for c in short}
+
+
+# A robot as MJCF, from what is known of it.
+
+
+#: What stands still.
+GROUND = "world"
+
+
+def converted_mjcf(robot: Description) -> ET.Element:
+    """Return the file, with placeholders for inertias; loops are connections of sites."""
+    top = ET.Element("mujoco", model=robot.title)
+    ET.SubElement(top, "compiler", angle="radian")
+    ET.SubElement(top, "option", gravity=numbers(np.array(robot.model.gravity.linear)))
+    bodies = {GROUND: ET.SubElement(top, "worldbody")}
+    for name, above, joints in body_joints(robot, GROUND):
+        seen = [pin.SE3.Identity()]  # of the joints in the last one, where all of them are at zero
+        for joint in joints[:0:-1]:
+            seen.insert(0, placement(joint).inverse() * seen[0])
+        own = placement(joints[0]) * seen[0].inverse()
+        q = pin.Quaternion(own.rotation)
+        body = bodies[name] = ET.SubElement(
+            bodies[above],
+            "body",
+            name=name,
+            pos=numbers(own.translation),
+            quat=numbers(np.array([q.w, q.x, q.y, q.z])),
+        )
+        for joint, place in zip(joints, seen, strict=True):
+            kind = {"revolute": "hinge", "prismatic": "slide"}[joint.kind]
+            made = ET.SubElement(
+                body,
+                "joint",
+                name=joint.dofs[0],
+                type=kind,
+                axis=numbers(place.rotation @ joint.axis),
+                pos=numbers(place.translation),
+            )
+            span = position_limits(robot, joint.dofs, {})[0]
+            if np.isfinite(span).all():
+                made.set("range", numbers(span))
+        ET.SubElement(body, "inertial", mass="1", pos="0 0 0", diaginertia="1 1 1")
+    _add_closures(top, bodies, robot)
+    motors = ET.SubElement(top, "actuator")
+    for name in robot.joints:
+        ET.SubElement(motors, "motor", name=name, joint=name)
+    if robot.home.any():
+        ET.SubElement(ET.SubElement(top, "keyframe"), "key", name="home", qpos=numbers(robot.home))
+    return top
+
+
+def _add_closures(top: ET.Element, bodies: dict[str, ET.Element], robot: Description) -> None:
+    equality = ET.SubElement(top, "equality")
+    for loop, pair in zip(robot.loops, ends_of(robot, GROUND), strict=True):
+        sites = {f"site{k}": f"{loop.name} {k}" for k in (1, 2)}
+        for name, (body, point) in zip(sites.values(), pair, strict=True):
+            ET.SubElement(bodies[body], "site", name=name, pos=numbers(point))
+        ET.SubElement(equality, "connect", sites, name=loop.name)
+    for joint, c in in_file(robot, 5).items():
+        padded = numbers(np.pad(c.polynomial, (0, 5 - len(c.polynomial))))
+        ET.SubElement(equality, "joint", joint1=joint, joint2=next(iter(c.terms)), polycoef=padded)
+
+
+# A robot as URDF, from what is known of it.
+
+
+def ground_of(robot: Description) -> str:
+    """Return the name of the link that stands still."""
+    return next(n for n in (BASE, "base_link", "the_base") if n not in robot.bodies)
+
+
+def links_between(robot: Description) -> dict[str, str]:
+    """Return the links without mass between the axes of one joint, by the axis before them."""
+    taken = {*robot.bodies, ground_of(robot)}
+    out = {}
+    for body, _, joints in body_joints(robot, ""):
+        for joint in joints[:-1]:
+            name = f"{body}_behind_{joint.dofs[0]}"
+            while name in taken:
+                name += "_"
+            out[joint.dofs[0]] = name
+            taken.add(name)
+    return out
+
+
+def converted_urdf(robot: Description) -> ET.Element:
+    """Return the file, with placeholders for inertias; loops stand in the sidecar."""
+    rows, ground, between = list[Row](), ground_of(robot), links_between(robot)
+    for body, above, joints in body_joints(robot, ground):
+        for joint in joints:
+            name, span = joint.dofs[0], position_limits(robot, joint.dofs, {})[0]
+            size = TINY if name in between else 1.0  # simulators refuse none
+            stated = {
+                "name": between.get(name, body),
+                "parent": rows[-1].name if joint is not joints[0] else above,
+                "joint": name,
+                "type": joint.kind,
+                "position": joint.translation.tolist(),
+                "rpy": pin.rpy.matrixToRpy(joint.rotation).tolist(),
+                "axis": joint.axis.tolist(),
+                "range": span.tolist() if np.isfinite(span).all() else None,
+                "mass": size,
+                "inertia": dict.fromkeys(("xx", "yy", "zz"), size),
+            }
+            rows.append(Row.model_validate(stated))
+    top = _urdf(Table(name=robot.title, convention="frames", links=rows), ground)
+    follows = in_file(robot, 2)
+    for element in (e for e in top.findall("joint") if e.get("name") in follows):
+        coupling = follows[element.get("name", "")]
+        (of,) = coupling.terms
+        offset, slope = (f"{x:.17g}" for x in (*coupling.polynomial, 0.0)[:2])
+        ET.SubElement(element, "mimic", joint=of, multiplier=slope, offset=offset)
+    return top
+
+
+# The sidecar of a robot that is written in the other format.
+#
+# What is locked is one body with its host there. An MJCF states home, motors and loops itself; a
+# URDF does not.
+
+
+#: Keys that are written anew.
+_ANEW = ("locked", "massless", "loops", "couplings", "axes", "actuated", "home", "rest")
+
+
+def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
+    """Return what stands in the sidecar of a robot that is written to another path.
+
+    Raises
+    ------
+    RobotError
+        If it cannot say a coupling.
+    """
+    text = robot.sidecar.read_text(encoding="utf-8-sig") if robot.sidecar is not None else ""
+    given = {k: v for k, v in tomllib.loads(text).items() if k not in _ANEW}
+    given = _without(given, {*robot.locked, *robot.welded})
+    given["bounds"] = {k: v for k, v in given.get("bounds", {}).items() if k != "bodies"}
+    new: dict[str, Any] = {}
+    mjcf = path.suffix == ".xml"
+    if not mjcf:
+        new["actuated"] = list(robot.joints)
+        new["massless"] = list(links_between(robot).values())
+        if robot.servo is not None:
+            given["servo"] = _servo(robot) | given.get("servo", {})
+        if robot.home.any():
+            places = {name: j.iq for name, j in robot.tree.single.items()}
+            new["home"] = {name: float(robot.home[at]) for name, at in places.items()}
+        new["loops"] = [
+            {"name": loop.name}
+            | {f"body{k}": body for k, (body, _) in enumerate(ends, 1)}
+            | {f"point{k}": point.tolist() for k, (_, point) in enumerate(ends, 1)}
+            for loop, ends in zip(robot.loops, ends_of(robot, ground_of(robot)), strict=True)
+        ]
+    new["couplings"] = [
+        {"joint": c.joint, "polynomial": [c.constant], "terms": dict(c.terms)}
+        for c in robot.couplings
+    ]
+    new["axes"] = [
+        {"name": name, "joints": dict(weights)}
+        | ({"rest": robot.rest[name]} if name in robot.rest else {})
+        for name, weights in robot.combinations.items()
+    ]
+    return {k: v for k, v in (new | given).items() if v}
+
+
+def _servo(robot: Description) -> dict[str, Any]:
+    """Return gains that a robot file states as a sidecar does."""
+    servo = robot.servo
+    assert servo is not None
+    every = {"kp": servo.kp, "kv": servo.kv, "limit": np.minimum(-servo.low, servo.high)}
+    told = {
+        key: {j: float(x) for j, x in zip(robot.joints, values, strict=True) if np.isfinite(x)}
+        for key, values in every.items()
+    }
+    return {key: table for key, table in told.items() if table}
+
+
+def _without(value: Any, gone: Collection[str]) -> Any:
+    """Return a part of a sidecar without what is said of joints and bodies that are gone."""
+    if isinstance(value, dict):
+        return {k: _without(v, gone) for k, v in value.items() if not _is_of(k, gone)}
+    if isinstance(value, list):
+        said = [[*v.values()] if isinstance(v, dict) else [v] for v in value]
+        kept = [v for v, x in zip(value, said, strict=True) if not any(_is_of(w, gone) for w in x)]
+        return [_without(v, gone) for v in kept]
+    return value
+
+
+def _is_of(text: Any, gone: Collection[str]) -> bool:
+    """Whether a text is a name, a parameter of it, or an effect at it."""
+    if not isinstance(text, str):
+        return False
+    return bool({text, text.rpartition(".")[0], text.partition("@")[2]} & {*gone})
+
+
+# The same robot in the other format: an MJCF of a URDF, a URDF of an MJCF.
+#
+# It is written from what is known of the robot (joints, their places, loops, couplings), not from
+# the text of its file: no geometry, so a simulator shows nothing and nothing collides.
+
+
+def write_converted(robot: Description, path: Path) -> None:
+    """Write a robot in another format, with placeholders for its inertias, and its sidecar.
+
+    Parameters
+    ----------
+    robot : Description
+    path : Path
+        ``.xml`` for MJCF, ``.urdf`` for URDF.
+
+    Raises
+    ------
+    RobotError
+        If the format cannot hold it, or nothing here can write it.
+    """
+    odd = [cable.name for cable in robot.cables]
+    odd += [j.dofs[0].rpartition(".")[0] for j in robot.tree.joints if j.nv > 1]
+    if odd:
+        raise RobotError(
+            f"{robot.path} has tendons between bodies, or joints that turn every way "
+            f"({listing(odd, 4)}), which cannot be written in another format: export it in its "
+            "own, or as JSON."
+        )
+    robot.check_stands("conversion to another format")
+    top = converted_mjcf(robot) if path.suffix == ".xml" else converted_urdf(robot)
+    ET.indent(top)
+    write_text(path, ET.tostring(top, encoding="unicode") + "\n")
+    write_text(path.with_suffix(".toml"), toml_text(converted_sidecar(robot, path)))

@@ -6,30 +6,159 @@ pull by always.
 
 from __future__ import annotations
 
+import re
 import tomllib
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from xml.parsers import expat
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import pinocchio as pin
 
 from identifiability.foundation.documents import toml_text
-from identifiability.foundation.errors import OutputError, RobotError, listing
+from identifiability.foundation.errors import OutputError, RobotError
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
-from identifiability.foundation.output import write_text, write_together
-from identifiability.robot.assembly import position_limits
+from identifiability.foundation.output import write_together
+from identifiability.foundation.values import frozen
 from identifiability.robot.closure import rest_along
-from identifiability.robot.description import ENDLESS, Axis, Coupling, Description
+from identifiability.robot.description import FIELDS, Axis, Description
 from identifiability.robot.floating import BASE_JOINTS
-from identifiability.robot.kinematics import WORLD, Joint, Point, least_eigenvalue, shortest_turn
-from identifiability.robot.locate import drop_repeated, own_sidecar, place_sidecar, read_markup
+from identifiability.robot.kinematics import least_eigenvalue, shortest_turn
+from identifiability.robot.locate import drop_repeated, expand_includes, own_sidecar, place_sidecar
 from identifiability.robot.servo import FOUND, SIDECAR, Servo
 from identifiability.robot.sidecar import read_sidecar
 
-# Numbers in the XML of an MJCF: inertials, and what would change them in compiling.
+# The text of a robot file, of which only what changed is written anew: comments, order and
+# indentation stay, so that a comparison with the file that was read shows the numbers alone.
+
+
+_QUOTED = r"""(?:"[^"]*"|'[^']*')"""
+_TAG = re.compile(rf"""<(?:{_QUOTED}|[^>"'])*>""".encode())
+_ATTRIBUTE = re.compile(rf"(\s+)([^\s=/>]+)(\s*=\s*){_QUOTED}")
+
+
+@frozen
+class Place:
+    """Where an element stands in a file (bytes), and what it says there.
+
+    Attributes
+    ----------
+    start, inside, end : int
+        Where its first tag begins and ends, and where it ends itself.
+    said : mapping
+        Its attributes.
+    parts : tuple of Element
+    """
+
+    start: int
+    inside: int
+    end: int
+    said: Mapping[str, str]
+    parts: tuple[ET.Element, ...]
+
+
+def read_places(content: bytes) -> tuple[ET.Element, dict[ET.Element, Place]]:
+    """Return the root element of a file in UTF-8, and the place of each element."""
+    builder, parser, begun = ET.TreeBuilder(), expat.ParserCreate(), list[int]()
+    places: dict[ET.Element, Place] = {}
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        builder.start(tag, attributes)
+        begun.append(parser.CurrentByteIndex)
+
+    def end(tag: str) -> None:
+        element, at = builder.end(tag), begun.pop()
+        first = _TAG.match(content, at)
+        inside = close = first.end() if first else at
+        if content[inside - 2 : inside] != b"/>":
+            close = content.index(b">", parser.CurrentByteIndex) + 1
+        places[element] = Place(at, inside, close, dict(element.attrib), tuple(element))
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.Parse(content, True)
+    return builder.close(), places
+
+
+def edited(content: bytes, places: Mapping[ET.Element, Place], element: ET.Element) -> str:
+    """Return the text of an element that was changed since the places in its file were read."""
+    place = places[element]
+    head = _edited_tag(content[place.start : place.inside].decode(), place.said, element)
+    margin = _margin(content, place.start)
+    inner = _margin(content, places[place.parts[0]].start) if place.parts else margin + "  "
+    text, at, old = "", place.inside, iter(place.parts)
+
+    def skip(to: ET.Element | None) -> str:
+        """Return what stands before a part, without the parts that are gone."""
+        nonlocal at
+        between = ""
+        for part in old:
+            gap = content[at : places[part].start].decode()
+            at = places[part].end
+            if part is to:
+                return between + gap
+            between += gap.rstrip()
+        return between
+
+    for part in element:
+        if part in places:
+            text += skip(part) + edited(content, places, part)
+        else:
+            ET.indent(part)
+            part.tail = None
+            text += f"\n{ET.tostring(part, encoding='unicode')}".replace("\n", f"\n{inner}")
+    text += skip(None)
+    if place.inside < place.end:
+        rest = content[at : place.end].decode().rpartition("</")[0]
+        return f"{head}{text}{rest}</{element.tag}>"
+    return f"{head[:-2].rstrip()}>{text}\n{margin}</{element.tag}>" if text else head
+
+
+def _margin(content: bytes, at: int) -> str:
+    """Return the white space before a place, if nothing else is before it in its line."""
+    before = content[content.rfind(b"\n", 0, at) + 1 : at].decode()
+    return before if before.isspace() else ""
+
+
+def _edited_tag(text: str, said: Mapping[str, str], element: ET.Element) -> str:
+    """Return a tag with the attributes that an element has now; what is alike stays as written."""
+
+    def keep(found: re.Match[str]) -> str:
+        key = found[2]
+        if key not in element.attrib:
+            return ""
+        value = element.attrib[key]
+        return (
+            found[0] if _alike(value, said[key]) else f"{found[1]}{key}{found[3]}{quoteattr(value)}"
+        )
+
+    text = re.sub(r"\A<[^\s/>]+", f"<{element.tag}", _ATTRIBUTE.sub(keep, text))
+    new = (f" {k}={quoteattr(v)}" for k, v in element.attrib.items() if k not in said)
+    end = len(text.rstrip("/>").rstrip())
+    return text[:end] + "".join(new) + text[end:]
+
+
+def _alike(text: str, other: str) -> bool:
+    """Whether two texts are the same, or the same numbers but for rounding."""
+    try:
+        one, two = (np.array(x.split(), float) for x in (text, other))
+    except ValueError:
+        return text == other
+    return one.shape == two.shape and bool(
+        np.all(np.abs(one - two) <= TINY * np.abs(two).max(initial=0))
+    )
+
+
+def part_of(element: ET.Element, tag: str) -> ET.Element:
+    """Return a part of an element, which is made where it is not there."""
+    found = element.find(tag)
+    return ET.SubElement(element, tag) if found is None else found
+
+
+# Numbers in the XML of a robot file: inertials, and what would change them in compiling.
 
 
 #: What would change the written values in compiling, or add to them: elements and attributes. The
@@ -65,12 +194,12 @@ def urdf_joint(
 
 
 def urdf_inertial(link: ET.Element, mass: float, centre: Array, inertia: Array) -> None:
-    """Add mass [kg], centre (3,) [m] and inertia (3, 3) about it [kg·m²] to a link of a URDF."""
-    made = ET.SubElement(link, "inertial")
-    ET.SubElement(made, "origin", xyz=numbers(centre), rpy="0 0 0")
-    ET.SubElement(made, "mass", value=f"{mass:.17g}")
+    """Write mass [kg], centre (3,) [m] and inertia (3, 3) about it [kg·m²] of a link of a URDF."""
+    made = part_of(link, "inertial")
+    part_of(made, "origin").attrib |= {"xyz": numbers(centre), "rpy": "0 0 0"}
+    part_of(made, "mass").set("value", f"{mass:.17g}")
     entries = {f"i{'xyz'[i]}{'xyz'[j]}": inertia[i, j] for i in range(3) for j in range(i, 3)}
-    ET.SubElement(made, "inertia", {name: f"{value:.17g}" for name, value in entries.items()})
+    part_of(made, "inertia").attrib |= {word: f"{x:.17g}" for word, x in entries.items()}
 
 
 def in_radians(top: ET.Element) -> bool:
@@ -173,25 +302,31 @@ def write_inertial(top: ET.Element, body: str, mass: float, centre: Array, inert
         About the centre.
     """
     element = next(b for b in top.iter("body") if b.get("name") == body)
-    for old in element.findall("inertial"):
-        element.remove(old)
-    new = ET.Element("inertial", mass=f"{mass:.17g}", pos=numbers(centre))
+    own = element.find("inertial")
+    if own is None:
+        own = ET.Element("inertial")
+        after = [k for k, c in enumerate(element) if c.tag in ("joint", "freejoint")]
+        element.insert(max(after, default=-1) + 1, own)
+    for word in _PLACED:
+        own.attrib.pop(word, None)
     order = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-    new.set("fullinertia", numbers(np.array([inertia[i, j] for i, j in order])))
-    after = [k for k, c in enumerate(element) if c.tag in ("joint", "freejoint")]
-    element.insert(max(after, default=-1) + 1, new)
+    full = numbers(np.array([inertia[i, j] for i, j in order]))
+    own.attrib |= {"mass": f"{mass:.17g}", "pos": numbers(centre), "fullinertia": full}
     _take_mass_off(element)
 
 
+#: How else an inertial says which way its axes point, and its moments along them.
+_PLACED = ("diaginertia", "quat", "axisangle", "xyaxes", "zaxis", "euler")
+
+
 def _take_mass_off(element: ET.Element) -> None:
-    """Take the mass off the geoms of a body and off the bodies that are fixed to it."""
-    for geom in _parts(element, "geom"):
-        geom.set("mass", "0")
-        geom.attrib.pop("density", None)
+    """Take the mass off the bodies that are fixed to one that states its own inertial."""
     for child in _parts(element, "body"):
         if not _parts(child, "joint", "freejoint"):
-            for part in child.findall("inertial"):
-                child.remove(part)
+            _remove_all(child, "inertial")
+            for geom in _parts(child, "geom"):
+                geom.set("mass", "0")
+                geom.attrib.pop("density", None)
             _take_mass_off(child)
 
 
@@ -270,15 +405,10 @@ def write_robot(
         Whose file is the template.
     path : str or Path
         ``.xml`` for MJCF, ``.urdf`` for URDF, as the template.
-    bodies : mapping
-        The inertial parameters of every body in the order of `INERTIAL_KINDS`, (10,).
-    joints : mapping
-        Numbers of joints, and tendons that are axes, by the words of the file; others stay
-        as they are.
+    bodies, joints, comment
+        As of `edited_text`.
     tables : mapping
         Tables of numbers that replace those of the template's sidecar.
-    comment : str
-        What the file says of itself.
 
     Returns
     -------
@@ -293,40 +423,7 @@ def write_robot(
         If the files cannot be written, or the sidecar's name is taken by something else.
     """
     path = Path(path)
-    top = _template(robot)
-    if not robot.mjcf:
-        drop_repeated(top)
-    for body, theta in share_out(robot, bodies).items():
-        write_body = write_inertial if robot.mjcf else _write_urdf_inertial
-        write_body(top, body, *own_inertial(robot, body, theta))
-    elements = {e.get("name"): e for e in _joints(top)}
-    degrees = robot.mjcf and not in_radians(top)
-    slides = {cable.name for cable in robot.cables}
-    offsets = {name: x for name, own in joints.items() for w, x in own.items() if w == "offset"}
-    joints = {name: {w: x for w, x in own.items() if w != "offset"} for name, own in joints.items()}
-    for name, stated in joints.items():
-        if name not in robot.tendon_axes and name not in (*slides, *BASE_JOINTS):
-            _write_joint(elements[name], robot, name, stated, degrees=degrees)
-    if robot.mjcf:
-        clear_mjcf(top)
-        write_axes(top, robot, joints)
-        write_gravity(top, robot.gravity)
-        if offsets:
-            write_offsets(top, robot.path, offsets)
-        servo = robot.servo
-        told = servo is not None and (servo.source in (SIDECAR, FOUND))
-        if servo is not None and told and not servo.unknown.any():
-            write_servos(top, robot.joints, servo, offsets)
-    else:
-        _turn_base(top, robot)
-    cables = {e.get("name"): e for e in top.iter("spatial")}
-    for name in slides & set(joints):
-        home = float(robot.dof_position(robot.home[None], name)[0])
-        write_tendon(cables[name], joints[name], robot.rest.get(name, home))
-    if comment:  # two hyphens end one
-        top.insert(0, ET.Comment(f" {comment.replace('--', '– ')} "))
-    ET.indent(top)
-    text = ET.tostring(top, encoding="unicode") + "\n"
+    text = edited_text(robot, bodies, joints, comment)
     extra = _sidecar_text(robot, tables)
     taken = robot.sidecar if path.resolve() != robot.path.resolve() else None
     beside = place_sidecar(path, extra, taken)
@@ -338,12 +435,85 @@ def write_robot(
     return None if extra is None else beside
 
 
-def _template(robot: Description) -> ET.Element:
-    """Return the robot file's root, with its comments, or with its includes if it has any."""
-    builder = ET.TreeBuilder(insert_comments=True)
-    top: ET.Element = ET.parse(robot.path, parser=ET.XMLParser(target=builder)).getroot()
-    if any(e.tag == "include" for e in top.iter()):
-        top = read_markup(robot.path)
+def edited_text(
+    robot: Description,
+    bodies: Mapping[str, Array],
+    joints: Mapping[str, Mapping[str, float]],
+    comment: str = "",
+) -> str:
+    """Return the text of a robot's file with other numbers; all else stays as it stands.
+
+    Parameters
+    ----------
+    robot : Description
+    bodies : mapping
+        The inertial parameters of every body in the order of `INERTIAL_KINDS`, (10,).
+    joints : mapping
+        Numbers of joints, and tendons that are axes, by the words of the file; others stay
+        as they are.
+    comment : str
+        What the file says of itself.
+
+    Raises
+    ------
+    RobotError
+        If the file has no place for them, or a body has no mass.
+    """
+    content = _utf8(robot.path.read_bytes())
+    top, places = read_places(content)
+    expand_includes(robot.path, top, [])
+    _check_template(robot, top)
+    if not robot.mjcf:
+        drop_repeated(top)
+    for body, theta in share_out(robot, bodies).items():
+        write_body = write_inertial if robot.mjcf else _write_urdf_inertial
+        write_body(top, body, *own_inertial(robot, body, theta))
+    elements = {e.get("name"): e for e in _joints(top)}
+    degrees = robot.mjcf and not in_radians(top)
+    every = [e for part in top.iter("default") for e in part.iter("joint")]
+    defaults = {word for e in every for word in e.attrib}
+    slides = {cable.name for cable in robot.cables}
+    offsets = {name: x for name, own in joints.items() for w, x in own.items() if w == "offset"}
+    joints = {name: {w: x for w, x in own.items() if w != "offset"} for name, own in joints.items()}
+    for name, stated in joints.items():
+        if name not in robot.tendon_axes and name not in (*slides, *BASE_JOINTS):
+            element = elements[name]
+            own = {w: x for w, x in stated.items() if x or w in {*defaults, *element.attrib}}
+            _write_joint(element, robot, name, own if robot.mjcf else stated, degrees=degrees)
+    if robot.mjcf:
+        clear_mjcf(top)
+        write_axes(top, robot, joints)
+        write_gravity(top, robot.gravity)
+        if offsets:
+            write_offsets(top, robot.path, offsets)
+        servo = robot.servo
+        told = servo is not None and (servo.source in (SIDECAR, FOUND))
+        if servo is not None and told and not servo.unknown.any():
+            write_servos(top, robot.joints, servo, offsets)
+    else:
+        turn_base(top, robot.gravity)
+    cables = {e.get("name"): e for e in top.iter("spatial")}
+    for name in slides & set(joints):
+        home = float(robot.dof_position(robot.home[None], name)[0])
+        write_tendon(cables[name], joints[name], robot.rest.get(name, home))
+    if comment:  # two hyphens end one
+        top.insert(0, ET.Comment(f" {comment.replace('--', '– ')} "))
+    own = places[top]
+    before, after = content[: own.start], content[own.end :]
+    return before.decode("utf-8-sig") + edited(content, places, top) + after.decode()
+
+
+def _utf8(content: bytes) -> bytes:
+    """Return the content of a file as it is, or written anew if it is in another encoding."""
+    declared = re.match(rb"\s*<\?xml[^>]*encoding\s*=\s*.([\w-]+)", content)
+    other = declared and declared[1].lower() != b"utf-8"
+    if other or content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return ET.tostring(ET.fromstring(content), encoding="utf-8")
+    return content
+
+
+def _check_template(robot: Description, top: ET.Element) -> None:
+    """Refuse a file that has no place for what is written."""
     if any(e.tag == "replicate" for e in top.iter()):
         raise RobotError(
             f"{robot.path} uses <replicate>, whose copies have no place in the file to write "
@@ -360,7 +530,6 @@ def _template(robot: Description) -> ET.Element:
                 f"{robot.path} has a {what} without a name, so parameters cannot be written to it; "
                 f"name every <{what}> (and every <spatial> tendon)."
             )
-    return top
 
 
 def _joints(top: ET.Element) -> list[ET.Element]:
@@ -395,9 +564,7 @@ def _write_urdf_inertial(
     top: ET.Element, body: str, mass: float, centre: Array, inertia: Array
 ) -> None:
     links = top.findall("link")
-    element = next(link for link in links if link.get("name") == body)
-    _remove_all(element, "inertial")
-    urdf_inertial(element, mass, centre, inertia)
+    urdf_inertial(next(link for link in links if link.get("name") == body), mass, centre, inertia)
     # Links that are fixed to this one are part of it now.
     ends: list[tuple[str | None, str | None]] = [
         (parent.get("link"), child.get("link"))
@@ -413,12 +580,12 @@ def _write_urdf_inertial(
             _remove_all(link, "inertial")
 
 
-def _turn_base(top: ET.Element, robot: Description) -> None:
-    """Let a URDF stand so that gravity, which is down in every one, is along the robot's.
+def turn_base(top: ET.Element, gravity: Array) -> None:
+    """Let a URDF stand so that gravity, which is down in every one, is along another (3,).
 
     Its first link hangs on another one by a joint whose origin turns the whole robot.
     """
-    step = shortest_turn(robot.gravity, DOWN) if robot.gravity.any() else np.zeros(3)
+    step = shortest_turn(gravity, DOWN) if gravity.any() else np.zeros(3)
     if np.linalg.norm(step) < TINY:
         return
     children = {e.get("link") for joint in top.findall("joint") for e in joint.findall("child")}
@@ -449,15 +616,12 @@ def _write_joint(
     """Write friction, rotor and spring of a joint."""
     texts = {word: f"{value:.17g}" for word, value in stated.items()}
     if not robot.mjcf:
-        _remove_all(joint, "dynamics")
-        ET.SubElement(joint, "dynamics", damping=texts["damping"], friction=texts["frictionloss"])
+        part_of(joint, "dynamics").attrib |= {FIELDS[word].urdf: x for word, x in texts.items()}
         return
-    stiffness = texts.pop("stiffness")
-    joint.attrib.update(texts)
-    if stated["stiffness"] or joint.get("stiffness"):
+    joint.attrib |= texts
+    if "stiffness" in stated:
         rest = robot.rest.get(name, float(robot.dof_position(robot.home[None], name)[0]))
         turned = not robot.is_prismatic(robot.dof_index(name))
-        joint.set("stiffness", stiffness)
         joint.set("springref", f"{np.degrees(rest) if turned and degrees else rest:.17g}")
 
 
@@ -545,262 +709,3 @@ def share_out(robot: Description, bodies: Mapping[str, Array]) -> dict[str, Arra
         if part < 1:
             out |= {b: part * robot.welded[b] for b in behind if robot.welded[b][0] > 0}
     return out
-
-
-# What both formats of a robot are written from.
-
-
-def body_joints(robot: Description, ground: str) -> Iterator[tuple[str, str, list[Joint]]]:
-    """Yield every body, what it hangs on, and the joints that move it there, in their order."""
-    for body, link in zip(robot.bodies, robot.links, strict=True):
-        above = ground if link.parent == WORLD else robot.bodies[link.parent]
-        yield body, above, list(robot.tree.joints[link.first : link.last + 1])
-
-
-def ends_of(robot: Description, ground: str) -> list[list[tuple[str, Array]]]:
-    """Return of every loop its two bodies and the points in the frames of their joints."""
-    behind = {link.last: body for body, link in zip(robot.bodies, robot.links, strict=True)}
-    behind[WORLD] = ground
-    points: list[tuple[Point, Point]] = [(loop.first, loop.second) for loop in robot.loops]
-    return [[(behind[p.joint], p.position) for p in pair] for pair in points]
-
-
-def placement(joint: Joint) -> pin.SE3:
-    """Return the place of a joint on the one before it."""
-    return pin.SE3(np.array(joint.rotation), np.array(joint.translation))
-
-
-def in_file(robot: Description, most: int) -> dict[str, Coupling]:
-    """Return the couplings of a format whose polynomials have so many coefficients, by joint."""
-    short = (c for c in robot.couplings if len(c.terms) == 1 and len(c.polynomial) <= most)
-    return {c.joint: c for c in short}
-
-
-# A robot as MJCF, from what is known of it.
-
-
-#: What stands still.
-GROUND = "world"
-
-
-def converted_mjcf(robot: Description) -> ET.Element:
-    """Return the file, with placeholders for inertias; loops are connections of sites."""
-    top = ET.Element("mujoco", model=robot.title)
-    ET.SubElement(top, "compiler", angle="radian")
-    ET.SubElement(top, "option", gravity=numbers(np.array(robot.model.gravity.linear)))
-    bodies = {GROUND: ET.SubElement(top, "worldbody")}
-    for name, above, joints in body_joints(robot, GROUND):
-        seen = [pin.SE3.Identity()]  # of the joints in the last one, where all of them are at zero
-        for joint in joints[:0:-1]:
-            seen.insert(0, placement(joint).inverse() * seen[0])
-        own = placement(joints[0]) * seen[0].inverse()
-        q = pin.Quaternion(own.rotation)
-        body = bodies[name] = ET.SubElement(
-            bodies[above],
-            "body",
-            name=name,
-            pos=numbers(own.translation),
-            quat=numbers(np.array([q.w, q.x, q.y, q.z])),
-        )
-        for joint, place in zip(joints, seen, strict=True):
-            kind = {"revolute": "hinge", "prismatic": "slide"}[joint.kind]
-            made = ET.SubElement(
-                body,
-                "joint",
-                name=joint.dofs[0],
-                type=kind,
-                axis=numbers(place.rotation @ joint.axis),
-                pos=numbers(place.translation),
-            )
-            span = position_limits(robot, joint.dofs, {})[0]
-            if np.isfinite(span).all():
-                made.set("range", numbers(span))
-        ET.SubElement(body, "inertial", mass="1", pos="0 0 0", diaginertia="1 1 1")
-    _add_closures(top, bodies, robot)
-    motors = ET.SubElement(top, "actuator")
-    for name in robot.joints:
-        ET.SubElement(motors, "motor", name=name, joint=name)
-    if robot.home.any():
-        ET.SubElement(ET.SubElement(top, "keyframe"), "key", name="home", qpos=numbers(robot.home))
-    return top
-
-
-def _add_closures(top: ET.Element, bodies: dict[str, ET.Element], robot: Description) -> None:
-    equality = ET.SubElement(top, "equality")
-    for loop, pair in zip(robot.loops, ends_of(robot, GROUND), strict=True):
-        sites = {f"site{k}": f"{loop.name} {k}" for k in (1, 2)}
-        for name, (body, point) in zip(sites.values(), pair, strict=True):
-            ET.SubElement(bodies[body], "site", name=name, pos=numbers(point))
-        ET.SubElement(equality, "connect", sites, name=loop.name)
-    for joint, c in in_file(robot, 5).items():
-        padded = numbers(np.pad(c.polynomial, (0, 5 - len(c.polynomial))))
-        ET.SubElement(equality, "joint", joint1=joint, joint2=next(iter(c.terms)), polycoef=padded)
-
-
-# A robot as URDF, from what is known of it.
-
-
-def ground_of(robot: Description) -> str:
-    """Return the name of the link that stands still."""
-    return next(n for n in ("base", "base_link", "the_base") if n not in robot.bodies)
-
-
-def links_between(robot: Description) -> dict[str, str]:
-    """Return the links without mass between the axes of one joint, by the axis before them."""
-    taken = {*robot.bodies, ground_of(robot)}
-    out = {}
-    for body, _, joints in body_joints(robot, ""):
-        for joint in joints[:-1]:
-            name = f"{body}_behind_{joint.dofs[0]}"
-            while name in taken:
-                name += "_"
-            out[joint.dofs[0]] = name
-            taken.add(name)
-    return out
-
-
-def converted_urdf(robot: Description) -> ET.Element:
-    """Return the file, with placeholders for inertias; loops stand in the sidecar."""
-    top = ET.Element("robot", name=robot.title)
-    ground, between = ground_of(robot), links_between(robot)
-    ET.SubElement(top, "link", name=ground)
-    for name in (*robot.bodies, *between.values()):
-        size = 1.0 if name in robot.bodies else TINY  # simulators refuse none
-        urdf_inertial(ET.SubElement(top, "link", name=name), size, np.zeros(3), size * np.eye(3))
-    coupled = in_file(robot, 2)
-    for body, parent, joints in body_joints(robot, ground):
-        above = parent
-        for joint in joints:
-            name, span = joint.dofs[0], position_limits(robot, joint.dofs, {})[0]
-            limited = np.isfinite(span).all()
-            turning = "revolute" if limited else "continuous"
-            kind = "prismatic" if joint.kind == "prismatic" else turning
-            child = between.get(name, body)
-            own = urdf_joint(top, name, kind, above, child, placement(joint))
-            above = child
-            ET.SubElement(own, "axis", xyz=numbers(joint.axis))
-            if kind != "continuous":  # of a slide without limits no reader makes a robot
-                low, high = np.clip(span, -ENDLESS, ENDLESS)
-                limit = {"lower": f"{low:.17g}", "upper": f"{high:.17g}"}
-                ET.SubElement(own, "limit", limit, effort="0", velocity="0")
-            follows = coupled.get(name)
-            if follows is not None:
-                (of,) = follows.terms
-                offset, slope = (f"{x:.17g}" for x in (*follows.polynomial, 0.0)[:2])
-                ET.SubElement(own, "mimic", joint=of, multiplier=slope, offset=offset)
-    return top
-
-
-# The sidecar of a robot that is written in the other format.
-#
-# What is locked is one body with its host there. An MJCF states home, motors and loops itself; a
-# URDF does not.
-
-
-#: Keys that are written anew.
-_ANEW = ("locked", "massless", "loops", "couplings", "axes", "actuated", "home", "rest")
-
-
-def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
-    """Return what stands in the sidecar of a robot that is written to another path.
-
-    Raises
-    ------
-    RobotError
-        If it cannot say a coupling.
-    """
-    text = robot.sidecar.read_text(encoding="utf-8-sig") if robot.sidecar is not None else ""
-    given = {k: v for k, v in tomllib.loads(text).items() if k not in _ANEW}
-    given = _without(given, {*robot.locked, *robot.welded})
-    given["bounds"] = {k: v for k, v in given.get("bounds", {}).items() if k != "bodies"}
-    new: dict[str, Any] = {}
-    mjcf = path.suffix == ".xml"
-    if not mjcf:
-        new["actuated"] = list(robot.joints)
-        new["massless"] = list(links_between(robot).values())
-        if robot.servo is not None:
-            given["servo"] = _servo(robot) | given.get("servo", {})
-        if robot.home.any():
-            places = {name: j.iq for name, j in robot.tree.single.items()}
-            new["home"] = {name: float(robot.home[at]) for name, at in places.items()}
-        new["loops"] = [
-            {"name": loop.name}
-            | {f"body{k}": body for k, (body, _) in enumerate(ends, 1)}
-            | {f"point{k}": point.tolist() for k, (_, point) in enumerate(ends, 1)}
-            for loop, ends in zip(robot.loops, ends_of(robot, ground_of(robot)), strict=True)
-        ]
-    new["couplings"] = [
-        {"joint": c.joint, "polynomial": [c.constant], "terms": dict(c.terms)}
-        for c in robot.couplings
-    ]
-    new["axes"] = [
-        {"name": name, "joints": dict(weights)}
-        | ({"rest": robot.rest[name]} if name in robot.rest else {})
-        for name, weights in robot.combinations.items()
-    ]
-    return {k: v for k, v in (new | given).items() if v}
-
-
-def _servo(robot: Description) -> dict[str, Any]:
-    """Return gains that a robot file states as a sidecar does."""
-    servo = robot.servo
-    assert servo is not None
-    every = {"kp": servo.kp, "kv": servo.kv, "limit": np.minimum(-servo.low, servo.high)}
-    told = {
-        key: {j: float(x) for j, x in zip(robot.joints, values, strict=True) if np.isfinite(x)}
-        for key, values in every.items()
-    }
-    return {key: table for key, table in told.items() if table}
-
-
-def _without(value: Any, gone: Collection[str]) -> Any:
-    """Return a part of a sidecar without what is said of joints and bodies that are gone."""
-    if isinstance(value, dict):
-        return {k: _without(v, gone) for k, v in value.items() if not _is_of(k, gone)}
-    if isinstance(value, list):
-        said = [[*v.values()] if isinstance(v, dict) else [v] for v in value]
-        kept = [v for v, x in zip(value, said, strict=True) if not any(_is_of(w, gone) for w in x)]
-        return [_without(v, gone) for v in kept]
-    return value
-
-
-def _is_of(text: Any, gone: Collection[str]) -> bool:
-    """Whether a text is a name, a parameter of it, or an effect at it."""
-    if not isinstance(text, str):
-        return False
-    return bool({text, text.rpartition(".")[0], text.partition("@")[2]} & {*gone})
-
-
-# The same robot in the other format: an MJCF of a URDF, a URDF of an MJCF.
-#
-# It is written from what is known of the robot (joints, their places, loops, couplings), not from
-# the text of its file: no geometry, so a simulator shows nothing and nothing collides.
-
-
-def write_converted(robot: Description, path: Path) -> None:
-    """Write a robot in another format, with placeholders for its inertias, and its sidecar.
-
-    Parameters
-    ----------
-    robot : Description
-    path : Path
-        ``.xml`` for MJCF, ``.urdf`` for URDF.
-
-    Raises
-    ------
-    RobotError
-        If the format cannot hold it, or nothing here can write it.
-    """
-    odd = [cable.name for cable in robot.cables]
-    odd += [j.dofs[0].rpartition(".")[0] for j in robot.tree.joints if j.nv > 1]
-    if odd:
-        raise RobotError(
-            f"{robot.path} has tendons between bodies, or joints that turn every way "
-            f"({listing(odd, 4)}), which cannot be written in another format: export it in its "
-            "own, or as JSON."
-        )
-    robot.check_stands("conversion to another format")
-    top = converted_mjcf(robot) if path.suffix == ".xml" else converted_urdf(robot)
-    ET.indent(top)
-    write_text(path, ET.tostring(top, encoding="unicode") + "\n")
-    write_text(path.with_suffix(".toml"), toml_text(converted_sidecar(robot, path)))

@@ -42,7 +42,8 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.locate import LARGEST, SMALLEST
 from identifiability.robot.servo import state_delay
-from identifiability.robot.write import write_converted, write_robot
+from identifiability.robot.table import write_converted
+from identifiability.robot.write import write_robot
 from identifiability.workflows.opening import Logs, list_logs
 from identifiability.workflows.predict import Entry, FitEntry, RealEntry, ResultEntry, state_missing
 from identifiability.workflows.session import Session
