@@ -73,7 +73,7 @@ def read_spec(
     for geom in list(spec.geoms):
         if not (geom.contype or geom.conaffinity) if shapes else _is_idle(spec.compiler, geom):
             spec.delete(geom)
-    _forget_looks(spec)
+    _forget_looks(spec, "" if shapes else " pairs excludes")
     for file in mesh_files(path, spec):
         check_files(path, file)
     _name_all(spec)
@@ -113,15 +113,6 @@ def mesh_files(path: Path, spec: Any) -> tuple[Path, ...]:
     """Return the files of meshes that are left in a spec."""
     folder = path.parent / (spec.compiler.meshdir or "")
     return tuple(folder / mesh.file for mesh in spec.meshes if mesh.file)
-
-
-def compile_shapes(path: Path) -> Any:
-    """Return an MJCF compiled with the geoms that collide and no others."""
-    with refused(path):
-        spec = read_spec(path, shapes=True)
-        # Bodies without shapes weigh nothing here, which is nobody's concern.
-        spec.compiler.boundmass, spec.compiler.boundinertia = 1e-6, 1e-9
-        return spec.compile()
 
 
 @contextmanager
@@ -173,13 +164,13 @@ def _is_idle(compiler: Any, geom: Any) -> bool:
     return not (moves and given and low <= geom.group <= high)
 
 
-def _forget_looks(spec: Any) -> None:
-    """Remove what would be read from other files and has no share in the motion."""
+def _forget_looks(spec: Any, more: str) -> None:
+    """Remove what would be read from other files and has no share in the motion, and `more`."""
     geoms, sites = list(spec.geoms), list(spec.sites)  # each look at them takes a while
     for element in (*geoms, *sites, *spec.tendons, *spec.meshes):
         element.material = ""
     used = {e.meshname for e in (*geoms, *sites)} | {f.name for f in spec.flexes}
-    kinds = "sensors pairs excludes tuples skins lights materials textures hfields"
+    kinds = f"sensors tuples skins lights materials textures hfields{more}"
     every = [e for kind in kinds.split() for e in getattr(spec, kind)]
     for element in [*every, *(mesh for mesh in spec.meshes if mesh.name not in used)]:
         spec.delete(element)

@@ -498,8 +498,8 @@ def edited_text(
         write_tendon(cables[name], joints[name], robot.rest.get(name, home))
     if comment:  # two hyphens end one
         top.insert(0, ET.Comment(f" {comment.replace('--', '– ')} "))
-    own = places[top]
-    before, after = content[: own.start], content[own.end :]
+    whole = places[top]
+    before, after = content[: whole.start], content[whole.end :]
     return before.decode("utf-8-sig") + edited(content, places, top) + after.decode()
 
 
@@ -508,7 +508,7 @@ def _utf8(content: bytes) -> bytes:
     declared = re.match(rb"\s*<\?xml[^>]*encoding\s*=\s*.([\w-]+)", content)
     other = declared and declared[1].lower() != b"utf-8"
     if other or content[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return ET.tostring(ET.fromstring(content), encoding="utf-8")
+        content = ET.tostring(ET.fromstring(content), encoding="utf-8")
     return content
 
 
