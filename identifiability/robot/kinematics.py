@@ -1,4 +1,4 @@
-"""Kinematics of a tree, batched over samples: frames, point Jacobians, bias accelerations.
+"""Kinematics of a tree, batched over samples: frames and point Jacobians.
 
 Joints are taken off a Pinocchio model once, in which what is locked is welded and several axes of
 one joint are one; vectors and turns of many samples have the samples last.
@@ -76,7 +76,7 @@ def turned(quat: Array, step: Array) -> Array:
     return out
 
 
-# Kinematics of a tree, batched over samples: frames, point Jacobians and their bias accelerations.
+# Kinematics of a tree, batched over samples: frames and point Jacobians.
 #
 # Pinocchio computes one configuration a call; closing loops needs a few Newton steps for each of
 # many thousand samples, so the arrays here carry all samples. They carry them in their *last*
@@ -304,43 +304,6 @@ class Tree:
                 turn = j.iv + (3 if j.kind == "free" else 0)
                 for c in range(3):
                     out[:, turn + c] += R[c]
-
-    def bias_accelerations(self, frames: Frames, v: Array, points: list[Point]) -> list[Array]:
-        """Return the accelerations of points at zero joint acceleration, J̇ v, each (3, N).
-
-        Parameters
-        ----------
-        frames : Frames
-        v : (N, nv)
-        points : list of Point
-        """
-        v = np.ascontiguousarray(v.T)
-        zero = np.zeros((3, 1))
-        motion: dict[int, tuple[Array, Array, Array]] = {WORLD: (zero, zero, zero)}
-        origin = {WORLD: zero, **frames.origin}
-        for k in self.ancestors(p.joint for p in points):
-            j, R = self.joints[k], frames.axes[k]
-            omega, alpha, acc = motion[j.parent]
-            arm = origin[k] - origin[j.parent]
-            acc = acc + cross(alpha, arm) + cross(omega, cross(omega, arm))
-            rate = v[j.iv : j.iv + j.nv]
-            if j.kind == "prismatic":
-                acc = acc + 2 * cross(omega, R[2] * rate)
-            elif j.kind == "free":  # its velocity is given along its own, turning axes
-                linear, spin = combine(R, rate[:3]), combine(R, rate[3:])
-                acc, omega = cross(spin, linear), spin
-                alpha = zero
-            else:
-                spin = R[2] * rate if j.kind == "revolute" else combine(R, rate)
-                alpha = alpha + cross(omega, spin)
-                omega = omega + spin
-            motion[k] = (omega, alpha, acc)
-        out = []
-        for p in points:
-            omega, alpha, acc = motion[p.joint]
-            arm = self.world_point(frames, p) - origin[p.joint]
-            out.append(acc + cross(alpha, arm) + cross(omega, cross(omega, arm)))
-        return out
 
 
 def _move(j: Joint, q: Array, R: Array, p: Array) -> tuple[Array, Array]:

@@ -681,7 +681,8 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
     carrying = {f.parentJoint for f in bodies.values()}
     model, names = merge_axes(model, [k for k in range(1, model.njoints) if k not in carrying])
     tree, last = read_tree(path, model, names)
-    frames = {f.name: f for f in model.frames if f.type == pin.FrameType.BODY}
+    # Copies: more frames are added below, which moves those that the model holds.
+    frames = {f.name: f.copy() for f in model.frames if f.type == pin.FrameType.BODY}
 
     def point(body: int, position: Array) -> Point:
         frame = frames[m.body(body).name]

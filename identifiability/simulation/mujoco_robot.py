@@ -241,7 +241,7 @@ class MujocoRobot:
 
     def home(self) -> Array:
         """Return the configuration that selects the assembly, (nq,)."""
-        return self.placed(self.robot.home[None])[0]
+        return np.array(self.placed(self.robot.home[None])[0])
 
     def placed(self, q: Array) -> Array:
         """Return configurations (N, nq) of the robot in the order that the file has here."""
