@@ -6,6 +6,7 @@ samples; they are solved for the dependent joints of each.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import field, replace
 from typing import Any
 
@@ -106,6 +107,19 @@ def invert(A: Array) -> tuple[Array, Array]:
     return inverse, np.nan_to_num(condition, nan=np.inf)
 
 
+def solve(A: Array, b: Array) -> Array:
+    """Solve batched systems (N, m, r), m ≥ r, by least squares; a singular one gives NaN.
+
+    Parameters
+    ----------
+    A, b : (N, m, r), (N, m)
+    """
+    with suppress(np.linalg.LinAlgError):
+        if A.shape[1] == A.shape[2]:
+            return np.asarray(np.linalg.solve(A, b[..., None])[..., 0])
+    return np.asarray((invert(A)[0] @ b[..., None])[..., 0])
+
+
 def passes_singular(A: Array) -> np.ndarray:
     """Return whether a singular matrix lies between each one and the next, (N - 1,) bool.
 
@@ -185,7 +199,8 @@ def loop_bias(robot: Description, q: Array, v: Array) -> Array:
     for k, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
         A = loop_jacobian(robot, robot.tree.integrate(q, k * h * v / size[:, None]))
         bias += weight * np.einsum("nmv,nv->nm", A, v)
-    return bias * (size / (12 * h))[:, None]
+    bias *= (size / (12 * h))[:, None]
+    return bias
 
 
 def _ends(robot: Description) -> list[Point]:
@@ -244,7 +259,7 @@ class Closed:
 def close_loops(robot: Description, q: Array) -> Closed:
     """Close the loops at every sample of actuated positions (N, n)."""
     n = len(q)
-    count = min(n, max(64, n // 32))
+    count = min(n, max(64, n // 64))
     chosen = np.unique(np.linspace(0, n - 1, count).astype(int))
     seeds = follow_from_home(robot, q[chosen])
     good = seeds.error < ROUNDOFF
@@ -295,7 +310,7 @@ def follow_from_home(robot: Description, q: Array, steps: int = 20) -> Closed:
     step[:, robot.actuated] = (q - start) / steps
     for _ in range(steps):
         rhs = here.A[:, :, robot.actuated] @ step[:, robot.actuated, None]
-        step[:, robot.dependent] = -(invert(here.A[:, :, robot.dependent])[0] @ rhs)[..., 0]
+        step[:, robot.dependent] = -solve(here.A[:, :, robot.dependent], rhs[..., 0])
         here = newton(robot, robot.tree.integrate(here.q, step), most=3)
     return newton(robot, here.q)
 
@@ -328,8 +343,7 @@ def _newton_batch(robot: Description, q: Array, most: int) -> Closed:
             break
         left = left[go_on]
         step = np.zeros((len(left), robot.nv))
-        inverse, _ = invert(J[go_on][:, :, robot.dependent])
-        step[:, robot.dependent] = -(inverse @ residual.T[go_on, :, None])[..., 0]
+        step[:, robot.dependent] = -solve(J[go_on][:, :, robot.dependent], residual.T[go_on])
         largest = np.abs(step).max(1, keepdims=True)
         step *= np.minimum(1.0, 0.5 / np.maximum(largest, 1e-300))  # far steps are not trusted
         q[left] = robot.tree.integrate(q[left], step)
