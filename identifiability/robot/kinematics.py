@@ -16,20 +16,11 @@ import pinocchio as pin
 import scipy
 
 from identifiability.foundation.errors import RobotError
-from identifiability.foundation.linalg import NEARLY, TINY
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 
 # Vectors and turns of many samples at once, samples last.
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Return ``a × b`` of vectors (3, N) (numpy.cross is several times slower on batches)."""
-    out = np.empty((3, max(a.shape[1], b.shape[1])))
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
-    return out
 
 
 def basis_along(axis: Array) -> Array:
@@ -46,15 +37,11 @@ def basis_along(axis: Array) -> Array:
 def shortest_turn(start: Array, end: Array) -> Array:
     """Return the rotation vector (3,) of the shortest turn from one direction (3,) to another.
 
-    Of opposite directions, which have no shortest one, it is about a level axis.
+    Of opposite directions, which have no shortest one, it is any half turn between them.
     """
-    start, end = start / np.linalg.norm(start), end / np.linalg.norm(end)
-    axis, cosine = np.cross(start, end), float(start @ end)
-    sine = float(np.linalg.norm(axis))
-    if sine < TINY:
-        return np.zeros(3) if cosine > 0 else np.pi * basis_along(start)[:, 0]
-    found: Array = axis * (np.arctan2(sine, cosine) / sine)
-    return found
+    found, _ = scipy.spatial.transform.Rotation.align_vectors(end[None], start[None])
+    out: Array = found.as_rotvec()
+    return out
 
 
 def turn(vector: Array, step: Array) -> Array:
@@ -286,11 +273,11 @@ class Tree:
                 continue
             arm = sign * (at - frames.origin[k])
             if j.kind == "revolute":
-                out[:, j.iv] += cross(R[2], arm)
+                out[:, j.iv] += np.cross(R[2], arm, axis=0)
                 continue
             turn = j.iv + (3 if j.kind == "free" else 0)
             for c in range(3):
-                out[:, turn + c] += cross(R[c], arm)
+                out[:, turn + c] += np.cross(R[c], arm, axis=0)
                 if j.kind == "free":
                     out[:, j.iv + c] += sign * R[c]
 
@@ -501,10 +488,5 @@ def _copy_frames(model: Any, out: Any, index: dict[int, int]) -> None:
 
 def least_eigenvalue(theta: Array) -> float:
     """Return the least eigenvalue of a body's pseudo-inertia; only possible bodies have one > 0."""
-    xx, xy, yy, xz, yz, zz = theta[4:]
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    pseudo = np.empty((4, 4))
-    pseudo[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    pseudo[3, :3] = pseudo[:3, 3] = theta[1:4]
-    pseudo[3, 3] = theta[0]
+    pseudo = pin.PseudoInertia.FromDynamicParameters(theta).toMatrix()
     return float(np.linalg.eigvalsh(pseudo)[0])
