@@ -446,7 +446,8 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     ------
     RobotError
     """
-    model, bodies = stated.model, body_names(stated.model)
+    model, names = stated.model, body_names(stated.model)
+    bodies = tuple(names[joint - 1] for joint in stated.carriers)
     motors = tuple(extra.transmission.motors) if extra.transmission else ()
     dofs = tuple(d for j in stated.tree.joints for d in j.dofs)
     stated = combine_joints(path, extra, stated, (*bodies, *dofs, *stated.locked, *motors))
@@ -572,14 +573,14 @@ def _find_frame(
     check_known(path, key, [name], found)
     place = found[name].placement
     where = place.act(np.array(at, float))
-    return Point(stated.last[found[name].parentJoint], where), np.array(place.rotation)
+    return Point(found[name].parentJoint - 1, where), np.array(place.rotation)
 
 
 def _nominal(robot: Description, extra: Sidecar) -> dict[str, float]:
     """Return the parameter values that the files state, by name."""
     values: dict[str, float] = {}
-    for body, inertia in zip(robot.bodies, [*robot.model.inertias][1:], strict=True):
-        theta = inertia.toDynamicParameters().tolist()
+    for body, carrier in zip(robot.bodies, robot.carriers, strict=True):
+        theta = robot.model.inertias[carrier].toDynamicParameters().tolist()
         values |= {f"{body}.{kind}": v for kind, v in zip(INERTIAL_KINDS, theta, strict=True)}
     words, parts = ("damping", "frictionloss", "armature"), robot.inertia_parts
     for name in robot.dofs:

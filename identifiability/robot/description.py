@@ -289,8 +289,8 @@ class Stated:
     ----------
     model : pinocchio.Model
     tree : Tree
-    last : mapping
-        Where each Pinocchio joint ends in the tree.
+    carriers : tuple of int
+        Joints of the model that carry a body; others are axes before these, at the same place.
     loops, couplings : tuple
     driven : list of str or None
         Joints with actuators; None where the file names none.
@@ -335,7 +335,7 @@ class Stated:
 
     model: Any
     tree: Tree
-    last: Mapping[int, int]
+    carriers: tuple[int, ...]
     loops: tuple[Loop, ...] = ()
     couplings: tuple[Coupling, ...] = ()
     driven: list[str] | None
@@ -439,7 +439,7 @@ class Description(Stated):
     said : Sidecar
         Its keys, with every name written out that a pattern stands for.
     bodies : tuple of str
-        Names of the moving bodies, one for each Pinocchio joint, in its order.
+        Names of the moving bodies, in the order of `carriers`.
     body_symbols, joint_symbols : mapping
         Short forms for labels.
     actuated, dependent : (n,), (n_e,) int
@@ -726,15 +726,13 @@ class Description(Stated):
     @cached_property
     def links(self) -> tuple[Link, ...]:
         """How each of its bodies hangs on the one before it."""
-        links: list[Link] = []
-        at, owner = 0, {WORLD: WORLD}
-        for k in range(1, self.model.njoints):
-            first, freedoms = at, 0
-            while freedoms < self.model.joints[k].nv:
-                freedoms += self.tree.joints[at].nv
-                owner[at] = len(links)
-                at += 1
-            links.append(Link(first, at - 1, owner[self.tree.joints[first].parent]))
+        owner = {WORLD: WORLD} | {joint - 1: k for k, joint in enumerate(self.carriers)}
+        links = []
+        for last in (joint - 1 for joint in self.carriers):
+            first = last
+            while (above := self.tree.joints[first].parent) not in owner:
+                first = above
+            links.append(Link(first, last, owner[above]))
         return tuple(links)
 
     @cached_property

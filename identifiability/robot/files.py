@@ -33,9 +33,10 @@ from identifiability.robot.assembly import (
 )
 from identifiability.robot.description import Coupling, Description, Stated
 from identifiability.robot.floating import BASE_JOINTS, Base
-from identifiability.robot.kinematics import body_names, merge_axes, read_tree, weld
+from identifiability.robot.kinematics import body_names, read_tree, weld
 from identifiability.robot.locate import find_sidecar, locate_robot, read_markup
 from identifiability.robot.sidecar import Sidecar, check_known, read_sidecar
+from identifiability.robot.write import numbers, root_link, urdf_joint
 
 
 def _find_massless(path: Path, model: Any, massless: Collection[str]) -> set[int]:
@@ -98,8 +99,7 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     reason = ""
     with _printed_errors() as printed:
         try:
-            text = plain_urdf(root, path.stem)
-            model = pin.buildModelFromXML(*(text, _six_joints()) if top else (text,))
+            model = pin.buildModelFromXML(plain_urdf(_add_base(root) if top else root, path.stem))
         except Exception as error:  # noqa: BLE001 - a foreign parser may raise anything
             reason = _one_line(error)
     if reason or printed:  # a link whose inertia is misspelt is read without any, but told of
@@ -145,16 +145,18 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
             for name, _, v in own
         },
     }
-    model, names = merge_axes(model, _find_massless(path, model, extra.massless))
+    gone = _find_massless(path, model, (*extra.massless, *(_BETWEEN if top else ())))
+    for k in gone:
+        model.inertias[k] = pin.Inertia.Zero()
     gravity = np.array(model.gravity.linear)
     if top:  # of a base that floats the proper acceleration is known, of which gravity is a part
-        names[1], model.gravity.linear = BASE_JOINTS, np.zeros(3)
+        model.gravity.linear = np.zeros(3)
     coupled = {c.joint for c in couplings}
-    tree, last = read_tree(path, model, names)
+    tree = read_tree(path, model)
     return Stated(
         model=model,
         tree=tree,
-        last=last,
+        carriers=tuple(k for k in range(1, model.njoints) if k not in gone),
         couplings=tuple(couplings),
         home=np.array(pin.neutral(model)),
         driven=[name for name in tree.single if name not in coupled],
@@ -200,12 +202,22 @@ def release_root(root: ET.Element, base: str | None) -> tuple[ET.Element, str]:
     return root, name
 
 
-def _six_joints() -> Any:
-    """Return a joint of three slides and three hinges for a root that floats."""
-    joint = pin.JointModelComposite()
-    for part in ["PX", "PY", "PZ", "RX", "RY", "RZ"]:
-        joint.addJoint(getattr(pin, f"JointModel{part}")())
-    return joint
+#: Links without mass between the joints of a base that floats.
+_BETWEEN = tuple(f"{joint} link" for joint in BASE_JOINTS[:-1])
+
+
+def _add_base(root: ET.Element) -> ET.Element:
+    """Return a URDF whose root link hangs on three slides and three hinges."""
+    made, above, first = copy.deepcopy(root), "world of the base", root_link(root)
+    ET.SubElement(made, "link", name=above)
+    for k, (joint, below) in enumerate(zip(BASE_JOINTS, (*_BETWEEN, first), strict=True)):
+        if below != first:
+            ET.SubElement(made, "link", name=below)
+        kind = ("revolute", "prismatic")[k < 3]
+        own = urdf_joint(made, joint, kind, above, below, pin.SE3.Identity())
+        ET.SubElement(own, "axis", xyz=numbers(np.eye(3)[k % 3]))
+        above = below
+    return made
 
 
 #: What links and joints of legs are called.

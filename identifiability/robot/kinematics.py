@@ -1,7 +1,7 @@
 """Kinematics of a tree, batched over samples: frames and point Jacobians.
 
-Joints are taken off a Pinocchio model once, in which what is locked is welded and several axes of
-one joint are one; vectors and turns of many samples have the samples last.
+Joints are taken off a Pinocchio model once, in which what is locked is welded; vectors and turns
+of many samples have the samples last.
 """
 
 from __future__ import annotations
@@ -314,70 +314,40 @@ def _move(j: Joint, q: Array, R: Array, p: Array) -> tuple[Array, Array]:
 # Take the joints off a Pinocchio model, for the batched kinematics.
 
 
-def read_tree(
-    path: Path, model: Any, names: Mapping[int, tuple[str, ...]]
-) -> tuple[Tree, dict[int, int]]:
-    """Return the joints of a Pinocchio model; a composite joint becomes one joint an axis.
-
-    Also return where each Pinocchio joint ends among them: loop points refer to that index.
-
-    Parameters
-    ----------
-    path : Path
-    model : pinocchio.Model
-    names : mapping
-        The file's names of the joints in each Pinocchio joint, where they are not its own.
-    """
-    joints: list[Joint] = []
-    last = {0: WORLD}
+def read_tree(path: Path, model: Any) -> Tree:
+    """Return the joints of a Pinocchio model, each at its index there less one."""
     still = pin.neutral(model)
-    for index in range(1, model.njoints):
-        whole = model.joints[index]
-        placement = model.jointPlacements[index]
-        parts, places = [whole], [placement]
-        if whole.shortname() == "JointModelComposite":
-            inner = whole.extract()
-            parts = list(inner.joints)
-            places = [placement * inner.jointPlacements[0], *list(inner.jointPlacements)[1:]]
-        parent = last[model.parents[index]]
-        iq, iv = whole.idx_q, whole.idx_v
-        named = names.get(index, (model.names[index],))
-        for part, place, name in zip(parts, places, named, strict=True):
-            joint = _read_joint(path, part, place, name, parent, (iq, iv), still)
-            joints.append(joint)
-            parent = len(joints) - 1
-            iq, iv = iq + joint.nq, iv + joint.nv
-        last[index] = parent
-    return Tree(tuple(joints)), last
+    return Tree(tuple(_read_joint(path, model, k, still) for k in range(1, model.njoints)))
 
 
-def _read_joint(
-    path: Path, part: Any, place: Any, name: str, parent: int, at: tuple[int, int], still: Array
-) -> Joint:
+def _read_joint(path: Path, model: Any, index: int, still: Array) -> Joint:
+    part, place, name = model.joints[index], model.jointPlacements[index], model.names[index]
     kind = part.shortname().removeprefix("JointModel")
-    R, p = np.array(place.rotation), np.array(place.translation)
+    type_ = {"Spherical": "ball", "FreeFlyer": "free"}.get(kind, "")
     axis = np.zeros(3)
     if part.nv == 1 and kind[0] in "RP":
         type_ = "revolute" if kind[0] == "R" else "prismatic"
         data = part.createData()
         part.calc(data, still)
         axis = np.array(data.S).ravel()[3:] if kind[0] == "R" else np.array(data.S).ravel()[:3]
-    elif kind == "Spherical":
-        type_ = "ball"
-    elif kind == "FreeFlyer":
-        type_ = "free"
-    else:
+    if not type_:
         raise RobotError(
             f"{path}: joint '{name}' is of a type ({kind}) that is not supported; use revolute, "
             "continuous, prismatic or fixed joints."
         )
     if part.nv == 1 and not abs(np.linalg.norm(axis) - 1) < NEARLY:
         raise RobotError(f"{path}: joint '{name}' has no axis; give one that is not all zero.")
-    dofs = {
-        "ball": tuple(f"{name}.{k}" for k in ("rx", "ry", "rz")),
-        "free": tuple(f"{name}.{k}" for k in ("tx", "ty", "tz", "rx", "ry", "rz")),
-    }.get(type_, (name,))
-    return Joint(dofs, type_, parent, R, p, axis, *at)  # type: ignore[arg-type]
+    ends = {"ball": ("rx", "ry", "rz"), "free": ("tx", "ty", "tz", "rx", "ry", "rz")}.get(type_)
+    return Joint(
+        (name,) if ends is None else tuple(f"{name}.{end}" for end in ends),
+        type_,  # type: ignore[arg-type]
+        int(model.parents[index]) - 1,
+        np.array(place.rotation),
+        np.array(place.translation),
+        axis,
+        part.idx_q,
+        part.idx_v,
+    )
 
 
 def body_names(model: Any) -> tuple[str, ...]:
@@ -430,60 +400,6 @@ def _host(model: Any, still: Collection[int], index: int) -> int:
     while index in still:
         index = model.parents[index]
     return index
-
-
-def merge_axes(model: Any, gone: Collection[int]) -> tuple[Any, dict[int, tuple[str, ...]]]:
-    """Return a Pinocchio model in which some joints are part of the joint behind them.
-
-    Parameters
-    ----------
-    model : pinocchio.Model
-    gone : collection of int
-        Joints that move nothing but the next one.
-
-    Returns
-    -------
-    model : pinocchio.Model
-    names : dict
-        Joints of the file in each joint of several axes.
-    """
-    if not gone:
-        return model, {}
-    out = pin.Model()
-    out.name, out.gravity = model.name, model.gravity
-    index, names, parts = {0: 0}, {}, []
-    for k in range(1, model.njoints):
-        parts.append(k)
-        if k in gone:  # the joint that it carries comes next
-            continue
-        joint, above = model.joints[k], index[model.parents[parts[0]]]
-        if len(parts) > 1:
-            joint = pin.JointModelComposite()
-            for n, part in enumerate(parts):
-                place = model.jointPlacements[part] if n else pin.SE3.Identity()
-                joint.addJoint(model.joints[part], place)
-        title = "+".join(model.names[part] for part in parts)
-        index[k] = out.addJoint(above, joint, model.jointPlacements[parts[0]], title)
-        if len(parts) > 1:
-            names[index[k]] = tuple(model.names[part] for part in parts)
-        out.appendBodyToJoint(index[k], model.inertias[k], pin.SE3.Identity())
-        parts = []
-    _copy_frames(model, out, index)
-    return out, names
-
-
-def _copy_frames(model: Any, out: Any, index: dict[int, int]) -> None:
-    """Add the frames of a model to another one, but those of joints that are not there."""
-    at = {0: 0}
-    for k, frame in enumerate(model.frames):
-        if not k or frame.parentJoint not in index:
-            continue
-        joint = index[frame.parentJoint]
-        if frame.type == pin.FrameType.JOINT:
-            at[k] = out.addJointFrame(joint)
-            continue
-        before = at.get(frame.parentFrame, 0)
-        at[k] = out.addFrame(pin.Frame(frame.name, joint, before, frame.placement, frame.type))
 
 
 def least_eigenvalue(theta: Array) -> float:

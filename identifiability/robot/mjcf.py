@@ -27,7 +27,7 @@ from identifiability.foundation.values import frozen
 from identifiability.robot.assembly import add_couplings, read_locks, settle_locks
 from identifiability.robot.description import FIELDS, Cable, Coupling, Entry, Loop, Segment, Stated
 from identifiability.robot.floating import BASE_JOINTS, SIX, Base
-from identifiability.robot.kinematics import WORLD, Joint, Point, Tree, merge_axes, read_tree, weld
+from identifiability.robot.kinematics import WORLD, Joint, Point, Tree, read_tree, weld
 from identifiability.robot.locate import check_files, file_text, read_markup
 from identifiability.robot.sidecar import Sidecar
 
@@ -677,16 +677,13 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
     couplings = add_couplings(_couplings(m), extra.couplings)
     locked, couplings = settle_locks(path, read_locks(extra.locked), at_home, couplings)
     model, welded = weld(_build_tree(m), locked)
-    bodies = {f.name: f for f in model.frames if f.type == pin.FrameType.BODY}
-    carrying = {f.parentJoint for f in bodies.values()}
-    model, names = merge_axes(model, [k for k in range(1, model.njoints) if k not in carrying])
-    tree, last = read_tree(path, model, names)
+    tree = read_tree(path, model)
     # Copies: more frames are added below, which moves those that the model holds.
     frames = {f.name: f.copy() for f in model.frames if f.type == pin.FrameType.BODY}
 
     def point(body: int, position: Array) -> Point:
         frame = frames[m.body(body).name]
-        return Point(last[frame.parentJoint], frame.placement.act(np.array(position)))
+        return Point(frame.parentJoint - 1, frame.placement.act(np.array(position)))
 
     still = int(m.opt.disableflags) & int(_OFF.mjDSBL_GRAVITY)
     gravity, base = np.zeros(3) if still else np.array(m.opt.gravity), None
@@ -710,7 +707,7 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
     return Stated(
         model=model,
         tree=add_slides(tree, cables, model.nq),
-        last=last,
+        carriers=tuple(sorted({f.parentJoint for f in frames.values()} - {0})),
         loops=tuple(_loops(path, m, point)),
         couplings=tuple(couplings),
         driven=find_drives(actuators, locked),

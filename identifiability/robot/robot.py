@@ -126,8 +126,8 @@ def write_copy(robot: Any, values: Mapping[str, float]) -> Path:
 
 def last_bodies(robot: Description) -> tuple[str, ...]:
     """Return the bodies that carry no other: where a load can hang."""
-    parents = {int(robot.model.parents[k]) for k in range(1, robot.model.njoints)}
-    return tuple(b for k, b in enumerate(robot.bodies) if k + 1 not in parents)
+    parents = {link.parent for link in robot.links}
+    return tuple(b for k, b in enumerate(robot.bodies) if k not in parents)
 
 
 def body_of(robot: Description, body: str | None) -> str:

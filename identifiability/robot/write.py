@@ -580,6 +580,13 @@ def _write_urdf_inertial(
             _remove_all(link, "inertial")
 
 
+def root_link(top: ET.Element) -> str:
+    """Return the link of a URDF that hangs on no joint, the first of several."""
+    children = {e.get("link") for e in top.iterfind("joint/child")}
+    names = (link.get("name", "") for link in top.iterfind("link"))
+    return next((name for name in names if name not in children), "")
+
+
 def turn_base(top: ET.Element, gravity: Array) -> None:
     """Let a URDF stand so that gravity, which is down in every one, is along another (3,).
 
@@ -588,10 +595,7 @@ def turn_base(top: ET.Element, gravity: Array) -> None:
     step = shortest_turn(gravity, DOWN) if gravity.any() else np.zeros(3)
     if np.linalg.norm(step) < TINY:
         return
-    children = {e.get("link") for joint in top.findall("joint") for e in joint.findall("child")}
-    links = [str(link.get("name")) for link in top.findall("link")]
-    first = next(name for name in links if name not in children)
-    taken = {*links, *(str(j.get("name")) for j in top.findall("joint"))}
+    taken, first = {e.get("name") for e in top}, root_link(top)
     ground = "ground"
     while ground in taken:
         ground = f"{ground}_"
@@ -699,7 +703,8 @@ def share_out(robot: Description, bodies: Mapping[str, Array]) -> dict[str, Arra
     for body in robot.welded:
         index = robot.model.frames[robot.model.getFrameId(body, pin.FrameType.BODY)].parentJoint
         if index:  # what hangs on the ground has no say
-            hosts.setdefault(robot.bodies[index - 1], []).append(body)
+            host = robot.bodies[robot.carriers.index(index)]
+            hosts.setdefault(host, []).append(body)
     for host, behind in hosts.items():
         part, load = 1.0, sum(robot.welded[body] for body in behind)
         room = least_eigenvalue(out[host])
