@@ -513,9 +513,8 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
             robot = replace(robot, servo=servo)
         else:  # torque is made of commands only where a robot is held
             robot = replace(robot, base=replace(robot.base, servo=servo))
-    straight = (
-        a.name for a in (*robot.axes, *robot.passive_axes) if a.row is not None or a.dof >= 0
-    )
+    every = (*robot.axes, *robot.passive_axes)
+    straight = (a.name for a in every if a.row is not None or not a.mixed)
     along = [k.along for k in extra.known_torque]
     check_known(path, "known_torque", along, (*straight, *robot.locked))
     return robot

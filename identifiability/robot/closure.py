@@ -614,6 +614,23 @@ def hold_weight(robot: Description, motion: Motion, model: Any = None) -> Array:
     return project(robot, motion, tree)
 
 
+def load_by(robot: Description, axis: Axis, motion: Motion) -> Array:
+    """Return what a force f along an axis loads the actuated joints by, ``load · f``.
+
+    It is the row of their speeds in that of the axis (virtual work), (n,) or (N, n).
+    """
+    if axis.row is not None:
+        return axis.row
+    assert motion.X is not None
+    row = np.zeros((len(motion), len(robot.actuated)))
+    for joint, c in axis.weights.items():
+        if joint in robot.joints:
+            row[:, robot.joints.index(joint)] += c
+        else:
+            row -= c * motion.X[:, robot.passive.index(joint)]
+    return row
+
+
 def known_torque(robot: Description, motion: Motion) -> Array:
     """Return the torque of the actuated joints that is known beforehand, (N, n) [N·m or N].
 
@@ -629,11 +646,7 @@ def known_torque(robot: Description, motion: Motion) -> Array:
     for known in robot.known_torque:
         axis = axes[known.along]
         force = known.force(robot.travel(axis, motion.q))
-        if axis.row is not None:
-            tau += force[:, None] * axis.row
-        elif motion.X is not None:
-            at = int(np.flatnonzero(robot.dependent == axis.dof)[0])
-            tau -= force[:, None] * motion.X[:, at]
+        tau += force[:, None] * load_by(robot, axis, motion)
     compensated = [robot.torque.is_compensated(joint) for joint in robot.joints]
     if any(compensated):
         tau -= np.where(compensated, hold_weight(robot, motion), 0.0)
@@ -642,10 +655,7 @@ def known_torque(robot: Description, motion: Motion) -> Array:
 
 def rest_along(robot: Description, axis: Axis) -> float:
     """Return where a spring along an axis is relaxed [rad or m]."""
-    if axis.name in robot.rest and (axis.row is None or axis.weights is not None):
+    if axis.name in robot.rest and axis.name in (*robot.dofs, *robot.combinations):
         return robot.rest[axis.name]
-    home = robot.actuated_positions(robot.home[None])[0]
-    if axis.row is None:
-        return float(robot.travel(axis, robot.home[None])[0])
-    rest = [robot.rest.get(j, zero) for j, zero in zip(robot.joints, home, strict=True)]
-    return float(np.asarray(rest) @ axis.row)
+    home = robot.home_table
+    return sum(c * robot.rest.get(joint, home[joint]) for joint, c in axis.weights.items())

@@ -373,7 +373,7 @@ def _add(top: ET.Element, robot: Description, axis: Axis) -> ET.Element:
     section = top.find("tendon")
     section = ET.SubElement(top, "tendon") if section is None else section
     element = ET.SubElement(section, "fixed", name=axis.name)
-    for joint, weight in axis.along(robot.joints).items():
+    for joint, weight in axis.weights.items():
         ET.SubElement(element, "joint", joint=joint, coef=f"{weight:.17g}")
     return element
 
