@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from identifiability.foundation.errors import ClosureError, RobotError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.robot.description import Axis, Cable, Coupling, Description, Loop, Segment
+from identifiability.robot.description import Axis, Cable, Coupling, Description, Loop
 from identifiability.robot.floating import BATCH, eliminate
 from identifiability.robot.kinematics import WORLD, Frames, Point, Tree
 from identifiability.robot.rules import RULES
@@ -31,7 +32,7 @@ def stretch_home(robot: Description) -> Description:
     home = np.array(robot.home)
     frames = robot.tree.frames(home[None], [p.joint for c in robot.cables for p in c.points])
     for cable in robot.cables:
-        apart = [_distance(robot.tree, frames, segment)[1][0] for segment in cable.segments]
+        apart = [_distance(robot.tree, frames, *ends)[1][0] for ends in pairwise(cable.points)]
         if min(apart) < ROUNDOFF:
             raise RobotError(
                 f"{robot.path}: two neighbouring points of the tendon '{cable.name}' coincide at "
@@ -51,19 +52,19 @@ def cable_equation(
     slide = tree.single[cable.name]
     error, row = np.array(q[:, slide.iq]), np.zeros((robot.nv, len(q)))
     row[slide.iv] = 1.0
-    for segment in cable.segments:
-        along, length = _distance(tree, frames, segment)
+    for first, second in pairwise(cable.points):
+        along, length = _distance(tree, frames, first, second)
         ends = np.zeros((3, robot.nv, len(q)))
-        tree.add_point_jacobian(frames, segment.second, segment.part, ends)
-        tree.add_point_jacobian(frames, segment.first, -segment.part, ends)
-        error -= segment.part * length
+        tree.add_point_jacobian(frames, second, 1.0, ends)
+        tree.add_point_jacobian(frames, first, -1.0, ends)
+        error -= length
         row -= np.einsum("xn,xvn->vn", along, ends)
     return error, row
 
 
-def _distance(tree: Tree, frames: Frames, segment: Segment) -> tuple[Array, Array]:
+def _distance(tree: Tree, frames: Frames, first: Point, second: Point) -> tuple[Array, Array]:
     """Return unit vectors from the first end to the second (3, N), and distances (N,) [m]."""
-    apart = tree.world_point(frames, segment.second) - tree.world_point(frames, segment.first)
+    apart = tree.world_point(frames, second) - tree.world_point(frames, first)
     length = np.sqrt((apart**2).sum(0))
     return np.divide(apart, length, out=0.0 * apart, where=length > 0), length
 
@@ -204,7 +205,7 @@ def loop_bias(robot: Description, q: Array, v: Array) -> Array:
 
 
 def _ends(robot: Description) -> list[Point]:
-    """Return the ends of loops and of the segments of tendons, two by two."""
+    """Return the points of loops and tendons."""
     return [p for x in robot.loops for p in (x.first, x.second)] + [
         p for cable in robot.cables for p in cable.points
     ]

@@ -221,32 +221,11 @@ class Coupling:
 
 
 @frozen
-class Segment:
-    """What runs straight from a point of one body to a point of another.
-
-    Attributes
-    ----------
-    first, second : Point
-    part : float
-        How much of its length counts, less than one behind a pulley.
-    """
-
-    first: Point
-    second: Point
-    part: float = 1.0
-
-
-@frozen
 class Cable:
-    """A tendon of straight segments; a slide of the tree has its name and its length."""
+    """A tendon straight from point to point; a slide of the tree has its name and its length."""
 
     name: str
-    segments: tuple[Segment, ...]
-
-    @property
-    def points(self) -> list[Point]:
-        """The ends of its segments, two by two."""
-        return [end for s in self.segments for end in (s.first, s.second)]
+    points: tuple[Point, ...]
 
 
 @frozen

@@ -178,28 +178,17 @@ def release_root(root: ET.Element, base: str | None) -> tuple[ET.Element, str]:
     root : Element
     base : {"fixed", "floating"} or None
     """
-    ends = {j: {e.tag: e.get("link") for e in j} for j in root.findall("joint")}
-    below = {end.get("child") for end in ends.values()}
-    free = [j for j in ends if j.get("type") == "floating" and ends[j].get("parent") not in below]
-    others = [
-        j
-        for j in ends
-        if free and j is not free[0] and ends[j].get("parent") == ends[free[0]].get("parent")
-    ]
-    if len(free) != 1 or others:
-        tops = [x.get("name", "") for x in root.findall("link") if x.get("name") not in below]
-        return root, (tops or [""])[0] if base == "floating" else ""
-    root = copy.deepcopy(root)
-    name = free[0].get("name", "")
-    (joint,) = [j for j in root.findall("joint") if j.get("name") == name]
+    root, top = copy.deepcopy(root), root_link(root)
+    parents = ((joint, joint.find("parent")) for joint in root.findall("joint"))
+    first = [joint for joint, end in parents if end is not None and end.get("link") == top]
+    if len(first) != 1 or first[0].get("type") != "floating":
+        return root, top if base == "floating" else ""
     if base == "fixed":
-        joint.set("type", "fixed")
+        first[0].set("type", "fixed")
         return root, ""
-    for link in root.findall("link"):
-        if link.get("name") == ends[free[0]].get("parent"):
-            root.remove(link)
-    root.remove(joint)
-    return root, name
+    root.remove(first[0])
+    root.remove(next(link for link in root.findall("link") if link.get("name") == top))
+    return root, first[0].get("name", "")
 
 
 #: Links without mass between the joints of a base that floats.

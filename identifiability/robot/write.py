@@ -217,12 +217,8 @@ def clear_mjcf(top: ET.Element) -> None:
 
 
 def write_gravity(top: ET.Element, gravity: Array) -> None:
-    """Write gravity (3,) [m/s²] where an MJCF states another one."""
-    options = [e for e in top.iter("option") if e.get("gravity")]
-    stated = options[-1].get("gravity", "").split() if options else ["0", "0", "-9.81"]
-    if not gravity.any() or np.allclose(np.array(stated, float), gravity, rtol=0, atol=1e-12):
-        return
-    for element in options or top.findall("option")[:1] or [ET.SubElement(top, "option")]:
+    """Write gravity (3,) [m/s²] into an MJCF."""
+    for element in top.findall("option") or [ET.SubElement(top, "option")]:
         element.set("gravity", numbers(gravity))
 
 
@@ -256,14 +252,8 @@ def write_servos(
     place = actuators[0] if actuators else ET.SubElement(top, "actuator")
     for k, joint in enumerate(joints):
         kp, kv, off = float(servo.kp[k]), float(servo.kv[k]), offsets.get(joint, 0.0)
-        new = ET.SubElement(place, "position", name=names[joint], joint=joint, gear="1")
-        if off:
-            new.tag = "general"
-            new.attrib |= affine_law(kp or kv, np.array([-off, -kp, -kv]))
-        else:
-            new.tag = "position" if kp else "velocity"
-            gains = {"kp": kp, "kv": kv} if kp else {"kv": kv}
-            new.attrib |= {word: f"{value:.17g}" for word, value in gains.items()}
+        law = affine_law(kp or kv, np.array([-off, -kp, -kv]))
+        new = ET.SubElement(place, "general", law, name=names[joint], joint=joint, gear="1")
         limits = np.array([servo.low[k], servo.high[k]]) - off
         limited = bool(np.isfinite(limits).all())
         new.set("forcelimited", "true" if limited else "false")
@@ -483,7 +473,8 @@ def edited_text(
     if robot.mjcf:
         clear_mjcf(top)
         write_axes(top, robot, joints)
-        write_gravity(top, robot.gravity)
+        if robot.upright is not None:
+            write_gravity(top, robot.gravity)
         if offsets:
             write_offsets(top, robot.path, offsets)
         servo = robot.servo
