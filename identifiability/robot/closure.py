@@ -563,19 +563,9 @@ def loop_error(robot: Description, q: Array) -> Array:
     return error
 
 
-def count_independent(robot: Description) -> int:
-    """Return how many loop equations are independent at home; other ones follow from them.
-
-    Where the loops can be closed with the actuated joints at home they are closed first: beside
-    the closed configurations redundant equations contradict each other.
-    """
-    home = robot.home[None]
-    if robot.equations >= len(robot.dependent):
-        closed = newton(robot, home)
-        home = closed.q if closed.error[0] < ROUNDOFF else home
-    A = loop_jacobian(robot, home)[0]
-    scale = np.abs(A).max() or 1.0
-    r, _ = scipy.linalg.qr(A.T / scale, mode="r", pivoting=True)
+def count_independent(A: Array) -> int:
+    """Return how many rows of a Jacobian (m, nv) are independent; other ones follow from them."""
+    r, _ = scipy.linalg.qr(A.T / (np.abs(A).max(initial=0.0) or 1.0), mode="r", pivoting=True)
     return int((np.abs(np.diag(r)) > ROUNDOFF).sum())
 
 

@@ -261,14 +261,6 @@ def write_servos(
             new.set("forcerange", numbers(limits))
 
 
-def write_tendon(element: ET.Element, stated: Mapping[str, float], rest: float) -> None:
-    """Write friction, inertia and spring of a tendon that is relaxed at a length [m]."""
-    for word, value in stated.items():
-        element.set(word, f"{value:.17g}")
-    if stated.get("stiffness"):
-        element.set("springlength", f"{rest:.17g}")
-
-
 def thicken(inertia: Array) -> Array:
     """Return an inertia (3, 3) of a flat body that MuJoCo takes: rounding may make it too thin."""
     moments, axes = np.linalg.eigh(inertia)
@@ -334,7 +326,7 @@ def _parts(element: ET.Element, *tags: str) -> list[ET.Element]:
 def write_axes(
     top: ET.Element, robot: Description, stated: Mapping[str, Mapping[str, float]]
 ) -> None:
-    """Write friction, rotor and spring of motors that mix joints, and of stated axes.
+    """Write friction, rotor and spring of tendons, motors that mix joints, and stated axes.
 
     A tendon of the file keeps its place; another axis becomes one where it has any number.
 
@@ -346,19 +338,24 @@ def write_axes(
     stated : mapping
         Numbers by axis, as a robot file has them of a joint; of axes without any nothing is said.
     """
-    present = {e.get("name"): e for e in top.iter("fixed")}
-    axes = {axis.name: axis for axis in robot.axes}
-    for name in robot.tendon_axes:
+    present = {e.get("name"): e for tag in ("fixed", "spatial") for e in top.iter(tag)}
+    axes = {axis.name: axis for axis in (*robot.axes, *robot.passive_axes)}
+    for name in (*robot.tendon_axes, *(cable.name for cable in robot.cables)):
         numbers = stated.get(name, {})
         if name not in present and not any(numbers.values()):
             continue
-        element = present[name] if name in present else _add(top, robot, axes[name])
-        parts = [(str(e.get("joint")), float(e.get("coef", 1.0))) for e in element.iter("joint")]
-        still = sum(c * robot.locked.get(joint, 0.0) for joint, c in parts)
-        write_tendon(element, numbers, rest_along(robot, axes[name]) + still)
+        element = present[name] if name in present else _add(top, axes[name])
+        for word, value in numbers.items():
+            element.set(word, f"{value:.17g}")
+        if numbers.get("stiffness"):
+            parts = [
+                (str(e.get("joint")), float(e.get("coef", 1.0))) for e in element.iter("joint")
+            ]
+            still = sum(c * robot.locked.get(joint, 0.0) for joint, c in parts)
+            element.set("springlength", f"{rest_along(robot, axes[name]) + still:.17g}")
 
 
-def _add(top: ET.Element, robot: Description, axis: Axis) -> ET.Element:
+def _add(top: ET.Element, axis: Axis) -> ET.Element:
     """Add a fixed tendon along an axis."""
     section = top.find("tendon")
     section = ET.SubElement(top, "tendon") if section is None else section
@@ -416,7 +413,7 @@ def write_robot(
     text = edited_text(robot, bodies, joints, comment)
     extra = _sidecar_text(robot, tables)
     taken = robot.sidecar if path.resolve() != robot.path.resolve() else None
-    beside = place_sidecar(path, extra, taken)
+    beside = place_sidecar(path, taken)
     if extra is None and beside == own_sidecar(path):
         extra = f"# {path.name} needs none; {path.with_suffix('.toml').name} is another file's.\n"
     _check_beside(beside, path, needed=extra is not None)
@@ -483,10 +480,6 @@ def edited_text(
             write_servos(top, robot.joints, servo, offsets)
     else:
         turn_base(top, robot.gravity)
-    cables = {e.get("name"): e for e in top.iter("spatial")}
-    for name in slides & set(joints):
-        home = float(robot.dof_position(robot.home[None], name)[0])
-        write_tendon(cables[name], joints[name], robot.rest.get(name, home))
     if comment:  # two hyphens end one
         top.insert(0, ET.Comment(f" {comment.replace('--', '– ')} "))
     whole = places[top]
@@ -658,7 +651,7 @@ def write_offsets(top: ET.Element, path: Path, offsets: Mapping[str, float]) -> 
     """
     from identifiability.robot.mjcf import read_actuators, read_spec, refused  # noqa: PLC0415
 
-    elements = [e for part in top.findall("actuator") for e in part if isinstance(e.tag, str)]
+    elements = [e for part in top.findall("actuator") for e in part]
     left = dict(offsets)
     with refused(path):
         actuators = read_actuators(read_spec(path).compile())
