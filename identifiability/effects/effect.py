@@ -17,6 +17,7 @@ from identifiability.foundation.errors import ModelError, listing
 from identifiability.foundation.names import Array, Parameter, find_named, is_pattern
 from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Motion, Robot
+from identifiability.robot.closure import load_by
 
 # `Effect`: a block of named columns of the regressor as a function of the motion.
 #
@@ -139,21 +140,7 @@ class Along:
 
         It is the row of their speeds in that of the axis (virtual work).
         """
-        if self.axis.row is not None:
-            return self.axis.row
-        assert self.motion.X is not None
-        robot, passive = self.robot, [*self.robot.passive]
-        if self.axis.weights is None:
-            at = int(np.flatnonzero(robot.dependent == self.axis.dof)[0])
-            row: Array = -self.motion.X[:, at, :]
-            return row
-        row = np.zeros((len(self.motion), len(robot.actuated)))
-        for joint, c in self.axis.weights.items():
-            if joint in passive:
-                row -= c * self.motion.X[:, passive.index(joint), :]
-            else:
-                row[:, robot.joints.index(joint)] += c
-        return row
+        return load_by(self.robot, self.axis, self.motion)
 
 
 def split_runs(motion: Motion) -> list[np.ndarray]:

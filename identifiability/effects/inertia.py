@@ -63,8 +63,9 @@ class RigidBody(Effect):
         K = out if direct else np.empty((len(motion), robot.nv, out.shape[2]))
         bodies = K[:, : model.nv]
         K[:, model.nv :] = 0.0  # tendons carry none
+        columns = np.arange(10) + 10 * (np.array(robot.carriers)[:, None] - 1)
         for k, (q, v, a) in enumerate(zip(*tree_motion(robot, motion), strict=True)):
-            bodies[k] = regressor(model, data, q, v, a)
+            bodies[k] = regressor(model, data, q, v, a)[..., columns.ravel()]
         if direct:
             return
         out[:] = K[:, robot.actuated]

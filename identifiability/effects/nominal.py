@@ -43,8 +43,8 @@ def reference_values(robot: Robot) -> Mapping[str, float]:
     if robot.reference:
         return robot.reference
     values = dict(robot.nominal)
-    for k, body in enumerate(robot.bodies):  # a sidecar may state others, which are no loads
-        theta = robot.model.inertias[k + 1].toDynamicParameters().tolist()
+    for k, body in zip(robot.carriers, robot.bodies, strict=True):  # a sidecar's are no loads
+        theta = robot.model.inertias[k].toDynamicParameters().tolist()
         values |= zip((f"{body}.{kind}" for kind in INERTIAL_KINDS), theta, strict=True)
     return values
 
@@ -54,9 +54,9 @@ def load_model(robot: Robot) -> Any:
     if not robot.reference:
         return robot.model
     model = robot.model.copy()
-    for k, body in enumerate(robot.bodies):
+    for k, body in zip(robot.carriers, robot.bodies, strict=True):
         theta = np.array([robot.reference.get(f"{body}.{kind}", 0.0) for kind in INERTIAL_KINDS])
-        model.inertias[k + 1] = pin.Inertia.FromDynamicParameters(theta)
+        model.inertias[k] = pin.Inertia.FromDynamicParameters(theta)
     return model
 
 

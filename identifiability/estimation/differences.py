@@ -557,10 +557,9 @@ def tool_bodies(structure: Structure) -> tuple[str, ...]:
     """Return the bodies of a model on which a load is looked for: the last, or most loops' end."""
     robot = structure.robot
     known = [b for b in last_bodies(robot) if f"{b}." in structure.bodies]
-    # Points of loops hang on single axes, of which a body's joint may have several.
-    axes = np.repeat(np.arange(robot.model.njoints - 1), list(robot.model.nvs)[1:])
+    owner = {link.last: body for body, link in zip(robot.bodies, robot.links, strict=True)}
     points = [p.joint for loop in robot.loops for p in (loop.first, loop.second)]
-    ends = Counter(robot.bodies[axes[joint]] for joint in points if joint != WORLD)
+    ends = Counter(owner[joint] for joint in points if joint != WORLD)
     most = max((ends[b] for b in known), default=0)
     return tuple(b for b in known if ends[b] == most)
 

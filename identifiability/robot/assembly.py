@@ -18,8 +18,7 @@ from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Renames
 from identifiability.foundation.options import Expected
-from identifiability.robot import closure
-from identifiability.robot.closure import invert, newton, stretch_home
+from identifiability.robot.closure import Closed, count_independent, invert, newton, stretch_home
 from identifiability.robot.description import (
     ENDLESS,
     NOT_NEGATIVE,
@@ -327,7 +326,11 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     if not len(dependent) and not robot.equations:
         return robot
     robot = stretch_home(replace(robot, home=_follow_couplings(robot)))
-    count = closure.count_independent(robot) if robot.equations else 0
+    # Beside the closed configurations redundant equations contradict each other.
+    enough = robot.equations >= len(dependent) > 0
+    there = newton(robot, robot.home[None], most=0)
+    closed = newton(robot, robot.home[None]) if enough else there
+    count = count_independent((closed if closed.error[0] < ROUNDOFF else there).A[0])
     if count > len(dependent):
         raise RobotError(
             f"{robot.path}: the loops give {count} independent equations for {len(dependent)} "
@@ -337,11 +340,11 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
             "loops all their digits)."
         )
     posed = stated.posed or bool(set(extra.home) & set(robot.passive))
-    robot = _close_home(robot, stated=posed)
+    if there.error[0] > RULES.home_open or (enough and closed.error[0] >= ROUNDOFF):
+        robot = _close_home(robot, float(there.error[0]), closed, stated=posed)
     if count < len(dependent):
         _refuse_loose(robot, count)
-    A = newton(robot, robot.home[None]).A[:, :, robot.dependent]
-    if len(dependent) and not invert(A)[1][0] * ROUNDOFF < 1:
+    if len(dependent) and not invert(closed.A[:, :, dependent])[1][0] * ROUNDOFF < 1:
         raise RobotError(
             f"The loops of {robot.path} do not determine {listing(robot.passive)} at its home "
             f"position {robot.describe_home()}: it is singular, or other joints are the actuated "
@@ -404,23 +407,17 @@ def position_limits(
     return np.array([endless if span is None else span for span in spans]).reshape(-1, 2)
 
 
-def _close_home(robot: Description, *, stated: bool) -> Description:
-    """Return a robot whose home closes its loops, where none is stated the nearest one.
+def _close_home(robot: Description, gap: float, closed: Closed, *, stated: bool) -> Description:
+    """Return a robot whose home closes its loops, which are open by a gap, if nobody stated it.
 
     A home that is stated may be rounded; one that is far from closing them is refused.
     """
-    home, single, such_as = robot.home[None], robot.tree.single, ""
-    if not robot.equations or (gap := float(closure.loop_error(robot, home)[0])) == 0.0:
-        return robot
-    enough = robot.equations >= len(robot.dependent) > 0
-    closed = newton(robot, home).q if enough else home
-    closes = enough and closure.loop_error(robot, closed)[0] < ROUNDOFF
-    if gap <= RULES.home_open and (closes or not enough):
-        return robot
-    if closes and not stated and np.abs(closed - home).max() <= RULES.leap:
-        return replace(robot, home=closed[0], assembled=True)
+    q, single, such_as = closed.q[0], robot.tree.single, ""
+    closes = closed.error[0] < ROUNDOFF
+    if closes and not stated and np.abs(q - robot.home).max() <= RULES.leap:
+        return replace(robot, home=q, assembled=True)
     if closes and single.keys() >= {*robot.passive}:
-        found = (f"{n} = {closed[0, single[n].iq]:.4f}" for n in robot.passive)
+        found = (f"{n} = {q[single[n].iq]:.4f}" for n in robot.passive)
         such_as = f", such as {', '.join(found)}"
     raise RobotError(
         f"{robot.path}: the loops are open by {gap:.2g} m at the home position "
@@ -446,7 +443,8 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     ------
     RobotError
     """
-    model, bodies = stated.model, body_names(stated.model)
+    model, names = stated.model, body_names(stated.model)
+    bodies = tuple(names[joint - 1] for joint in stated.carriers)
     motors = tuple(extra.transmission.motors) if extra.transmission else ()
     dofs = tuple(d for j in stated.tree.joints for d in j.dofs)
     stated = combine_joints(path, extra, stated, (*bodies, *dofs, *stated.locked, *motors))
@@ -512,9 +510,8 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
             robot = replace(robot, servo=servo)
         else:  # torque is made of commands only where a robot is held
             robot = replace(robot, base=replace(robot.base, servo=servo))
-    straight = (
-        a.name for a in (*robot.axes, *robot.passive_axes) if a.row is not None or a.dof >= 0
-    )
+    every = (*robot.axes, *robot.passive_axes)
+    straight = (a.name for a in every if a.row is not None or not a.mixed)
     along = [k.along for k in extra.known_torque]
     check_known(path, "known_torque", along, (*straight, *robot.locked))
     return robot
@@ -572,14 +569,14 @@ def _find_frame(
     check_known(path, key, [name], found)
     place = found[name].placement
     where = place.act(np.array(at, float))
-    return Point(stated.last[found[name].parentJoint], where), np.array(place.rotation)
+    return Point(found[name].parentJoint - 1, where), np.array(place.rotation)
 
 
 def _nominal(robot: Description, extra: Sidecar) -> dict[str, float]:
     """Return the parameter values that the files state, by name."""
     values: dict[str, float] = {}
-    for body, inertia in zip(robot.bodies, [*robot.model.inertias][1:], strict=True):
-        theta = inertia.toDynamicParameters().tolist()
+    for body, carrier in zip(robot.bodies, robot.carriers, strict=True):
+        theta = robot.model.inertias[carrier].toDynamicParameters().tolist()
         values |= {f"{body}.{kind}": v for kind, v in zip(INERTIAL_KINDS, theta, strict=True)}
     words, parts = ("damping", "frictionloss", "armature"), robot.inertia_parts
     for name in robot.dofs:

@@ -1,13 +1,14 @@
 """Full motion of a robot from the motion of its actuated joints: loops closed by Newton steps.
 
-The equations of closures, straight tendons among them, are errors, Jacobians and bias for batches
-of samples; they are solved for the dependent joints of each.
+The equations of closures, straight tendons among them, are errors and Jacobians for batches of
+samples; they are solved for the dependent joints of each.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from identifiability.foundation.errors import ClosureError, RobotError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.robot.description import Axis, Cable, Coupling, Description, Loop, Segment
+from identifiability.robot.description import Axis, Cable, Coupling, Description, Loop
 from identifiability.robot.floating import BATCH, eliminate
 from identifiability.robot.kinematics import WORLD, Frames, Point, Tree
 from identifiability.robot.rules import RULES
@@ -31,7 +32,7 @@ def stretch_home(robot: Description) -> Description:
     home = np.array(robot.home)
     frames = robot.tree.frames(home[None], [p.joint for c in robot.cables for p in c.points])
     for cable in robot.cables:
-        apart = [_distance(robot.tree, frames, segment)[1][0] for segment in cable.segments]
+        apart = [_distance(robot.tree, frames, *ends)[1][0] for ends in pairwise(cable.points)]
         if min(apart) < ROUNDOFF:
             raise RobotError(
                 f"{robot.path}: two neighbouring points of the tendon '{cable.name}' coincide at "
@@ -51,36 +52,19 @@ def cable_equation(
     slide = tree.single[cable.name]
     error, row = np.array(q[:, slide.iq]), np.zeros((robot.nv, len(q)))
     row[slide.iv] = 1.0
-    for segment in cable.segments:
-        along, length = _distance(tree, frames, segment)
+    for first, second in pairwise(cable.points):
+        along, length = _distance(tree, frames, first, second)
         ends = np.zeros((3, robot.nv, len(q)))
-        tree.add_point_jacobian(frames, segment.second, segment.part, ends)
-        tree.add_point_jacobian(frames, segment.first, -segment.part, ends)
-        error -= segment.part * length
+        tree.add_point_jacobian(frames, second, 1.0, ends)
+        tree.add_point_jacobian(frames, first, -1.0, ends)
+        error -= length
         row -= np.einsum("xn,xvn->vn", along, ends)
     return error, row
 
 
-def cable_bias(
-    robot: Description, cable: Cable, frames: Frames, v: Array, bias: Sequence[Array]
-) -> Array:
-    """Return ``J̇ v`` of the same, (N,); `bias` are the accelerations of its ends, two by two."""
-    out = np.zeros(len(v))
-    for k, segment in enumerate(cable.segments):
-        along, length = _distance(robot.tree, frames, segment)
-        ends = np.zeros((3, robot.nv, len(v)))
-        robot.tree.add_point_jacobian(frames, segment.second, 1.0, ends)
-        robot.tree.add_point_jacobian(frames, segment.first, -1.0, ends)
-        speed = np.einsum("xvn,nv->xn", ends, v)
-        across = (speed**2).sum(0) - (along * speed).sum(0) ** 2
-        bent = (along * (bias[2 * k + 1] - bias[2 * k])).sum(0)
-        out -= segment.part * (bent + across / length)
-    return out
-
-
-def _distance(tree: Tree, frames: Frames, segment: Segment) -> tuple[Array, Array]:
+def _distance(tree: Tree, frames: Frames, first: Point, second: Point) -> tuple[Array, Array]:
     """Return unit vectors from the first end to the second (3, N), and distances (N,) [m]."""
-    apart = tree.world_point(frames, segment.second) - tree.world_point(frames, segment.first)
+    apart = tree.world_point(frames, second) - tree.world_point(frames, first)
     length = np.sqrt((apart**2).sum(0))
     return np.divide(apart, length, out=0.0 * apart, where=length > 0), length
 
@@ -95,26 +79,10 @@ def _distance(tree: Tree, frames: Frames, segment: Segment) -> tuple[Array, Arra
 # are written in.
 
 
-def solve(A: Array, b: Array) -> Array:
-    """Solve batched systems (N, m, r), m ≥ r, by least squares; a singular one gives NaN.
-
-    Parameters
-    ----------
-    A, b : (N, m, r), (N, m)
-    """
-    if A.shape[1] > A.shape[2]:
-        Q, A = np.linalg.qr(A)
-        b = np.einsum("nmr,nm->nr", Q, b)
-    try:
-        return np.linalg.solve(A, b[..., None])[..., 0]
-    except np.linalg.LinAlgError:
-        inverse, condition = invert(A)
-        inverse[np.isinf(condition)] = np.nan
-        return (inverse @ b[..., None])[..., 0]
-
-
 def invert(A: Array) -> tuple[Array, Array]:
-    """Return inverses and condition numbers of batched matrices, infinite for singular ones.
+    """Return inverses and condition numbers of batched matrices.
+
+    Of a singular one the inverse is NaN and the condition infinite.
 
     Parameters
     ----------
@@ -135,35 +103,42 @@ def invert(A: Array) -> tuple[Array, Array]:
     except np.linalg.LinAlgError:
         singular = np.array([np.linalg.matrix_rank(a) < len(a) for a in A])
         inverse = np.linalg.inv(np.where(singular[:, None, None], np.eye(A.shape[1]), A))
-    else:
-        singular = np.zeros(len(A), bool)
+        inverse[singular] = np.nan
     condition = np.abs(A).sum(1).max(1) * np.abs(inverse).sum(1).max(1)
-    return inverse, np.where(singular, np.inf, condition)
+    return inverse, np.nan_to_num(condition, nan=np.inf)
+
+
+def solve(A: Array, b: Array) -> Array:
+    """Solve batched systems (N, m, r), m ≥ r, by least squares; a singular one gives NaN.
+
+    Parameters
+    ----------
+    A, b : (N, m, r), (N, m)
+    """
+    with suppress(np.linalg.LinAlgError):
+        if A.shape[1] == A.shape[2]:
+            return np.asarray(np.linalg.solve(A, b[..., None])[..., 0])
+    return np.asarray((invert(A)[0] @ b[..., None])[..., 0])
 
 
 def passes_singular(A: Array) -> np.ndarray:
     """Return whether a singular matrix lies between each one and the next, (N - 1,) bool.
 
-    The determinant changes its sign there. Of matrices with more rows than columns it is taken in
-    the directions that their columns span, which must hardly turn from one to the next.
+    The determinant changes its sign there: it is taken in the directions that the columns span,
+    which must hardly turn from one to the next.
 
     Parameters
     ----------
     A : (N, m, r), m ≥ r
         Along a motion.
     """
-    passed: np.ndarray
-    if A.shape[1] == A.shape[2]:
-        sign = np.linalg.slogdet(A)[0]
-        passed = sign[1:] != sign[:-1]
-        return passed
     Q, R = np.linalg.qr(A)
     overlap = np.linalg.det(Q[:-1].swapaxes(1, 2) @ Q[1:])
     sign = np.sign(np.diagonal(R, axis1=1, axis2=2)).prod(1)
-    passed = np.sign(overlap) * sign[1:] != sign[:-1]
     # Two samples whose equations span directions that overlap less than this (a determinant
     # of cosines) are too far apart to say whether a singular pose lies between them.
-    passed &= np.abs(overlap) > 0.5
+    sure = np.abs(overlap) > 0.5
+    passed: np.ndarray = sure & (np.sign(overlap) * sign[1:] != sign[:-1])
     return passed
 
 
@@ -214,28 +189,23 @@ def loop_jacobian(robot: Description, q: Array) -> Array:
 
 
 def loop_bias(robot: Description, q: Array, v: Array) -> Array:
-    """Return ``Ȧ v`` of the loop equations at configurations that close them, (N, m)."""
-    tree = robot.tree
-    frames = tree.frames(q, [p.joint for p in _ends(robot)])
-    bias = tree.bias_accelerations(frames, v, _ends(robot))
-    rows = []
-    for k, loop in enumerate(robot.loops):
-        apart, turn = bias[2 * k] - bias[2 * k + 1], _own_axes(robot, loop, frames)
-        if turn is not None:
-            apart = np.einsum("cxn,xn->cn", turn, apart)
-        rows.append(np.broadcast_to(apart, (3, len(q))))
-    rows += [_coupling_bias(c, q, v, robot)[None] for c in robot.couplings]
-    at = 2 * len(robot.loops)
-    for cable in robot.cables:
-        ends = bias[at : at + 2 * len(cable.segments)]
-        rows.append(cable_bias(robot, cable, frames, v, ends)[None])
-        at += len(ends)
-    bias_rows: Array = np.concatenate(rows).T
-    return bias_rows
+    """Return ``Ȧ v`` of the loop equations at configurations that close them, (N, m).
+
+    It is the derivative of A along the velocity, by central differences of fourth order, whose
+    error is that of rounding.
+    """
+    size = np.abs(v).max(1, initial=1e-300)
+    h = 1e-3  # [rad or m], as far as the fastest joint goes in a step
+    bias = np.zeros((len(q), robot.equations))
+    for k, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
+        A = loop_jacobian(robot, robot.tree.integrate(q, k * h * v / size[:, None]))
+        bias += weight * np.einsum("nmv,nv->nm", A, v)
+    bias *= (size / (12 * h))[:, None]
+    return bias
 
 
 def _ends(robot: Description) -> list[Point]:
-    """Return the ends of loops and of the segments of tendons, two by two."""
+    """Return the points of loops and tendons."""
     return [p for x in robot.loops for p in (x.first, x.second)] + [
         p for cable in robot.cables for p in cable.points
     ]
@@ -261,24 +231,12 @@ def _coupling_error(coupling: Coupling, q: Array, robot: Description) -> tuple[A
     return error, J
 
 
-def _coupling_bias(coupling: Coupling, q: Array, v: Array, robot: Description) -> Array:
-    """Return ``J̇ v`` of a coupling, (N,)."""
-    bias = np.zeros(len(q))
-    for of, coefficients in coupling.terms.items():
-        bent = np.polynomial.Polynomial(coefficients).deriv(2)(robot.dof_position(q, of))
-        bias -= bent * v[:, robot.dof_index(of)] ** 2
-    return bias
-
-
 # Close loops by Newton steps, batched over samples.
 #
 # A closure has several assemblies. The robot's home configuration selects one; a few seed samples
 # are followed from home along a straight line of actuated coordinates, and every other sample
 # starts from the nearest seed, so the result does not depend on the order or the number of
 # samples.
-
-
-_HOMOTOPY_STEPS = 10
 
 
 @frozen
@@ -302,11 +260,9 @@ class Closed:
 def close_loops(robot: Description, q: Array) -> Closed:
     """Close the loops at every sample of actuated positions (N, n)."""
     n = len(q)
-    count = min(n, max(64, n // 32))
+    count = min(n, max(64, n // 64))
     chosen = np.unique(np.linspace(0, n - 1, count).astype(int))
-    seeds = follow_from_home(robot, q[chosen], _HOMOTOPY_STEPS)
-    if not (seeds.error < ROUNDOFF).any():
-        seeds = follow_from_home(robot, q[chosen], 6 * _HOMOTOPY_STEPS)
+    seeds = follow_from_home(robot, q[chosen])
     good = seeds.error < ROUNDOFF
     if not good.any():  # what closes nowhere on the way is not worth minutes
         return Closed(
@@ -317,10 +273,10 @@ def close_loops(robot: Description, q: Array) -> Closed:
     moved = np.abs(closed.q - guess).max(1)
     doubtful = np.flatnonzero((closed.error > ROUNDOFF) | (moved > RULES.leap))
     if len(doubtful):
-        again = follow_from_home(robot, q[doubtful], 2 * _HOMOTOPY_STEPS)
-        mixed = {name: x.copy() for name, x in vars(closed).items()}
-        for name, x in mixed.items():
-            x[doubtful] = vars(again)[name]
+        again = follow_from_home(robot, q[doubtful])
+        mixed = {name: np.array(x) for name, x in vars(closed).items()}
+        for name, x in vars(again).items():
+            mixed[name][doubtful] = x
         return Closed(**mixed)
     return closed
 
@@ -347,7 +303,7 @@ def _predict(robot: Description, q: Array, at: Array, full: Array, A: Array) -> 
     return robot.tree.integrate(full[nearest], step)
 
 
-def follow_from_home(robot: Description, q: Array, steps: int) -> Closed:
+def follow_from_home(robot: Description, q: Array, steps: int = 20) -> Closed:
     """Walk from home to every sample on a straight line of actuated coordinates."""
     here = newton(robot, np.repeat(robot.home[None], len(q), 0), most=0)
     start = robot.actuated_positions(robot.home[None])
@@ -607,19 +563,9 @@ def loop_error(robot: Description, q: Array) -> Array:
     return error
 
 
-def count_independent(robot: Description) -> int:
-    """Return how many loop equations are independent at home; other ones follow from them.
-
-    Where the loops can be closed with the actuated joints at home they are closed first: beside
-    the closed configurations redundant equations contradict each other.
-    """
-    home = robot.home[None]
-    if robot.equations >= len(robot.dependent):
-        closed = newton(robot, home)
-        home = closed.q if closed.error[0] < ROUNDOFF else home
-    A = loop_jacobian(robot, home)[0]
-    scale = np.abs(A).max() or 1.0
-    r, _ = scipy.linalg.qr(A.T / scale, mode="r", pivoting=True)
+def count_independent(A: Array) -> int:
+    """Return how many rows of a Jacobian (m, nv) are independent; other ones follow from them."""
+    r, _ = scipy.linalg.qr(A.T / (np.abs(A).max(initial=0.0) or 1.0), mode="r", pivoting=True)
     return int((np.abs(np.diag(r)) > ROUNDOFF).sum())
 
 
@@ -659,6 +605,23 @@ def hold_weight(robot: Description, motion: Motion, model: Any = None) -> Array:
     return project(robot, motion, tree)
 
 
+def load_by(robot: Description, axis: Axis, motion: Motion) -> Array:
+    """Return what a force f along an axis loads the actuated joints by, ``load · f``.
+
+    It is the row of their speeds in that of the axis (virtual work), (n,) or (N, n).
+    """
+    if axis.row is not None:
+        return axis.row
+    assert motion.X is not None
+    row = np.zeros((len(motion), len(robot.actuated)))
+    for joint, c in axis.weights.items():
+        if joint in robot.joints:
+            row[:, robot.joints.index(joint)] += c
+        else:
+            row -= c * motion.X[:, robot.passive.index(joint)]
+    return row
+
+
 def known_torque(robot: Description, motion: Motion) -> Array:
     """Return the torque of the actuated joints that is known beforehand, (N, n) [N·m or N].
 
@@ -674,11 +637,7 @@ def known_torque(robot: Description, motion: Motion) -> Array:
     for known in robot.known_torque:
         axis = axes[known.along]
         force = known.force(robot.travel(axis, motion.q))
-        if axis.row is not None:
-            tau += force[:, None] * axis.row
-        elif motion.X is not None:
-            at = int(np.flatnonzero(robot.dependent == axis.dof)[0])
-            tau -= force[:, None] * motion.X[:, at]
+        tau += force[:, None] * load_by(robot, axis, motion)
     compensated = [robot.torque.is_compensated(joint) for joint in robot.joints]
     if any(compensated):
         tau -= np.where(compensated, hold_weight(robot, motion), 0.0)
@@ -687,10 +646,7 @@ def known_torque(robot: Description, motion: Motion) -> Array:
 
 def rest_along(robot: Description, axis: Axis) -> float:
     """Return where a spring along an axis is relaxed [rad or m]."""
-    if axis.name in robot.rest and (axis.row is None or axis.weights is not None):
+    if axis.name in robot.rest and axis.name in (*robot.dofs, *robot.combinations):
         return robot.rest[axis.name]
-    home = robot.actuated_positions(robot.home[None])[0]
-    if axis.row is None:
-        return float(robot.travel(axis, robot.home[None])[0])
-    rest = [robot.rest.get(j, zero) for j, zero in zip(robot.joints, home, strict=True)]
-    return float(np.asarray(rest) @ axis.row)
+    home = robot.home_table
+    return sum(c * robot.rest.get(joint, home[joint]) for joint, c in axis.weights.items())

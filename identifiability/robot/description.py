@@ -144,37 +144,25 @@ class Axis:
     Attributes
     ----------
     name, symbol : str
+    weights : mapping
+        Joints that it runs along to their coefficients.
     row : (n,) or None
         Its speed is ``row · q̇_actuated``; None where a passive joint has a part (the row then
         varies).
-    dof : int
-        Index in ``v`` of the joint (axes of one passive joint only, else -1).
     prismatic : bool
-        Whether it slides; a combination does where all its joints do, or stated so.
-    weights : mapping or None
-        Joint to its coefficient, of a stated combination.
+        Whether it slides, as all its joints do.
     """
 
     name: str
     symbol: str
+    weights: Mapping[str, float]
     row: Array | None
-    dof: int
     prismatic: bool
-    weights: Mapping[str, float] | None = None
 
     @property
     def mixed(self) -> bool:
         """Whether it is the axis of a motor that drives several joints, or a stated one."""
-        return self.weights is not None or (
-            self.row is not None and int(np.count_nonzero(self.row)) > 1
-        )
-
-    def along(self, joints: Sequence[str]) -> dict[str, float]:
-        """Return the joints, of the actuated ones, that it runs along, with their coefficients."""
-        if self.weights is not None:
-            return dict(self.weights)
-        assert self.row is not None
-        return {joint: c for joint, c in zip(joints, self.row.tolist(), strict=True) if c}
+        return self.name not in self.weights
 
 
 @frozen
@@ -233,32 +221,11 @@ class Coupling:
 
 
 @frozen
-class Segment:
-    """What runs straight from a point of one body to a point of another.
-
-    Attributes
-    ----------
-    first, second : Point
-    part : float
-        How much of its length counts, less than one behind a pulley.
-    """
-
-    first: Point
-    second: Point
-    part: float = 1.0
-
-
-@frozen
 class Cable:
-    """A tendon of straight segments; a slide of the tree has its name and its length."""
+    """A tendon straight from point to point; a slide of the tree has its name and its length."""
 
     name: str
-    segments: tuple[Segment, ...]
-
-    @property
-    def points(self) -> list[Point]:
-        """The ends of its segments, two by two."""
-        return [end for s in self.segments for end in (s.first, s.second)]
+    points: tuple[Point, ...]
 
 
 @frozen
@@ -289,8 +256,8 @@ class Stated:
     ----------
     model : pinocchio.Model
     tree : Tree
-    last : mapping
-        Where each Pinocchio joint ends in the tree.
+    carriers : tuple of int
+        Joints of the model that carry a body; others are axes before these, at the same place.
     loops, couplings : tuple
     driven : list of str or None
         Joints with actuators; None where the file names none.
@@ -335,7 +302,7 @@ class Stated:
 
     model: Any
     tree: Tree
-    last: Mapping[int, int]
+    carriers: tuple[int, ...]
     loops: tuple[Loop, ...] = ()
     couplings: tuple[Coupling, ...] = ()
     driven: list[str] | None
@@ -439,7 +406,7 @@ class Description(Stated):
     said : Sidecar
         Its keys, with every name written out that a pattern stands for.
     bodies : tuple of str
-        Names of the moving bodies, one for each Pinocchio joint, in its order.
+        Names of the moving bodies, in the order of `carriers`.
     body_symbols, joint_symbols : mapping
         Short forms for labels.
     actuated, dependent : (n,), (n_e,) int
@@ -710,31 +677,25 @@ class Description(Stated):
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
         """Every actuated joint, every motor whose coordinate mixes joints, every stated axis."""
-        rows = list(zip(self.joints, np.eye(len(self.actuated)), strict=True))
-        rows = rows[len(self.joints) - len(self.motor_joints) :]
+        found = [(name, {name: 1.0}) for name in self.motor_joints]
         if self.transmission is not None:
-            motors = zip(self.transmission.motors, self.transmission.coupling, strict=True)
-            before = np.zeros(len(self.joints) - len(self.motor_joints))
-            rows += [(m, np.append(before, row)) for m, row in motors if np.count_nonzero(row) > 1]
-        slides = np.array([self.is_prismatic(dof) for dof in self.actuated], bool)
-        own = tuple(
-            Axis(name, self.joint_symbols.get(name, name), row, -1, bool(slides[row != 0].all()))
-            for name, row in rows
-        )
-        return (*own, *(self._stated_axis(name) for name in self.combinations))
+            for name, row in zip(self.transmission.motors, self.transmission.coupling, strict=True):
+                pairs = zip(self.motor_joints, row.tolist(), strict=True)
+                weights = {joint: c for joint, c in pairs if c}
+                found += [(name, weights)] if len(weights) > 1 else []
+        found += [(name, dict(weights)) for name, weights in self.combinations.items()]
+        return tuple(self._axis(name, weights) for name, weights in found)
 
     @cached_property
     def links(self) -> tuple[Link, ...]:
         """How each of its bodies hangs on the one before it."""
-        links: list[Link] = []
-        at, owner = 0, {WORLD: WORLD}
-        for k in range(1, self.model.njoints):
-            first, freedoms = at, 0
-            while freedoms < self.model.joints[k].nv:
-                freedoms += self.tree.joints[at].nv
-                owner[at] = len(links)
-                at += 1
-            links.append(Link(first, at - 1, owner[self.tree.joints[first].parent]))
+        owner = {WORLD: WORLD} | {joint - 1: k for k, joint in enumerate(self.carriers)}
+        links = []
+        for last in (joint - 1 for joint in self.carriers):
+            first = last
+            while (above := self.tree.joints[first].parent) not in owner:
+                first = above
+            links.append(Link(first, last, owner[above]))
         return tuple(links)
 
     @cached_property
@@ -743,20 +704,14 @@ class Description(Stated):
         own = (axis.name for axis in self.axes if axis.mixed and self.mjcf)
         return tuple(dict.fromkeys((*self.tendons, *own)))
 
-    def _stated_axis(self, name: str) -> Axis:
-        weights, joints = self.combinations[name], self.joints
-        inside = all(joint in joints for joint in weights)
-        row = np.array([weights.get(joint, 0.0) for joint in joints]) if inside else None
+    def _axis(self, name: str, weights: Mapping[str, float]) -> Axis:
+        inside = weights.keys() <= {*self.joints}
+        row = np.array([weights.get(joint, 0.0) for joint in self.joints]) if inside else None
         slides = all(self.is_prismatic(self.dof_index(joint)) for joint in weights)
-        return Axis(name, self.joint_symbols.get(name, name), row, -1, slides, weights)
+        return Axis(name, self.joint_symbols.get(name, name), weights, row, slides)
 
     def along(self, axis: Axis, x: Array) -> Array:
         """Return velocities or accelerations (N, nv) of the tree along an axis, (N,)."""
-        if axis.row is not None:
-            at = np.flatnonzero(axis.row)
-            return np.asarray(x[:, self.actuated[at]] @ axis.row[at])
-        if axis.weights is None:
-            return np.asarray(x[:, axis.dof])
         return np.asarray(x[:, [*map(self.dof_index, axis.weights)]] @ [*axis.weights.values()])
 
     def travel(self, axis: Axis, q: Array, start: Array | None = None) -> Array:
@@ -764,26 +719,14 @@ class Description(Stated):
 
         From the zeros of its joints, or from a configuration (nq,).
         """
-        weights = axis.weights or {}
-        if axis.row is not None and not weights:
-            weights = dict(zip(self.joints, axis.row.tolist(), strict=True))
-        elif not weights:
-            weights = {self.dofs[axis.dof]: 1.0}
-        moved = np.zeros(len(q))
-        for joint, weight in weights.items():
-            if weight:
-                origin = 0.0 if start is None else self.dof_position(start[None], joint)[0]
-                moved += weight * (self.dof_position(q, joint) - origin)
-        return moved
+        at = [self.tree.single[joint].iq for joint in axis.weights]
+        moved = q[:, at] if start is None else q[:, at] - start[at]
+        return np.asarray(moved @ [*axis.weights.values()])
 
     @cached_property
     def passive_axes(self) -> tuple[Axis, ...]:
         """Every passive one-dof joint; balls are left out (no friction law with one axis)."""
-        return tuple(
-            Axis(d, self.joint_symbols.get(d, d), None, int(k), self.is_prismatic(k))
-            for k, d in zip(self.dependent, self.passive, strict=True)
-            if d in self.tree.single
-        )
+        return tuple(self._axis(d, {d: 1.0}) for d in self.passive if d in self.tree.single)
 
     def column_preference(self, names: tuple[str, ...]) -> list[int]:
         """Return column indices in the order in which the grouping should try to keep them.

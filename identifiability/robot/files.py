@@ -33,9 +33,10 @@ from identifiability.robot.assembly import (
 )
 from identifiability.robot.description import Coupling, Description, Stated
 from identifiability.robot.floating import BASE_JOINTS, Base
-from identifiability.robot.kinematics import WORLD, body_names, merge_axes, read_tree, weld
-from identifiability.robot.locate import check_files, find_sidecar, locate_robot, read_markup
+from identifiability.robot.kinematics import body_names, read_tree, weld
+from identifiability.robot.locate import find_sidecar, locate_robot, read_markup
 from identifiability.robot.sidecar import Sidecar, check_known, read_sidecar
+from identifiability.robot.write import numbers, root_link, urdf_joint
 
 
 def _find_massless(path: Path, model: Any, massless: Collection[str]) -> set[int]:
@@ -98,8 +99,7 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     reason = ""
     with _printed_errors() as printed:
         try:
-            text = plain_urdf(root, path.stem)
-            model = pin.buildModelFromXML(*(text, _six_joints()) if top else (text,))
+            model = pin.buildModelFromXML(plain_urdf(_add_base(root) if top else root, path.stem))
         except Exception as error:  # noqa: BLE001 - a foreign parser may raise anything
             reason = _one_line(error)
     if reason or printed:  # a link whose inertia is misspelt is read without any, but told of
@@ -145,16 +145,18 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
             for name, _, v in own
         },
     }
-    model, names = merge_axes(model, _find_massless(path, model, extra.massless))
+    gone = _find_massless(path, model, (*extra.massless, *(_BETWEEN if top else ())))
+    for k in gone:
+        model.inertias[k] = pin.Inertia.Zero()
     gravity = np.array(model.gravity.linear)
     if top:  # of a base that floats the proper acceleration is known, of which gravity is a part
-        names[1], model.gravity.linear = BASE_JOINTS, np.zeros(3)
+        model.gravity.linear = np.zeros(3)
     coupled = {c.joint for c in couplings}
-    tree, last = read_tree(path, model, names)
+    tree = read_tree(path, model)
     return Stated(
         model=model,
         tree=tree,
-        last=last,
+        carriers=tuple(k for k in range(1, model.njoints) if k not in gone),
         couplings=tuple(couplings),
         home=np.array(pin.neutral(model)),
         driven=[name for name in tree.single if name not in coupled],
@@ -176,36 +178,35 @@ def release_root(root: ET.Element, base: str | None) -> tuple[ET.Element, str]:
     root : Element
     base : {"fixed", "floating"} or None
     """
-    ends = {j: {e.tag: e.get("link") for e in j} for j in root.findall("joint")}
-    below = {end.get("child") for end in ends.values()}
-    free = [j for j in ends if j.get("type") == "floating" and ends[j].get("parent") not in below]
-    others = [
-        j
-        for j in ends
-        if free and j is not free[0] and ends[j].get("parent") == ends[free[0]].get("parent")
-    ]
-    if len(free) != 1 or others:
-        tops = [x.get("name", "") for x in root.findall("link") if x.get("name") not in below]
-        return root, (tops or [""])[0] if base == "floating" else ""
-    root = copy.deepcopy(root)
-    name = free[0].get("name", "")
-    (joint,) = [j for j in root.findall("joint") if j.get("name") == name]
+    root, top = copy.deepcopy(root), root_link(root)
+    parents = ((joint, joint.find("parent")) for joint in root.findall("joint"))
+    first = [joint for joint, end in parents if end is not None and end.get("link") == top]
+    if len(first) != 1 or first[0].get("type") != "floating":
+        return root, top if base == "floating" else ""
     if base == "fixed":
-        joint.set("type", "fixed")
+        first[0].set("type", "fixed")
         return root, ""
-    for link in root.findall("link"):
-        if link.get("name") == ends[free[0]].get("parent"):
-            root.remove(link)
-    root.remove(joint)
-    return root, name
+    root.remove(first[0])
+    root.remove(next(link for link in root.findall("link") if link.get("name") == top))
+    return root, first[0].get("name", "")
 
 
-def _six_joints() -> Any:
-    """Return a joint of three slides and three hinges for a root that floats."""
-    joint = pin.JointModelComposite()
-    for part in ["PX", "PY", "PZ", "RX", "RY", "RZ"]:
-        joint.addJoint(getattr(pin, f"JointModel{part}")())
-    return joint
+#: Links without mass between the joints of a base that floats.
+_BETWEEN = tuple(f"{joint} link" for joint in BASE_JOINTS[:-1])
+
+
+def _add_base(root: ET.Element) -> ET.Element:
+    """Return a URDF whose root link hangs on three slides and three hinges."""
+    made, above, first = copy.deepcopy(root), "world of the base", root_link(root)
+    ET.SubElement(made, "link", name=above)
+    for k, (joint, below) in enumerate(zip(BASE_JOINTS, (*_BETWEEN, first), strict=True)):
+        if below != first:
+            ET.SubElement(made, "link", name=below)
+        kind = ("revolute", "prismatic")[k < 3]
+        own = urdf_joint(made, joint, kind, above, below, pin.SE3.Identity())
+        ET.SubElement(own, "axis", xyz=numbers(np.eye(3)[k % 3]))
+        above = below
+    return made
 
 
 #: What links and joints of legs are called.
@@ -292,126 +293,3 @@ def _printed_errors() -> Iterator[list[str]]:
 def _one_line(error: Exception) -> str:
     text = str(error).rpartition("message:")[2]  # Pinocchio puts its source file before it
     return " ".join(text.split()).rstrip(".")[:300] or type(error).__name__
-
-
-# What of a robot can collide: shapes that its file declares for that, on joints that move them.
-#
-# Shapes that are only seen (`<visual>`; `contype` and `conaffinity` of zero) are none. Meshes are
-# taken as their convex hulls, as simulators do.
-
-
-#: What is no body of a robot.
-_GROUND = ("plane", "hfield")
-
-
-def read_geometry(robot: Description) -> Any:
-    """Return the shapes of a robot as a `pinocchio.GeometryModel`, with the pairs to watch.
-
-    Bodies next to each other (by a joint, or where a loop closes) are no pair, nor are shapes that
-    the file keeps from colliding.
-
-    Parameters
-    ----------
-    robot : Description
-
-    Raises
-    ------
-    RobotError
-        If a shape cannot be read, such as a mesh that is not there.
-    """
-    root = read_markup(robot.path)
-    try:
-        shapes = list(_of_mjcf(robot, root) if robot.mjcf else _of_urdf(robot, root))
-    except (ValueError, RuntimeError, SystemError, OSError) as error:
-        reason = " ".join(str(error).split())[:200].rstrip(".")
-        raise RobotError(f"The shapes of {robot.path} cannot be read: {reason}.") from None
-    found = pin.GeometryModel()
-    masks = []
-    for k, (body, place, shape, mask) in enumerate(shapes):
-        frame = robot.model.frames[robot.model.getFrameId(body, pin.FrameType.BODY)]
-        at = frame.placement * place
-        found.addGeometryObject(pin.GeometryObject(f"{body}#{k}", frame.parentJoint, at, shape))
-        masks.append(mask)
-    near = _neighbours(robot)
-    objects = list(found.geometryObjects)
-    for a in range(len(objects)):
-        for b in range(a):
-            joints = frozenset((objects[a].parentJoint, objects[b].parentJoint))
-            (c1, f1), (c2, f2) = masks[a], masks[b]
-            if len(joints) == 2 and joints not in near and (c1 & f2 or c2 & f1):
-                found.addCollisionPair(pin.CollisionPair(b, a))
-    return found
-
-
-def body_of(shape: Any) -> str:
-    """Return the body that a shape is of."""
-    return str(shape.name).rpartition("#")[0]
-
-
-def _neighbours(robot: Description) -> set[frozenset[int]]:
-    """Return pairs of joints whose bodies touch because they are joined."""
-    model = robot.model
-    near = {frozenset((k, int(model.parents[k]))) for k in range(1, model.njoints)}
-    behind = {link.last: k for k, link in enumerate(robot.links, 1)} | {WORLD: 0}
-    ends = (frozenset((loop.first.joint, loop.second.joint)) for loop in robot.loops)
-    return near | {frozenset(behind[joint] for joint in pair) for pair in ends}
-
-
-def _of_urdf(robot: Description, root: Any) -> Iterator[tuple[str, Any, Any, tuple[int, int]]]:
-    """Give body, place, shape and mask of everything in `<collision>`."""
-    text = plain_urdf(root, robot.path.stem)
-    model = pin.buildModelFromXML(text)
-    folder = robot.path.resolve().parent
-    packages = [str(folder), *(str(p) for p in list(folder.parents)[:3])]
-    for mesh in root.iter("mesh"):
-        name = mesh.get("filename", "").removeprefix("package://").removeprefix("file://")
-        for place in packages:  # a pipe would be waited for, a device has no end
-            check_files(robot.path, Path(place, name))
-    kind = pin.GeometryType.COLLISION
-    read = pin.buildGeomFromUrdfString(model, text, kind, package_dirs=packages)
-    for shape in read.geometryObjects:
-        frame = model.frames[shape.parentFrame]
-        solid = shape.geometry
-        if hasattr(solid, "buildConvexHull"):
-            solid.buildConvexHull(True, "Qt")
-            solid = solid.convex
-        yield frame.name, frame.placement.actInv(shape.placement), solid, (1, 1)
-
-
-def _of_mjcf(robot: Description, root: Any) -> Iterator[tuple[str, Any, Any, tuple[int, int]]]:
-    """Give body, place, shape and mask of every geom that collides."""
-    import mujoco  # noqa: PLC0415 - large
-
-    from identifiability.robot.mjcf import compile_shapes  # noqa: PLC0415
-
-    made = compile_shapes(robot.path)
-    known = {f.name for f in robot.model.frames if f.type == pin.FrameType.BODY}
-    for k in range(made.ngeom):
-        geom = made.geom(k)
-        kind = mujoco.mjtGeom(int(geom.type[0])).name.removeprefix("mjGEOM_").lower()
-        mask = int(geom.contype[0]), int(geom.conaffinity[0])
-        body = str(made.body(int(geom.bodyid[0])).name)
-        if kind not in _GROUND and any(mask) and body in known - {made.body(0).name}:
-            place = pin.SE3(pin.Quaternion(*map(float, geom.quat)).matrix(), np.array(geom.pos))
-            yield body, place, _solid(kind, geom.size, made, k), mask
-
-
-def _solid(kind: str, size: Any, made: Any, k: int) -> Any:
-    """Return a geom of MuJoCo as a shape of Pinocchio's collision library."""
-    import coal  # noqa: PLC0415 - only where there are shapes
-
-    a, b, c = (float(x) for x in size)
-    if kind == "sphere":
-        return coal.Sphere(a)
-    if kind == "capsule":
-        return coal.Capsule(a, 2 * b)
-    if kind == "cylinder":
-        return coal.Cylinder(a, 2 * b)
-    if kind == "ellipsoid":
-        return coal.Ellipsoid(a, b, c)
-    if kind == "box":
-        return coal.Box(2 * a, 2 * b, 2 * c)
-    mesh = int(made.geom_dataid[k])
-    start, count = int(made.mesh_vertadr[mesh]), int(made.mesh_vertnum[mesh])
-    points = np.array(made.mesh_vert[start : start + count], float)
-    return coal.ConvexBase.convexHull(points, True, "Qt")

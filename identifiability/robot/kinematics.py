@@ -1,7 +1,7 @@
-"""Kinematics of a tree, batched over samples: frames, point Jacobians, bias accelerations.
+"""Kinematics of a tree, batched over samples: frames and point Jacobians.
 
-Joints are taken off a Pinocchio model once, in which what is locked is welded and several axes of
-one joint are one; vectors and turns of many samples have the samples last.
+Joints are taken off a Pinocchio model once, in which what is locked is welded; vectors and turns
+of many samples have the samples last.
 """
 
 from __future__ import annotations
@@ -16,20 +16,11 @@ import pinocchio as pin
 import scipy
 
 from identifiability.foundation.errors import RobotError
-from identifiability.foundation.linalg import NEARLY, TINY
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 
 # Vectors and turns of many samples at once, samples last.
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Return ``a × b`` of vectors (3, N) (numpy.cross is several times slower on batches)."""
-    out = np.empty((3, max(a.shape[1], b.shape[1])))
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
-    return out
 
 
 def basis_along(axis: Array) -> Array:
@@ -46,15 +37,11 @@ def basis_along(axis: Array) -> Array:
 def shortest_turn(start: Array, end: Array) -> Array:
     """Return the rotation vector (3,) of the shortest turn from one direction (3,) to another.
 
-    Of opposite directions, which have no shortest one, it is about a level axis.
+    Of opposite directions, which have no shortest one, it is any half turn between them.
     """
-    start, end = start / np.linalg.norm(start), end / np.linalg.norm(end)
-    axis, cosine = np.cross(start, end), float(start @ end)
-    sine = float(np.linalg.norm(axis))
-    if sine < TINY:
-        return np.zeros(3) if cosine > 0 else np.pi * basis_along(start)[:, 0]
-    found: Array = axis * (np.arctan2(sine, cosine) / sine)
-    return found
+    found, _ = scipy.spatial.transform.Rotation.align_vectors(end[None], start[None])
+    out: Array = found.as_rotvec()
+    return out
 
 
 def turn(vector: Array, step: Array) -> Array:
@@ -76,7 +63,7 @@ def turned(quat: Array, step: Array) -> Array:
     return out
 
 
-# Kinematics of a tree, batched over samples: frames, point Jacobians and their bias accelerations.
+# Kinematics of a tree, batched over samples: frames and point Jacobians.
 #
 # Pinocchio computes one configuration a call; closing loops needs a few Newton steps for each of
 # many thousand samples, so the arrays here carry all samples. They carry them in their *last*
@@ -286,11 +273,11 @@ class Tree:
                 continue
             arm = sign * (at - frames.origin[k])
             if j.kind == "revolute":
-                out[:, j.iv] += cross(R[2], arm)
+                out[:, j.iv] += np.cross(R[2], arm, axis=0)
                 continue
             turn = j.iv + (3 if j.kind == "free" else 0)
             for c in range(3):
-                out[:, turn + c] += cross(R[c], arm)
+                out[:, turn + c] += np.cross(R[c], arm, axis=0)
                 if j.kind == "free":
                     out[:, j.iv + c] += sign * R[c]
 
@@ -304,43 +291,6 @@ class Tree:
                 turn = j.iv + (3 if j.kind == "free" else 0)
                 for c in range(3):
                     out[:, turn + c] += R[c]
-
-    def bias_accelerations(self, frames: Frames, v: Array, points: list[Point]) -> list[Array]:
-        """Return the accelerations of points at zero joint acceleration, J̇ v, each (3, N).
-
-        Parameters
-        ----------
-        frames : Frames
-        v : (N, nv)
-        points : list of Point
-        """
-        v = np.ascontiguousarray(v.T)
-        zero = np.zeros((3, 1))
-        motion: dict[int, tuple[Array, Array, Array]] = {WORLD: (zero, zero, zero)}
-        origin = {WORLD: zero, **frames.origin}
-        for k in self.ancestors(p.joint for p in points):
-            j, R = self.joints[k], frames.axes[k]
-            omega, alpha, acc = motion[j.parent]
-            arm = origin[k] - origin[j.parent]
-            acc = acc + cross(alpha, arm) + cross(omega, cross(omega, arm))
-            rate = v[j.iv : j.iv + j.nv]
-            if j.kind == "prismatic":
-                acc = acc + 2 * cross(omega, R[2] * rate)
-            elif j.kind == "free":  # its velocity is given along its own, turning axes
-                linear, spin = combine(R, rate[:3]), combine(R, rate[3:])
-                acc, omega = cross(spin, linear), spin
-                alpha = zero
-            else:
-                spin = R[2] * rate if j.kind == "revolute" else combine(R, rate)
-                alpha = alpha + cross(omega, spin)
-                omega = omega + spin
-            motion[k] = (omega, alpha, acc)
-        out = []
-        for p in points:
-            omega, alpha, acc = motion[p.joint]
-            arm = self.world_point(frames, p) - origin[p.joint]
-            out.append(acc + cross(alpha, arm) + cross(omega, cross(omega, arm)))
-        return out
 
 
 def _move(j: Joint, q: Array, R: Array, p: Array) -> tuple[Array, Array]:
@@ -364,70 +314,40 @@ def _move(j: Joint, q: Array, R: Array, p: Array) -> tuple[Array, Array]:
 # Take the joints off a Pinocchio model, for the batched kinematics.
 
 
-def read_tree(
-    path: Path, model: Any, names: Mapping[int, tuple[str, ...]]
-) -> tuple[Tree, dict[int, int]]:
-    """Return the joints of a Pinocchio model; a composite joint becomes one joint an axis.
-
-    Also return where each Pinocchio joint ends among them: loop points refer to that index.
-
-    Parameters
-    ----------
-    path : Path
-    model : pinocchio.Model
-    names : mapping
-        The file's names of the joints in each Pinocchio joint, where they are not its own.
-    """
-    joints: list[Joint] = []
-    last = {0: WORLD}
+def read_tree(path: Path, model: Any) -> Tree:
+    """Return the joints of a Pinocchio model, each at its index there less one."""
     still = pin.neutral(model)
-    for index in range(1, model.njoints):
-        whole = model.joints[index]
-        placement = model.jointPlacements[index]
-        parts, places = [whole], [placement]
-        if whole.shortname() == "JointModelComposite":
-            inner = whole.extract()
-            parts = list(inner.joints)
-            places = [placement * inner.jointPlacements[0], *list(inner.jointPlacements)[1:]]
-        parent = last[model.parents[index]]
-        iq, iv = whole.idx_q, whole.idx_v
-        named = names.get(index, (model.names[index],))
-        for part, place, name in zip(parts, places, named, strict=True):
-            joint = _read_joint(path, part, place, name, parent, (iq, iv), still)
-            joints.append(joint)
-            parent = len(joints) - 1
-            iq, iv = iq + joint.nq, iv + joint.nv
-        last[index] = parent
-    return Tree(tuple(joints)), last
+    return Tree(tuple(_read_joint(path, model, k, still) for k in range(1, model.njoints)))
 
 
-def _read_joint(
-    path: Path, part: Any, place: Any, name: str, parent: int, at: tuple[int, int], still: Array
-) -> Joint:
+def _read_joint(path: Path, model: Any, index: int, still: Array) -> Joint:
+    part, place, name = model.joints[index], model.jointPlacements[index], model.names[index]
     kind = part.shortname().removeprefix("JointModel")
-    R, p = np.array(place.rotation), np.array(place.translation)
+    type_ = {"Spherical": "ball", "FreeFlyer": "free"}.get(kind, "")
     axis = np.zeros(3)
     if part.nv == 1 and kind[0] in "RP":
         type_ = "revolute" if kind[0] == "R" else "prismatic"
         data = part.createData()
         part.calc(data, still)
         axis = np.array(data.S).ravel()[3:] if kind[0] == "R" else np.array(data.S).ravel()[:3]
-    elif kind == "Spherical":
-        type_ = "ball"
-    elif kind == "FreeFlyer":
-        type_ = "free"
-    else:
+    if not type_:
         raise RobotError(
             f"{path}: joint '{name}' is of a type ({kind}) that is not supported; use revolute, "
             "continuous, prismatic or fixed joints."
         )
     if part.nv == 1 and not abs(np.linalg.norm(axis) - 1) < NEARLY:
         raise RobotError(f"{path}: joint '{name}' has no axis; give one that is not all zero.")
-    dofs = {
-        "ball": tuple(f"{name}.{k}" for k in ("rx", "ry", "rz")),
-        "free": tuple(f"{name}.{k}" for k in ("tx", "ty", "tz", "rx", "ry", "rz")),
-    }.get(type_, (name,))
-    return Joint(dofs, type_, parent, R, p, axis, *at)  # type: ignore[arg-type]
+    ends = {"ball": ("rx", "ry", "rz"), "free": ("tx", "ty", "tz", "rx", "ry", "rz")}.get(type_)
+    return Joint(
+        (name,) if ends is None else tuple(f"{name}.{end}" for end in ends),
+        type_,  # type: ignore[arg-type]
+        int(model.parents[index]) - 1,
+        np.array(place.rotation),
+        np.array(place.translation),
+        axis,
+        part.idx_q,
+        part.idx_v,
+    )
 
 
 def body_names(model: Any) -> tuple[str, ...]:
@@ -482,66 +402,7 @@ def _host(model: Any, still: Collection[int], index: int) -> int:
     return index
 
 
-def merge_axes(model: Any, gone: Collection[int]) -> tuple[Any, dict[int, tuple[str, ...]]]:
-    """Return a Pinocchio model in which some joints are part of the joint behind them.
-
-    Parameters
-    ----------
-    model : pinocchio.Model
-    gone : collection of int
-        Joints that move nothing but the next one.
-
-    Returns
-    -------
-    model : pinocchio.Model
-    names : dict
-        Joints of the file in each joint of several axes.
-    """
-    if not gone:
-        return model, {}
-    out = pin.Model()
-    out.name, out.gravity = model.name, model.gravity
-    index, names, parts = {0: 0}, {}, []
-    for k in range(1, model.njoints):
-        parts.append(k)
-        if k in gone:  # the joint that it carries comes next
-            continue
-        joint, above = model.joints[k], index[model.parents[parts[0]]]
-        if len(parts) > 1:
-            joint = pin.JointModelComposite()
-            for n, part in enumerate(parts):
-                place = model.jointPlacements[part] if n else pin.SE3.Identity()
-                joint.addJoint(model.joints[part], place)
-        title = "+".join(model.names[part] for part in parts)
-        index[k] = out.addJoint(above, joint, model.jointPlacements[parts[0]], title)
-        if len(parts) > 1:
-            names[index[k]] = tuple(model.names[part] for part in parts)
-        out.appendBodyToJoint(index[k], model.inertias[k], pin.SE3.Identity())
-        parts = []
-    _copy_frames(model, out, index)
-    return out, names
-
-
-def _copy_frames(model: Any, out: Any, index: dict[int, int]) -> None:
-    """Add the frames of a model to another one, but those of joints that are not there."""
-    at = {0: 0}
-    for k, frame in enumerate(model.frames):
-        if not k or frame.parentJoint not in index:
-            continue
-        joint = index[frame.parentJoint]
-        if frame.type == pin.FrameType.JOINT:
-            at[k] = out.addJointFrame(joint)
-            continue
-        before = at.get(frame.parentFrame, 0)
-        at[k] = out.addFrame(pin.Frame(frame.name, joint, before, frame.placement, frame.type))
-
-
 def least_eigenvalue(theta: Array) -> float:
     """Return the least eigenvalue of a body's pseudo-inertia; only possible bodies have one > 0."""
-    xx, xy, yy, xz, yz, zz = theta[4:]
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    pseudo = np.empty((4, 4))
-    pseudo[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    pseudo[3, :3] = pseudo[:3, 3] = theta[1:4]
-    pseudo[3, 3] = theta[0]
+    pseudo = pin.PseudoInertia.FromDynamicParameters(theta).toMatrix()
     return float(np.linalg.eigvalsh(pseudo)[0])

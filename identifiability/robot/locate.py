@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import io
 import itertools
-import tomllib
 import xml.etree.ElementTree as ET
 from importlib import resources
 from pathlib import Path
@@ -35,27 +34,21 @@ def find_sidecar(path: Path) -> Path | None:
     return next((place for place in places if place.is_file()), None)
 
 
-def place_sidecar(path: Path, text: str | None, taken: Path | None = None) -> Path:
+def place_sidecar(path: Path, taken: Path | None = None) -> Path:
     """Return where to write a sidecar so that it changes what no other robot file says.
 
     Parameters
     ----------
     path : Path
         The robot file that is written.
-    text : str or None
-        Its sidecar; None if it needs none.
     taken : Path, optional
         A sidecar that must not be replaced.
     """
     own, shared = own_sidecar(path), path.with_suffix(".toml")
     others = (path.with_suffix(ending) for ending in ENDINGS if ending != path.suffix.lower())
-    reads = any(p.is_file() and not own_sidecar(p).is_file() for p in others)
-    if own.exists() or (taken is not None and taken.resolve() == shared.resolve()):
-        return own
-    if not reads:
-        return shared
-    there = tomllib.loads(shared.read_text(encoding="utf-8-sig")) if shared.is_file() else {}
-    return shared if there == tomllib.loads(text or "") else own
+    read = any(p.is_file() and not own_sidecar(p).is_file() for p in others)
+    mine = taken is None or taken.resolve() != shared.resolve()
+    return shared if mine and not read and not own.exists() else own
 
 
 # Where a robot file is: a path, or a shipped robot's name.

@@ -11,8 +11,6 @@ import warnings
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from dataclasses import field as default
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +23,9 @@ from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot.assembly import add_couplings, read_locks, settle_locks
-from identifiability.robot.description import FIELDS, Cable, Coupling, Entry, Loop, Segment, Stated
+from identifiability.robot.description import FIELDS, Cable, Coupling, Entry, Loop, Stated
 from identifiability.robot.floating import BASE_JOINTS, SIX, Base
-from identifiability.robot.kinematics import WORLD, Joint, Point, Tree, merge_axes, read_tree, weld
+from identifiability.robot.kinematics import WORLD, Joint, Point, Tree, read_tree, weld
 from identifiability.robot.locate import check_files, file_text, read_markup
 from identifiability.robot.sidecar import Sidecar
 
@@ -73,7 +71,7 @@ def read_spec(
     for geom in list(spec.geoms):
         if not (geom.contype or geom.conaffinity) if shapes else _is_idle(spec.compiler, geom):
             spec.delete(geom)
-    _forget_looks(spec)
+    _forget_looks(spec, "" if shapes else " pairs excludes")
     for file in mesh_files(path, spec):
         check_files(path, file)
     _name_all(spec)
@@ -113,15 +111,6 @@ def mesh_files(path: Path, spec: Any) -> tuple[Path, ...]:
     """Return the files of meshes that are left in a spec."""
     folder = path.parent / (spec.compiler.meshdir or "")
     return tuple(folder / mesh.file for mesh in spec.meshes if mesh.file)
-
-
-def compile_shapes(path: Path) -> Any:
-    """Return an MJCF compiled with the geoms that collide and no others."""
-    with refused(path):
-        spec = read_spec(path, shapes=True)
-        # Bodies without shapes weigh nothing here, which is nobody's concern.
-        spec.compiler.boundmass, spec.compiler.boundinertia = 1e-6, 1e-9
-        return spec.compile()
 
 
 @contextmanager
@@ -173,13 +162,13 @@ def _is_idle(compiler: Any, geom: Any) -> bool:
     return not (moves and given and low <= geom.group <= high)
 
 
-def _forget_looks(spec: Any) -> None:
-    """Remove what would be read from other files and has no share in the motion."""
+def _forget_looks(spec: Any, more: str) -> None:
+    """Remove what would be read from other files and has no share in the motion, and `more`."""
     geoms, sites = list(spec.geoms), list(spec.sites)  # each look at them takes a while
     for element in (*geoms, *sites, *spec.tendons, *spec.meshes):
         element.material = ""
     used = {e.meshname for e in (*geoms, *sites)} | {f.name for f in spec.flexes}
-    kinds = "sensors pairs excludes tuples skins lights materials textures hfields"
+    kinds = f"sensors tuples skins lights materials textures hfields{more}"
     every = [e for kind in kinds.split() for e in getattr(spec, kind)]
     for element in [*every, *(mesh for mesh in spec.meshes if mesh.name not in used)]:
         spec.delete(element)
@@ -509,8 +498,7 @@ def tendon_parts(m: Any, t: int) -> range:
 
 def straight(m: Any, t: int) -> bool:
     """Whether a tendon of a compiled model runs straight between sites."""
-    kinds = {int(m.wrap_type[w]) for w in tendon_parts(m, t)}
-    return int(_WRAP.mjWRAP_SITE) in kinds <= {int(_WRAP.mjWRAP_SITE), int(_WRAP.mjWRAP_PULLEY)}
+    return {int(m.wrap_type[w]) for w in tendon_parts(m, t)} == {int(_WRAP.mjWRAP_SITE)}
 
 
 def find_arms(m: Any, t: int) -> dict[str, float]:
@@ -521,25 +509,6 @@ def find_arms(m: Any, t: int) -> dict[str, float]:
             return {}
         arms[m.joint(int(m.wrap_objid[w])).name] += float(m.wrap_prm[w])
     return {joint: c for joint, c in arms.items() if c}
-
-
-@dataclass
-class Forces:
-    """Forces by joint, straight tendon, or tendon along several joints.
-
-    Attributes
-    ----------
-    numbers : mapping
-        By what they act along, then by word.
-    rests : mapping
-        Where springs are relaxed.
-    combinations : mapping
-        Coefficients of tendons along several joints.
-    """
-
-    numbers: dict[str, dict[str, float]] = default(default_factory=dict)
-    rests: dict[str, float] = default(default_factory=dict)
-    combinations: dict[str, dict[str, float]] = default(default_factory=dict)
 
 
 def read_forces(
@@ -557,55 +526,55 @@ def read_forces(
     flags = {word: [getattr(_OFF, f"mjDSBL_{x}") for x in f.off] for word, f in FIELDS.items()}
     idle = {word for word, bits in flags.items() if any(off & int(bit) for bit in bits)}
     pull: dict[str, float] = defaultdict(float)
-    found = Forces({a.tendon: {} for a in actuators if a.straight})
+    found: dict[str, dict[str, float]] = {a.tendon: {} for a in actuators if a.straight}
+    rests: dict[str, float] = {}
+    combinations: dict[str, dict[str, float]] = {}
     single = {m.joint(int(j)).name for j in np.flatnonzero(np.isin(m.jnt_type, (HINGE, SLIDE)))}
-    for line in _lines(m, actuators):
-        numbers = {word: x for word, x in line.numbers.items() if x and word not in idle}
-        moving = {j: c for j, c in line.arms.items() if j not in locked}
-        if not numbers or (line.arms and not moving):
+    for title, arms, given, start, taut in _lines(m, actuators):
+        numbers = {word: x for word, x in given.items() if x and word not in idle}
+        moving = {j: c for j, c in arms.items() if j not in locked}
+        if not numbers or (arms and not moving):
             continue
-        if moving.keys() - single or not (moving or line.straight):
+        if moving.keys() - single or not (moving or taut):
             what = "a ball, a free joint, a tendon that bends, or an actuator of no joint"
-            raise _refusal(path, f"'{line.name}' has {', '.join(numbers)}, and is {what}")
-        rest = line.rest - sum(c * locked.get(j, 0.0) for j, c in line.arms.items())
-        name, c = next(iter(moving.items())) if len(moving) == 1 else (line.name, 1.0)
+            raise _refusal(path, f"'{title}' has {', '.join(numbers)}, and is {what}")
+        rest = start - sum(c * locked.get(j, 0.0) for j, c in arms.items())
+        name, c = next(iter(moving.items())) if len(moving) == 1 else (title, 1.0)
         if len(moving) > 1:
-            found.combinations[name] = moving
-        own = found.numbers.setdefault(name, {})
+            combinations[name] = moving
+        own = found.setdefault(name, {})
         for word, x in numbers.items():
             own[word] = own.get(word, 0.0) + x * abs(c) ** FIELDS[word].power
         pull[name] += numbers.get("stiffness", 0.0) * c * rest
         if own.get("stiffness"):
-            found.rests[name] = pull[name] / own["stiffness"]
-        elif name in found.combinations:
-            found.rests[name] = rest
-    return found
+            rests[name] = pull[name] / own["stiffness"]
+        elif name in combinations:
+            rests[name] = rest
+    return found, rests, combinations
 
 
-@frozen
-class Line:
-    """What acts along a sum of joints, or a straight tendon: numbers by word, and its rest."""
+#: What acts along a sum of joints, or a straight tendon: its name, coefficients, numbers by word,
+#: where it is relaxed, and whether it is such a tendon.
+Line = tuple[str, Mapping[str, float], Mapping[str, float], float, bool]
 
-    name: str
-    arms: Mapping[str, float]
-    numbers: Mapping[str, float]
-    rest: float = 0.0
-    straight: bool = False
+#: Numbers by what they act along, then by word; where springs are relaxed; coefficients of tendons
+#: along several joints.
+Forces = tuple[dict[str, dict[str, float]], dict[str, float], dict[str, dict[str, float]]]
 
 
 def _lines(m: Any, actuators: Sequence[Actuator]) -> Iterator[Line]:
     """Yield what acts along joints, tendons and actuators."""
     for x in (m.joint(j) for j in range(m.njnt)):
         own = {word: float(getattr(x, word).flat[0]) for word in _WORDS}
-        yield Line(x.name, {x.name: 1.0}, own, float(m.qpos_spring[x.qposadr[0]]))
+        yield x.name, {x.name: 1.0}, own, float(m.qpos_spring[x.qposadr[0]]), False
     rests = {"": 0.0}
     for t in range(m.ntendon):
         name, rest = m.tendon(t).name, float(m.tendon_lengthspring[t, 0])
         rests[name] = rest
-        yield Line(name, find_arms(m, t), _numbers(m, "tendon", t), rest, straight(m, t))
+        yield name, find_arms(m, t), _numbers(m, "tendon", t), rest, straight(m, t)
     for a in actuators:
         own = {word: x * abs(a.gear) ** FIELDS[word].power for word, x in a.numbers.items()}
-        yield Line(a.tendon or a.name, a.arms, own, rests[a.tendon], a.straight)
+        yield a.tendon or a.name, a.arms, own, rests[a.tendon], a.straight
 
 
 #: Words of numbers that act along joints, tendons and actuators.
@@ -686,15 +655,13 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
     couplings = add_couplings(_couplings(m), extra.couplings)
     locked, couplings = settle_locks(path, read_locks(extra.locked), at_home, couplings)
     model, welded = weld(_build_tree(m), locked)
-    bodies = {f.name: f for f in model.frames if f.type == pin.FrameType.BODY}
-    carrying = {f.parentJoint for f in bodies.values()}
-    model, names = merge_axes(model, [k for k in range(1, model.njoints) if k not in carrying])
-    tree, last = read_tree(path, model, names)
-    frames = {f.name: f for f in model.frames if f.type == pin.FrameType.BODY}
+    tree = read_tree(path, model)
+    # Copies: more frames are added below, which moves those that the model holds.
+    frames = {f.name: f.copy() for f in model.frames if f.type == pin.FrameType.BODY}
 
     def point(body: int, position: Array) -> Point:
         frame = frames[m.body(body).name]
-        return Point(last[frame.parentJoint], frame.placement.act(np.array(position)))
+        return Point(frame.parentJoint - 1, frame.placement.act(np.array(position)))
 
     still = int(m.opt.disableflags) & int(_OFF.mjDSBL_GRAVITY)
     gravity, base = np.zeros(3) if still else np.array(m.opt.gravity), None
@@ -703,9 +670,9 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
         x = scene.joint(floating)
         at = int(x.qposadr[0]), int(x.dofadr[0])
         base, model.gravity.linear = Base("", floating, gravity, at=at), np.zeros(3)
-    forces = read_forces(path, m, actuators, locked)
-    acting = [t for t in range(m.ntendon) if straight(m, t) and m.tendon(t).name in forces.numbers]
-    cables = [Cable(m.tendon(t).name, _segments(m, t, point)) for t in acting]
+    forces, rests, combinations = read_forces(path, m, actuators, locked)
+    acting = [t for t in range(m.ntendon) if straight(m, t) and m.tendon(t).name in forces]
+    cables = [Cable(m.tendon(t).name, _points(m, t, point)) for t in acting]
     limited = [(j.name, j.range) for j in joints if j.limited[0]]
     limited += [(m.tendon(t).name, m.tendon_range[t]) for t in acting if m.tendon_limited[t]]
     odd = [c.name for c in cables if c.name in {d for j in tree.joints for d in j.dofs}]
@@ -718,18 +685,18 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
     return Stated(
         model=model,
         tree=add_slides(tree, cables, model.nq),
-        last=last,
+        carriers=tuple(sorted({f.parentJoint for f in frames.values()} - {0})),
         loops=tuple(_loops(path, m, point)),
         couplings=tuple(couplings),
         driven=find_drives(actuators, locked),
         home=np.append(home[kept], np.zeros(len(cables))),
         posed=scene.nkey > 0,
-        numbers=forces.numbers,
-        rests=forces.rests,
+        numbers=forces,
+        rests=rests,
         spans={name: (float(low), float(high)) for name, (low, high) in limited},
         locked=locked,
         welded=welded,
-        combinations=forces.combinations,
+        combinations=combinations,
         cables=tuple(cables),
         outside=outside,
         meshes=meshes,
@@ -820,19 +787,10 @@ def _home(scene: Any, m: Any) -> Array:
     return q
 
 
-def _segments(m: Any, t: int, point: Places) -> tuple[Segment, ...]:
-    """Return what runs from site to site; behind a pulley a length counts as a part of itself."""
-    out: list[Segment] = []
-    part, before = 1.0, None
-    for w in tendon_parts(m, t):
-        if int(m.wrap_type[w]) == int(_WRAP.mjWRAP_PULLEY):
-            part, before = 1.0 / float(m.wrap_prm[w]), None
-            continue
-        site = m.site(int(m.wrap_objid[w]))
-        here = point(int(site.bodyid[0]), site.pos)
-        out += [] if before is None else [Segment(before, here, part)]
-        before = here
-    return tuple(out)
+def _points(m: Any, t: int, point: Places) -> tuple[Point, ...]:
+    """Return what a straight tendon runs through."""
+    sites = (m.site(int(m.wrap_objid[w])) for w in tendon_parts(m, t))
+    return tuple(point(int(site.bodyid[0]), site.pos) for site in sites)
 
 
 def add_slides(tree: Tree, cables: Sequence[Cable], nq: int) -> Tree:

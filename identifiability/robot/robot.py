@@ -62,10 +62,7 @@ def ten_parameters(mass: float, centre: Point, inertia: Moments) -> Array:
             "A body has a mass, a centre of three numbers and an inertia of three moments or a "
             "(3, 3) tensor about that centre; give finite numbers."
         )
-    tensor = about + mass * (c @ c * np.eye(3) - np.outer(c, c))
-    first = mass * c
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = tensor
-    theta = np.array([mass, *first, xx, xy, yy, xz, yz, zz])
+    theta = np.array(pin.Inertia(mass, c, 0.5 * (about + about.T)).toDynamicParameters())
     if not np.allclose(about, about.T, rtol=TINY) or mass < 0 or not possible(theta):
         raise RobotError(
             f"No real body has a mass of {mass:g} kg and these moments of inertia about its "
@@ -129,8 +126,8 @@ def write_copy(robot: Any, values: Mapping[str, float]) -> Path:
 
 def last_bodies(robot: Description) -> tuple[str, ...]:
     """Return the bodies that carry no other: where a load can hang."""
-    parents = {int(robot.model.parents[k]) for k in range(1, robot.model.njoints)}
-    return tuple(b for k, b in enumerate(robot.bodies) if k + 1 not in parents)
+    parents = {link.parent for link in robot.links}
+    return tuple(b for k, b in enumerate(robot.bodies) if k not in parents)
 
 
 def body_of(robot: Description, body: str | None) -> str:

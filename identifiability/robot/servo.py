@@ -133,26 +133,14 @@ class Servo:
         return (*gains, older) if self.assumed else tuple(gains)
 
 
-def state_delay(delays: Array, names: Sequence[str]) -> str:
-    """Return when commands act, of logs with some delays [s], as a clause.
+def state_delay(delays: Array) -> str:
+    """Return when commands act, of some delays [s], as a clause.
 
-    Parameters
-    ----------
-    delays : (L,) [s]
-        Negative where a command acts before the row that holds it.
-    names : sequence of str
-        Of the logs.
+    A delay is negative where a command acts before the row that holds it.
     """
-    late = dict(zip(names, (1e3 * np.asarray(delays)).tolist(), strict=True))
-    parts = []
-    for side, own in (
-        ("after", [n for n, x in late.items() if x >= 0]),
-        ("before", [n for n, x in late.items() if x < 0]),
-    ):
-        each = listing(list(dict.fromkeys(f"{abs(late[n]):.2g}" for n in own)), 4)
-        where = "" if len(own) == len(late) else f" of {listing(own, 4)}"
-        parts += [f"{each} ms {side} their rows{where}"] if own else []
-    return f"commands act {' and '.join(parts)}"
+    late = 1e3 * np.asarray(delays)
+    each = dict.fromkeys(f"{abs(x):.2g} ms {'before' if x < 0 else 'after'}" for x in late)
+    return f"commands act {listing(each, 4)} their rows"
 
 
 def read_servo(

@@ -217,12 +217,8 @@ def clear_mjcf(top: ET.Element) -> None:
 
 
 def write_gravity(top: ET.Element, gravity: Array) -> None:
-    """Write gravity (3,) [m/s²] where an MJCF states another one."""
-    options = [e for e in top.iter("option") if e.get("gravity")]
-    stated = options[-1].get("gravity", "").split() if options else ["0", "0", "-9.81"]
-    if not gravity.any() or np.allclose(np.array(stated, float), gravity, rtol=0, atol=1e-12):
-        return
-    for element in options or top.findall("option")[:1] or [ET.SubElement(top, "option")]:
+    """Write gravity (3,) [m/s²] into an MJCF."""
+    for element in top.findall("option") or [ET.SubElement(top, "option")]:
         element.set("gravity", numbers(gravity))
 
 
@@ -256,27 +252,13 @@ def write_servos(
     place = actuators[0] if actuators else ET.SubElement(top, "actuator")
     for k, joint in enumerate(joints):
         kp, kv, off = float(servo.kp[k]), float(servo.kv[k]), offsets.get(joint, 0.0)
-        new = ET.SubElement(place, "position", name=names[joint], joint=joint, gear="1")
-        if off:
-            new.tag = "general"
-            new.attrib |= affine_law(kp or kv, np.array([-off, -kp, -kv]))
-        else:
-            new.tag = "position" if kp else "velocity"
-            gains = {"kp": kp, "kv": kv} if kp else {"kv": kv}
-            new.attrib |= {word: f"{value:.17g}" for word, value in gains.items()}
+        law = affine_law(kp or kv, np.array([-off, -kp, -kv]))
+        new = ET.SubElement(place, "general", law, name=names[joint], joint=joint, gear="1")
         limits = np.array([servo.low[k], servo.high[k]]) - off
         limited = bool(np.isfinite(limits).all())
         new.set("forcelimited", "true" if limited else "false")
         if limited:
             new.set("forcerange", numbers(limits))
-
-
-def write_tendon(element: ET.Element, stated: Mapping[str, float], rest: float) -> None:
-    """Write friction, inertia and spring of a tendon that is relaxed at a length [m]."""
-    for word, value in stated.items():
-        element.set(word, f"{value:.17g}")
-    if stated.get("stiffness"):
-        element.set("springlength", f"{rest:.17g}")
 
 
 def thicken(inertia: Array) -> Array:
@@ -344,7 +326,7 @@ def _parts(element: ET.Element, *tags: str) -> list[ET.Element]:
 def write_axes(
     top: ET.Element, robot: Description, stated: Mapping[str, Mapping[str, float]]
 ) -> None:
-    """Write friction, rotor and spring of motors that mix joints, and of stated axes.
+    """Write friction, rotor and spring of tendons, motors that mix joints, and stated axes.
 
     A tendon of the file keeps its place; another axis becomes one where it has any number.
 
@@ -356,24 +338,29 @@ def write_axes(
     stated : mapping
         Numbers by axis, as a robot file has them of a joint; of axes without any nothing is said.
     """
-    present = {e.get("name"): e for e in top.iter("fixed")}
-    axes = {axis.name: axis for axis in robot.axes}
-    for name in robot.tendon_axes:
+    present = {e.get("name"): e for tag in ("fixed", "spatial") for e in top.iter(tag)}
+    axes = {axis.name: axis for axis in (*robot.axes, *robot.passive_axes)}
+    for name in (*robot.tendon_axes, *(cable.name for cable in robot.cables)):
         numbers = stated.get(name, {})
         if name not in present and not any(numbers.values()):
             continue
-        element = present[name] if name in present else _add(top, robot, axes[name])
-        parts = [(str(e.get("joint")), float(e.get("coef", 1.0))) for e in element.iter("joint")]
-        still = sum(c * robot.locked.get(joint, 0.0) for joint, c in parts)
-        write_tendon(element, numbers, rest_along(robot, axes[name]) + still)
+        element = present[name] if name in present else _add(top, axes[name])
+        for word, value in numbers.items():
+            element.set(word, f"{value:.17g}")
+        if numbers.get("stiffness"):
+            parts = [
+                (str(e.get("joint")), float(e.get("coef", 1.0))) for e in element.iter("joint")
+            ]
+            still = sum(c * robot.locked.get(joint, 0.0) for joint, c in parts)
+            element.set("springlength", f"{rest_along(robot, axes[name]) + still:.17g}")
 
 
-def _add(top: ET.Element, robot: Description, axis: Axis) -> ET.Element:
+def _add(top: ET.Element, axis: Axis) -> ET.Element:
     """Add a fixed tendon along an axis."""
     section = top.find("tendon")
     section = ET.SubElement(top, "tendon") if section is None else section
     element = ET.SubElement(section, "fixed", name=axis.name)
-    for joint, weight in axis.along(robot.joints).items():
+    for joint, weight in axis.weights.items():
         ET.SubElement(element, "joint", joint=joint, coef=f"{weight:.17g}")
     return element
 
@@ -426,7 +413,7 @@ def write_robot(
     text = edited_text(robot, bodies, joints, comment)
     extra = _sidecar_text(robot, tables)
     taken = robot.sidecar if path.resolve() != robot.path.resolve() else None
-    beside = place_sidecar(path, extra, taken)
+    beside = place_sidecar(path, taken)
     if extra is None and beside == own_sidecar(path):
         extra = f"# {path.name} needs none; {path.with_suffix('.toml').name} is another file's.\n"
     _check_beside(beside, path, needed=extra is not None)
@@ -483,7 +470,8 @@ def edited_text(
     if robot.mjcf:
         clear_mjcf(top)
         write_axes(top, robot, joints)
-        write_gravity(top, robot.gravity)
+        if robot.upright is not None:
+            write_gravity(top, robot.gravity)
         if offsets:
             write_offsets(top, robot.path, offsets)
         servo = robot.servo
@@ -492,14 +480,10 @@ def edited_text(
             write_servos(top, robot.joints, servo, offsets)
     else:
         turn_base(top, robot.gravity)
-    cables = {e.get("name"): e for e in top.iter("spatial")}
-    for name in slides & set(joints):
-        home = float(robot.dof_position(robot.home[None], name)[0])
-        write_tendon(cables[name], joints[name], robot.rest.get(name, home))
     if comment:  # two hyphens end one
         top.insert(0, ET.Comment(f" {comment.replace('--', '– ')} "))
-    own = places[top]
-    before, after = content[: own.start], content[own.end :]
+    whole = places[top]
+    before, after = content[: whole.start], content[whole.end :]
     return before.decode("utf-8-sig") + edited(content, places, top) + after.decode()
 
 
@@ -508,7 +492,7 @@ def _utf8(content: bytes) -> bytes:
     declared = re.match(rb"\s*<\?xml[^>]*encoding\s*=\s*.([\w-]+)", content)
     other = declared and declared[1].lower() != b"utf-8"
     if other or content[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return ET.tostring(ET.fromstring(content), encoding="utf-8")
+        content = ET.tostring(ET.fromstring(content), encoding="utf-8")
     return content
 
 
@@ -580,6 +564,13 @@ def _write_urdf_inertial(
             _remove_all(link, "inertial")
 
 
+def root_link(top: ET.Element) -> str:
+    """Return the link of a URDF that hangs on no joint, the first of several."""
+    children = {e.get("link") for e in top.iterfind("joint/child")}
+    names = (link.get("name", "") for link in top.iterfind("link"))
+    return next((name for name in names if name not in children), "")
+
+
 def turn_base(top: ET.Element, gravity: Array) -> None:
     """Let a URDF stand so that gravity, which is down in every one, is along another (3,).
 
@@ -588,10 +579,7 @@ def turn_base(top: ET.Element, gravity: Array) -> None:
     step = shortest_turn(gravity, DOWN) if gravity.any() else np.zeros(3)
     if np.linalg.norm(step) < TINY:
         return
-    children = {e.get("link") for joint in top.findall("joint") for e in joint.findall("child")}
-    links = [str(link.get("name")) for link in top.findall("link")]
-    first = next(name for name in links if name not in children)
-    taken = {*links, *(str(j.get("name")) for j in top.findall("joint"))}
+    taken, first = {e.get("name") for e in top}, root_link(top)
     ground = "ground"
     while ground in taken:
         ground = f"{ground}_"
@@ -663,7 +651,7 @@ def write_offsets(top: ET.Element, path: Path, offsets: Mapping[str, float]) -> 
     """
     from identifiability.robot.mjcf import read_actuators, read_spec, refused  # noqa: PLC0415
 
-    elements = [e for part in top.findall("actuator") for e in part if isinstance(e.tag, str)]
+    elements = [e for part in top.findall("actuator") for e in part]
     left = dict(offsets)
     with refused(path):
         actuators = read_actuators(read_spec(path).compile())
@@ -699,7 +687,8 @@ def share_out(robot: Description, bodies: Mapping[str, Array]) -> dict[str, Arra
     for body in robot.welded:
         index = robot.model.frames[robot.model.getFrameId(body, pin.FrameType.BODY)].parentJoint
         if index:  # what hangs on the ground has no say
-            hosts.setdefault(robot.bodies[index - 1], []).append(body)
+            host = robot.bodies[robot.carriers.index(index)]
+            hosts.setdefault(host, []).append(body)
     for host, behind in hosts.items():
         part, load = 1.0, sum(robot.welded[body] for body in behind)
         room = least_eigenvalue(out[host])

@@ -149,9 +149,8 @@ def joint_torque(
 def _along(robot: Robot, axis: Axis, move: PrescribedMotion, rigid: RigidTorque) -> list[Array]:
     """Return position, speed and acceleration (N,) along an axis, and its arms (N, n)."""
     own, passive = (move.q, move.dq, move.ddq), (rigid.passive_q, rigid.passive_v, rigid.passive_a)
-    weights = axis.along(robot.joints) if axis.row is not None or axis.weights else {axis.name: 1.0}
     arms, motion = np.zeros_like(move.q), np.zeros((3, len(move.q)))
-    for joint, c in weights.items():
+    for joint, c in axis.weights.items():
         if joint in robot.joints:
             k = robot.joints.index(joint)
             arms[:, k] += c
@@ -390,7 +389,7 @@ def _passive(robot: Robot, rigid: RigidTorque, tau: Array, hidden: Hidden) -> Ar
         )
     out = np.zeros_like(tau)
     for at in _chosen([a.name for a in axes], hidden, robot):
-        k = int(np.flatnonzero(robot.dependent == axes[at].dof)[0])
+        k = robot.passive.index(axes[at].name)
         speed = rigid.passive_v[:, k]
         out -= (np.sign(speed) + speed / _typical(speed))[:, None] * rigid.X[:, k]
     return scaled(out, tau, hidden.share)

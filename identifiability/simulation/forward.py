@@ -48,7 +48,7 @@ _MOTOR = {
 
 def mixed_axes(robot: Robot) -> dict[str, dict[str, float]]:
     """Return motors and stated axes that mix joints, each with the coefficient of every joint."""
-    return {a.name: a.along(robot.joints) for a in robot.axes if a.mixed}
+    return {a.name: dict(a.weights) for a in robot.axes if a.mixed}
 
 
 def compile_forward(

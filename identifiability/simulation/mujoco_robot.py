@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from copy import copy
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -19,7 +20,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.files import release_root
-from identifiability.robot.locate import drop_repeated
+from identifiability.robot.locate import check_files, drop_repeated
 from identifiability.robot.mjcf import add_base, quiet, read_spec, refused
 
 # A robot file as MuJoCo compiles it, and its loops and couplings in MuJoCo's terms.
@@ -28,10 +29,11 @@ from identifiability.robot.mjcf import add_base, quiet, read_spec, refused
 _EQ, _OFF = mujoco.mjtEq, mujoco.mjtDisableBit
 
 
-def robot_spec(robot: Robot, *, balance: str = "false") -> Any:
+def robot_spec(robot: Robot, *, balance: str = "false", shapes: bool = False) -> Any:
     """Return the robot file before it is compiled (mujoco.MjSpec); what floats has six joints.
 
-    Loops of the sidecar, which go before those of the file, are connections of sites.
+    Loops of the sidecar, which go before those of the file, are connections of sites. With
+    `shapes` it has those that collide, and masses mean nothing.
 
     Raises
     ------
@@ -41,11 +43,13 @@ def robot_spec(robot: Robot, *, balance: str = "false") -> Any:
         if robot.mjcf:
             floating = None if robot.base is None else robot.base.title
             fixed = robot.said.base == "fixed"
-            spec = read_spec(robot.path, robot.outside, fixed=fixed, floating=floating)
+            how: dict[str, Any] = {"fixed": fixed, "floating": floating, "shapes": shapes}
+            spec = read_spec(robot.path, robot.outside, **how)
         else:
             said = robot.said.base if robot.base is None else "floating"
             root, _ = release_root(ET.parse(robot.path).getroot(), said)
-            spec = mujoco.MjSpec.from_string(bare_urdf(root, balance))
+            meshes = _take_meshes(robot, root) if shapes else {}
+            spec = mujoco.MjSpec.from_string(bare_urdf(root, balance, shapes=shapes), None, meshes)
             if robot.base is not None:
                 add_base(spec.worldbody.bodies[0])
     stated = [loop.stated for loop in robot.loops if loop.stated is not None]
@@ -80,11 +84,41 @@ def compile_robot(robot: Robot, spec: Any) -> Any:
     return model
 
 
-def bare_urdf(root: ET.Element, balance: str) -> str:
+def compile_shapes(robot: Robot, reach: float) -> Any:
+    """Return the model of a robot with its shapes, which see each other from so far [m].
+
+    Raises
+    ------
+    RobotError
+        If a shape cannot be read, such as a mesh that is not there.
+    """
+    spec = robot_spec(robot, balance="true", shapes=True)
+    # Bodies without shapes weigh nothing here, which is nobody's concern.
+    spec.compiler.boundmass, spec.compiler.boundinertia = 1e-6, 1e-9
+    for geom in spec.geoms:
+        geom.margin = reach
+        if geom.parent == spec.worldbody:  # the ground
+            spec.delete(geom)
+    return compile_robot(robot, spec)
+
+
+def _take_meshes(robot: Robot, root: ET.Element) -> dict[str, bytes]:
+    """Return the meshes that collide, under the names that they are given in a URDF."""
+    folder, found = robot.path.resolve().parent, dict[str, bytes]()
+    for k, mesh in enumerate(root.iterfind("link/collision/geometry/mesh")):
+        name = mesh.get("filename", "").removeprefix("package://").removeprefix("file://")
+        places = [place / name for place in (folder, *list(folder.parents)[:3])]
+        check_files(robot.path, *places)
+        mesh.set("filename", f"{k}_{Path(name).name}")
+        found |= {mesh.get("filename", ""): p.read_bytes() for p in places[::-1] if p.is_file()}
+    return found
+
+
+def bare_urdf(root: ET.Element, balance: str, *, shapes: bool = False) -> str:
     """Return a URDF without looks; with `balance` ``true`` MuJoCo corrects its inertias."""
     drop_repeated(root)
     for link in root.findall("link"):
-        for child in [c for c in link if c.tag in ("visual", "collision")]:
+        for child in [c for c in link if c.tag in ("visual", "collision")[: 2 - shapes]]:
             link.remove(child)
     for old in root.findall("mujoco"):
         root.remove(old)
@@ -207,20 +241,32 @@ class MujocoRobot:
 
     def home(self) -> Array:
         """Return the configuration that selects the assembly, (nq,)."""
-        home = np.append(self.model.qpos0, np.zeros(len(self.robot.cables)))
-        q = self.robot.home
+        return np.array(self.placed(self.robot.home[None])[0])
+
+    def placed(self, q: Array) -> Array:
+        """Return configurations (N, nq) of the robot in the order that the file has here."""
+        own = np.append(self.model.qpos0, np.zeros(len(self.robot.cables)))
         for name, position in self.robot.locked.items():
-            home[self.places[name][1]] = position
+            own[self.places[name][1]] = position
+        out: Array = np.tile(own, (len(q), 1))
         for j in self.robot.tree.joints:
             name = j.dofs[0] if j.nv == 1 else j.dofs[0].rpartition(".")[0]
             at = self.places[name][1]
             if j.nv == 1:
-                home[at] = self.robot.dof_position(q[None], name)[0]
+                out[:, at] = q[:, j.iq]
             else:  # a quaternion begins with its real part there
                 end = at + j.nq
-                home[at:end] = q[j.iq : j.iq + j.nq]
-                home[end - 4 : end] = np.roll(home[end - 4 : end], 1)
-        return home
+                out[:, at:end] = q[:, j.iq : j.iq + j.nq]
+                out[:, end - 4 : end] = np.roll(out[:, end - 4 : end], 1, axis=1)
+        return out
+
+    def meet(self, place: Array) -> tuple[Array, Array]:
+        """Return the pairs of shapes (k, 2) that see each other at a place, and their gaps (k,)."""
+        data = self.data
+        data.qpos[:] = place
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_collision(self.model, data)
+        return data.contact.geom[: data.ncon], data.contact.dist[: data.ncon]
 
     def walk(self, full: Array, target: Array, sample: int) -> Array:
         """Follow the actuated joints to a target (n,) in steps that keep the assembly, (nq,).

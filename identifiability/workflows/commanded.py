@@ -216,7 +216,7 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
         "made",
         names=names,
         source=robot.servo.source,
-        late=state_delay(found.delays, names),
+        late=state_delay(found.delays),
         known="as is stated" if robot.servo.delay is not None else "found from rollouts",
         before=before,
         after=after,

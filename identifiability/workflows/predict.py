@@ -820,8 +820,7 @@ def _driven(result: PositionPrediction) -> Answer:
     if not at:
         text = "What a model errs by in torque moves it ever farther: windows tell more than logs."
         return Answer("What moves the robots?", "The measured torque.", text, "blue")
-    names = [result.logs[k].name for k in at]
-    told = (f"{r.name}: {state_delay(np.array(r.delays)[at], names)}" for r in result.runs)
+    told = (f"{r.name}: {state_delay(np.array(r.delays)[at])}" for r in result.runs)
     found = any(run.found for run in result.runs)
     text = "Found from these logs: with it positions err least." if found else "As it is stated."
     return Answer("When do commands act?", "; ".join(told), text, "blue")

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-import pinocchio as pin
 from pydantic import RootModel, ValidationError
 
 from identifiability.effects import default_effects
@@ -27,10 +26,10 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
 from identifiability.robot.closure import invert, loop_jacobian, passes_singular
-from identifiability.robot.files import body_of, read_geometry
 from identifiability.robot.rules import RULES as ROBOT_RULES
 from identifiability.robot.sidecar import LimitEntry
 from identifiability.simulation.motion import usual_limits
+from identifiability.simulation.mujoco_robot import MujocoRobot, compile_shapes
 
 # `Limits`: how far, how fast and how hard the joints may move.
 #
@@ -167,6 +166,9 @@ def _read(given: Mapping[str, Any] | str | Path | None) -> tuple[str, LimitsFile
 #: Distance that bodies keep which are not joined [m].
 CLEARANCE: Tolerance = 0.005
 
+#: How far shapes see each other: what is farther away is nobody's concern [m].
+REACH = 6 * CLEARANCE
+
 
 @dataclass(frozen=True)
 class Clearance:
@@ -174,12 +176,13 @@ class Clearance:
 
     Attributes
     ----------
-    robot : Robot
-    geometry : pinocchio.GeometryModel
+    shapes : MujocoRobot
+    pairs : (g, g) bool
+        Of shapes, by their order in the file.
     """
 
-    robot: Robot
-    geometry: Any
+    shapes: MujocoRobot
+    pairs: np.ndarray
 
     @staticmethod
     def of(robot: Robot) -> tuple[Clearance | None, str]:
@@ -188,38 +191,43 @@ class Clearance:
         if robot.cables:
             return None, f"{robot.path.name} has tendons that push, and {end}"
         try:
-            shapes = read_geometry(robot)
+            shapes = MujocoRobot(robot, compile_shapes(robot, REACH))
         except RobotError as error:
             return None, f"{str(error).rstrip('.')}, so {end}"
-        if len(shapes.geometryObjects) < 2:
+        m = shapes.model
+        m.opt.disableflags = 0
+        if m.ngeom < 2:
             return None, f"{robot.path.name} has no shapes that can collide, so {end}"
-        objects, data = shapes.geometryObjects, shapes.createData()
-        pin.computeDistances(robot.model, robot.model.createData(), shapes, data, robot.home)
-        near = [
-            (pair.first, pair.second)
-            for pair, found in zip(shapes.collisionPairs, data.distanceResults, strict=True)
-            if found.min_distance < 2 * CLEARANCE
-        ]
-        for pair in near:
-            shapes.removeCollisionPair(pin.CollisionPair(*pair))
-        names = [" and ".join(sorted(body_of(objects[k]) for k in pair)) for pair in near]
+        body = m.body_weldid[m.geom_bodyid]
+        joined = m.body_weldid[m.body_parentid[body]][:, None] == body
+        meets = (m.geom_contype[:, None] & m.geom_conaffinity) > 0
+        pairs = (meets | meets.T) & ~(joined | joined.T) & (body[:, None] != body)
+        every, gaps = Clearance(shapes, pairs).near(shapes.home())
+        near = every[gaps < 2 * CLEARANCE]
+        pairs[near[:, 0], near[:, 1]] = pairs[near[:, 1], near[:, 0]] = False
+        owners = [[m.body(b).name for b in m.geom_bodyid[pair]] for pair in near]
+        names = [" and ".join(sorted(pair)) for pair in owners]
         said = (
             f"At home {listing(dict.fromkeys(names), 4)} are nearer than "
             f"{2000 * CLEARANCE:g} mm already (as drawn), so collisions of these are not "
             "watched."
         )
-        watched = Clearance(robot, shapes) if len(shapes.collisionPairs) else None
-        return watched, said if near else ""
+        watched = Clearance(shapes, pairs) if pairs.any() else None
+        return watched, said if len(near) else ""
+
+    def near(self, place: Array) -> tuple[Array, Array]:
+        """Return the pairs of shapes (k, 2) that see each other at a place, and their gaps (k,)."""
+        pairs, gaps = self.shapes.meet(place)
+        watched = self.pairs[pairs[:, 0], pairs[:, 1]]
+        return pairs[watched], gaps[watched]
 
     def gaps(self, q: Array) -> Array:
-        """Return the least distance of any pair at configurations (N, nq), (N,) [m]; < 0 inside."""
-        model, shapes = self.robot.model, self.geometry
-        data, found = model.createData(), shapes.createData()
-        out = np.empty(len(q))
-        for k, row in enumerate(q):
-            pin.computeDistances(model, data, shapes, found, row)
-            out[k] = min(pair.min_distance for pair in found.distanceResults)
-        return out
+        """Return the least distance of any pair at configurations (N, nq), (N,) [m]; < 0 inside.
+
+        It is `REACH` where all are farther away.
+        """
+        each = [self.near(place)[1].min(initial=REACH) for place in self.shapes.placed(q)]
+        return np.array(each)
 
 
 def nearness(gaps: Array) -> Array:

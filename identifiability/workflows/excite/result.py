@@ -341,7 +341,7 @@ class Excitation(Result):
                 f"{self.limits.closure_bound:g})",
             ]
         if np.isfinite(self.gap):
-            told.append(f"Bodies that are not joined keep {1000 * self.gap:.3g} mm apart")
+            told.append(f"Bodies that are not joined keep {1000 * self.gap:.3g} mm or more apart")
         if self.limits.assumed:
             told.append(f"Assumed, as nobody stated them: {listing(self.limits.assumed)}")
         return " ".join(f"{text}." for text in told)

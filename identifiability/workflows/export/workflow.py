@@ -625,7 +625,7 @@ def state_servos(robot: Robot, content: Result) -> str:
     if servo is None or moved is None:
         return ""
     return (
-        f"{moved.statement} C{state_delay(np.array(moved.delays), moved.logs)[1:]}. "
+        f"{moved.statement} C{state_delay(np.array(moved.delays))[1:]}. "
         f"Rotors (armature), damping and friction are those of continuous time, of servos that "
         f"measure at {servo.rate:g} Hz: positions that old take kp / {2 * servo.rate:g} off the "
         "damping. A simulator's step of h seconds does the same, kp h / 2 where its servo is "
