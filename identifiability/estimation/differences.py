@@ -13,12 +13,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import field
 from functools import cached_property
-from itertools import groupby
+from itertools import accumulate, groupby
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.linalg import block_diag
 
 from identifiability.effects import FAMILIES, find_families
 from identifiability.estimation.groups import (
@@ -29,13 +31,14 @@ from identifiability.estimation.groups import (
     place_of,
 )
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
-from identifiability.estimation.noise import ARNoise, JointNoise, rich_noise
-from identifiability.estimation.rules import RULES
+from identifiability.estimation.noise import THIN, ARNoise, JointNoise, rich_noise
+from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Table, frame_table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import ROUNDOFF, triangular_factor
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.numbers import REACH, measured
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate, Entries, number
 from identifiability.regression.information import Information
@@ -53,6 +56,8 @@ CHANGES = np.geomspace(0.01, 1.0, 20)
 EXCERPT = (24_000, 12, 2_000)
 #: Functions that the model may lack in all logs alike.
 LACKS = ("function_of_velocity", "function_of_load", "function_of_position")
+#: A direction whose torque may be so many times that of its joints is not told.
+UNTOLD: Tolerance = 10.0
 #: Families that may differ beside loads.
 DIFFERING = (
     "coulomb_friction",
@@ -146,19 +151,33 @@ class Compared(Excerpt):
         return found
 
 
-def noise_of_log(missing: Missing, changes: int) -> ARNoise:
-    """Return the noise of a log by itself, beside the model and what its first candidates say."""
-    seen, out = missing.seen, list[JointNoise]()
-    may = {k for c in missing.candidates[:changes] for k in c.columns}
-    for j, runs in enumerate(seen.runs.each):
-        own = [missing.entries[j, k] for k in missing.acting[j].tolist() if k in may]
-        X, differing = seen.X[:, j, seen.X[:, j].any(0)], np.reshape(own, (-1, len(seen.y))).T
-        noise = rich_noise([X, differing], seen.y[:, j], runs)
+def noise_of_logs(parts: Sequence[Missing], may: int) -> ARNoise:
+    """Return the noise of all logs beside the model and what their first columns say of each."""
+    out, y = list[JointNoise](), np.concatenate([m.seen.y for m in parts])
+    X, raw = (np.concatenate([getattr(m.seen, k) for m in parts]) for k in ("X", "raw"))
+    starts = list(accumulate((len(m.seen.y) for m in parts), initial=0))
+    for j in range(y.shape[1]):
+        own = [[m.entries[j, k] for k in m.acting[j].tolist() if k < may] for m in parts]
+        each = [np.reshape(x, (-1, len(m.seen.y))).T for x, m in zip(own, parts, strict=True)]
+        every = zip(parts, starts, strict=False)
+        runs = [(at + a, at + b) for m, at in every for a, b in m.seen.runs.each[j]]
+        noise = rich_noise([X[:, j, X[:, j].any(0)], block_diag(*each)], y[:, j], runs)
         if not np.isfinite(noise.sigma):  # none but that of rounding
-            size = float(np.sqrt(np.mean(seen.raw[:, j] ** 2)))
+            size = float(np.sqrt(np.mean(raw[:, j] ** 2)))
             noise = JointNoise(np.empty(0), ROUNDOFF * (size or 1.0))
         out.append(noise)
     return tuple(out)
+
+
+def left_over(white: Array, count: int) -> float:
+    """Return the variance that so many rows leave of their last column; 1 where they are few."""
+    gram = white.T @ white
+    columns = np.count_nonzero(np.diag(gram)[:-1])
+    if count - columns <= Thresholds.outputs_per_parameter * columns:
+        return 1.0
+    size = np.sqrt(np.where(np.diag(gram) > 0, np.diag(gram), 1.0))
+    unit = gram / np.outer(size, size) + ROUNDOFF * np.eye(len(gram))
+    return max(float(size[-1] ** 2 / np.linalg.inv(unit)[-1, -1]) / (count - columns), THIN)
 
 
 @frozen
@@ -217,17 +236,15 @@ class Differences:
         Of consecutive blocks: candidates that have C columns together.
     information : tuple of Information
         Of these, about p columns of the model, then C.
-    noises : tuple of ARNoise
-        By which they were whitened.
     known : Known
     patterns : tuple of (w, B)
         How blocks may have a change, each in one of w ways, nobody knows which; the pattern that is
         asked about first.
     names : tuple of (b,) str
         Of the base parameters, where columns are these.
-    always : tuple of (int, float)
-        Columns of candidates that every hypothesis has in that pattern, and how precisely their
-        values are known beforehand.
+    always : (C, a)
+        Sums of candidates' columns that every hypothesis has in that pattern; next to nothing is
+        known of their values beforehand.
     joint : int or None
         Whose rows alone count.
     shared : float
@@ -236,11 +253,10 @@ class Differences:
 
     parts: tuple[Missing, ...]
     information: tuple[Information, ...]
-    noises: tuple[ARNoise, ...]
     known: Known
     patterns: tuple[Array, ...]
     names: tuple[str, ...] = ()
-    always: tuple[tuple[int, float], ...] = ()
+    always: Array = field(default_factory=lambda: np.empty((0, 0)))
     joint: int | None = None
     shared: float = 1.0
 
@@ -251,19 +267,29 @@ class Differences:
         lacks: Sequence[Candidate],
         known: Known,
         patterns: Sequence[Array],
-        noises: Sequence[ARNoise] = (),
+        given: ARNoise = (),
         **more: Any,
     ) -> Differences:
-        """Return what may differ between logs of some noise, or be missing in all of them alike."""
+        """Return what may differ between logs, of a given noise, or be missing in all of them alike."""
         every = tuple(number([*changes, *lacks]))
         parts = tuple(Missing(every, seen) for seen in rows)
-        noises = tuple(noises) or tuple(noise_of_log(m, len(changes)) for m in parts)
-        information = tuple(
-            m.products(edges=[0, len(m.seen.y)], noise=noise)
-            for m, noise in zip(parts, noises, strict=True)
+        may = sum(len(c.columns) for c in changes)
+        noise, last, information = (
+            given or noise_of_logs(parts, may),
+            len(known.precision) + may,
+            [],
         )
-        what = {"noises": noises, "known": known, "patterns": tuple(patterns), **more}
-        return Differences(parts=parts, information=information, **what)
+        for m in parts:
+            own = m.products(edges=[0, len(m.seen.y)], noise=noise)
+            if not given:  # each log counts by its own
+                level = [
+                    left_over(x.blocks[0][:, [*np.flatnonzero(x.columns < last), -1]], count)
+                    for x, count in zip(own.parts, m.seen.data.sum(0), strict=True)
+                ]
+                own = own.weigh(1.0 / np.array(level)[:, None])
+            information.append(own)
+        what = {"known": known, "patterns": tuple(patterns), **more}
+        return Differences(parts=parts, information=tuple(information), **what)
 
     @cached_property
     def columns(self) -> list[tuple[Candidate, str, str]]:
@@ -274,16 +300,27 @@ class Differences:
         return [(c, name, unit.get(name, "")) for c, name in named]
 
     @cached_property
-    def scale(self) -> Array:
-        """What makes columns of candidates as large as the torque of their joint, (C,)."""
+    def length(self) -> Array:
+        """What a unit of each column is of the torque of its joint, (C,)."""
         every = np.arange(len(self.columns))
         acts = [m.scale * np.isin(every, np.concatenate(m.acting)) for m in self.parts]
-        scale = np.max(acts, axis=0)
-        return np.where(scale > 0, scale, 1.0)
+        length = np.max(acts, axis=0)
+        return np.where(length > 0, length, 1.0)
+
+    @cached_property
+    def scale(self) -> Array:
+        """What makes columns as large as the friction that there is, or as the torque, (C,)."""
+        friction = np.array([kind_of(c) == "friction" for c, *_ in self.columns]) * self.level
+        return np.where(friction, 1.0 / np.abs(np.where(friction, friction, 1.0)), self.length)
+
+    @cached_property
+    def level(self) -> Array:
+        """How much friction there is by what is known beforehand, and of a gain all, (C,)."""
+        return self.levels(self.known.base)
 
     @cached_property
     def values(self) -> Array:
-        """Products of columns and torque by block, (B, p + C + 1, p + C + 1)."""
+        """Products of columns, sums of them and torque by block, (B, p + C + a + 1, …)."""
         last, out = self.information[0].size, []
         for own in self.information:
             sums = np.zeros((len(own.counts), last + 1, last + 1))
@@ -291,7 +328,11 @@ class Differences:
                 at = [*part.columns.tolist(), last]
                 sums[np.ix_(range(len(sums)), at, at)] += part.blocks.swapaxes(1, 2) @ part.blocks
             out.append(sums / self.shared)
-        return np.concatenate(out)
+        if not self.always.size:
+            return np.concatenate(out)
+        sums = np.pad(self.always, ((last - len(self.scale), 1), (0, 0)))
+        every = np.insert(np.eye(last + 1), [last] * sums.shape[1], sums, axis=1)
+        return np.asarray(every.T @ np.concatenate(out) @ every)
 
     def levels(self, base: Array) -> Array:
         """Return how much there is of what each column says the change of, (C,); 0 if unknown.
@@ -311,11 +352,15 @@ class Differences:
         p, blocks = len(self.known.precision), range(self.patterns[0].shape[1])
         drift = [
             (p + k, 1 + block, float(level) ** -2)  # a nuisance
-            for k, level in enumerate(self.levels(self.known.base))
+            for k, level in enumerate(self.level)
             for block in (blocks if level and kind_of(self.columns[k][0]) == "friction" else ())
         ]
         model = [(k, 0, x) for k, x in enumerate(self.known.precision.tolist())]
-        return [*model, *drift, *((p + k, 1 + len(blocks), x) for k, x in self.always)]
+        # A load may have a hundred times the torque that is still told.
+        sizes = np.linalg.norm(self.scale[: len(self.always), None] * self.always, axis=0)
+        first, precision = p + len(self.scale), ((sizes / (100 * UNTOLD)) ** 2).tolist()
+        always = [(first + k, 1 + len(blocks), x) for k, x in enumerate(precision)]
+        return [*model, *drift, *always]
 
     @cached_property
     def told(self) -> dict[tuple[str, str], tuple[Group, list[Candidate], int]]:
@@ -352,8 +397,9 @@ class Differences:
         blocks, width = self.patterns[0].shape[1], len(self.scale)
         weights = np.concatenate([np.ones((1, blocks)), np.eye(blocks), *self.patterns])
         column, pattern, precision = np.reshape(self.fixed, (-1, 3)).T
-        fixed, rows, last = len(column), len(weights), self.values.shape[1] - 1
-        column = np.concatenate([column, np.tile(np.arange(last - width, last), rows), [last]])
+        fixed, rows, p = len(column), len(weights), len(self.known.precision)
+        every, last = np.tile(p + np.arange(width), rows), self.values.shape[1] - 1
+        column = np.concatenate([column, every, [last]])
         pattern = np.concatenate([pattern, np.repeat(np.arange(rows), width), [0]])
         products = Patterned(self.values, column.astype(int), pattern.astype(int), weights)
         diagonal = np.diag(products.between(np.arange(fixed), np.arange(fixed)))
@@ -579,7 +625,7 @@ def find_changes(found: Differences, terms: Terms, names: Sequence[str]) -> tupl
         sizes, spread, level = value[at], covariance[np.ix_(at, at)], levels[own]
         share, share_sd = np.nan, np.nan
         if (np.abs(level) > 0).all():
-            slope = found.scale[own] * np.sign(level) / (np.abs(level) @ found.scale[own])
+            slope = found.length[own] * np.sign(level) / (np.abs(level) @ found.length[own])
             share, share_sd = float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))
         title = title_of_change(parts[0]) if len({c.family.name for c in parts}) == 1 else kind
         rivals = [r for k in which for r in model.rivals(terms, k) if r.odds > 0]

@@ -54,7 +54,6 @@ from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
-from identifiability.logs.prepare.dataset import Piece
 from identifiability.logs.prepare.instruments import find_lag
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.columns import Candidate, list_candidates
@@ -210,11 +209,10 @@ def _on_one_clock(
 def found_from(found: Differences, terms: Terms) -> dict[str, float]:
     """Return by which share friction of each joint must change to be found nine times in ten."""
     model, out = found.model, dict[str, float]()
-    scaled = np.abs(found.levels(found.known.base)) * found.scale
     z = np.linspace(0.0, 20.0, 401)[:, None]
     for group, parts, pattern in found.told.values():
         own = [k for c in parts for k in c.columns]
-        if pattern or len(own) != 1 or kind_of(parts[0]) != "friction" or not scaled[own[0]]:
+        if pattern or len(own) != 1 or kind_of(parts[0]) != "friction" or not found.level[own[0]]:
             continue
         beside = [t for t in terms if parts[0] not in found.told[t.key][1]]
         solved = model.solve((*beside, Term(group, 0, np.inf, 0.0)))
@@ -224,7 +222,7 @@ def found_from(found: Differences, terms: Terms) -> dict[str, float]:
         odds = np.log(np.mean(np.exp(rise), axis=1)) - group.price
         needed = float(z[int(np.argmax(odds >= RULES.name)), 0])
         # Standard deviations above what is needed at which nine of ten are found.
-        share = (needed + 1.28) * sd / float(scaled[own[0]])
+        share = (needed + 1.28) * sd
         out[group.place] = min(out.get(group.place, share), share)
     return out
 
@@ -405,31 +403,19 @@ def differences_of_results(one: Fit, other: Fit) -> Differences:
     structure, b = one.structure, len(one.base)
     motion = random_motion(structure.robot, np.random.default_rng(0))
     X = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
-    torque, count = X @ one.base, len(motion)
-    every = np.ones(torque.shape, bool)
+    said = Dataset("random motion", motion, X @ other.base, None, (), "")
     covariance = one.base_covariance + other.base_covariance
     unknown = np.hstack([one.base_unknown, other.base_unknown])
     known = Known.of(one.base, np.eye(b), covariance, unknown)
-    seen = Excerpt(
-        robot=structure.robot,
-        X=X,
-        y=X @ other.base,
-        raw=torque,
-        data=every,
-        t=motion.t,
-        log=np.zeros(count, int),
-        runs=JointRuns.of([(0, count)], every),
-        pieces=(Piece(motion, torque, None, np.ones(torque.shape)),),
-        seen=np.arange(count),
-    )
-    size = np.sqrt(np.mean(torque**2, axis=0))
+    seen = Excerpt.of(structure.regression([said]))
+    size = np.sqrt(np.mean(seen.y**2, axis=0))
     return Differences.of(
         [Compared.about(seen, known)],
         list_changes(structure.robot, tool_bodies(structure)),
         (),
         known,
         (np.ones((1, 1)),),
-        [tuple(JointNoise(np.empty(0), NEARLY**0.5 * (x or 1.0)) for x in size)],
+        tuple(JointNoise(np.empty(0), NEARLY**0.5 * (x or 1.0)) for x in size),
         names=structure.base.names,
     )
 

@@ -17,8 +17,8 @@ import numpy as np
 import pandas as pd
 
 from identifiability.estimation.differences import (
+    UNTOLD,
     Change,
-    Compared,
     Differences,
     Known,
     find_changes,
@@ -47,7 +47,6 @@ from identifiability.physical.cad_prior import draw_bodies
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.physical.project import project
 from identifiability.physical.pseudo_inertia import entry_scale, natural_scale, to_matrix
-from identifiability.regression.columns import Candidate, number
 from identifiability.regression.reduction import DEFAULT_EFFECTS, full_model
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -64,9 +63,6 @@ from identifiability.workflows.session import Session
 # `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
 
 
-#: A direction whose torque may be so many times that of its joints is not told; beforehand a load
-#: may have a hundred times that.
-UNTOLD: Tolerance = 10.0
 #: Its words.
 WORDS_OF = "payload.how"
 #: Where each of `GROUPED_KINDS` stands among `INERTIAL_KINDS`.
@@ -103,12 +99,6 @@ class LoadEstimate:
     changes: tuple[Change, ...]
 
 
-def vague(found: Differences, columns: Sequence[int]) -> Differences:
-    """Return the same with some columns in every hypothesis, almost unknown beforehand."""
-    precision = (found.scale / (100 * UNTOLD)) ** 2
-    return replace(found, always=tuple((k, float(precision[k])) for k in columns))
-
-
 def widened(found: Differences, terms: Terms, at: slice) -> tuple[Array, Array]:
     """Return some of the fixed values (k,) and their covariance, with the doubt of one more.
 
@@ -126,11 +116,10 @@ def widened(found: Differences, terms: Terms, at: slice) -> tuple[Array, Array]:
 
 def estimate_load(found: Differences, names: Sequence[str]) -> LoadEstimate:
     """Return the load that is in every hypothesis, of logs of some names."""
-    load = _load(found)
-    found = vague(found, [load.columns[k] for k in ORDER])
+    found = replace(found, always=_load(found)[:, ORDER])
     terms = found.model.search()
     theta, spread = widened(found, terms, slice(found.model.fixed - 10, found.model.fixed))
-    scale = found.scale[[load.columns[k] for k in ORDER]]
+    scale = found.scale @ found.always
     square, turn = np.linalg.eigh(spread * np.outer(scale, scale))
     open_ = square > UNTOLD**2
     size = np.sqrt(np.maximum(square[~open_], np.finfo(float).tiny))
@@ -146,9 +135,10 @@ def estimate_load(found: Differences, names: Sequence[str]) -> LoadEstimate:
     )
 
 
-def _load(found: Differences) -> Candidate:
-    """Return the candidate that has all ten parameters of a load."""
-    return next(c for c in found.parts[0].candidates if c.kinds == INERTIAL_KINDS)
+def _load(found: Differences) -> Array:
+    """Return which columns of candidates the ten parameters of a load are, (C, 10)."""
+    own = [c.kinds == INERTIAL_KINDS for c, *_ in found.columns]
+    return np.eye(len(own))[:, own]
 
 
 # `Quantity`: mass, centre and inertia of a real body near what logs say, with their intervals.
@@ -286,34 +276,22 @@ GAINS_OF = "What one unit of each torque column is: its gain in the sidecar"
 
 def find_gains(found: Differences, theta: Array) -> tuple[Quantity, ...]:
     """Return the gain of each joint's torque from a known load, (10,) in `INERTIAL_KINDS`."""
-    out, load, robot = [], _load(found), found.parts[0].seen.robot
-    # Torque that was read by a gain is that of the load by this over the right one.
-    read = [robot.torque.at("gain", joint) or 1.0 for joint in robot.joints]
-    rows = [cast("Compared", m.seen) for m in found.parts]
-    torque = [np.zeros(seen.y.shape) for seen in rows]
-    for m, own in zip(found.parts, torque, strict=True):
-        for (j, k), x in m.entries.items():
-            if k in load.columns:
-                own[:, j] += read[j] * theta[load.columns.index(k)] * x
-    rows = [replace(seen, torque=x) for seen, x in zip(rows, torque, strict=True)]
-    kinds = [c for c in found.parts[0].candidates if kind_of(c) in ("gain", "friction")]
-    changes = number([c for c in kinds if not c.family.flexible])
-    again = Differences.of(
-        rows, changes, (), found.known, found.patterns, found.noises, names=found.names
-    )
-    gains = {c.place: c.columns for c in changes if kind_of(c) == "gain"}
-    M = found.known.directions
+    out, seen, known = [], [m.seen for m in found.parts], found.known
+    robot, M = seen[0].robot, known.directions
+    found = replace(found, always=_load(found) @ theta[:, None])
     for j, joint in enumerate(robot.joints):
-        inverse, sd = np.nan, np.inf
-        if joint in gains and any(own[:, j].any() for own in torque):
-            # As much friction as this joint's rows say, in its own unit.
-            sides = [replace(seen, X=seen.X[:, [j]], y=seen.y[:, [j]]) for seen in rows]
-            base = pooled_values(sides, np.eye(M.shape[1]), np.zeros(M.shape[1]))
-            known = replace(found.known, base=found.known.base + M @ base)
-            one = replace(vague(again, gains[joint]), joint=j, known=known)
-            value, covariance = one.solve(one.model.search())
-            at = one.model.fixed - 1
-            inverse, sd = float(value[at]) or np.nan, float(np.sqrt(covariance[at, at]))
+        # As much friction as this joint's rows say, in its own unit.
+        sides = [replace(own, X=own.X[:, [j]], y=own.y[:, [j]]) for own in seen]
+        base = known.base + M @ pooled_values(sides, np.eye(M.shape[1]), np.zeros(M.shape[1]))
+        one = replace(found, joint=j, known=replace(known, base=base))
+        friction = [g for g, own, _ in one.told.values() if own and kind_of(own[0]) == "friction"]
+        terms = replace(one.model, groups=tuple(friction)).search()
+        value, covariance = one.solve(terms)
+        at = one.model.fixed - 1
+        # Torque that was read by a gain is that of the load by this over the right one.
+        read = robot.torque.at("gain", joint) or 1.0
+        inverse = float(value[at]) / read or np.nan
+        sd = float(np.sqrt(covariance[at, at])) / abs(read)
         ends = [-np.inf, np.inf]
         if abs(inverse) > REACH * sd:
             ends = sorted(1.0 / (inverse + side * REACH * sd) for side in (-1, 1))

@@ -552,7 +552,6 @@ def _differences(
     return Differences(
         parts=(may,),
         information=(may.products(edges=begins.tolist(), noise=noise),),
-        noises=(noise,),
         known=replace(known, precision=np.diag(prior)) if prior.size else known,
         patterns=patterns,
     )
