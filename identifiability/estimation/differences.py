@@ -15,12 +15,11 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import field
 from functools import cached_property
-from itertools import accumulate, groupby
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.linalg import block_diag
 
 from identifiability.effects import FAMILIES, find_families
 from identifiability.estimation.groups import (
@@ -151,19 +150,17 @@ class Compared(Excerpt):
         return found
 
 
-def noise_of_logs(parts: Sequence[Missing], may: int) -> ARNoise:
-    """Return the noise of all logs beside the model and what their first columns say of each."""
-    out, y = list[JointNoise](), np.concatenate([m.seen.y for m in parts])
-    X, raw = (np.concatenate([getattr(m.seen, k) for m in parts]) for k in ("X", "raw"))
-    starts = list(accumulate((len(m.seen.y) for m in parts), initial=0))
-    for j in range(y.shape[1]):
-        own = [[m.entries[j, k] for k in m.acting[j].tolist() if k < may] for m in parts]
-        each = [np.reshape(x, (-1, len(m.seen.y))).T for x, m in zip(own, parts, strict=True)]
-        every = zip(parts, starts, strict=False)
-        runs = [(at + a, at + b) for m, at in every for a, b in m.seen.runs.each[j]]
-        noise = rich_noise([X[:, j, X[:, j].any(0)], block_diag(*each)], y[:, j], runs)
+def noise_beside(missing: Missing, may: int) -> ARNoise:
+    """Return the noise of logs beside the model and what their first columns say of each log."""
+    out, seen = list[JointNoise](), missing.seen
+    each = [seen.log == log for log in np.unique(seen.log)]
+    for j, runs in enumerate(seen.runs.each):
+        own = [missing.entries[j, k] for k in missing.acting[j].tolist() if k < may]
+        differing = np.reshape([x * log for x in own for log in each], (-1, len(seen.y))).T
+        X = seen.X[:, j, seen.X[:, j].any(0)]
+        noise = rich_noise([X, differing], seen.y[:, j], runs)
         if not np.isfinite(noise.sigma):  # none but that of rounding
-            size = float(np.sqrt(np.mean(raw[:, j] ** 2)))
+            size = float(np.sqrt(np.mean(seen.raw[:, j] ** 2)))
             noise = JointNoise(np.empty(0), ROUNDOFF * (size or 1.0))
         out.append(noise)
     return tuple(out)
@@ -232,10 +229,10 @@ class Differences:
 
     Attributes
     ----------
-    parts : tuple of Missing
-        Of consecutive blocks: candidates that have C columns together.
-    information : tuple of Information
-        Of these, about p columns of the model, then C.
+    missing : Missing
+        What differs, or is missing in all rows alike: candidates that have C columns together.
+    information : Information
+        About p columns of the model, then C, of B blocks.
     known : Known
     patterns : tuple of (w, B)
         How blocks may have a change, each in one of w ways, nobody knows which; the pattern that is
@@ -251,8 +248,8 @@ class Differences:
         How much more rows scatter, because they share the logs that were taken off.
     """
 
-    parts: tuple[Missing, ...]
-    information: tuple[Information, ...]
+    missing: Missing
+    information: Information
     known: Known
     patterns: tuple[Array, ...]
     names: tuple[str, ...] = ()
@@ -262,7 +259,7 @@ class Differences:
 
     @staticmethod
     def of(
-        rows: Sequence[Compared],
+        seen: Compared,
         changes: Sequence[Candidate],
         lacks: Sequence[Candidate],
         known: Known,
@@ -270,48 +267,39 @@ class Differences:
         given: ARNoise = (),
         **more: Any,
     ) -> Differences:
-        """Return what may differ between logs, of a given noise, or be missing in all of them alike."""
-        every = tuple(number([*changes, *lacks]))
-        parts = tuple(Missing(every, seen) for seen in rows)
+        """Return what may differ between logs, or be missing in all of them, by a given noise."""
+        missing = Missing(tuple(number([*changes, *lacks])), seen)
         may = sum(len(c.columns) for c in changes)
-        noise, last, information = (
-            given or noise_of_logs(parts, may),
-            len(known.precision) + may,
-            [],
-        )
-        for m in parts:
-            own = m.products(edges=[0, len(m.seen.y)], noise=noise)
-            if not given:  # each log counts by its own
-                level = [
-                    left_over(x.blocks[0][:, [*np.flatnonzero(x.columns < last), -1]], count)
-                    for x, count in zip(own.parts, m.seen.data.sum(0), strict=True)
+        edges = [*np.unique(seen.log, return_index=True)[1].tolist(), len(seen.y)]
+        own = missing.products(edges=edges, noise=given or noise_beside(missing, may))
+        if not given:  # each log counts by its own
+            last = len(known.precision) + may
+            counts = np.add.reduceat(seen.data, edges[:-1], axis=0, dtype=int)
+            level = np.ones(counts.T.shape)
+            for j, x in enumerate(own.parts):
+                at = [*np.flatnonzero(x.columns < last), -1]
+                level[j] = [
+                    left_over(Z[:, at], n) for Z, n in zip(x.blocks, counts.T[j], strict=True)
                 ]
-                own = own.weigh(1.0 / np.array(level)[:, None])
-            information.append(own)
+            own = own.weigh(1.0 / level)
         what = {"known": known, "patterns": tuple(patterns), **more}
-        return Differences(parts=parts, information=tuple(information), **what)
+        return Differences(missing=missing, information=own, **what)
 
     @cached_property
     def columns(self) -> list[tuple[Candidate, str, str]]:
         """Of each column of candidates whose it is, its name and its unit."""
-        robot, every = self.parts[0].seen.robot, self.parts[0].candidates
+        robot, every = self.missing.seen.robot, self.missing.candidates
         unit = {p.name: p.unit for c in every for p in c.effect.parameters(robot)}
         named = [(c, f"{c.place}.{kind}") for c in every for kind in c.kinds]
         return [(c, name, unit.get(name, "")) for c, name in named]
 
     @cached_property
-    def length(self) -> Array:
-        """What a unit of each column is of the torque of its joint, (C,)."""
-        every = np.arange(len(self.columns))
-        acts = [m.scale * np.isin(every, np.concatenate(m.acting)) for m in self.parts]
-        length = np.max(acts, axis=0)
-        return np.where(length > 0, length, 1.0)
-
-    @cached_property
     def scale(self) -> Array:
         """What makes columns as large as the friction that there is, or as the torque, (C,)."""
         friction = np.array([kind_of(c) == "friction" for c, *_ in self.columns]) * self.level
-        return np.where(friction, 1.0 / np.abs(np.where(friction, friction, 1.0)), self.length)
+        return np.where(
+            friction, 1.0 / np.abs(np.where(friction, friction, 1.0)), self.missing.scale
+        )
 
     @cached_property
     def level(self) -> Array:
@@ -321,18 +309,17 @@ class Differences:
     @cached_property
     def values(self) -> Array:
         """Products of columns, sums of them and torque by block, (B, p + C + a + 1, …)."""
-        last, out = self.information[0].size, []
-        for own in self.information:
-            sums = np.zeros((len(own.counts), last + 1, last + 1))
-            for part in own.parts if self.joint is None else [own.parts[self.joint]]:
-                at = [*part.columns.tolist(), last]
-                sums[np.ix_(range(len(sums)), at, at)] += part.blocks.swapaxes(1, 2) @ part.blocks
-            out.append(sums / self.shared)
+        own, last = self.information, self.information.size
+        out = np.zeros((len(own.counts), last + 1, last + 1))
+        for part in own.parts if self.joint is None else [own.parts[self.joint]]:
+            at = [*part.columns.tolist(), last]
+            squares = part.blocks.swapaxes(1, 2) @ part.blocks
+            out[np.ix_(range(len(out)), at, at)] += squares / self.shared
         if not self.always.size:
-            return np.concatenate(out)
+            return out
         sums = np.pad(self.always, ((last - len(self.scale), 1), (0, 0)))
         every = np.insert(np.eye(last + 1), [last] * sums.shape[1], sums, axis=1)
-        return np.asarray(every.T @ np.concatenate(out) @ every)
+        return np.asarray(every.T @ out @ every)
 
     def levels(self, base: Array) -> Array:
         """Return how much there is of what each column says the change of, (C,); 0 if unknown.
@@ -371,7 +358,7 @@ class Differences:
         """
         rest, starts = len(self.patterns) - 1, 1 + self.patterns[0].shape[1]
         listed: list[tuple[str, str, list[list[Candidate]], list[int], int, float]] = []
-        every = {key: sets for m in self.parts for key, sets in m.sets.items()}
+        every = self.missing.sets
         for (name, place), sets in every.items():
             if sets[0][0].family.flexible:
                 listed.append((name, place, sets, [0], -1, 1.0))
@@ -456,16 +443,15 @@ def tool_bodies(structure: Structure) -> tuple[str, ...]:
     return tuple(b for b in known if ends[b] == most)
 
 
-def pooled_values(rows: Sequence[Excerpt], M: Array, fixed: Array) -> Array:
+def pooled_values(X: Array, y: Array, M: Array, fixed: Array) -> Array:
     """Return base parameters (b,) that all rows together ask for, by plain least squares.
 
     Parameters
     ----------
-    rows : sequence of Excerpt
+    X, y : (N, n, b), (N, n)
     M, fixed : (b, k), (b,)
         Base parameters are ``fixed + M x``.
     """
-    X, y = (np.concatenate([getattr(seen, k) for seen in rows]) for k in ("X", "y"))
     size = np.std(y, axis=0)
     weight = 1.0 / np.where(size > 0, size, np.inf)
     both = np.concatenate([X @ M, (y - X @ fixed)[:, :, None]], axis=2) * weight[:, None]
@@ -625,7 +611,11 @@ def find_changes(found: Differences, terms: Terms, names: Sequence[str]) -> tupl
         sizes, spread, level = value[at], covariance[np.ix_(at, at)], levels[own]
         share, share_sd = np.nan, np.nan
         if (np.abs(level) > 0).all():
-            slope = found.length[own] * np.sign(level) / (np.abs(level) @ found.length[own])
+            slope = (
+                found.missing.scale[own]
+                * np.sign(level)
+                / (np.abs(level) @ found.missing.scale[own])
+            )
             share, share_sd = float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))
         title = title_of_change(parts[0]) if len({c.family.name for c in parts}) == 1 else kind
         rivals = [r for k in which for r in model.rivals(terms, k) if r.odds > 0]

@@ -56,7 +56,7 @@ from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.instruments import find_lag
 from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.regression.columns import Candidate, list_candidates
+from identifiability.regression.columns import list_candidates
 from identifiability.regression.reduction import (
     LadderLike,
     Submodel,
@@ -85,28 +85,26 @@ class Pair:
     at: tuple[int, int]
 
 
-def look(structure: Structure, samples: Sequence[Dataset], values: int) -> list[Excerpt]:
-    """Return the rows of each log, if there are enough for so many values.
+def look(structure: Structure, samples: Sequence[Dataset], values: int) -> Excerpt:
+    """Return the rows of logs, if there are enough for so many values.
 
     Raises
     ------
     LogError
     """
-    most, windows, size = EXCERPT
-    within = most // len(samples), max(windows // len(samples), 1), size
-    rows = [Excerpt.of(structure.regression([own]), within) for own in samples]
-    fewest = min(len(own.y) for own in rows)
+    seen = Excerpt.of(structure.regression(samples), EXCERPT)
+    fewest = int(np.bincount(seen.log, minlength=len(samples)).min())
     if fewest < LOG_RULES.fewest or fewest * len(structure.robot.joints) <= values:
         raise LogError(
             f"{fewest} samples are too few to say how {values} values scatter; give longer or "
             "more logs, or a smaller model (--ladder)."
         )
-    return rows
+    return seen
 
 
 def find_differences(
     structure: Structure,
-    rows: Sequence[Excerpt],
+    seen: Excerpt,
     bodies: Sequence[str],
     pairs: Sequence[Pair],
     known: Known,
@@ -118,8 +116,8 @@ def find_differences(
     Parameters
     ----------
     structure : Structure
-    rows : sequence of Excerpt
-        Of all logs.
+    seen : Excerpt
+        Rows of all logs.
     bodies : sequence of str
         That may carry a load.
     pairs : sequence of Pair
@@ -127,19 +125,16 @@ def find_differences(
     later, single : int
         How many of the first logs may have changed together, and how many each by itself.
     """
-    if pairs:
-        compared, lacks = [subtract(structure, pair, known) for pair in pairs], list[Candidate]()
-    else:
-        motions = [piece.motion for own in rows for piece in own.pieces]
-        families, robot = find_families(LACKS), structure.robot
-        lacks, _ = list_candidates(robot, families, structure.present, motions, fixed=False)
-        compared = [Compared.about(own, known) for own in rows]
+    robot, motions = structure.robot, [piece.motion for piece in seen.pieces]
+    families = find_families(() if pairs else LACKS)
+    lacks, _ = list_candidates(robot, families, structure.present, motions, fixed=False)
+    rows = subtract(structure, pairs, known) if pairs else Compared.about(seen, known)
     serve = Counter(pair.at[1] for pair in pairs)
-    asked = (np.arange(len(compared)) < later).astype(float)
+    asked = (np.arange(rows.log[-1] + 1) < later).astype(float)
     each = [x[None] for x in np.eye(len(asked))[:single] if np.ptp(np.abs(x - asked))]
     return Differences.of(
-        compared,
-        list_changes(structure.robot, bodies),
+        rows,
+        list_changes(robot, bodies),
         lacks,
         known,
         (asked[None], *each),
@@ -149,21 +144,25 @@ def find_differences(
     )
 
 
-def subtract(structure: Structure, pair: Pair, known: Known) -> Compared:
-    """Return what the rows of a log differ by from those of its repetition."""
+def subtract(structure: Structure, pairs: Sequence[Pair], known: Known) -> Compared:
+    """Return what the rows of logs differ by from those of their repetitions."""
     one, other = (
-        Excerpt.of(structure.regression([side]), EXCERPT) for side in (pair.first, pair.second)
+        Excerpt.of(structure.regression(side), EXCERPT)
+        for side in ([p.first for p in pairs], [p.second for p in pairs])
     )
-    _, at, there = np.intersect1d(one.t, other.t, return_indices=True)
+    _, at, there = np.intersect1d(
+        one.log + 1j * one.t, other.log + 1j * other.t, return_indices=True
+    )
     names = ("X", "y", "raw", "data", "t", "log", "seen")
     first, second = (
         replace(side, **{name: getattr(side, name)[own] for name in names})
         for side, own in ((one, at), (other, there))
     )
-    apart = (np.diff(at) != 1) | (np.diff(there) != 1) | signals.has_gap(first.t)
-    edges = [0, *(np.flatnonzero(apart) + 1).tolist(), len(at)]
-    runs = JointRuns.of(list(pairwise(edges)), first.data & second.data)
-    return Compared.about(replace(first, runs=runs), known, second)
+    apart = (np.diff(at) != 1) | (np.diff(there) != 1) | (np.diff(first.log) != 0)
+    edges = np.flatnonzero(apart | signals.has_gap(first.t)) + 1
+    runs = list(pairwise([0, *edges.tolist(), len(at)]))
+    both = JointRuns.of(runs, first.data & second.data)
+    return Compared.about(replace(first, runs=both), known, second)
 
 
 def find_pairs(
@@ -410,7 +409,7 @@ def differences_of_results(one: Fit, other: Fit) -> Differences:
     seen = Excerpt.of(structure.regression([said]))
     size = np.sqrt(np.mean(seen.y**2, axis=0))
     return Differences.of(
-        [Compared.about(seen, known)],
+        Compared.about(seen, known),
         list_changes(structure.robot, tool_bodies(structure)),
         (),
         known,
@@ -435,13 +434,14 @@ def _compare_logs(
         raise LogError(Finding("logs.none"))
     session, count = Session.read_sides(structure, after, before, preparation, engine)
     opening, logs = session.open("compared"), session.recordings.fitted
-    rows = look(structure, opening.samples, len(submodel))
+    seen = look(structure, opening.samples, len(submodel))
     pairs = find_pairs(robot, logs, opening.samples, count, session.how)
     # Differences of pairs say nothing of the values themselves, which logs before tell.
-    base = pooled_values(rows[count:] if pairs else rows, submodel.M, submodel.fixed)
+    some = seen.log >= count * bool(pairs)
+    base = pooled_values(seen.X[some], seen.y[some], submodel.M, submodel.fixed)
     found = find_differences(
         structure,
-        rows,
+        seen,
         tool_bodies(structure),
         pairs,
         Known.nothing(submodel.M[:, : 0 if pairs else None], base),

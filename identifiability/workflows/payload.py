@@ -276,13 +276,13 @@ GAINS_OF = "What one unit of each torque column is: its gain in the sidecar"
 
 def find_gains(found: Differences, theta: Array) -> tuple[Quantity, ...]:
     """Return the gain of each joint's torque from a known load, (10,) in `INERTIAL_KINDS`."""
-    out, seen, known = [], [m.seen for m in found.parts], found.known
-    robot, M = seen[0].robot, known.directions
+    out, seen, known = [], found.missing.seen, found.known
+    robot, M, none = seen.robot, known.directions, np.zeros(known.directions.shape[1])
     found = replace(found, always=_load(found) @ theta[:, None])
     for j, joint in enumerate(robot.joints):
         # As much friction as this joint's rows say, in its own unit.
-        sides = [replace(own, X=own.X[:, [j]], y=own.y[:, [j]]) for own in seen]
-        base = known.base + M @ pooled_values(sides, np.eye(M.shape[1]), np.zeros(M.shape[1]))
+        values = pooled_values(seen.X[:, [j]], seen.y[:, [j]], np.eye(len(none)), none)
+        base = known.base + M @ values
         one = replace(found, joint=j, known=replace(known, base=base))
         friction = [g for g, own, _ in one.told.values() if own and kind_of(own[0]) == "friction"]
         terms = replace(one.model, groups=tuple(friction)).search()
@@ -510,13 +510,13 @@ def payload(
         hints = [*session.recordings.hints, *_tell_noise(every[:loaded], session.how)]
         hints += [text for s in samples for text in s.hints]
         pairs = find_pairs(robot, every, samples, loaded, session.how)
-        rows = look(structure, samples, 0)
+        seen = look(structure, samples, 0)
         if fit is None or (mass is not None and loaded < len(every)):
             # Logs without the load tell more than values by other gains.
             known = Known.nothing(submodel.M, submodel.fixed)
         else:
             known = Known.of(fit.base, submodel.M, fit.covariance, fit.spread.unknown)
-        found = find_differences(structure, rows, (place,), pairs, known, loaded, loaded)
+        found = find_differences(structure, seen, (place,), pairs, known, loaded, loaded)
         estimate = estimate_load(found, [s.name for s in samples])
         nearest = nearest_body(estimate)
         gains: tuple[Quantity, ...] = ()

@@ -550,8 +550,8 @@ def _differences(
     others = [name for name in families if name != "payload"]
     may = Missing(list_changes(robot, bodies, others, (WEIGHT,)), replace(seen, X=X))
     return Differences(
-        parts=(may,),
-        information=(may.products(edges=begins.tolist(), noise=noise),),
+        missing=may,
+        information=may.products(edges=begins.tolist(), noise=noise),
         known=replace(known, precision=np.diag(prior)) if prior.size else known,
         patterns=patterns,
     )
@@ -566,7 +566,7 @@ def _noise_without(naming: Naming, found: Differences, best: Term, count: np.nda
     _, (cause,), pattern = found.told[best.key]
     on = np.repeat(found.patterns[pattern][best.member], count) > 0
     seen, joints = naming.fitted.seen, list(naming.missing.noise)
-    for j in {j for j, k in found.parts[0].entries if k in cause.columns}:
+    for j in {j for j, k in found.missing.entries if k in cause.columns}:
         (runs,) = JointRuns.of(seen.runs.each[j], ~on[:, None]).each
         joints[j] = rich_noise([seen.X[:, j, seen.X[:, j].any(0)]], seen.y[:, j], runs)
     return tuple(joints)
