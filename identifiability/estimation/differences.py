@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import field
 from functools import cached_property
 from itertools import groupby
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -223,6 +223,25 @@ class Patterned:
         return out
 
 
+@frozen
+class DifferentTorque:
+    """Torque of a log beside what a model has in all of them.
+
+    Attributes
+    ----------
+    t : (N,) [s]
+    whole : (N, n) [N·m or N]
+        All of the torque.
+    measured, explained : (N, n) [N·m or N]
+        What differs as measured, NaN where it is no data, and by what was found.
+    """
+
+    t: Array
+    whole: Array
+    measured: Array
+    explained: Array
+
+
 @frozen(kw_only=True)
 class Differences:
     """What may differ between blocks of rows, beside what they have in common.
@@ -408,6 +427,21 @@ class Differences:
         scale = self.model.scale[s.columns]
         return s.value / scale, s.covariance / np.outer(scale, scale)
 
+    def along(self, terms: Terms) -> DifferentTorque:
+        """Return what the torque of the first block has beside the model of all."""
+        model, seen, p = self.model, self.missing.seen, len(self.known.precision)
+        value, explained = self.solve(terms)[0], np.zeros(seen.y.shape)
+        columns = np.concatenate([np.empty(0, int), *(t.columns for t in terms)]) - model.fixed
+        row, column = np.divmod(columns, len(self.scale))
+        on, sizes = cast("Patterned", model.products).weights[row, 0], np.zeros(len(self.scale))
+        np.add.at(sizes, column, on * value[model.fixed :])
+        if self.always.size:
+            sizes += self.always @ value[model.fixed - self.always.shape[1] : model.fixed]
+        for (j, k), x in self.missing.entries.items():
+            explained[:, j] += sizes[k] * x
+        left = np.where(seen.data, seen.y - seen.X @ value[:p], np.nan)
+        return DifferentTorque(*(x[seen.log == 0] for x in (seen.t, seen.raw, left, explained)))
+
     def log_of(self, pattern: int, names: Sequence[str]) -> str:
         """Return in which log alone a pattern is; nothing where it is the one asked about."""
         return names[int(np.argmax(self.patterns[pattern][0]))] if pattern else ""
@@ -580,6 +614,7 @@ def frame_changes(changes: Sequence[Change]) -> pd.DataFrame:
 def table_changes(changes: Sequence[Change], caption: str) -> Table:
     """Return the same as a table."""
     own = frame_changes(changes).drop(columns=["kind", "share_sd", "p"])
+    own = own.loc[:, (own != "").any()]  # nothing is said of where without several logs
     return frame_table(own.rename(columns={"log_odds": "log odds", "logs": "in"}), caption)
 
 
@@ -611,11 +646,8 @@ def find_changes(found: Differences, terms: Terms, names: Sequence[str]) -> tupl
         sizes, spread, level = value[at], covariance[np.ix_(at, at)], levels[own]
         share, share_sd = np.nan, np.nan
         if (np.abs(level) > 0).all():
-            slope = (
-                found.missing.scale[own]
-                * np.sign(level)
-                / (np.abs(level) @ found.missing.scale[own])
-            )
+            rms = found.missing.scale[own]
+            slope = rms * np.sign(level) / (np.abs(level) @ rms)
             share, share_sd = float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))
         title = title_of_change(parts[0]) if len({c.family.name for c in parts}) == 1 else kind
         rivals = [r for k in which for r in model.rivals(terms, k) if r.odds > 0]

@@ -25,8 +25,10 @@ TURN, LIFT = -0.95, 0.42
 FLAT = 0.03
 
 
-def _trace(robot: Robot, poses: Array) -> tuple[dict[str, Array], Array]:
+def _trace(robot: Robot, poses: Array, load: Point | None = None) -> tuple[dict[str, Array], Array]:
     """Return lines of moving bodies, (2 s, F, 3) each, and places of joints, (j, F, 3) [m].
+
+    Where a body carries a load, its centre comes after the joints.
 
     Of F poses (F, nq). A body goes from its joint to those that hang on it, to the points at which
     loops close, and, where there are none, to its centre of mass and as far again.
@@ -49,6 +51,9 @@ def _trace(robot: Robot, poses: Array) -> tuple[dict[str, Array], Array]:
             first = np.array([robot.nominal.get(f"{body}.{x}", 0.0) for x in ("mx", "my", "mz")])
             if mass > 0:
                 ends = [each(tree.world_point(frames, Point(k, 1.6 * first / mass)))]
+        if load is not None and load.joint == k:
+            at = np.concatenate([at, [each(tree.world_point(frames, load))]])
+            ends.append(at[-1])
         limbs[body] = np.array([p for end in ends or [at[k]] for p in (at[k], end)])
     return limbs, at
 
@@ -66,6 +71,7 @@ def move_skeletons(
     motions: Mapping[str, tuple[str, Array]],
     told: Callable[[Array], Sequence[Sequence[str]]],
     caption: str,
+    load: Point | None = None,
 ) -> Moving | None:
     """Return robots along a motion, one over the other; None where nothing can be drawn.
 
@@ -78,18 +84,20 @@ def move_skeletons(
     told : callable
         Gives what is said of rows (F,), for each motion but the first or for the torque.
     caption : str
+    load : Point, optional
+        Centre of mass of what hangs on a body.
     """
     rows = _frames(t)
     traced = []
     for _, poses in motions.values():
-        limbs, at = _trace(robot, np.nan_to_num(poses[rows]))
+        limbs, at = _trace(robot, np.nan_to_num(poses[rows]), load)
         ends = [lines[1::2] for lines in limbs.values()]
         every = np.concatenate([at, *ends]).transpose(1, 0, 2)
         traced.append(np.where(np.isnan(poses[rows]).any(1)[:, None, None], np.nan, every))
     if not np.ptp(traced[0].reshape(-1, 3), axis=0).max() > 0:
         return None
     place = _look(traced[0].reshape(-1, 3), robot)
-    lines, start = [], len(robot.tree.joints)
+    lines, start = [], len(at)
     for link, own in zip(robot.links, limbs.values(), strict=True):
         count = len(own) // 2
         lines += [(link.last, start + i) for i in range(count)]
@@ -99,7 +107,7 @@ def move_skeletons(
         t=t[rows] - t[0],
         points=tuple(place(x.reshape(-1, 3)).reshape(*x.shape[:2], 2) for x in traced),
         lines=tuple(lines),
-        joints=len(robot.tree.joints),
+        joints=len(at),
         told=tuple(map(tuple, told(rows))),
         size=(WIDTH, HEIGHT),
         caption=caption,
@@ -120,11 +128,13 @@ def move_with_torque(
     lines: Mapping[str, Array],
     log: str,
     residual: Array | None = None,
+    how: str = "",
+    load: Point | None = None,
 ) -> Moving | None:
     """Return the robot as it moved, over torque of a joint; None where there is nothing to show.
 
     With a residual it is the joint of which most is missed, and joints are marked as far as they
-    miss torque; without, the one that is loaded most.
+    miss torque; without, the one that is loaded most. A load is marked at its centre of mass.
 
     Parameters
     ----------
@@ -141,6 +151,9 @@ def move_with_torque(
         What the log is called.
     residual : (N, n), optional
         What a model leaves of the torque.
+    how : str, optional
+        What is said of it (`moving` of the sentences).
+    load : Point, optional
     """
     if len(t) < 2 or not np.isfinite(torque).any():
         return None
@@ -152,18 +165,24 @@ def move_with_torque(
     joint = int((size if residual is None else (share**2).mean(0)).argmax())
     rows = np.searchsorted(motion.t, t[:end]).clip(0, len(motion.t) - 1)
     name, unit = robot.joints[joint], robot.torque_units[joint]
-    missed = [f"{name} misses {100 * x:.0f} %" for x in share[:, joint]]
+    how = how or ("loaded" if residual is None else "missed")
+    word = "misses" if how == "missed" else "differs by"
+    missed = [f"{name} {word} {100 * x:.0f} %" for x in share[:, joint]]
     moving = move_skeletons(
         robot,
         t[:end],
         {"measured": ("grey", motion.q[rows])},
         lambda at: [] if residual is None else [[missed[k] for k in at]],
-        sentence("moving", "loaded" if residual is None else "missed", log=log, joint=name),
+        sentence("moving", how, log=log, joint=name),
+        load,
     )
     if moving is None:
         return None
     own = {what: y[:end, joint] for what, y in lines.items()}
     moving = replace(moving, torque=Trace.of(plain(name), unit, t[:end] - t[0], own, LINE))
+    if load is not None:  # as large in all frames
+        marks = np.arange(moving.joints) == moving.joints - 1
+        return replace(moving, misses=np.tile(0.3 * marks, (moving.frames, 1)))
     if residual is None:
         return moving
     owners = {dof: k for k, one in enumerate(robot.tree.joints) for dof in one.dofs}

@@ -28,6 +28,7 @@ from identifiability.estimation.differences import (
     Change,
     Compared,
     Differences,
+    DifferentTorque,
     Known,
     find_changes,
     frame_changes,
@@ -65,7 +66,7 @@ from identifiability.regression.reduction import (
     ladder_model,
 )
 from identifiability.regression.structure import OfStructure, Structure, random_motion
-from identifiability.robot import Robot, RobotLike
+from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.opening import Logs, list_logs
@@ -255,6 +256,8 @@ class Comparison(OfStructure, Result):
     hints : tuple of str
     preparation : Preparation
         How logs were asked to be turned into motion.
+    motion, torque : Motion and DifferentTorque, or None
+        Of the first log after; of results nobody measured any.
     """
 
     schema: ClassVar[str] = "identifiability/comparison/1"
@@ -269,6 +272,8 @@ class Comparison(OfStructure, Result):
     found_from: Mapping[str, float]
     hints: tuple[str, ...] = ()
     preparation: Preparation = Preparation()
+    motion: Motion | None = None
+    torque: DifferentTorque | None = None
 
     @property
     def answer(self) -> str:
@@ -459,6 +464,7 @@ def _compare_logs(
         after=paths[:count],
         pairs=tuple((paths[p.at[1]], paths[p.at[0]]) for p in pairs),
         hints=opening.hints,
+        motion=opening.samples[0].motion,
         preparation=preparation or Preparation(),
     )
 
@@ -473,6 +479,7 @@ def _conclude(
         submodel=submodel,
         changes=find_changes(found, terms, logs),
         found_from=found_from(found, terms),
+        torque=found.along(terms) if "motion" in said else None,
         **said,
     )
 

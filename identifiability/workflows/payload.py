@@ -20,6 +20,7 @@ from identifiability.estimation.differences import (
     UNTOLD,
     Change,
     Differences,
+    DifferentTorque,
     Known,
     find_changes,
     kind_of,
@@ -50,7 +51,7 @@ from identifiability.physical.pseudo_inertia import entry_scale, natural_scale, 
 from identifiability.regression.reduction import DEFAULT_EFFECTS, full_model
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot, RobotLike
+from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import Point, body_of, ten_parameters
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
@@ -89,6 +90,8 @@ class LoadEstimate:
         What the model seems to lack in these logs.
     changes : tuple of Change
         What else differs.
+    torque : DifferentTorque
+        Of the first log with the load: what it adds, as measured and by these.
     """
 
     theta: Array
@@ -97,6 +100,7 @@ class LoadEstimate:
     unknown: Array
     lacks: tuple[str, ...]
     changes: tuple[Change, ...]
+    torque: DifferentTorque
 
 
 def widened(found: Differences, terms: Terms, at: slice) -> tuple[Array, Array]:
@@ -132,6 +136,7 @@ def estimate_load(found: Differences, names: Sequence[str]) -> LoadEstimate:
         unknown=unknown,
         lacks=tuple(describe_term(t) for t in terms if not found.told[t.key][1]),
         changes=find_changes(found, terms, names),
+        torque=found.along(terms),
     )
 
 
@@ -321,6 +326,8 @@ class Load(Result):
         Those that were compared, of the same motion.
     estimate : LoadEstimate
         What the logs say by themselves.
+    motion : Motion
+        Of the first log with the load.
     parameters : (10,)
         Of the nearest real body, in the order of `GROUPED_KINDS`, about the origin of the frame.
     quantities : tuple of Quantity
@@ -343,6 +350,7 @@ class Load(Result):
     without: tuple[str, ...]
     pairs: tuple[tuple[str, str], ...]
     estimate: LoadEstimate
+    motion: Motion
     parameters: Array
     quantities: tuple[Quantity, ...]
     gains: tuple[Quantity, ...] = ()
@@ -399,7 +407,9 @@ class Load(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a quantity, or a joint whose gain a known load tells."""
-        table = frame_table(self.to_frame(), QUANTITIES_OF if self.known is None else GAINS_OF)
+        shown = self.to_frame().drop(columns="told")  # what is not says why
+        shown = shown.loc[:, (shown != "").any()]
+        table = frame_table(shown, QUANTITIES_OF if self.known is None else GAINS_OF)
         return (replace(table, columns=with_hints("load", *table.columns)),)
 
     @property
@@ -537,6 +547,7 @@ def payload(
         without=paths[loaded:],
         pairs=tuple((paths[p.at[0]], paths[p.at[1]]) for p in pairs),
         estimate=estimate,
+        motion=samples[0].motion,
         parameters=nearest,
         quantities=state_quantities(estimate, nearest, length),
         gains=gains,
