@@ -15,11 +15,12 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import field
 from functools import cached_property
-from itertools import groupby
+from itertools import accumulate, groupby
 from typing import Any, cast
 
 import numpy as np
 import pandas as pd
+from scipy.special import logsumexp
 
 from identifiability.effects import FAMILIES, find_families
 from identifiability.estimation.groups import (
@@ -375,20 +376,18 @@ class Differences:
         Families, and places of each, share the prior odds; half of those of a place are that the
         rows which are asked about have it.
         """
-        rest, starts = len(self.patterns) - 1, 1 + self.patterns[0].shape[1]
-        listed: list[tuple[str, str, list[list[Candidate]], list[int], int, float]] = []
-        every = self.missing.sets
-        for (name, place), sets in every.items():
+        rest, listed = len(self.patterns) - 1, []
+        ends = list(accumulate(map(len, self.patterns), initial=1 + self.patterns[0].shape[1]))
+        for (name, place), sets in self.missing.sets.items():
             if sets[0][0].family.flexible:
-                listed.append((name, place, sets, [0], -1, 1.0))
-        for w, ways in enumerate(self.patterns):
-            rows = list(range(starts, starts := starts + len(ways)))
-            share = 0.5 / rest if w else 0.5 if rest else 1.0
-            for (name, place), sets in every.items():
-                whole = place == EVERYWHERE and (name == "payload" or len(ways) > 1)
-                if not (whole or sets[0][0].family.flexible):
+                listed.append((name, place, sets, range(1), -1, 1.0))
+                continue
+            for w, rows in enumerate(map(range, ends, ends[1:])):
+                share = 0.5 / rest if w else 0.5 if rest else 1.0
+                if place != EVERYWHERE or (name != "payload" and len(rows) == 1):
                     listed.append((f"{name}, {w}", place, sets, rows, w, share))
-        places, families = Counter(own[0] for own in listed), len({key[0] for key in every})
+        places = Counter(own[0] for own in listed)
+        families = len({name for name, _ in self.missing.sets})
         out = {}
         for name, place, sets, rows, w, share in listed:
             first = [len(self.fixed) + row * len(self.scale) for row in rows]
@@ -414,12 +413,18 @@ class Differences:
         scale = np.append(length, np.tile(self.scale, rows))
         groups = tuple(group for group, *_ in self.told.values())
         drift = (pattern[:fixed] > 0) & (pattern[:fixed] <= blocks)
-        found = []
-        for size in DRIFTS if drift.any() else DRIFTS[:1]:
-            prior = np.diag(none + precision / np.where(drift, size**2, 1.0))
-            model = MixedModel(products, fixed, groups, scale, prior, CHANGES)  # type: ignore[arg-type]
-            found.append((model.solve().log_likelihood - drift.sum() * np.log(size), model))
-        return max(found, key=lambda x: x[0])[1]
+        sizes = DRIFTS[: len(DRIFTS) if drift.any() else 1]
+        priors = [np.diag(none + precision / np.where(drift, x**2, 1.0)) for x in sizes]
+        models = [
+            MixedModel(products, fixed, groups, scale, prior, CHANGES)  # type: ignore[arg-type]
+            for prior in priors
+        ]
+        if len(models) == 1:
+            return models[0]
+        # Whether nothing changed or one of the groups.
+        odds = [logsumexp([0.0, *(t.odds for t in own.gains())]) for own in models]
+        rise = odds + np.array([own.solve().log_likelihood for own in models])
+        return models[int(np.argmax(rise - drift.sum() * np.log(sizes)))]
 
     def solve(self, terms: Terms = ()) -> tuple[Array, Array]:
         """Return values of the fixed columns and of terms in their order, and the covariance."""
