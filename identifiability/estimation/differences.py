@@ -1,206 +1,98 @@
-"""`Differences`: what differs between rows of one robot, as groups of the mixed model × a pattern.
+"""`Differences`: what differs between logs of one robot, or between parts of a log.
 
-A load on a body, friction, an offset or the gain of a torque column is a group that acts in some
-rows alone: in logs of one side, in a single log, or between two instants of one. It competes with
-smooth functions that the model may lack in all rows alike. Friction differs a little between any
-two logs: that is no change but a nuisance of every comparison. Values that are known beforehand,
-from a result, have its covariance as a prior.
+It is what a model may lack (`Missing`) in some rows alone: a group of the mixed model × a pattern.
+A load on a body, friction, an offset or the gain of a torque column acts in logs of one side, in a
+single log, or between two instants of one, and competes with smooth functions that the model may
+lack in all rows alike. Friction differs a little between any two logs: that is no change but a
+nuisance of every comparison. Values that are known beforehand have their covariance as a prior.
 
-Rows are met once, as products by part: what acts in some parts is a sum of these.
+Rows are met once, as products by block: what acts in some blocks is a sum of these.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import field
 from functools import cached_property
-from itertools import accumulate, pairwise
-from typing import cast
+from itertools import accumulate, groupby
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
-from identifiability.effects import FAMILIES, find_families, title_of
-from identifiability.estimation.gaussian import Normal
-from identifiability.estimation.groups import LOAD, Excerpt, Missing, describe_term, place_of
-from identifiability.estimation.mixed_model import (
-    EVERYWHERE,
-    Group,
-    MixedModel,
-    Term,
-    Terms,
-    whitened_information,
+from identifiability.effects import FAMILIES, find_families
+from identifiability.estimation.groups import (
+    Excerpt,
+    Missing,
+    describe_term,
+    list_members,
+    place_of,
 )
-from identifiability.estimation.noise import THIN, ARNoise, JointNoise, JointRuns, rich_noise
+from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
+from identifiability.estimation.noise import THIN, ARNoise, JointNoise, rich_noise
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Table, frame_table
 from identifiability.foundation.errors import listing
-from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import GROUPED_KINDS, Array
+from identifiability.foundation.linalg import ROUNDOFF, triangular_factor
+from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rounding import REACH, measured
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.regression.columns import list_candidates
+from identifiability.regression.columns import Candidate, Entries, number
+from identifiability.regression.information import Information
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.robot.kinematics import WORLD
 from identifiability.robot.robot import last_bodies
 
-#: Standard deviations of the drift of friction in a log that are tried, relative to it; the most is
-#: 3 % between two logs.
+#: Standard deviations of friction in a log that are tried, relative to it; the most is 3 % between
+#: two logs.
 DRIFTS = np.geomspace(0.021, 0.00063, 4)
-#: Sizes that a change may have, relative to the friction, or to the torque of its joint.
+#: Sizes that a change may have, relative to the torque of its joint.
 CHANGES = np.geomspace(0.01, 1.0, 20)
-#: Parameters of a load, those that its weight tells first.
-WEIGHT = ("m", "mx", "my", "mz")
-KINDS = (*WEIGHT, *(kind for kind in GROUPED_KINDS if kind not in WEIGHT))
 #: Samples of all logs up to which all are looked at; of more so many windows of so many samples.
 EXCERPT = (24_000, 12, 2_000)
 #: Functions that the model may lack in all logs alike.
 LACKS = ("function_of_velocity", "function_of_load", "function_of_position")
-#: Families of the friction that a model has, by the kind of its parameter.
-FRICTION = {"Fc": "coulomb_friction", "Fv": "viscous_friction"}
-#: What families are that are no friction.
-KIND_OF = {"payload": "load", "torque_offset": "offset"}
+#: A direction whose torque may be so many times that of its joints is not told.
+UNTOLD: Tolerance = 10.0
+#: Families that may differ beside loads.
+DIFFERING = (
+    "coulomb_friction",
+    "viscous_friction",
+    "torque_offset",
+    "torque_scale",
+    "passive_joint_friction",
+)
+#: What families are that are no friction; and in words, where their titles say what is missing.
+KIND_OF = {"payload": "load", "torque_offset": "offset", "torque_scale": "gain"}
+WORDS = {"payload": "load", "torque_scale": "torque gain"}
+#: Parameters of a load that its weight tells.
+WEIGHT = INERTIAL_KINDS[:4]
 
-#: Torque (N, k) of columns by the joints in which they act.
-ByJoint = Mapping[int, Array]
 
+def list_changes(
+    robot: Robot,
+    bodies: Sequence[str],
+    families: Sequence[str] = DIFFERING,
+    loads: Sequence[tuple[str, ...]] = (WEIGHT, INERTIAL_KINDS),
+) -> tuple[Candidate, ...]:
+    """Return what may differ between rows of a robot: a load on some bodies, and families.
 
-@frozen
-class Cause:
-    """What may differ: k columns of a family at a place.
-
-    Attributes
-    ----------
-    kind : {"load", "friction", "offset", "gain"}
-    family : str
-        Its name; of friction that is no family by itself in words.
-    place : str
-        Body, joint or passive joint.
-    names, units : tuple of str
-    torque : mapping
-        What a unit of each does along rows.
-    before : float
-        What all logs together say of the value; NaN where nothing does.
+    A load has each of several sets of parameters, nobody knows which.
     """
-
-    kind: str
-    family: str
-    place: str
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    torque: ByJoint
-    before: float = np.nan
-
-    @property
-    def title(self) -> str:
-        """In words, without a place."""
-        if self.kind == "load":
-            return self.kind
-        return title_of(self.family) if self.family in FAMILIES else self.family
-
-    @property
-    def relative(self) -> bool:
-        """Whether it is friction of which the logs know how much there is."""
-        return self.kind == "friction" and abs(self.before) > 0
-
-    def scale(self, size: Array) -> Array:
-        """Return what makes values relative: to the friction, or to torque of joints of (n,)."""
-        if self.relative:
-            return np.array([1.0 / abs(self.before)])
-        square = np.zeros(len(self.names))
-        for j, x in self.torque.items():
-            acts = max(np.count_nonzero(x.any(1)), 1)
-            square += np.sum(x**2, axis=0) / (acts * max(size[j] ** 2, 1e-300))
-        if self.kind == "load":  # its parameters are as a compact body has them
-            typical = np.array([LOAD[kind] for kind in KINDS[: len(self.names)]])
-            square = np.sum(square * typical**2) / typical**2
-        return np.sqrt(np.where(square > 0, square, 1.0))
-
-
-def find_causes(
-    structure: Structure, X: Array, data: np.ndarray, base: Array, bodies: Sequence[str]
-) -> list[Cause]:
-    """Return what may differ between rows of a robot.
-
-    Parameters
-    ----------
-    structure : Structure
-    X : (N, n, b)
-        Columns of the base parameters.
-    data : (N, n) bool
-        Where torque of each joint is data.
-    base : (b,)
-        Values of the base parameters, by which gains are torque.
-    bodies : sequence of str
-        That may carry a load.
-    """
-    robot, G = structure.robot, structure.G
-    at = {p.name: k for k, p in enumerate(structure.parameters)}
-    units = [p.unit for p in structure.parameters]
-    value = dict(zip(structure.base.names, base.tolist(), strict=True))
-    out = []
-    for body in bodies:  # all ten parameters, the weight first
-        own = [at[f"{body}.{kind}"] for kind in KINDS]
-        torque = _by_joint(X @ G[:, own])
-        out.append(Cause("load", "payload", body, KINDS, tuple(units[k] for k in own), torque))
-    for joint, found in structure.friction.items():
-        for members, signs in found:
-            names = [structure.columns[k] for k in members]
-            family = _friction_name(structure.parameters[members[0]].kind)
-            torque = _by_joint((X @ (G[:, members] @ np.array(signs)))[:, :, None])
-            before = float(np.mean([value.get(name, np.nan) for name in names]))
-            said = (" = ".join(names),), (units[members[0]],)
-            out.append(Cause("friction", family, joint, *said, torque, before))
-    every = X @ base
-    for j, (joint, unit) in enumerate(zip(robot.joints, robot.torque_units, strict=True)):
-        ones, torque = {j: data[:, [j]].astype(float)}, {j: every[:, [j]]}
-        out += [
-            Cause("offset", "torque_offset", joint, (f"{joint}.off",), (unit,), ones),
-            Cause("gain", "torque gain", joint, (f"{joint}.gain",), ("1",), torque, 1.0),
-        ]
-    return out
-
-
-def _by_joint(X: Array) -> ByJoint:
-    """Return columns (N, n, k) by joint, where they act."""
-    return {j: X[:, j] for j in range(X.shape[1]) if X[:, j].any()}
-
-
-def _friction_name(kind: str) -> str:
-    return FRICTION.get(kind.rstrip("+-"), f"friction {kind}")
-
-
-def find_further(
-    robot: Robot, seen: Excerpt, families: Collection[str], places: Collection[str] = ()
-) -> list[Cause]:
-    """Return what further families are at places, by default at all, one kind at a time.
-
-    A load is a mass with its first moments: small, and held somewhere.
-
-    Parameters
-    ----------
-    robot : Robot
-    seen : Excerpt
-    families, places : collection of str
-    """
-    motions = [piece.motion for piece in seen.pieces]
-    every, _ = list_candidates(robot, find_families(families), (), motions, fixed=True)
-    listed = [c for c in every if not places or c.place in places]
-    entries, none, out = seen.entries(listed), np.zeros(len(seen.y)), []
-    for c in listed:
-        units = {p.kind: p.unit for p in c.effect.parameters(robot) if p.owner == c.place}
-        kind = KIND_OF.get(c.family.name, "friction")
-        each = [slice(k, k + 1) for k in range(len(c.kinds))]
-        for at in [slice(len(WEIGHT))] if kind == "load" else each:
-            kinds, columns = c.kinds[at], c.columns[at]
-            joints = sorted({j for j, k in entries if k in columns})
-            torque = {j: np.stack([entries.get((j, k), none) for k in columns], 1) for j in joints}
-            family = _friction_name(kinds[0]) if kind == "friction" else c.family.name
-            names = tuple(f"{c.place}.{k}" for k in kinds)
-            out.append(Cause(kind, family, c.place, names, tuple(units[k] for k in kinds), torque))
-    return out
+    rigid = FAMILIES["rigid_body"].effect
+    found = [(FAMILIES["payload"], rigid, body, kinds) for body in bodies for kinds in loads]
+    for family in find_families(families):
+        for place, own in groupby(family.effect.parameters(robot), lambda p: p.owner):
+            found.append((family, family.effect, place, tuple(p.kind for p in own)))
+    return tuple(
+        number(
+            [Candidate(f, place, np.nan, k, e, tuple(range(len(k)))) for f, e, place, k in found]
+        )
+    )
 
 
 @frozen(kw_only=True)
@@ -230,63 +122,60 @@ class Known:
         return Known(base=base, directions=M, precision=np.zeros(M.shape[1]))
 
 
-@frozen(kw_only=True)
-class LogRows:
-    """Rows of logs; of a pair what one log differs by from another of the same motion.
+@frozen
+class Compared(Excerpt):
+    """Rows of a log, or what it differs by from another of the same motion.
 
     Attributes
     ----------
-    X : (N, n, b)
-    y : (N, n) [N·m or N]
-    size : (n,) [N·m or N]
-        Root mean square of the torque itself.
-    runs : JointRuns
-    log, less : (N,) int
-        Which log, or part of one, a row is of, and which was taken off it; −1 where none was.
-    causes : tuple of Cause
-    names : tuple of (b,) str
-        Of the columns, where they are base parameters.
+    torque : (N, n) [N·m or N]
+        Of which a gain is a share.
     """
 
-    X: Array
-    y: Array
-    size: Array
-    runs: JointRuns
-    log: np.ndarray
-    less: np.ndarray
-    causes: tuple[Cause, ...]
-    names: tuple[str, ...] = ()
+    torque: Array
 
     @staticmethod
-    def of(structure: Structure, seen: Excerpt, base: Array, bodies: Sequence[str]) -> LogRows:
-        """Return the rows of logs."""
-        causes = find_causes(structure, seen.X, seen.data, base, bodies)
-        # Friction of passive joints that the model does not have: motors feel it.
-        places = {a.name for a in structure.robot.passive_axes} - set(structure.friction)
-        if places:
-            causes += find_further(structure.robot, seen, ["passive_joint_friction"], places)
-        return LogRows.along(seen, seen.X, seen.log, causes, structure.base.names)
+    def about(seen: Excerpt, known: Known, less: Excerpt | None = None) -> Compared:
+        """Return rows beside what is known, less those of another log on the same clock."""
+        X, y = (seen.X, seen.y) if less is None else (seen.X - less.X, seen.y - less.y)
+        own = {**vars(seen), "X": X @ known.directions, "y": y - X @ known.base}
+        return Compared(**own, torque=seen.X @ known.base)
 
-    @staticmethod
-    def along(
-        seen: Excerpt,
-        X: Array,
-        log: np.ndarray,
-        causes: Sequence[Cause],
-        names: tuple[str, ...] = (),
-    ) -> LogRows:
-        """Return rows with columns (N, n, b), of logs or parts of them."""
-        counts = np.maximum(seen.data.sum(0), 1)
-        size = np.sqrt(np.sum(seen.raw**2 * seen.data, axis=0) / counts)
-        what = {"size": size, "runs": seen.runs, "less": np.full(len(log), -1), "names": names}
-        acting = (c for c in causes if any(x.any() for x in c.torque.values()))
-        return LogRows(X=X, y=seen.y, log=log, causes=tuple(acting), **what)
+    def entries(self, candidates: Sequence[Candidate]) -> Entries:
+        """Return the torque (N,) of candidates by joint and column, where it is not zero."""
+        gains = {c.columns[0]: c.place for c in candidates if c.family.name == "torque_scale"}
+        found = Excerpt.entries(self, [c for c in candidates if c.columns[0] not in gains])
+        for k, place in gains.items():
+            j = self.robot.joints.index(place)
+            found[j, k] = self.torque[:, j] * self.data[:, j]
+        return found
 
-    @cached_property
-    def starts(self) -> np.ndarray:
-        """Rows (B,) at which blocks begin, each of one log less one other."""
-        apart = (np.diff(self.log, prepend=-1) != 0) | (np.diff(self.less, prepend=-2) != 0)
-        return np.flatnonzero(apart)
+
+def noise_beside(missing: Missing, may: int) -> ARNoise:
+    """Return the noise of logs beside the model and what their first columns say of each log."""
+    out, seen = list[JointNoise](), missing.seen
+    each = [seen.log == log for log in np.unique(seen.log)]
+    for j, runs in enumerate(seen.runs.each):
+        own = [missing.entries[j, k] for k in missing.acting[j].tolist() if k < may]
+        differing = np.reshape([x * log for x in own for log in each], (-1, len(seen.y))).T
+        X = seen.X[:, j, seen.X[:, j].any(0)]
+        noise = rich_noise([X, differing], seen.y[:, j], runs)
+        if not np.isfinite(noise.sigma):  # none but that of rounding
+            size = float(np.sqrt(np.mean(seen.raw[:, j] ** 2)))
+            noise = JointNoise(np.empty(0), ROUNDOFF * (size or 1.0))
+        out.append(noise)
+    return tuple(out)
+
+
+def left_over(white: Array, count: int) -> float:
+    """Return the variance that so many rows leave of their last column; 1 where they are few."""
+    gram = white.T @ white
+    columns = np.count_nonzero(np.diag(gram)[:-1])
+    if count - columns <= Thresholds.outputs_per_parameter * columns:
+        return 1.0
+    size = np.sqrt(np.where(np.diag(gram) > 0, np.diag(gram), 1.0))
+    unit = gram / np.outer(size, size) + ROUNDOFF * np.eye(len(gram))
+    return max(float(size[-1] ** 2 / np.linalg.inv(unit)[-1, -1]) / (count - columns), THIN)
 
 
 @frozen
@@ -336,198 +225,227 @@ class Patterned:
 
 
 @frozen
-class LogGroup(Group):
-    """A group that acts in some logs alone.
+class DifferentTorque:
+    """Torque of a log beside what a model has in all of them.
 
     Attributes
     ----------
-    causes : tuple of int
-        None where the model lacks something in all logs.
-    pattern : int
-        In which logs.
+    t : (N,) [s]
+    whole : (N, n) [N·m or N]
+        All of the torque.
+    measured, explained : (N, n) [N·m or N]
+        What differs as measured, NaN where it is no data, and by what was found.
     """
 
-    causes: tuple[int, ...] = ()
-    pattern: int = 0
-
-
-@frozen
-class LogModel(MixedModel):
-    """A mixed model of columns that act in parts of the rows."""
-
-    products: Patterned  # type: ignore[assignment]
-    groups: tuple[LogGroup, ...]
-
-    def values(self, terms: Terms = ()) -> tuple[np.ndarray, Array, Array]:
-        """Return columns, values and covariance."""
-        s = self.solve(terms)
-        scale = self.scale[s.columns]
-        return s.columns, s.value / scale, s.covariance / np.outer(scale, scale)
-
-    @property
-    def likelihood(self) -> float:
-        """Of the rows, whether nothing changed or one of the groups."""
-        odds = [t.odds for t in self.gains()]
-        return self.solve().log_likelihood + float(logsumexp([0.0, *odds]))
+    t: Array
+    whole: Array
+    measured: Array
+    explained: Array
 
 
 @frozen(kw_only=True)
 class Differences:
-    """What may differ between logs, or parts of them, beside what they have in common.
+    """What may differ between blocks of rows, beside what they have in common.
 
     Attributes
     ----------
-    rows : LogRows
+    missing : Missing
+        What differs, or is missing in all rows alike: candidates that have C columns together.
+    information : Information
+        About p columns of the model, then C, of B blocks.
     known : Known
-    patterns : tuple of (w, L)
-        How logs, or parts of them, may have a change, each in one of w ways, nobody knows which;
-        the pattern that is asked about first.
-    lacks : Missing or None
-        What the model may lack in all logs alike.
-    noise : tuple of JointNoise
-        Where it is known.
+    patterns : tuple of (w, B)
+        How blocks may have a change, each in one of w ways, nobody knows which; the pattern that is
+        asked about first.
+    names : tuple of (b,) str
+        Of the base parameters, where columns are these.
+    always : (C, a)
+        Sums of candidates' columns that every hypothesis has in that pattern; next to nothing is
+        known of their values beforehand.
+    joint : int or None
+        Whose rows alone count.
     shared : float
         How much more rows scatter, because they share the logs that were taken off.
     """
 
-    rows: LogRows
+    missing: Missing
+    information: Information
     known: Known
     patterns: tuple[Array, ...]
-    lacks: Missing | None = None
-    noise: ARNoise = ()
+    names: tuple[str, ...] = ()
+    always: Array = field(default_factory=lambda: np.empty((0, 0)))
+    joint: int | None = None
     shared: float = 1.0
 
+    @staticmethod
+    def of(
+        seen: Compared,
+        changes: Sequence[Candidate],
+        lacks: Sequence[Candidate],
+        known: Known,
+        patterns: Sequence[Array],
+        given: ARNoise = (),
+        **more: Any,
+    ) -> Differences:
+        """Return what may differ between logs, or be missing in all of them, by a given noise."""
+        missing = Missing(tuple(number([*changes, *lacks])), seen)
+        may = sum(len(c.columns) for c in changes)
+        edges = [*np.unique(seen.log, return_index=True)[1].tolist(), len(seen.y)]
+        own = missing.products(edges=edges, noise=given or noise_beside(missing, may))
+        if not given:  # each log counts by its own
+            last = len(known.precision) + may
+            counts = np.add.reduceat(seen.data, edges[:-1], axis=0, dtype=int)
+            level = np.ones(counts.T.shape)
+            for j, x in enumerate(own.parts):
+                at = [*np.flatnonzero(x.columns < last), -1]
+                level[j] = [
+                    left_over(Z[:, at], n) for Z, n in zip(x.blocks, counts.T[j], strict=True)
+                ]
+            own = own.weigh(1.0 / level)
+        what = {"known": known, "patterns": tuple(patterns), **more}
+        return Differences(missing=missing, information=own, **what)
+
     @cached_property
-    def weights(self) -> Array:
-        """Of each block of rows in all rows alike, in each log, and in each pattern, (P, B)."""
-        log, less = (x[self.rows.starts] for x in (self.rows.log, self.rows.less))
-        each = np.eye(self.patterns[0].shape[1])
-        drift = each[:, log] - np.where(less < 0, 0.0, each[:, less])
-        return np.concatenate([np.ones((1, len(log))), drift, *(x[:, log] for x in self.patterns)])
-
-    @property
-    def begins(self) -> list[int]:
-        """The first column of each cause in rows, after the model's; and where they end."""
-        counts = (len(c.names) for c in self.rows.causes)
-        return list(accumulate(counts, initial=len(self.known.precision)))
+    def columns(self) -> list[tuple[Candidate, str, str]]:
+        """Of each column of candidates whose it is, its name and its unit."""
+        robot, every = self.missing.seen.robot, self.missing.candidates
+        unit = {p.name: p.unit for c in every for p in c.effect.parameters(robot)}
+        named = [(c, f"{c.place}.{kind}") for c in every for kind in c.kinds]
+        return [(c, name, unit.get(name, "")) for c, name in named]
 
     @cached_property
-    def layout(self) -> tuple[np.ndarray, np.ndarray, int, tuple[LogGroup, ...]]:
-        """Columns of the model: which of the rows each is, in which pattern; how many are fixed.
+    def scale(self) -> Array:
+        """What makes columns as large as the friction that there is, or as the torque, (C,)."""
+        friction = np.array([kind_of(c) == "friction" for c, *_ in self.columns]) * self.level
+        return np.where(
+            friction, 1.0 / np.abs(np.where(friction, friction, 1.0)), self.missing.scale
+        )
 
-        And groups: families, and places of each, share the prior odds; half of those of a place are
-        that the logs which are asked about have it.
+    @cached_property
+    def level(self) -> Array:
+        """How much friction there is by what is known beforehand, and of a gain all, (C,)."""
+        return self.levels(self.known.base)
+
+    @cached_property
+    def values(self) -> Array:
+        """Products of columns, sums of them and torque by block, (B, p + C + a + 1, …)."""
+        own, last = self.information, self.information.size
+        out = np.zeros((len(own.counts), last + 1, last + 1))
+        for part in own.parts if self.joint is None else [own.parts[self.joint]]:
+            at = [*part.columns.tolist(), last]
+            squares = part.blocks.swapaxes(1, 2) @ part.blocks
+            out[np.ix_(range(len(out)), at, at)] += squares / self.shared
+        if not self.always.size:
+            return out
+        sums = np.pad(self.always, ((last - len(self.scale), 1), (0, 0)))
+        every = np.insert(np.eye(last + 1), [last] * sums.shape[1], sums, axis=1)
+        return np.asarray(every.T @ out @ every)
+
+    def levels(self, base: Array) -> Array:
+        """Return how much there is of what each column says the change of, (C,); 0 if unknown.
+
+        Friction by base parameters (b,), of both directions the mean; all of what a gain scales.
         """
-        causes, begins, logs = self.rows.causes, self.begins, self.patterns[0].shape[1]
-        column, pattern = list(range(begins[0])), [0] * begins[0]
-
-        def act(cause: int, row: int) -> np.ndarray:
-            own = range(begins[cause], begins[cause + 1])
-            column.extend(own)
-            pattern.extend([row] * len(own))
-            return np.arange(len(column))[-len(own) :]
-
-        for k, cause in enumerate(causes):  # the drift of friction is a nuisance
-            for row in range(1, logs + 1) if cause.relative else ():
-                act(k, row)
-        fixed, groups, row = len(column), list[LogGroup](), logs + 1
-        places, rest = Counter(c.family for c in causes), len(self.patterns) - 1
-        for w, ways in enumerate(self.patterns):
-            share = 0.5 / rest if w else 0.5 if rest else 1.0
-            members = [[act(k, row + way) for way in range(len(ways))] for k in range(len(causes))]
-            row += len(ways)
-            for family, count in places.items():
-                own = tuple(k for k, c in enumerate(causes) if c.family == family)
-                whole = count > 1 and family != "payload" and len(ways) == 1
-                price = float(np.log(len(places) * (count + whole) / share))
-                name = f"{family}, {w}"
-                for k in own:
-                    # Of a load first what its weight tells.
-                    more = [at[: len(WEIGHT)] for at in members[k] if len(at) > len(WEIGHT)]
-                    some = (*more, *members[k])
-                    groups.append(LogGroup(name, causes[k].place, some, price, False, (k,), w))
-                if whole:
-                    every = (np.concatenate([members[k][0] for k in own]),)
-                    groups.append(LogGroup(name, EVERYWHERE, every, price, False, own, w))
-        if self.lacks:
-            shift = len(column) - self.lacks.fixed
-            for g in self.lacks.groups:
-                some = tuple(at + shift for at in g.members)
-                groups.append(LogGroup(g.family, g.place, some, g.price, g.positive))
-            column += range(begins[-1], begins[-1] + len(self.lacks.scale))
-        torque = begins[-1] + (len(self.lacks.scale) if self.lacks else 0)
-        column.append(torque)
-        pattern += [0] * (len(column) - len(pattern))
-        return np.array(column), np.array(pattern), fixed, tuple(groups)
+        known, out = list(zip(self.names, base.tolist(), strict=False)), list[float]()
+        for c, name, _ in self.columns:
+            own = [x for other, x in known if other.startswith(name)]
+            friction = float(np.mean(own)) if own and kind_of(c) == "friction" else 0.0
+            out.append(1.0 if kind_of(c) == "gain" else friction)
+        return np.array(out)
 
     @cached_property
-    def model(self) -> LogModel:
-        """The mixed model of the rows, with the likeliest size of the drift."""
-        column, pattern, fixed, groups = self.layout
-        both, known = Patterned(self._products(), column, pattern, self.weights), self.known
-        sizes = [c.scale(self.rows.size) for c in self.rows.causes]
-        sizes = [known.precision, *sizes, *([self.lacks.scale] if self.lacks else [])]
-        scale = np.concatenate(sizes)[column[:-1]]
-        diagonal = np.diag(both.between(np.arange(fixed), np.arange(fixed)))
-        drift = scale[len(known.precision) : fixed].copy()
-        scale[:fixed] = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-        none = np.where(diagonal > 0, 0.0, np.finfo(float).eps)  # what does not act is no value
-        found = []
-        for size in DRIFTS if drift.size else DRIFTS[:1]:
-            prior = np.diag(none + np.append(known.precision, (drift / size) ** 2))
-            model = LogModel(both, fixed, groups, scale, prior, CHANGES)
-            found.append((model.likelihood - drift.size * np.log(size), model))
-        return max(found, key=lambda x: x[0])[1]
+    def fixed(self) -> list[tuple[int, int, float]]:
+        """What every hypothesis has: columns, in which pattern, how precisely known beforehand."""
+        p, blocks = len(self.known.precision), range(self.patterns[0].shape[1])
+        drift = [
+            (p + k, 1 + block, float(level) ** -2)  # a nuisance
+            for k, level in enumerate(self.level)
+            for block in (blocks if level and kind_of(self.columns[k][0]) == "friction" else ())
+        ]
+        model = [(k, 0, x) for k, x in enumerate(self.known.precision.tolist())]
+        # A load may have a hundred times the torque that is still told.
+        sizes = np.linalg.norm(self.scale[: len(self.always), None] * self.always, axis=0)
+        first, precision = p + len(self.scale), ((sizes / (100 * UNTOLD)) ** 2).tolist()
+        always = [(first + k, 1 + len(blocks), x) for k, x in enumerate(precision)]
+        return [*model, *drift, *always]
 
-    def _products(self) -> Array:
-        """Return the products of whitened rows by block, (B, c + 1, c + 1)."""
-        rows, known, begins, (column, pattern, *_) = self.rows, self.known, self.begins, self.layout
-        p, end, last = begins[0], begins[-1], column[-1]
-        X, y = rows.X @ known.directions, rows.y - rows.X @ known.base
-        edges = [*rows.starts.tolist(), len(y)]
-        beside = np.flatnonzero((column >= p) & (column < end))
-        out = np.zeros((len(edges) - 1, last + 1, last + 1))
-        for j, runs in enumerate(rows.runs.each):
-            own = np.zeros((len(y), last + 1))
-            own[:, :p], own[:, last] = X[:, j], y[:, j]
-            for begin, c in zip(begins, rows.causes, strict=False):
-                if j in c.torque:
-                    own[:, begin : begin + len(c.names)] = c.torque[j]
-            for (joint, k), x in self.lacks.entries.items() if self.lacks else ():
-                if joint == j:
-                    own[:, end + k] = x
-            acts = np.append(np.flatnonzero(own[:, :last].any(0)), last)
-            level = np.full(len(out), float(self.shared))
-            if self.noise:
-                noise = self.noise[j]
-            else:
-                some = self.weights[pattern[beside]].repeat(np.diff(edges), axis=1).T
-                some = own[:, column[beside]] * some
-                noise = rich_noise([own[:, :p], some[:, some.any(0)]], y[:, j], runs)
-                if not np.isfinite(noise.sigma):  # none but that of rounding
-                    noise = JointNoise(np.empty(0), ROUNDOFF * (rows.size[j] or 1.0))
-            (part,) = whitened_information(
-                [acts], [own[:, acts]], (noise,), JointRuns((runs,)), edges
-            ).parts
-            grams = np.array([Z.T @ Z for Z in part.blocks])
-            if not self.noise:  # each log counts by its own
-                at = np.ix_(*[(acts < end) | (acts == last)] * 2)
-                for k, (a, b) in enumerate(pairwise(edges)):
-                    level[k] *= left_over(grams[k][at], int(own[a:b].any(1).sum()))
-            out[np.ix_(np.arange(len(out)), acts, acts)] += grams / level[:, None, None]
+    @cached_property
+    def told(self) -> dict[tuple[str, str], tuple[Group, list[Candidate], int]]:
+        """Groups, with what differs by each, nothing where the model lacks it, and the pattern.
+
+        Families, and places of each, share the prior odds; half of those of a place are that the
+        rows which are asked about have it.
+        """
+        rest, listed = len(self.patterns) - 1, []
+        ends = list(accumulate(map(len, self.patterns), initial=1 + self.patterns[0].shape[1]))
+        for (name, place), sets in self.missing.sets.items():
+            if sets[0][0].family.flexible:
+                listed.append((name, place, sets, range(1), -1, 1.0))
+                continue
+            for w, rows in enumerate(map(range, ends, ends[1:])):
+                share = 0.5 / rest if w else 0.5 if rest else 1.0
+                if place != EVERYWHERE or (name != "payload" and len(rows) == 1):
+                    listed.append((f"{name}, {w}", place, sets, rows, w, share))
+        places = Counter(own[0] for own in listed)
+        families = len({name for name, _ in self.missing.sets})
+        out = {}
+        for name, place, sets, rows, w, share in listed:
+            first = [len(self.fixed) + row * len(self.scale) for row in rows]
+            members = tuple(at for k in first for at in list_members(sets, k))
+            price = float(np.log(families * places[name] / share))
+            out[name, place] = Group(name, place, members, price), sets[0] if w >= 0 else [], w
         return out
 
-    def before(self, terms: Terms) -> dict[str, float]:
-        """Return the values of base parameters that did not change, beside some terms."""
-        _, value, _ = self.model.values(terms)
-        known = self.known
-        base = known.base + known.directions @ value[: len(known.precision)]
-        return dict(zip(self.rows.names, base.tolist(), strict=False))
+    @cached_property
+    def model(self) -> MixedModel:
+        """The mixed model of the rows."""
+        blocks, width = self.patterns[0].shape[1], len(self.scale)
+        weights = np.concatenate([np.ones((1, blocks)), np.eye(blocks), *self.patterns])
+        column, pattern, precision = np.reshape(self.fixed, (-1, 3)).T
+        fixed, rows, p = len(column), len(weights), len(self.known.precision)
+        every, last = np.tile(p + np.arange(width), rows), self.values.shape[1] - 1
+        column = np.concatenate([column, every, [last]])
+        pattern = np.concatenate([pattern, np.repeat(np.arange(rows), width), [0]])
+        products = Patterned(self.values, column.astype(int), pattern.astype(int), weights)
+        diagonal = np.diag(products.between(np.arange(fixed), np.arange(fixed)))
+        none = np.where(diagonal > 0, 0.0, np.finfo(float).eps)  # what does not act is no value
+        length = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+        scale = np.append(length, np.tile(self.scale, rows))
+        groups = tuple(group for group, *_ in self.told.values())
+        drift = (pattern[:fixed] > 0) & (pattern[:fixed] <= blocks)
+        sizes = DRIFTS[: len(DRIFTS) if drift.any() else 1]
+        priors = [np.diag(none + precision / np.where(drift, x**2, 1.0)) for x in sizes]
+        models = [
+            MixedModel(products, fixed, groups, scale, prior, CHANGES)  # type: ignore[arg-type]
+            for prior in priors
+        ]
+        if len(models) == 1:
+            return models[0]
+        # Whether nothing changed or one of the groups.
+        odds = [logsumexp([0.0, *(t.odds for t in own.gains())]) for own in models]
+        rise = odds + np.array([own.solve().log_likelihood for own in models])
+        return models[int(np.argmax(rise - drift.sum() * np.log(sizes)))]
 
-    def told(self, term: Term) -> tuple[list[Cause], int]:
-        """Return what a group says: causes, none where the model lacks something; and where."""
-        group = cast("LogGroup", term.group)
-        return [self.rows.causes[k] for k in group.causes], group.pattern
+    def solve(self, terms: Terms = ()) -> tuple[Array, Array]:
+        """Return values of the fixed columns and of terms in their order, and the covariance."""
+        s = self.model.solve(terms)
+        scale = self.model.scale[s.columns]
+        return s.value / scale, s.covariance / np.outer(scale, scale)
+
+    def along(self, terms: Terms) -> DifferentTorque:
+        """Return what the torque of the first block has beside the model of all."""
+        model, seen, p = self.model, self.missing.seen, len(self.known.precision)
+        value, explained = self.solve(terms)[0], np.zeros(seen.y.shape)
+        columns = np.concatenate([np.empty(0, int), *(t.columns for t in terms)]) - model.fixed
+        row, column = np.divmod(columns, len(self.scale))
+        on, sizes = cast("Patterned", model.products).weights[row, 0], np.zeros(len(self.scale))
+        np.add.at(sizes, column, on * value[model.fixed :])
+        if self.always.size:
+            sizes += self.always @ value[model.fixed - self.always.shape[1] : model.fixed]
+        for (j, k), x in self.missing.entries.items():
+            explained[:, j] += sizes[k] * x
+        left = np.where(seen.data, seen.y - seen.X @ value[:p], np.nan)
+        return DifferentTorque(*(x[seen.log == 0] for x in (seen.t, seen.raw, left, explained)))
 
     def log_of(self, pattern: int, names: Sequence[str]) -> str:
         """Return in which log alone a pattern is; nothing where it is the one asked about."""
@@ -535,22 +453,21 @@ class Differences:
 
     def describe(self, term: Term, names: Sequence[str]) -> str:
         """Return what a group is, in words."""
-        causes, pattern = self.told(term)
-        if not causes:
+        _, parts, pattern = self.told[term.key]
+        if not parts:
             return f"{describe_term(term)} that the model lacks"
         where = f" in {self.log_of(pattern, names)}" if pattern else ""
-        return f"{causes[0].title} of {place_of(term)}{where}"
+        return f"{title_of_change(parts[0])} of {place_of(term)}{where}"
 
 
-def left_over(gram: Array, count: int) -> float:
-    """Return the variance that so many rows leave of their last column; 1 where they are few."""
-    columns = np.count_nonzero(np.diag(gram)[:-1])
-    if count - columns <= Thresholds.outputs_per_parameter * columns:
-        return 1.0
-    size = np.sqrt(np.where(np.diag(gram) > 0, np.diag(gram), 1.0))
-    unit = gram / np.outer(size, size)
-    along = Normal.ridged(unit[:-1, :-1], unit[:-1, -1]).half
-    return max(float(gram[-1, -1] * (1.0 - along @ along)) / (count - columns), THIN)
+def kind_of(candidate: Candidate) -> str:
+    """Return whether a change is of a load, friction, an offset or a gain."""
+    return KIND_OF.get(candidate.family.name, "friction")
+
+
+def title_of_change(candidate: Candidate) -> str:
+    """Return what differs, in words, without a place."""
+    return WORDS.get(candidate.family.name) or candidate.family.title
 
 
 def tool_bodies(structure: Structure) -> tuple[str, ...]:
@@ -564,14 +481,6 @@ def tool_bodies(structure: Structure) -> tuple[str, ...]:
     return tuple(b for b in known if ends[b] == most)
 
 
-def load_bodies(structure: Structure) -> tuple[str, ...]:
-    """Return where a load may be: the tool's bodies, and those that the sidecar bounds by name."""
-    bounds = structure.robot.bounds
-    stated = [b.bodies[0] for b in bounds if len(b.bodies) == 1]
-    own = (b for b in stated if f"{b}." in structure.bodies)
-    return tuple(dict.fromkeys([*tool_bodies(structure), *own]))
-
-
 def pooled_values(X: Array, y: Array, M: Array, fixed: Array) -> Array:
     """Return base parameters (b,) that all rows together ask for, by plain least squares.
 
@@ -581,14 +490,14 @@ def pooled_values(X: Array, y: Array, M: Array, fixed: Array) -> Array:
     M, fixed : (b, k), (b,)
         Base parameters are ``fixed + M x``.
     """
-    size = np.sqrt(np.mean((y - y.mean(0)) ** 2, axis=0))
+    size = np.std(y, axis=0)
     weight = 1.0 / np.where(size > 0, size, np.inf)
-    rows = (X @ M * weight[:, None]).reshape(-1, M.shape[1])
-    aim = ((y - X @ fixed) * weight).ravel()
-    length = np.linalg.norm(rows, axis=0)
+    both = np.concatenate([X @ M, (y - X @ fixed)[:, :, None]], axis=2) * weight[:, None]
+    R = triangular_factor(both.reshape(-1, both.shape[2]))
+    length = np.linalg.norm(R[:, :-1], axis=0)
     length = np.where(length > 0, length, 1.0)
-    base: Array = fixed + M @ (np.linalg.lstsq(rows / length, aim, rcond=ROUNDOFF)[0] / length)
-    return base
+    x = np.linalg.lstsq(R[:, :-1] / length, R[:, -1], rcond=ROUNDOFF)[0] / length
+    return np.asarray(fixed + M @ x)
 
 
 # `Change`: what differs, of which size, where and when; and what it may be instead.
@@ -709,6 +618,7 @@ def frame_changes(changes: Sequence[Change]) -> pd.DataFrame:
 def table_changes(changes: Sequence[Change], caption: str) -> Table:
     """Return the same as a table."""
     own = frame_changes(changes).drop(columns=["kind", "share_sd", "p"])
+    own = own.loc[:, (own != "").any()]  # nothing is said of where without several logs
     return frame_table(own.rename(columns={"log_odds": "log odds", "logs": "in"}), caption)
 
 
@@ -720,52 +630,47 @@ def find_changes(found: Differences, terms: Terms, names: Sequence[str]) -> tupl
     found : Differences
     terms : tuple of Term
     names : sequence of str
-        Of the logs, or of those that parts are of.
+        Of the logs, or of those that blocks are of.
     """
-    model, before = found.model, found.before(terms)
-    columns, value, covariance = model.values(terms)
+    model, known = found.model, found.known
+    value, covariance = found.solve(terms)
+    levels = found.levels(known.base + known.directions @ value[: len(known.precision)])
+    ends = np.cumsum([t.size for t in terms])
+    each = np.split(np.arange(model.fixed, len(value)), ends[:-1])
     together: dict[tuple[str, str, int], list[int]] = {}
     for k, term in enumerate(terms):
-        causes, pattern = found.told(term)
-        if causes:
-            together.setdefault((causes[0].kind, place_of(term), pattern), []).append(k)
+        _, parts, pattern = found.told[term.key]
+        if parts:
+            together.setdefault((kind_of(parts[0]), place_of(term), pattern), []).append(k)
     out = []
     for (kind, place, pattern), which in together.items():
-        parts = [cause for k in which for cause in found.told(terms[k])[0]]
-        at = [columns.tolist().index(c) for k in which for c in terms[k].columns]
-        sizes, spread = value[at], covariance[np.ix_(at, at)]
-        title = parts[0].title if len({c.family for c in parts}) == 1 else kind
-        others = [
-            found.describe(r, names) for k in which for r in model.rivals(terms, k) if r.odds > 0
-        ]
-        share, share_sd = _share(parts, before, sizes, spread)
+        parts = [found.told[terms[k].key][1][0] for k in which]
+        at = np.concatenate([each[k] for k in which])
+        own = (np.concatenate([terms[k].columns for k in which]) - model.fixed) % len(found.scale)
+        sizes, spread, level = value[at], covariance[np.ix_(at, at)], levels[own]
+        share, share_sd = np.nan, np.nan
+        if (np.abs(level) > 0).all():
+            rms = found.missing.scale[own]
+            slope = rms * np.sign(level) / (np.abs(level) @ rms)
+            share, share_sd = float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))
+        title = title_of_change(parts[0]) if len({c.family.name for c in parts}) == 1 else kind
+        rivals = [r for k in which for r in model.rivals(terms, k) if r.odds > 0]
+        _, called, units = zip(*(found.columns[k] for k in own.tolist()), strict=True)
         out.append(
             Change(
                 kind=kind,
-                family=parts[0].family,
+                family=parts[0].family.name,
                 what=f"{title} of {place}",
                 place=place,
                 log=found.log_of(pattern, names),
-                names=tuple(n for c in parts for n in c.names)[: len(at)],
-                units=tuple(u for c in parts for u in c.units)[: len(at)],
+                names=called,
+                units=units,
                 sizes=sizes,
                 sd=np.sqrt(np.diag(spread)),
                 share=share,
                 share_sd=share_sd,
                 odds=max(terms[k].odds for k in which),
-                others=tuple(dict.fromkeys(others)),
+                others=tuple(dict.fromkeys(found.describe(r, names) for r in rivals)),
             )
         )
     return tuple(sorted(out, key=lambda c: -c.odds))
-
-
-def _share(
-    parts: Sequence[Cause], before: Mapping[str, float], sizes: Array, spread: Array
-) -> tuple[float, float]:
-    """Return by which share the torque of a change grew, and its standard deviation."""
-    level = np.array([before.get(c.names[0]) or c.before for c in parts])
-    if parts[0].kind == "offset" or not (np.abs(level) > 0).all():
-        return float("nan"), float("nan")
-    rms = np.array([np.sqrt(sum(np.mean(x**2) for x in c.torque.values())) for c in parts])
-    slope = rms * np.sign(level) / float(np.abs(level) @ rms)
-    return float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))

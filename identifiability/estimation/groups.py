@@ -114,8 +114,8 @@ def fit_loads(structure: Structure, X: Array, y: Array, data: np.ndarray) -> Rob
 EXCERPT = (6_000, 6, 1_000)
 #: Numbers that columns of what may be missing may be, where all act at all joints.
 NUMBERS = 2**27
-#: Families of bodies, with typical values of their kinds.
-BODIES = {"rigid_body": LOAD, "payload": {f"payload_{kind}": x for kind, x in LOAD.items()}}
+#: Families of bodies.
+BODIES = ("rigid_body", "payload")
 #: Names at most beside which the noise of a joint is measured.
 NAMED = 3
 #: Blocks of rows over which gains on unseen motion are summed.
@@ -267,7 +267,7 @@ class Missing:
             if c.family.flexible:
                 square[at] = square[at].max()
             elif c.family.name in BODIES and len(at) > 1:
-                typical = np.array([BODIES[c.family.name][kind] for kind in c.kinds])
+                typical = np.array([LOAD[kind.removeprefix("payload_")] for kind in c.kinds])
                 square[at] = np.sum(square[at] * typical**2) / typical**2
         return np.where(square > 0, np.sqrt(square), 1.0)
 
@@ -418,7 +418,7 @@ class Missing:
             sets = self.sets[name, place]
             price = float(np.log(len(places)) + np.log(places[name]))
             positive = all(c.positive for some in sets for c in some)
-            out.append(Group(name, place, _members(sets, self.fixed), price, positive))
+            out.append(Group(name, place, list_members(sets, self.fixed), price, positive))
         return tuple(out)
 
     def model(self) -> MixedModel:
@@ -460,7 +460,7 @@ def with_reversals(
     return tuple(number([*always, *fits]))
 
 
-def _members(sets: Sequence[Sequence[Candidate]], first: int) -> tuple[np.ndarray, ...]:
+def list_members(sets: Sequence[Sequence[Candidate]], first: int) -> tuple[np.ndarray, ...]:
     """Return the columns of each shape, and of all of them where they form a curve."""
     members = [np.concatenate([c.columns for c in some]).astype(int) + first for some in sets]
     family = sets[0][0].family

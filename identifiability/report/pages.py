@@ -47,6 +47,7 @@ from identifiability.report.blocks import (
 from identifiability.report.figures import draw_curve, draw_forward, draw_intervals
 from identifiability.report.skeleton import move_skeletons, move_with_torque
 from identifiability.robot import complete_motion
+from identifiability.robot.kinematics import Point
 from identifiability.workflows.answers import count_joints, level_table, note, sentence, words
 
 if TYPE_CHECKING:
@@ -103,15 +104,22 @@ def comparison_heading(result: Comparison) -> tuple[str, str]:
     return "Comparison report", f"{result.robot.path.name} · {result.submodel.name} · {kind}"
 
 
+def comparison_moving(result: Comparison) -> Moving | None:
+    """Return the robot along the first log after, over what differs where most changed."""
+    robot, motion, torque = result.robot, result.motion, result.torque
+    if motion is None or torque is None:
+        return None
+    t, left = torque.t, torque.measured
+    lines = {"measured": left} | ({"what changed": torque.explained} if result.changes else {})
+    log, _ = shorten_paths((result.after[0], result.before[0]))
+    shown, how = (torque.explained, "changed") if result.changes else (left, "same")
+    return move_with_torque(robot, motion, t, torque.whole, lines, log, shown, how)
+
+
 def comparison_sections(result: Comparison) -> list[Section | None]:
     """Return the sections of the page."""
-    changes, friction = result.tables()[0], list(result.found_from.items())
-    own = (Column("joint"), Column("found from", rough_percent))
-    least = Table.of("Smallest change that is found", own, friction)
-    return [
-        section("comparison.changes", changes) if changes.rows else None,
-        section("comparison.friction", least) if friction else None,
-    ]
+    changes = result.tables()[0]
+    return [section("comparison.changes", changes) if changes.rows else None]
 
 
 # Diagnosis: the answer, the gap before and after, the evidence, what is left.
@@ -484,6 +492,17 @@ def payload_heading(result: Load) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
     logs = join(shorten_paths(result.logs), 3)
     return "Payload report", f"{result.robot.path.name} · {result.model} · {logs}"
+
+
+def payload_moving(result: Load) -> Moving | None:
+    """Return the robot with its load, over what that adds to the torque of a joint."""
+    robot, torque = result.robot, result.estimate.torque
+    body, log = robot.bodies.index(result.body), shorten_paths(result.logs)[0]
+    mass, centre = result.parameters[9], result.parameters[6:9]
+    load = Point(robot.links[body].last, centre / mass)
+    lines = {"measured": torque.measured, "by the load": torque.explained}
+    motion, t = result.motion, torque.t
+    return move_with_torque(robot, motion, t, torque.explained, lines, log, how="load", load=load)
 
 
 def payload_sections(result: Load) -> list[Section | None]:

@@ -22,8 +22,12 @@ WIDTH, HEIGHT, MARGIN = 400, 380, 46
 TURN, LIFT = -0.95, 0.42
 
 
-def _trace(robot: Robot, poses: Array) -> tuple[Array, list[tuple[int, int]]]:
+def _trace(
+    robot: Robot, poses: Array, load: Point | None = None
+) -> tuple[Array, list[tuple[int, int]]]:
     """Return points (F, P, 3) [m], joints first, and those between which bodies are.
+
+    Where a body carries a load, its centre comes after the joints.
 
     Of F poses (F, nq). A body goes from its joint to those that hang on it, to the points at which
     loops close, and, where there are none, to its centre of mass and as far again.
@@ -32,6 +36,9 @@ def _trace(robot: Robot, poses: Array) -> tuple[Array, list[tuple[int, int]]]:
     frames = tree.frames(poses, range(len(tree.joints)))
     points = [frames.origin[k] for k in range(len(tree.joints))]
     lines: list[tuple[int, int]] = []
+    if load is not None:
+        lines.append((load.joint, len(points)))
+        points.append(tree.world_point(frames, load))
     closing = [p for loop in robot.loops for p in (loop.first, loop.second)]
     for body, link in zip(robot.bodies, robot.links, strict=True):
         k = link.last
@@ -59,6 +66,7 @@ def move_skeletons(
     motions: Mapping[str, tuple[str, Array]],
     told: Callable[[Array], Sequence[Sequence[str]]],
     caption: str,
+    load: Point | None = None,
 ) -> Moving | None:
     """Return robots along a motion, one over the other; None where nothing can be drawn.
 
@@ -71,11 +79,13 @@ def move_skeletons(
     told : callable
         Gives what is said of rows (F,), for each motion but the first or for the torque.
     caption : str
+    load : Point, optional
+        Centre of mass of what hangs on a body.
     """
     rows, traced = _frames(t), []
     lines: list[tuple[int, int]] = []
     for _, poses in motions.values():
-        points, lines = _trace(robot, np.nan_to_num(poses[rows]))
+        points, lines = _trace(robot, np.nan_to_num(poses[rows]), load)
         traced.append(np.where(np.isnan(poses[rows]).any(1)[:, None, None], np.nan, points))
     if not np.ptp(traced[0].reshape(-1, 3), axis=0).max() > 0:
         return None
@@ -85,7 +95,7 @@ def move_skeletons(
         t=t[rows] - t[0],
         points=tuple(place(x.reshape(-1, 3)).reshape(*x.shape[:2], 2) for x in traced),
         lines=tuple(lines),
-        joints=len(robot.tree.joints),
+        joints=len(robot.tree.joints) + (load is not None),
         told=tuple(map(tuple, told(rows))),
         size=(WIDTH, HEIGHT),
         caption=caption,
@@ -106,11 +116,13 @@ def move_with_torque(
     lines: Mapping[str, Array],
     log: str,
     residual: Array | None = None,
+    how: str = "",
+    load: Point | None = None,
 ) -> Moving | None:
     """Return the robot as it moved, over torque of a joint; None where there is nothing to show.
 
     With a residual it is the joint of which most is missed, and joints are marked as far as they
-    miss torque; without, the one that is loaded most.
+    miss torque; without, the one that is loaded most. A load is marked at its centre of mass.
 
     Parameters
     ----------
@@ -127,6 +139,9 @@ def move_with_torque(
         What the log is called.
     residual : (N, n), optional
         What a model leaves of the torque.
+    how : str, optional
+        What is said of it (`moving` of the sentences).
+    load : Point, optional
     """
     if len(t) < 2 or not np.isfinite(torque).any():
         return None
@@ -138,18 +153,24 @@ def move_with_torque(
     joint = int((size if residual is None else (share**2).mean(0)).argmax())
     rows = np.searchsorted(motion.t, t[:end]).clip(0, len(motion.t) - 1)
     name, unit = robot.joints[joint], robot.torque_units[joint]
-    missed = [f"{name} misses {100 * x:.0f} %" for x in share[:, joint]]
+    how = how or ("loaded" if residual is None else "missed")
+    word = "misses" if how == "missed" else "differs by"
+    missed = [f"{name} {word} {100 * x:.0f} %" for x in share[:, joint]]
     moving = move_skeletons(
         robot,
         t[:end],
         {"measured": ("grey", motion.q[rows])},
         lambda at: [] if residual is None else [[missed[k] for k in at]],
-        sentence("moving", "loaded" if residual is None else "missed", log=log, joint=name),
+        sentence("moving", how, log=log, joint=name),
+        load,
     )
     if moving is None:
         return None
     own = {what: y[:end, joint] for what, y in lines.items()}
     moving = replace(moving, torque=Trace.of(plain(name), unit, t[:end] - t[0], own, LINE))
+    if load is not None:  # as large in all frames
+        marks = np.arange(moving.joints) == moving.joints - 1
+        return replace(moving, misses=np.tile(0.3 * marks, (moving.frames, 1)))
     if residual is None:
         return moving
     owners = {dof: k for k, one in enumerate(robot.tree.joints) for dof in one.dofs}

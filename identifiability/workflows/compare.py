@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from shlex import quote
 from typing import Any, ClassVar, Literal
@@ -25,17 +26,19 @@ from identifiability.estimation.differences import (
     LACKS,
     NAMED,
     Change,
+    Compared,
     Differences,
+    DifferentTorque,
     Known,
-    LogRows,
-    find_causes,
     find_changes,
     frame_changes,
-    load_bodies,
+    kind_of,
+    list_changes,
     pooled_values,
     table_changes,
+    tool_bodies,
 )
-from identifiability.estimation.groups import Excerpt, Missing
+from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.mixed_model import Term, Terms
 from identifiability.estimation.noise import JointNoise, JointRuns
 from identifiability.estimation.rules import RULES, Thresholds
@@ -44,7 +47,7 @@ from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import Array, shorten_paths
+from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import rough_percent
@@ -54,7 +57,7 @@ from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.instruments import find_lag
 from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.regression.columns import list_candidates, number
+from identifiability.regression.columns import list_candidates
 from identifiability.regression.reduction import (
     LadderLike,
     Submodel,
@@ -63,7 +66,7 @@ from identifiability.regression.reduction import (
     ladder_model,
 )
 from identifiability.regression.structure import OfStructure, Structure, random_motion
-from identifiability.robot import Robot, RobotLike
+from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.predict import Fit, Predicts, find_fit
@@ -102,61 +105,64 @@ def look(structure: Structure, samples: Sequence[Dataset], values: int) -> Excer
 def find_differences(
     structure: Structure,
     seen: Excerpt,
-    base: Array,
     bodies: Sequence[str],
     pairs: Sequence[Pair],
-    *,
     known: Known,
-    asked: Array,
+    later: int,
     single: int,
 ) -> Differences:
     """Return what may differ between logs, by pairs alone where there are some.
 
     Parameters
     ----------
-    structure, seen, base, bodies
-        As of `LogRows.of`; the rows of all logs.
+    structure : Structure
+    seen : Excerpt
+        Rows of all logs.
+    bodies : sequence of str
+        That may carry a load.
     pairs : sequence of Pair
     known : Known
-    asked : (L,)
-        Which logs may have changed, together or each of the first `single` by itself.
-    single : int
+    later, single : int
+        How many of the first logs may have changed together, and how many each by itself.
     """
-    each = (x[None] for x in np.eye(len(asked))[:single] if np.ptp(np.abs(x - asked)))
-    what: dict[str, Any] = {"known": known, "patterns": (asked[None], *each)}
-    if pairs:
-        rows, most = subtract(structure, base, bodies, pairs), Counter(p.at[1] for p in pairs)
+    robot, motions = structure.robot, [piece.motion for piece in seen.pieces]
+    families = find_families(() if pairs else LACKS)
+    lacks, _ = list_candidates(robot, families, structure.present, motions, fixed=False)
+    rows = subtract(structure, pairs, known) if pairs else Compared.about(seen, known)
+    serve = Counter(pair.at[1] for pair in pairs)
+    asked = (np.arange(rows.log[-1] + 1) < later).astype(float)
+    each = [x[None] for x in np.eye(len(asked))[:single] if np.ptp(np.abs(x - asked))]
+    return Differences.of(
+        rows,
+        list_changes(robot, bodies),
+        lacks,
+        known,
+        (asked[None], *each),
+        names=structure.base.names,
         # Those that share a log share its noise.
-        return Differences(rows=rows, shared=(max(most.values()) + 1) / 2, **what)
-    motions, families = [piece.motion for piece in seen.pieces], find_families(LACKS)
-    listed, _ = list_candidates(seen.robot, families, structure.present, motions, fixed=False)
-    rows = LogRows.of(structure, seen, base, bodies)
-    return Differences(rows=rows, lacks=Missing(tuple(number(listed)), seen), **what)
+        shared=(max(serve.values()) + 1) / 2 if pairs else 1.0,
+    )
 
 
-def subtract(
-    structure: Structure, base: Array, bodies: Sequence[str], pairs: Sequence[Pair]
-) -> LogRows:
+def subtract(structure: Structure, pairs: Sequence[Pair], known: Known) -> Compared:
     """Return what the rows of logs differ by from those of their repetitions."""
-    numbers = np.array([p.at for p in pairs]).T
-    sides = [p.first for p in pairs], [p.second for p in pairs]
-    one, other = (Excerpt.of(structure.regression(side), EXCERPT) for side in sides)
+    one, other = (
+        Excerpt.of(structure.regression(side), EXCERPT)
+        for side in ([p.first for p in pairs], [p.second for p in pairs])
+    )
     _, at, there = np.intersect1d(
         one.log + 1j * one.t, other.log + 1j * other.t, return_indices=True
     )
-    t, log = one.t[at], one.log[at]
-    apart = (np.diff(at) != 1) | (np.diff(there) != 1) | (np.diff(log) != 0) | signals.has_gap(t)
-    starts = np.flatnonzero(np.concatenate([[True], apart])).tolist()
-    runs = list(zip(starts, [*starts[1:], len(at)], strict=True))
-    own = {name: getattr(one, name)[at] for name in ("X", "y", "raw", "data", "seen")}
-    both = JointRuns.of(runs, own["data"] & other.data[there])
-    kept = replace(one, **own, t=t, log=numbers[0][log], runs=both)
-    return replace(
-        LogRows.of(structure, kept, base, bodies),
-        X=kept.X - other.X[there],
-        y=kept.y - other.y[there],
-        less=numbers[1][log],
+    names = ("X", "y", "raw", "data", "t", "log", "seen")
+    first, second = (
+        replace(side, **{name: getattr(side, name)[own] for name in names})
+        for side, own in ((one, at), (other, there))
     )
+    apart = (np.diff(at) != 1) | (np.diff(there) != 1) | (np.diff(first.log) != 0)
+    edges = np.flatnonzero(apart | signals.has_gap(first.t)) + 1
+    runs = list(pairwise([0, *edges.tolist(), len(at)]))
+    both = JointRuns.of(runs, first.data & second.data)
+    return Compared.about(replace(first, runs=both), known, second)
 
 
 def find_pairs(
@@ -203,13 +209,12 @@ def found_from(found: Differences, terms: Terms) -> dict[str, float]:
     """Return by which share friction of each joint must change to be found nine times in ten."""
     model, out = found.model, dict[str, float]()
     z = np.linspace(0.0, 20.0, 401)[:, None]
-    for group in model.groups:
-        term = Term(group, 0, np.inf, 0.0)
-        causes, pattern = found.told(term)
-        if len(causes) != 1 or pattern or not causes[0].relative:
+    for group, parts, pattern in found.told.values():
+        own = [k for c in parts for k in c.columns]
+        if pattern or len(own) != 1 or kind_of(parts[0]) != "friction" or not found.level[own[0]]:
             continue
-        beside = [t for t in terms if causes[0] not in found.told(t)[0]]
-        solved = model.solve((*beside, term))
+        beside = [t for t in terms if parts[0] not in found.told[t.key][1]]
+        solved = model.solve((*beside, Term(group, 0, np.inf, 0.0)))
         sd = float(np.sqrt(solved.covariance[-1, -1]))
         ratio = (model.sizes / sd) ** 2
         rise = 0.5 * (z**2 * ratio / (1.0 + ratio) - np.log1p(ratio))
@@ -250,6 +255,8 @@ class Comparison(OfStructure, Result):
     hints : tuple of str
     preparation : Preparation
         How logs were asked to be turned into motion.
+    motion, torque : Motion and DifferentTorque, or None
+        Of the first log after; of results nobody measured any.
     """
 
     schema: ClassVar[str] = "identifiability/comparison/1"
@@ -264,6 +271,8 @@ class Comparison(OfStructure, Result):
     found_from: Mapping[str, float]
     hints: tuple[str, ...] = ()
     preparation: Preparation = Preparation()
+    motion: Motion | None = None
+    torque: DifferentTorque | None = None
 
     @property
     def answer(self) -> str:
@@ -397,24 +406,20 @@ def differences_of_results(one: Fit, other: Fit) -> Differences:
     structure, b = one.structure, len(one.base)
     motion = random_motion(structure.robot, np.random.default_rng(0))
     X = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
-    torque = X @ one.base
-    size, every = np.sqrt(np.mean(torque**2, axis=0)), np.ones(torque.shape, bool)
-    rows = LogRows(
-        X=X,
-        y=X @ (other.base - one.base),
-        size=size,
-        runs=JointRuns.of([(0, len(X))], every),
-        log=np.ones(len(X), int),
-        less=np.zeros(len(X), int),
-        causes=tuple(find_causes(structure, X, every, one.base, load_bodies(structure))),
-    )
+    said = Dataset("random motion", motion, X @ other.base, None, (), "")
     covariance = one.base_covariance + other.base_covariance
     unknown = np.hstack([one.base_unknown, other.base_unknown])
-    return Differences(
-        rows=rows,
-        known=Known.of(np.zeros(b), np.eye(b), covariance, unknown),
-        patterns=(np.array([[0.0, 1.0]]),),
-        noise=tuple(JointNoise(np.empty(0), NEARLY**0.5 * (x or 1.0)) for x in size),
+    known = Known.of(one.base, np.eye(b), covariance, unknown)
+    seen = Excerpt.of(structure.regression([said]))
+    size = np.sqrt(np.mean(seen.y**2, axis=0))
+    return Differences.of(
+        Compared.about(seen, known),
+        list_changes(structure.robot, tool_bodies(structure)),
+        (),
+        known,
+        (np.ones((1, 1)),),
+        tuple(JointNoise(np.empty(0), NEARLY**0.5 * (x or 1.0)) for x in size),
+        names=structure.base.names,
     )
 
 
@@ -438,16 +443,14 @@ def _compare_logs(
     # Differences of pairs say nothing of the values themselves, which logs before tell.
     some = seen.log >= count * bool(pairs)
     base = pooled_values(seen.X[some], seen.y[some], submodel.M, submodel.fixed)
-    nothing = Known.nothing(submodel.M, submodel.fixed)
     found = find_differences(
         structure,
         seen,
-        base,
-        load_bodies(structure),
+        tool_bodies(structure),
         pairs,
-        known=Known.nothing(submodel.M[:, :0], base) if pairs else nothing,
-        asked=(np.arange(len(logs)) < count).astype(float),
-        single=count if pairs else len(logs),
+        Known.nothing(submodel.M[:, : 0 if pairs else None], base),
+        count,
+        len(logs),
     )
     paths = given_paths(logs)
     return _conclude(
@@ -460,6 +463,7 @@ def _compare_logs(
         after=paths[:count],
         pairs=tuple((paths[p.at[1]], paths[p.at[0]]) for p in pairs),
         hints=opening.hints,
+        motion=opening.samples[0].motion,
         preparation=preparation or Preparation(),
     )
 
@@ -474,6 +478,7 @@ def _conclude(
         submodel=submodel,
         changes=find_changes(found, terms, logs),
         found_from=found_from(found, terms),
+        torque=found.along(terms) if "motion" in said else None,
         **said,
     )
 

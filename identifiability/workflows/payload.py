@@ -15,23 +15,20 @@ from typing import Any, ClassVar, cast
 
 import numpy as np
 import pandas as pd
-from scipy.linalg import block_diag
 
 from identifiability.estimation.differences import (
-    KINDS,
-    Cause,
+    UNTOLD,
     Change,
     Differences,
+    DifferentTorque,
     Known,
-    LogRows,
     find_changes,
+    kind_of,
     pooled_values,
     tool_bodies,
 )
-from identifiability.estimation.groups import Excerpt, describe_term
+from identifiability.estimation.groups import describe_term
 from identifiability.estimation.mixed_model import Terms
-from identifiability.estimation.noise import JointRuns
-from identifiability.estimation.prediction import TorqueUncertainty
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.engines import Engine, one_thread
@@ -54,25 +51,22 @@ from identifiability.physical.pseudo_inertia import entry_scale, natural_scale, 
 from identifiability.regression.reduction import DEFAULT_EFFECTS, full_model
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot, RobotLike
+from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import Point, body_of, ten_parameters
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.compare import find_differences, find_pairs, is_result, look
-from identifiability.workflows.predict import Fit, FitLike, find_fit, state_missing
+from identifiability.workflows.predict import FitLike, find_fit, state_missing
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Logs, Session, list_logs
 
 # `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
 
 
-#: A direction whose torque may be so many times that of its joints is not told; beforehand a load
-#: may have a hundred times that.
-UNTOLD: Tolerance = 10.0
 #: Its words.
 WORDS_OF = "payload.how"
-#: Where each of `GROUPED_KINDS` stands among `KINDS`.
-ORDER = [KINDS.index(kind) for kind in GROUPED_KINDS]
+#: Where each of `GROUPED_KINDS` stands among `INERTIAL_KINDS`.
+ORDER = [INERTIAL_KINDS.index(kind) for kind in GROUPED_KINDS]
 #: Sizes of the ten parameters of a body of 1 kg, by which their columns are compared.
 TYPICAL: Array = entry_scale(np.ones(1), np.full(1, 0.1))[0]
 
@@ -95,6 +89,8 @@ class LoadEstimate:
         What the model seems to lack in these logs.
     changes : tuple of Change
         What else differs.
+    torque : DifferentTorque
+        Of the first log with the load: what it adds, as measured and by these.
     """
 
     theta: Array
@@ -103,48 +99,30 @@ class LoadEstimate:
     unknown: Array
     lacks: tuple[str, ...]
     changes: tuple[Change, ...]
+    torque: DifferentTorque
 
 
-def with_values(found: Differences, cause: Cause) -> tuple[Differences, np.ndarray]:
-    """Return the same with values of a cause of the first pattern in every hypothesis, and where.
-
-    Almost nothing is known of them beforehand.
-    """
-    rows, known, k = found.rows, found.known, len(cause.names)
-    columns = np.zeros((*rows.y.shape, k))
-    for j, x in cause.torque.items():
-        columns[:, j] = x * found.patterns[0][0, rows.log][:, None]
-    own = Known(
-        base=np.append(known.base, np.zeros(k)),
-        directions=block_diag(known.directions, np.eye(k)),
-        precision=np.append(known.precision, (cause.scale(rows.size) / (100 * UNTOLD)) ** 2),
-    )
-    rows = replace(rows, X=np.concatenate([rows.X, columns], axis=2))
-    return replace(found, rows=rows, known=own), len(known.precision) + np.arange(k)
-
-
-def widened(found: Differences, terms: Terms, at: np.ndarray) -> tuple[Array, Array]:
+def widened(found: Differences, terms: Terms, at: slice) -> tuple[Array, Array]:
     """Return some of the fixed values (k,) and their covariance, with the doubt of one more.
 
     Every further group counts by its probability, with the shift that it would cause.
     """
-    block = np.ix_(at, at)
-    _, value, covariance = found.model.values(terms)
-    out = covariance[block]
+    value, covariance = (x[at] for x in found.solve(terms))
+    out = covariance[:, at]
     for term, weight in found.model.alternatives(terms):
-        _, other, wider = found.model.values((*terms, term))
-        shift = other[at] - value[at]
-        out = out + weight * (np.outer(shift, shift) + wider[block] - covariance[block])
-    return value[at], out
+        other, wider = (x[at] for x in found.solve((*terms, term)))
+        out = out + weight * (
+            np.outer(other - value, other - value) + wider[:, at] - covariance[:, at]
+        )
+    return value, out
 
 
 def estimate_load(found: Differences, names: Sequence[str]) -> LoadEstimate:
     """Return the load that is in every hypothesis, of logs of some names."""
-    load = next(c for c in found.rows.causes if c.kind == "load")
-    found, at = with_values(found, load)
+    found = replace(found, always=_load(found)[:, ORDER])
     terms = found.model.search()
-    theta, spread = widened(found, terms, at[ORDER])
-    scale = load.scale(found.rows.size)[ORDER]
+    theta, spread = widened(found, terms, slice(found.model.fixed - 10, found.model.fixed))
+    scale = found.scale @ found.always
     square, turn = np.linalg.eigh(spread * np.outer(scale, scale))
     open_ = square > UNTOLD**2
     size = np.sqrt(np.maximum(square[~open_], np.finfo(float).tiny))
@@ -155,9 +133,16 @@ def estimate_load(found: Differences, names: Sequence[str]) -> LoadEstimate:
         covariance=told @ told.T,
         root=(turn[:, ~open_] / size).T * scale,
         unknown=unknown,
-        lacks=tuple(describe_term(t) for t in terms if not found.told(t)[0]),
+        lacks=tuple(describe_term(t) for t in terms if not found.told[t.key][1]),
         changes=find_changes(found, terms, names),
+        torque=found.along(terms),
     )
+
+
+def _load(found: Differences) -> Array:
+    """Return which columns of candidates the ten parameters of a load are, (C, 10)."""
+    own = [c.kinds == INERTIAL_KINDS for c, *_ in found.columns]
+    return np.eye(len(own))[:, own]
 
 
 # `Quantity`: mass, centre and inertia of a real body near what logs say, with their intervals.
@@ -293,49 +278,30 @@ GAINS_OF = "What one unit of each torque column is: its gain in the sidecar"
 # as parameters of the robot take the gain up [Gautier & Briot 2014].
 
 
-def find_gains(
-    found: Differences, structure: Structure, seen: Excerpt, place: str, theta: Array
-) -> tuple[Quantity, ...]:
-    """Return the gain of each joint's torque from a known load.
-
-    Parameters
-    ----------
-    found : Differences
-        What is known of the robot, and which logs have the load.
-    structure : Structure
-    seen : Excerpt
-        Rows of all logs.
-    place : str
-    theta : (10,)
-        In the order of `KINDS`.
-    """
-    out, robot = [], structure.robot
-    base = pooled_values(seen.X, seen.y, found.known.directions, found.known.base)
-    rows = LogRows.of(structure, seen, base, (place,))
-    acts = {c.kind: c.torque for c in reversed(rows.causes)}.get("load", {})
+def find_gains(found: Differences, theta: Array) -> tuple[Quantity, ...]:
+    """Return the gain of each joint's torque from a known load, (10,) in `INERTIAL_KINDS`."""
+    out, seen, known = [], found.missing.seen, found.known
+    robot, M, none = seen.robot, known.directions, np.zeros(known.directions.shape[1])
+    found = replace(found, always=_load(found) @ theta[:, None])
     for j, joint in enumerate(robot.joints):
-        x, sd = np.nan, np.inf
-        if j in acts:
-            # Torque that was read by a gain is that of the load by this over the right one.
-            torque = (robot.torque.at("gain", joint) or 1.0) * acts[j] @ theta[:, None]
-            unit = Cause("gain", "torque gain", joint, ("gain",), ("1",), {0: torque})
-            friction = (c for c in rows.causes if c.kind == "friction" and j in c.torque)
-            one = replace(
-                rows,
-                X=rows.X[:, [j]],
-                y=rows.y[:, [j]],
-                size=rows.size[[j]],
-                runs=JointRuns((rows.runs.each[j],)),
-                causes=tuple(replace(c, torque={0: c.torque[j]}) for c in friction),
-            )
-            own, (at,) = with_values(replace(found, rows=one, lacks=None, shared=1.0), unit)
-            _, solved, covariance = own.model.values(own.model.search())
-            x, sd = float(solved[at]) or np.nan, float(np.sqrt(covariance[at, at]))
+        # As much friction as this joint's rows say, in its own unit.
+        values = pooled_values(seen.X[:, [j]], seen.y[:, [j]], np.eye(len(none)), none)
+        base = known.base + M @ values
+        one = replace(found, joint=j, known=replace(known, base=base))
+        friction = [g for g, own, _ in one.told.values() if own and kind_of(own[0]) == "friction"]
+        terms = replace(one.model, groups=tuple(friction)).search()
+        value, covariance = one.solve(terms)
+        at = one.model.fixed - 1
+        # Torque that was read by a gain is that of the load by this over the right one.
+        read = robot.torque.at("gain", joint) or 1.0
+        inverse = float(value[at]) / read or np.nan
+        sd = float(np.sqrt(covariance[at, at])) / abs(read)
         ends = [-np.inf, np.inf]
-        if abs(x) > REACH * sd:
-            ends = sorted(1.0 / (x + side * REACH * sd) for side in (-1, 1))
-        why = "" if sd <= Thresholds().sigma_share * abs(x) else "the load does not tell it"
-        out.append(Quantity(joint, robot.torque_units[j], 1.0 / x, ends[0], ends[1], why))
+        if abs(inverse) > REACH * sd:
+            ends = sorted(1.0 / (inverse + side * REACH * sd) for side in (-1, 1))
+        told = sd <= Thresholds().sigma_share * abs(inverse)
+        why = "" if told else "the load does not tell it"
+        out.append(Quantity(joint, robot.torque_units[j], 1.0 / inverse, ends[0], ends[1], why))
     return tuple(out)
 
 
@@ -359,6 +325,8 @@ class Load(Result):
         Those that were compared, of the same motion.
     estimate : LoadEstimate
         What the logs say by themselves.
+    motion : Motion
+        Of the first log with the load.
     parameters : (10,)
         Of the nearest real body, in the order of `GROUPED_KINDS`, about the origin of the frame.
     quantities : tuple of Quantity
@@ -381,6 +349,7 @@ class Load(Result):
     without: tuple[str, ...]
     pairs: tuple[tuple[str, str], ...]
     estimate: LoadEstimate
+    motion: Motion
     parameters: Array
     quantities: tuple[Quantity, ...]
     gains: tuple[Quantity, ...] = ()
@@ -437,7 +406,9 @@ class Load(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a quantity, or a joint whose gain a known load tells."""
-        table = frame_table(self.to_frame(), QUANTITIES_OF if self.known is None else GAINS_OF)
+        shown = self.to_frame().drop(columns="told")  # what is not says why
+        shown = shown.loc[:, (shown != "").any()]
+        table = frame_table(shown, QUANTITIES_OF if self.known is None else GAINS_OF)
         return (replace(table, columns=with_hints("load", *table.columns)),)
 
     @property
@@ -535,10 +506,12 @@ def payload(
                 "Logs without the load stand for a result only where its mass is known: give the "
                 "mass (--mass), or first a result of analyze and these logs as `without`."
             )
-        fit = _unknown_gains(robot) if empty else find_fit(cast("FitLike", result), robot)
-        structure, place = fit.structure, choose_body(fit.structure, body)
+        fit = None if empty else find_fit(cast("FitLike", result), robot)
+        structure = _without_gains(robot) if fit is None else fit.structure
+        submodel = full_model(structure.base) if fit is None else fit.submodel
+        place = choose_body(structure, body)
         session, loaded = Session.read_sides(
-            structure, logs, [*empty, *list_logs(without)], fit.preparation, engine
+            structure, logs, [*empty, *list_logs(without)], fit.preparation if fit else None, engine
         )
         every = session.recordings.fitted
         # What hangs on the robot is odd by its file, so that nothing odd is looked for.
@@ -547,45 +520,46 @@ def payload(
         hints += [text for s in samples for text in s.hints]
         pairs = find_pairs(robot, every, samples, loaded, session.how)
         seen = look(structure, samples, 0)
-        known = Known.of(fit.base, fit.submodel.M, fit.covariance, fit.spread.unknown)
-        carries = (np.arange(len(samples)) < loaded).astype(float)
-        found = find_differences(
-            structure, seen, fit.base, (place,), pairs, known=known, asked=carries, single=loaded
-        )
+        if fit is None or (mass is not None and loaded < len(every)):
+            # Logs without the load tell more than values by other gains.
+            known = Known.nothing(submodel.M, submodel.fixed)
+        else:
+            known = Known.of(fit.base, submodel.M, fit.covariance, fit.spread.unknown)
+        found = find_differences(structure, seen, (place,), pairs, known, loaded, loaded)
         estimate = estimate_load(found, [s.name for s in samples])
         nearest = nearest_body(estimate)
         gains: tuple[Quantity, ...] = ()
         if mass is not None:
-            kinds, theta = GROUPED_KINDS, nearest * mass / nearest[9]
+            theta = (nearest * mass / nearest[9])[[GROUPED_KINDS.index(k) for k in INERTIAL_KINDS]]
             if centre is not None:
                 moments = np.zeros(3) if inertia is None else inertia
-                kinds, theta = INERTIAL_KINDS, ten_parameters(mass, centre, moments)
-            if loaded < len(every):  # they tell more than values by other gains
-                found = replace(found, known=Known.nothing(fit.submodel.M, fit.submodel.fixed))
-            theta = theta[[kinds.index(kind) for kind in KINDS]]
-            gains = find_gains(found, structure, seen, place, theta)
+                theta = ten_parameters(mass, centre, moments)
+            gains = find_gains(found, theta)
         bodies = draw_bodies(structure)[0][structure.inertial]
         length = float(np.median(natural_scale(bodies)[1]))
     paths = given_paths(every)
     return Load(
         robot=robot,
         body=place,
-        model=fit.submodel.name,
+        model=submodel.name,
         logs=paths[:loaded],
         without=paths[loaded:],
         pairs=tuple((paths[p.at[0]], paths[p.at[1]]) for p in pairs),
         estimate=estimate,
+        motion=samples[0].motion,
         parameters=nearest,
         quantities=state_quantities(estimate, nearest, length),
         gains=gains,
         known=mass,
-        hints=tuple(dict.fromkeys(filter(None, (*state_missing(fit.missing), *hints)))),
-        origin=fit.origin,
+        hints=tuple(
+            dict.fromkeys(filter(None, (*state_missing(fit.missing if fit else ()), *hints)))
+        ),
+        origin=fit.origin if fit else "EMPTY.csv",
     )
 
 
-def _unknown_gains(robot: Robot) -> Fit:
-    """Return a fit of nothing, of a robot whose torque columns may be in units of their own.
+def _without_gains(robot: Robot) -> Structure:
+    """Return a robot whose torque columns may be in units of their own, under the usual model.
 
     Raises
     ------
@@ -593,22 +567,8 @@ def _unknown_gains(robot: Robot) -> Fit:
     """
     if robot.known_torque:  # in N·m, and what the columns are in is what is asked
         raise OptionError("[[known_torque]] of the sidecar is in N·m: take it out to find gains.")
-    structure = Structure.of(
-        replace(robot, torque=robot.torque.with_gains()), Model.of(*DEFAULT_EFFECTS)
-    )
-    submodel, n = full_model(structure.base), len(robot.joints)
-    none, every = np.zeros((len(submodel),) * 2), np.eye(len(submodel))
-    open_ = dict.fromkeys(("low", "raw", "dof"), np.full(n, np.inf))
-    return Fit(
-        structure=structure,
-        submodel=submodel,
-        values=none[0],
-        spread=TorqueUncertainty(covariance=none, unknown=every, **open_),
-        preparation=Preparation(),
-        base_covariance=none,
-        base_unknown=every,
-        origin="EMPTY.csv",
-    )
+    free = replace(robot, torque=robot.torque.with_gains())
+    return Structure.of(free, Model.of(*DEFAULT_EFFECTS))
 
 
 def _tell_noise(logs: Sequence[Log], how: Preparation) -> list[str]:

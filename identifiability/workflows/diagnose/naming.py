@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from scipy.special import chdtrc, logsumexp, softmax
@@ -17,12 +18,14 @@ from scipy.special import chdtrc, logsumexp, softmax
 from identifiability.effects import Family, find_families
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.differences import (
+    WEIGHT,
     Change,
     Differences,
     Known,
-    LogRows,
+    Patterned,
     find_changes,
-    find_further,
+    list_changes,
+    title_of_change,
 )
 from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import Missing, fit_loads, with_reversals
@@ -42,6 +45,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.columns import Candidate, Entries, Refusal, list_candidates, number
 from identifiability.regression.information import Information
+from identifiability.robot.robot import last_bodies
 from identifiability.workflows.diagnose.problem import Gap, Rows, Setting
 
 #: By how much an unseen error must rise with a name that is taken out for it.
@@ -476,25 +480,26 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
         return None
     begins, log_of = _parts_of_time(naming.fitted)
     patterns = (_drifts(naming.fitted, begins, log_of), *_stays(log_of))
-    found = _differences(naming, families, np.diff(begins), patterns)
-    if len(patterns) < 2 or not found.rows.causes:
+    found = _differences(naming, families, begins, patterns, naming.missing.noise)
+    places = [group for group, *_ in found.told.values() if group.place != EVERYWHERE]
+    if len(patterns) < 2 or not places:
         return None
-    places = [g for g in found.model.groups if len(g.causes) == 1]
     every = found.model.gains((), places)
     for _ in range(2):  # what it adds is no noise: once it is roughly known, that is without
-        found = replace(found, noise=_noise_without(naming, found, _surest(found, every)))
+        noise = _noise_without(naming, found, _surest(found, every), np.diff(begins))
+        found = _differences(naming, families, begins, patterns, noise)
         every = found.model.gains((), places)
-    stays = [t for t in every if found.told(t)[1]]
-    causes = [found.told(t)[0][0] for t in stays]
-    what = [(c.family, t.group.place) for c, t in zip(causes, stays, strict=True)]
-    best, pattern = stays[0], found.told(stays[0])[1]
+    stays = [t for t in every if found.told[t.key][2]]
+    causes = [found.told[t.key][1][0] for t in stays]
+    what = [(c.family.name, t.group.place) for c, t in zip(causes, stays, strict=True)]
+    best, pattern = stays[0], found.told[stays[0].key][2]
     on = found.patterns[pattern] > 0
     first, last = on.argmax(1), on.shape[1] - on[:, ::-1].argmax(1)
     at = np.flatnonzero(log_of == log_of[first[best.member]])
     begun, ended = int(first[best.member]), int(last[best.member])
     begins_with, ends_with = begun == at[0], ended == at[-1] + 1
     excess, burst = _scatter(found, best)
-    others = [t.odds for t in every if not found.told(t)[1]]
+    others = [t.odds for t in every if not found.told[t.key][2]]
     others = [x / excess for x in others] + [t.odds for t in naming.before[:1]]
     needed = max(RULES.name + RULES.keep, *others) + RULES.rival
     # Of two logs nobody knows which is odd as a whole.
@@ -502,7 +507,9 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
     if best.odds / excess < needed or burst or odd:
         return None
     near = [k for k, t in enumerate(stays) if t.odds > best.odds - RULES.rival]
-    rivals = {what[k]: f"{causes[k].title} of {what[k][1]}" for k in near if what[k] != what[0]}
+    rivals = {
+        what[k]: f"{title_of_change(causes[k])} of {what[k][1]}" for k in near if what[k] != what[0]
+    }
     time = naming.fitted.t[[*begins[at].tolist(), int(begins[at[-1] + 1]) - 1]]
     names = [naming.setting.samples[n].name for n in log_of]
     (change,) = find_changes(found, (best,), names)
@@ -525,37 +532,41 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
 
 
 def _differences(
-    naming: Naming, families: Collection[str], count: np.ndarray, patterns: tuple[Array, ...]
+    naming: Naming,
+    families: Sequence[str],
+    begins: np.ndarray,
+    patterns: tuple[Array, ...],
+    noise: ARNoise,
 ) -> Differences:
     """Return what may differ between parts of time, beside the model and friction at reversals."""
-    seen, missing = naming.fitted.seen, naming.missing
-    fixed = naming.model.fixed - missing.fixed
-    always = np.zeros((*seen.y.shape, fixed))
+    seen, missing, robot = naming.fitted.seen, naming.missing, naming.setting.structure.robot
+    always = np.zeros((*seen.y.shape, naming.model.fixed - missing.fixed))
     for (j, k), x in missing.entries.items():
-        if k < fixed:
+        if k < always.shape[2]:
             always[:, j, k] = x
-    prior = naming.model.prior
-    X = np.concatenate([seen.X, always], axis=2)
-    precision = np.diag(prior) if prior.size else np.zeros(X.shape[2])
-    robot, part = naming.setting.structure.robot, np.repeat(np.arange(len(count)), count)
+    X, prior = np.concatenate([seen.X, always], axis=2), naming.model.prior
+    known = Known.nothing(np.eye(X.shape[2]), np.zeros(X.shape[2]))
+    bodies = last_bodies(robot) if "payload" in families else ()
+    others = [name for name in families if name != "payload"]
+    may = Missing(list_changes(robot, bodies, others, (WEIGHT,)), replace(seen, X=X))
     return Differences(
-        rows=LogRows.along(seen, X, part, find_further(robot, seen, families)),
-        known=Known(base=np.zeros(X.shape[2]), directions=np.eye(X.shape[2]), precision=precision),
+        missing=may,
+        information=may.products(edges=begins.tolist(), noise=noise),
+        known=replace(known, precision=np.diag(prior)) if prior.size else known,
         patterns=patterns,
-        noise=missing.noise,
     )
 
 
 def _surest(found: Differences, every: Iterable[Term]) -> Term:
-    return next(t for t in every if found.told(t)[1])
+    return next(t for t in every if found.told[t.key][2])
 
 
-def _noise_without(naming: Naming, found: Differences, best: Term) -> ARNoise:
+def _noise_without(naming: Naming, found: Differences, best: Term, count: np.ndarray) -> ARNoise:
     """Return the noise that the model leaves where a change is not."""
-    (cause,), pattern = found.told(best)
-    on = found.patterns[pattern][best.member][found.rows.log] > 0
+    _, (cause,), pattern = found.told[best.key]
+    on = np.repeat(found.patterns[pattern][best.member], count) > 0
     seen, joints = naming.fitted.seen, list(naming.missing.noise)
-    for j in cause.torque:
+    for j in {j for j, k in found.missing.entries if k in cause.columns}:
         (runs,) = JointRuns.of(seen.runs.each[j], ~on[:, None]).each
         joints[j] = rich_noise([seen.X[:, j, seen.X[:, j].any(0)]], seen.y[:, j], runs)
     return tuple(joints)
@@ -567,7 +578,7 @@ def _scatter(found: Differences, best: Term) -> tuple[float, bool]:
     A burst is next to nothing without the part of the time that says most.
     """
     model = found.model
-    products, (_, value, _) = model.products, model.values((best,))
+    products, (value, _) = cast("Patterned", model.products), found.solve((best,))
     own, held = (products.column[x] for x in (best.columns, np.arange(model.fixed)))
     on, more = products.weights[products.pattern[best.columns[0]]] > 0, value[model.fixed :]
     scores = products.values[:, own, -1]
