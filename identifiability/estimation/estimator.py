@@ -225,14 +225,13 @@ class Combined:
         root: Array = self.inverse / np.sqrt(self.length**2 + wider)[:, None]
         return root
 
-    def moments(self, information: Information, weights: Array) -> tuple[Array, Array]:
-        """Return each block's ``Ẑᵀ W B`` (B, k, k) and ``Ẑᵀ e`` (B, k)."""
+    def moments(self, information: Information, weights: Array) -> Array:
+        """Return each block's ``Ẑᵀ [W B, e]``, (B, k, k + 1)."""
         k = len(self.value)
         left = np.vstack([self.left, np.zeros((1, k))])
         right = np.zeros((2 * k + 1, k + 1))
         right[k : 2 * k, :k], right[k:, k] = self.B, np.append(-self.value, 1.0)
-        both = information.joint.products(weights, left, right)
-        return both[:, :, :k], both[:, :, k]
+        return information.joint.products(weights, left, right)
 
 
 def combine(information: Information, weights: Array) -> Combined:
@@ -496,7 +495,7 @@ class Estimator:
         values = np.zeros((len(counts), information.size))
         if not k:
             return values
-        start, to_x, both = self._moments(information.select(kept), fit)
+        start, to_x, both = self.equations(information.select(kept), fit)
         flat = both.reshape(len(both), -1)
         for at in few_at_once(len(counts), flat[:1].nbytes):
             sums = (counts[at] @ flat).reshape(-1, k, k + 1)
@@ -510,12 +509,12 @@ class Estimator:
         allowed for [Bell & McCaffrey 2002]. Columns that `fit` dropped are zero.
         """
         kept, k = list(fit.kept), len(fit.kept)
-        _, to_x, both = self._moments(information.select(kept), fit)
+        _, to_x, both = self.equations(information.select(kept), fit)
         moved = np.zeros((len(both), information.size))
         moved[:, kept] = correct_leverage(both[:, :, k], both[:, :, :k]) @ to_x.T
         return moved
 
-    def _moments(self, part: Information, fit: Estimate) -> tuple[Array, Array, Array]:
+    def equations(self, part: Information, fit: Estimate) -> tuple[Array, Array, Array]:
         """Return values (k,), coordinates (k, k) and equations of blocks in these, (B, k, k + 1).
 
         Their unknowns are what comes on top of the values, so the large part of τ that these
@@ -523,13 +522,12 @@ class Estimator:
         """
         if self.instruments:
             found = combine(part, fit.weights)
-            return found.value, found.B, np.dstack(found.moments(part, fit.weights))
-        value, k = fit.value[list(fit.kept)], part.size
-        change = np.zeros((k + 1, k + 1))
-        change[:k, :k] = unit_coordinates(part.factor(fit.weights)[:k, :k])
-        change[:, k] = np.append(-value, 1.0)
-        both = part.products(fit.weights, change[:, :k], change)
-        return value, change[:k, :k], both
+            return found.value, found.B, found.moments(part, fit.weights)
+        k, R = part.size, part.factor(fit.weights)
+        to_x = unit_coordinates(R[:k, :k])
+        value, change = to_x @ R[:k, k], np.zeros((k + 1, k + 1))
+        change[:k, :k], change[:, k] = to_x, np.append(-value, 1.0)
+        return value, to_x, part.products(fit.weights, change[:, :k], change)
 
     def loss(self, information: Information, fit: Estimate) -> Array:
         """Return upper triangular F, (k + 1, k + 1) [torque]: ``|F (x, -1)|²`` is least at the fit.

@@ -35,13 +35,12 @@ Limits are those of Student's t of K - 1; those of n joints hold together [Bonfe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from scipy.special import stdtrit
 
-from identifiability.estimation.estimator import Estimate, combine
+from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.noise import Noise
 from identifiability.foundation.errors import LogError
@@ -355,19 +354,13 @@ class Refits:
         train : (F, B) bool
             Blocks that each fit rests on.
         """
-        member, k = np.vstack([np.ones(train.shape[1]), train]), len(R) - 1
-        if full.estimator.instruments:
-            edges = np.flatnonzero((np.diff(member, axis=1, prepend=-1.0) != 0).any(0))
-            grams, member = (
-                instrument_equations(information.merge(edges), full, R),
-                member[:, edges],
-            )
-        else:  # products of [W τ] R⁻¹ are the equations of least squares
-            inverse = np.linalg.inv(R)
-            grams = information.products(full.weights, inverse, inverse)
-        sums = np.tensordot(member, grams, 1)
-        # Gram matrices of Z where the residual is Z (centre - y, scale), scale its root of squares.
-        return Refits(R[:k, k], sums[:, :k, :k], sums[:, :k, k] * R[k, k])
+        k, member = len(R) - 1, np.vstack([np.ones(train.shape[1]), train])
+        _, to_x, both = full.estimator.equations(information, full)
+        sums = np.tensordot(member, both, 1)
+        to_y = R[:k, :k] @ to_x  # the unit matrix of least squares
+        turned = to_y @ sums[:, :, :k] @ np.linalg.inv(to_y)
+        grams = 0.5 * (turned + turned.swapaxes(1, 2))  # as the sum over all blocks is
+        return Refits(R[:k, k], grams, sums[:, :, k] @ to_y.T)
 
     @property
     def whole(self) -> Array:
@@ -394,23 +387,6 @@ class Refits:
                 moved += fit.leading(b[:, None] - A @ moved, free)
             out[:, f] = (turn @ moved).T
         return out
-
-
-def instrument_equations(information: Information, full: Estimate, R: Array) -> Array:
-    """Return the normal equations of each block by instruments, (B, k + 1, k + 1).
-
-    They are in ``R x``, less those of the fit, in units of ``R[k, k]``, and made symmetric, as
-    their sum is.
-    """
-    k = information.size
-    found = replace(combine(information, full.weights), value=full.value[list(full.kept)])
-    A, c = found.moments(information, full.weights)
-    to_y = R[:k, :k] @ found.B  # of directions into coordinates of the loss
-    turned = to_y @ A @ np.linalg.inv(to_y)
-    out = np.zeros((len(A), k + 1, k + 1))
-    out[:, :k, :k] = 0.5 * (turned + turned.swapaxes(1, 2))
-    out[:, :k, k] = out[:, k, :k] = c @ to_y.T / R[k, k]
-    return out
 
 
 @frozen

@@ -21,5 +21,5 @@ def fit(run: Run) -> None:
     run.evidence |= {
         "rss": near.rss,
         "torque": (found.W @ near.phi).tolist(),
-        "status": near.status,
+        "status": "optimal" if near.accurate else "not sure",
     }
