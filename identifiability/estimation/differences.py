@@ -311,7 +311,7 @@ class Differences:
         robot, every = self.missing.seen.robot, self.missing.candidates
         unit = {p.name: p.unit for c in every for p in c.effect.parameters(robot)}
         named = [(c, f"{c.place}.{kind}") for c in every for kind in c.kinds]
-        return [(c, name, unit.get(name, "")) for c, name in named]
+        return [(c, name.replace(".scale", ".gain"), unit.get(name, "")) for c, name in named]
 
     @cached_property
     def scale(self) -> Array:
