@@ -32,7 +32,7 @@ from identifiability.estimation.groups import (
     place_of,
 )
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
-from identifiability.estimation.noise import THIN, ARNoise, JointNoise, rich_noise
+from identifiability.estimation.noise import THIN, ARNoise, JointNoise, rich_noise, whiten
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.answers import Table, frame_table
 from identifiability.foundation.errors import listing
@@ -166,9 +166,9 @@ def noise_beside(missing: Missing, may: int) -> tuple[ARNoise, Array]:
         X, y, data = seen.X[:, j, seen.X[:, j].any(0)], seen.y[:, j], seen.data[:, j]
         noise = rich_noise([X, differing], y, runs)
         if np.isfinite(noise.sigma):
-            Z = np.column_stack([X, differing])
-            Z = Z / np.maximum(np.linalg.norm(Z, axis=0), 1e-300)
-            left = y - Z @ Normal.ridged(Z.T @ Z, Z.T @ y).value
+            white = whiten(np.column_stack([X, differing, y]), runs, noise.pacf)
+            Z = white[:, :-1] / np.maximum(np.linalg.norm(white[:, :-1], axis=0), 1e-300)
+            left = white[:, -1] - Z @ Normal.ridged(Z.T @ Z, Z.T @ white[:, -1]).value
             square = [left[log] @ left[log] / max(data[log].sum(), 1) for log in each]
             levels[j] = np.maximum(np.array(square) / (left @ left / data.sum()), THIN)
         else:  # none but that of rounding
