@@ -23,6 +23,7 @@ import pandas as pd
 from scipy.special import logsumexp
 
 from identifiability.effects import FAMILIES, find_families
+from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import (
     Excerpt,
     Missing,
@@ -31,8 +32,8 @@ from identifiability.estimation.groups import (
     place_of,
 )
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
-from identifiability.estimation.noise import THIN, ARNoise, JointNoise, rich_noise
-from identifiability.estimation.rules import RULES, Thresholds
+from identifiability.estimation.noise import THIN, ARNoise, JointNoise, rich_noise, whiten
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.answers import Table, frame_table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import ROUNDOFF, triangular_factor
@@ -151,31 +152,30 @@ class Compared(Excerpt):
         return found
 
 
-def noise_beside(missing: Missing, may: int) -> ARNoise:
-    """Return the noise of logs beside the model and what their first columns say of each log."""
+def noise_beside(missing: Missing, may: int) -> tuple[ARNoise, Array]:
+    """Return the noise beside the model and what the first columns say of each of L logs.
+
+    With it the variance of each log over that of all, (n, L): a loud log counts less.
+    """
     out, seen = list[JointNoise](), missing.seen
     each = [seen.log == log for log in np.unique(seen.log)]
+    levels = np.ones((len(seen.runs.each), len(each)))
     for j, runs in enumerate(seen.runs.each):
         own = [missing.entries[j, k] for k in missing.acting[j].tolist() if k < may]
         differing = np.reshape([x * log for x in own for log in each], (-1, len(seen.y))).T
-        X = seen.X[:, j, seen.X[:, j].any(0)]
-        noise = rich_noise([X, differing], seen.y[:, j], runs)
-        if not np.isfinite(noise.sigma):  # none but that of rounding
+        X, y, data = seen.X[:, j, seen.X[:, j].any(0)], seen.y[:, j], seen.data[:, j]
+        noise = rich_noise([X, differing], y, runs)
+        if np.isfinite(noise.sigma):
+            white = whiten(np.column_stack([X, differing, y]), runs, noise.pacf)
+            Z = white[:, :-1] / np.maximum(np.linalg.norm(white[:, :-1], axis=0), 1e-300)
+            left = white[:, -1] - Z @ Normal.ridged(Z.T @ Z, Z.T @ white[:, -1]).value
+            square = [left[log] @ left[log] / max(data[log].sum(), 1) for log in each]
+            levels[j] = np.maximum(np.array(square) / (left @ left / data.sum()), THIN)
+        else:  # none but that of rounding
             size = float(np.sqrt(np.mean(seen.raw[:, j] ** 2)))
             noise = JointNoise(np.empty(0), ROUNDOFF * (size or 1.0))
         out.append(noise)
-    return tuple(out)
-
-
-def left_over(white: Array, count: int) -> float:
-    """Return the variance that so many rows leave of their last column; 1 where they are few."""
-    gram = white.T @ white
-    columns = np.count_nonzero(np.diag(gram)[:-1])
-    if count - columns <= Thresholds.outputs_per_parameter * columns:
-        return 1.0
-    size = np.sqrt(np.where(np.diag(gram) > 0, np.diag(gram), 1.0))
-    unit = gram / np.outer(size, size) + ROUNDOFF * np.eye(len(gram))
-    return max(float(size[-1] ** 2 / np.linalg.inv(unit)[-1, -1]) / (count - columns), THIN)
+    return tuple(out), levels
 
 
 @frozen
@@ -291,17 +291,8 @@ class Differences:
         missing = Missing(tuple(number([*changes, *lacks])), seen)
         may = sum(len(c.columns) for c in changes)
         edges = [*np.unique(seen.log, return_index=True)[1].tolist(), len(seen.y)]
-        own = missing.products(edges=edges, noise=given or noise_beside(missing, may))
-        if not given:  # each log counts by its own
-            last = len(known.precision) + may
-            counts = np.add.reduceat(seen.data, edges[:-1], axis=0, dtype=int)
-            level = np.ones(counts.T.shape)
-            for j, x in enumerate(own.parts):
-                at = [*np.flatnonzero(x.columns < last), -1]
-                level[j] = [
-                    left_over(Z[:, at], n) for Z, n in zip(x.blocks, counts.T[j], strict=True)
-                ]
-            own = own.weigh(1.0 / level)
+        noise, levels = (given, np.ones(1)) if given else noise_beside(missing, may)
+        own = missing.products(edges=edges, noise=noise).weigh(1.0 / levels)
         what = {"known": known, "patterns": tuple(patterns), **more}
         return Differences(missing=missing, information=own, **what)
 
@@ -311,7 +302,7 @@ class Differences:
         robot, every = self.missing.seen.robot, self.missing.candidates
         unit = {p.name: p.unit for c in every for p in c.effect.parameters(robot)}
         named = [(c, f"{c.place}.{kind}") for c in every for kind in c.kinds]
-        return [(c, name, unit.get(name, "")) for c, name in named]
+        return [(c, name.replace(".scale", ".gain"), unit.get(name, "")) for c, name in named]
 
     @cached_property
     def scale(self) -> Array:
