@@ -138,7 +138,7 @@ class CommandedRobot:
         self,
         log: Log,
         numbers: Sequence[Mapping[str, Array]] = (),
-        delay: float | Sequence[float] | Array = 0.0,
+        delay: float = 0.0,
         windows: Sequence[tuple[int, int]] = (),
         step: float | None = None,
     ) -> Array:
@@ -151,14 +151,13 @@ class CommandedRobot:
         numbers : sequence of mapping
             Joints' numbers of K robots, as of `numbers`, and gains ``kp``, ``kv`` of the servos
             if others than its own; by default its own alone.
-        delay : float or K of them [s]
+        delay : float [s]
         windows : sequence of (start, stop)
             Rows at which each run begins anew; by default one, the whole log.
         step : float [s], optional
             Longest one of the integrator.
         """
         numbers = list(numbers) or [self.numbers()]
-        delays = np.broadcast_to(np.asarray(delay, float), (len(numbers),))
         dt = signals.sampling_step(log.t)
         longest = min(step or STEP, *map(self.longest, numbers))
         inner = max(1, int(np.ceil(dt / longest - 1e-9)))
@@ -167,25 +166,23 @@ class CommandedRobot:
         models = [self._with(own, h) for own in numbers]
         windows = list(windows) or [(0, len(log))]
         steps = max(int(np.ceil((log.t[b - 1] - log.t[a]) / h)) + 2 for a, b in windows)
-        runs = [(k, w) for k in range(len(models)) for w in windows]
+        runs = [(k, w) for k in range(len(models)) for w in range(len(windows))]
         # Held commands change between two steps, so that no step holds a share of a change, of
         # which a servo at its limit would make another share of torque.
         since = log.commands_since
-        ahead = [
-            next(iter((since[a:b] - log.t[a:b])[since[a:b] < log.t[a:b]]), 0.0) for a, b in windows
-        ]
-        begins = [
-            (float((delays[k] + x) / h) % 1.0 - 0.5) * h for k in range(len(models)) for x in ahead
-        ]
+        begins = []
+        for a, b in windows:
+            ahead = next(iter((since[a:b] - log.t[a:b])[since[a:b] < log.t[a:b]]), 0.0)
+            begins.append((float((delay + ahead) / h) % 1.0 - 0.5) * h)
         start = np.zeros((len(runs), mujoco.mj_stateSize(self.model, _STATE)))
         controls = np.empty((len(runs), steps, self.model.nu))
         home = self._forward.home()
-        for r, (k, (a, _)) in enumerate(runs):
+        for r, (k, w) in enumerate(runs):
+            (a, _), begin = windows[w], begins[w]
             q, v = home.copy(), np.zeros(self.model.nv)
             q[self.at], v[self.dofs] = log.q[a], speed[a]
-            begin = begins[r]
             times = log.t[a] + begin + h * np.arange(steps)
-            controls[r] = acting(log, self.servo.having(numbers[k]), times, h, float(delays[k]))
+            controls[r] = acting(log, self.servo.having(numbers[k]), times, h, delay)
             a0 = self._acceleration(models[k], q, v, controls[r, 0])
             q[self.at] += begin * speed[a] + (0.5 * begin**2 - h**2 / 8) * a0[self.dofs]
             v += (begin - 0.5 * h) * a0
@@ -200,10 +197,11 @@ class CommandedRobot:
         out = np.full((len(models), len(log), len(self.at)), np.nan)
         places = 1 + self.at
         limit = DIVERGED * (np.abs(log.q).max() + 1.0)
-        for r, (k, (a, b)) in enumerate(runs):
+        for r, (k, w) in enumerate(runs):
+            a, b = windows[w]
             first, speeds = start[r, places], start[r, 1 + self.model.nq + self.dofs]
             path = np.concatenate([[first - h * speeds, first], states[r][:, places]])
-            sampled = _sample(path, (log.t[a:b] - log.t[a] - begins[r]) / h + 1)
+            sampled = _sample(path, (log.t[a:b] - log.t[a] - begins[w]) / h + 1)
             sampled[np.cumsum(~(np.abs(sampled).max(1) < limit)) > 0] = np.nan
             out[k, a:b] = sampled
         return out

@@ -180,6 +180,7 @@ class _Rows:
             self.parts = np.stack([bare, *(x / size for x in axes)], 3)
         same = np.arange(n), np.ones(n), np.zeros(n), np.zeros(n, bool)
         self.plain = Alternative("", "", *same, g)
+        self.products, self.torque = cache(self._products), cache(self._torque)
         #: Of the log [s].
         self.step = float(np.median(np.diff(self.seen.pieces[0].motion.t)))
 
@@ -306,16 +307,15 @@ class _Rows:
         for j, acting in enumerate(missing.acting):
             Z = np.stack([missing.entries[j, k] / missing.scale[k] for k in acting.tolist()], 1)
             U, size, _ = np.linalg.svd(Z, full_matrices=False)
-            out.append((U, 1.0 - 1.0 / np.hypot(1.0, size / (STRONG * size[0]))))
+            weak = max(STRONG * float(size[0]), 1e-300)  # where nothing moves all is
+            out.append((U, 1.0 - 1.0 / np.hypot(1.0, size / weak)))
         return out
 
-    @cache  # noqa: B019 - as long as the rows
-    def _parts(self, j: int, beside: bool) -> tuple[Array, Array]:
+    def _products(self, j: int, beside: bool) -> tuple[Array, Array]:
         """Return the parts of a joint (N, b k), and their products."""
         own = self._seen_at(j, self.parts[:, j].reshape(len(self.data), -1), beside)
         return own, own.T @ own
 
-    @cache  # noqa: B019 - as long as the rows
     def _torque(self, j: int, by: float, beside: bool) -> Array:
         """Return all torque (N, n) as data of a joint, some time later, before any low-pass."""
         if not by:
@@ -334,7 +334,7 @@ class _Rows:
         return np.asarray(weight[:, : self.parts.shape[3]] / a.factor[:, None])
 
     def _torque_of(self, a: Alternative, j: int, beside: bool) -> Array:
-        return self._torque(j, float(a.late[j]), beside)[:, a.order[j]]
+        return self.torque(j, float(a.late[j]), beside)[:, a.order[j]]
 
     def _solve(self, a: Alternative, beside: bool) -> tuple[Array, Array]:
         """Return values (b,), and the squares that they leave of each joint's torque (n,).
@@ -344,7 +344,7 @@ class _Rows:
         w, (b, k), n = self._weights(a), self.parts.shape[2:], len(a.lacks)
         A, h, square = np.empty((n, b, b)), np.empty((n, b)), np.empty(n)
         for j, own in enumerate(w):
-            rows, gram = self._parts(j, beside)
+            rows, gram = self.products(j, beside)
             y = self._torque_of(a, j, beside)
             A[j] = np.einsum("a,paqb,b->pq", own, gram.reshape(b, k, b, k), own, optimize=True)
             h[j], square[j] = (y @ rows).reshape(b, k) @ own, y @ y
@@ -366,7 +366,7 @@ class _Rows:
         w, (b, k), (x, _) = self._weights(a), self.parts.shape[2:], self._solve(a, beside=True)
         left = [
             self._torque_of(a, j, beside=True)
-            - self._parts(j, beside=True)[0].reshape(-1, b, k) @ own @ x
+            - self.products(j, beside=True)[0].reshape(-1, b, k) @ own @ x
             for j, own in enumerate(w)
         ]
         new = self.data.sum(0) / autocorrelation_time(np.column_stack(left))
