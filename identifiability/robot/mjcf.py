@@ -290,13 +290,7 @@ def find_floating(
         )
     if not found:
         return None
-    joint = int(found[0].jntadr[0])
-    if joint in m.actuator_trnid[np.isin(m.actuator_trntype, _ON_JOINT), 0]:
-        raise RobotError(
-            f"{path}: the free joint '{m.joint(joint).name}' cannot be actuated; only joints with "
-            "one axis can, and what pushes a base is a measured wrench of the sidecar."
-        )
-    return str(m.joint(joint).name)
+    return str(m.joint(int(found[0].jntadr[0])).name)
 
 
 def read_entries(m: Any) -> dict[str, dict[str, Entry]]:
@@ -322,12 +316,6 @@ def read_entries(m: Any) -> dict[str, dict[str, Entry]]:
         if a.entry is not None:
             found["ctrl"] |= dict.fromkeys(keys, a.entry)
     return dict(found)
-
-
-def bolted_entries(m: Any) -> dict[str, dict[str, Entry]]:
-    """Return those of a scene whose base is bolted down; their length is in the arrays' names."""
-    sizes = dict.fromkeys(("qvel", "qacc", "qfrc_actuator"), m.nv) | {"qpos": m.nq}
-    return {f"{a}@{sizes[a]}": e for a, e in read_entries(m).items() if a in sizes}
 
 
 @frozen
@@ -645,8 +633,6 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
         )
     entries, meshes = read_entries(scene), mesh_files(path, spec)
     with refused(path):
-        if fixed:
-            entries |= bolted_entries(read_spec(path, fixed=True).compile())
         if outside or fixed or floating is not None:
             m = read_spec(path, outside, fixed=fixed, floating=floating).compile()
     home, actuators = _home(scene, m), read_actuators(m)
