@@ -691,16 +691,7 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
         offsets=find_offsets(actuators),
         base=base,
         radii=_name_frames(model, m, frames),
-        drawn=_drawn(m),
     )
-
-
-def _drawn(m: Any) -> Array:
-    """Return how a compiled scene turns the first body on which joints hang, (3, 3)."""
-    top = int(m.jnt_bodyid[0]) if m.njnt else 0
-    while top and m.body_parentid[top]:
-        top = int(m.body_parentid[top])
-    return _rotation(m.body_quat[top])
 
 
 def _name_frames(model: Any, m: Any, frames: Mapping[str, Any]) -> dict[str, float]:

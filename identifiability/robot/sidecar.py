@@ -388,7 +388,6 @@ class Sidecar(_Strict):
     name: Annotated[str, Field(max_length=LONGEST_NAME)] = key("The robot's name.", "")
     description: str = key("A sentence on it.", "")
     base: Literal["fixed", "floating"] | None = key("Whether its root was bolted down.", None)
-    stand: Triple | None = key("Roll, pitch, yaw [rad] of a root that was; else as drawn.", None)
     actuated: list[str] | None = key("Joints with a motor; else those of <actuator>, or all.", None)
     locked: Locked = key("Joints that stand still, or a table of where.", [], {"finger": 0.02})
     angles: Literal["rad", "deg"] | None = key("Unit of angles in logs; else rad.", None)
