@@ -290,7 +290,13 @@ def find_floating(
         )
     if not found:
         return None
-    return str(m.joint(int(found[0].jntadr[0])).name)
+    joint = int(found[0].jntadr[0])
+    if joint in m.actuator_trnid[np.isin(m.actuator_trntype, _ON_JOINT), 0]:
+        raise RobotError(
+            f"{path}: the free joint '{m.joint(joint).name}' cannot be actuated; only joints with "
+            "one axis can, and what pushes a base is a measured wrench of the sidecar."
+        )
+    return str(m.joint(joint).name)
 
 
 def read_entries(m: Any) -> dict[str, dict[str, Entry]]:

@@ -70,7 +70,7 @@ def test_a_base_on_a_free_joint_floats_on_six_that_stand_for_it(load_text):
     assert robot.joints == (*BASE_JOINTS, *robot.motor_joints)
     assert robot.base.title == "root"
     assert load_text(FLOATING.replace('<freejoint name="root"/>', "")).joints == robot.motor_joints
-    with pytest.raises(RobotError, match="'root' cannot be actuated"):
+    with pytest.raises(RobotError, match="the free joint 'root' cannot be actuated"):
         load_text(FLOATING.replace("</actuator>", '<motor joint="root"/></actuator>'))
 
 
