@@ -379,7 +379,7 @@ def find_entries(names: Mapping[str, str], known: Conventions) -> dict[str, Colu
     out: dict[str, Column | None] = {}
     for column, (array, key) in found.items():
         keys = {k for a, k in found.values() if a == array}
-        own = known.entries.get(f"{array}@{len(keys)}", known.entries.get(array, {}))
+        own = known.entries.get(array, {})
         from_one = "0" not in keys and "1" in keys and all(k.isdecimal() for k in keys)
         entry = own.get(str(int(key) - 1) if from_one else key)
         joint, _, kind = entry.column.rpartition(".") if entry else ("", "", "")

@@ -610,7 +610,7 @@ def _measured_torque(extra: Sidecar, stated: Stated) -> MeasuredTorque:
 def _scales(path: Path, extra: Sidecar, lines: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Return scale and offset of the joints' positions in logs; a name goes before a pattern."""
     rules = {key: rule for key, rule in extra.columns.items() if not isinstance(rule, str)}
-    given = {rule.name or key: (rule.scale, rule.offset) for key, rule in rules.items()}
+    given = {key: (rule.scale, rule.offset) for key, rule in rules.items()}
     return by_name(path, "columns", given, lines)
 
 

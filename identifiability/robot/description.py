@@ -296,8 +296,6 @@ class Stated:
         gravity.
     radii : mapping
         Of spheres, by the name of the geom [m].
-    drawn : (3, 3)
-        How the file turns the root of a robot that stands.
     """
 
     model: Any
@@ -323,7 +321,6 @@ class Stated:
     offsets: Mapping[str, float] = default(default_factory=dict)
     base: Base | None = None
     radii: Mapping[str, float] = default(default_factory=dict)
-    drawn: Array = default(default_factory=lambda: np.eye(3))
 
 
 # What is known of the mass of bodies and of where their centres are.

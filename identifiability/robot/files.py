@@ -85,9 +85,6 @@ def read_robot(
         stated = _read_urdf(path, root, extra)
     check_magnitudes(path, stated)
     robot = assemble(path, chosen, extra, stated)
-    if extra.stand is not None and robot.base is None:  # only where gravity is in the root's axes
-        upright = pin.rpy.rpyToMatrix(np.array(extra.stand, float)).T @ robot.gravity
-        robot = robot.turned(stated.drawn @ upright)
     given = read_locks(lock)
     option = (n for n in robot.locked if n in given or any(fnmatchcase(n, x) for x in given))
     return replace(robot, lock_option=tuple(option), base_option=base)

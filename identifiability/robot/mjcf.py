@@ -324,12 +324,6 @@ def read_entries(m: Any) -> dict[str, dict[str, Entry]]:
     return dict(found)
 
 
-def bolted_entries(m: Any) -> dict[str, dict[str, Entry]]:
-    """Return those of a scene whose base is bolted down; their length is in the arrays' names."""
-    sizes = dict.fromkeys(("qvel", "qacc", "qfrc_actuator"), m.nv) | {"qpos": m.nq}
-    return {f"{a}@{sizes[a]}": e for a, e in read_entries(m).items() if a in sizes}
-
-
 @frozen
 class Actuator:
     """An actuator: along ``Σ cᵢ qᵢ`` it pulls by ``gear (gain ctrl + b₀ + b₁ length + b₂ speed)``.
@@ -645,8 +639,6 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
         )
     entries, meshes = read_entries(scene), mesh_files(path, spec)
     with refused(path):
-        if fixed:
-            entries |= bolted_entries(read_spec(path, fixed=True).compile())
         if outside or fixed or floating is not None:
             m = read_spec(path, outside, fixed=fixed, floating=floating).compile()
     home, actuators = _home(scene, m), read_actuators(m)
@@ -705,16 +697,7 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
         offsets=find_offsets(actuators),
         base=base,
         radii=_name_frames(model, m, frames),
-        drawn=_drawn(m),
     )
-
-
-def _drawn(m: Any) -> Array:
-    """Return how a compiled scene turns the first body on which joints hang, (3, 3)."""
-    top = int(m.jnt_bodyid[0]) if m.njnt else 0
-    while top and m.body_parentid[top]:
-        top = int(m.body_parentid[top])
-    return _rotation(m.body_quat[top])
 
 
 def _name_frames(model: Any, m: Any, frames: Mapping[str, Any]) -> dict[str, float]:

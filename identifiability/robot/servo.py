@@ -168,30 +168,27 @@ def read_servo(
     if entry is None and not all(j in stated for j in joints):
         return None
     entry = entry or ServoEntry()
-    given: dict[str, dict[str, float]] = {}
-    for key in ("kp", "kv", "limit"):
+    none = (np.nan, np.nan, -np.inf, np.inf)
+    found = np.array([stated.get(joint, none) for joint in joints], float)
+    told = np.zeros((len(joints), 3), bool)
+    for k, key in enumerate(("kp", "kv", "limit")):
         said = getattr(entry, key)
         table = said if isinstance(said, dict) else {} if said is None else {"*": said}
-        found = by_name(path, f"servo.{key}", table, joints)
-        given[key] = {j: np.nan if x == FIT else float(x) for j, x in found.items()}
-    none = np.array([np.nan, np.nan, -np.inf, np.inf])
-    kp, kv, low, high = np.array([stated.get(j, none) for j in joints]).T
-    limit = np.array([given["limit"].get(j, np.inf) for j in joints])
-    kp, kv = (
-        np.array([given[key].get(j, x) for j, x in zip(joints, own, strict=True)])
-        for key, own in {"kp": kp, "kv": kv}.items()
-    )
-    narrow = np.isfinite(limit)
-    low, high = np.where(narrow, -limit, low), np.where(narrow, limit, high)
-    lacking = [j for j, p in zip(joints, kp, strict=True) if np.isnan(p) and j not in given["kp"]]
-    if lacking and given["kp"]:
+        for joint, x in by_name(path, f"servo.{key}", table, joints).items():
+            at, value = joints.index(joint), np.nan if x == FIT else float(x)
+            found[at, k:] = (-value, value) if key == "limit" else (value, *found[at, k + 1 :])
+            told[at, k] = True
+    kp, kv, low, high = found.T
+    lacking = [
+        j for j, p, own in zip(joints, kp, told[:, 0], strict=True) if np.isnan(p) and not own
+    ]
+    if lacking and told[:, 0].any():
         raise RobotError(
             f"The sidecar of {path}: [servo] gives no kp of {listing(lacking, 4)}; give one number "
             f"for all joints, or one for each: kp = {{{lacking[0]} = …}} (0 for a servo of "
             f'velocity, "{FIT}" where logs shall tell it).'
         )
-    told = np.array([j in given["kv"] for j in joints])
-    kv = np.where(np.isnan(kv) & ~told & ~np.isnan(kp), 0.0, kv)  # none stated is none
+    kv = np.where(np.isnan(kv) & ~told[:, 1] & ~np.isnan(kp), 0.0, kv)  # none stated is none
     idle = ~(np.isnan(kp) | np.isnan(kv) | (kp > 0) | (kv > 0))
     if idle.any():
         loose = joints[int(np.argmax(idle))]

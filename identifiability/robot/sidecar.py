@@ -157,7 +157,6 @@ ByJoint: TypeAlias = T | dict[str, T] | None
 class ColumnEntry(_Strict):
     """Positions and commands of a joint in the logs, in ticks, degrees or normalised units."""
 
-    name: str | None = key("The joint here, where the key is what logs call it.", None)
     scale: Factor = key("What one is [rad or m].", 1.0)
     offset: Value = key("Position where the log holds zero [rad or m].", 0.0)
 
@@ -170,8 +169,7 @@ _ColumnRule = Annotated[
 
 def renaming(rules: Mapping[str, str | ColumnEntry]) -> dict[str, str]:
     """Return the names of ``[columns]`` alone."""
-    named = {k: r if isinstance(r, str) else r.name for k, r in rules.items()}
-    return {key: name for key, name in named.items() if name is not None}
+    return {key: rule for key, rule in rules.items() if isinstance(rule, str)}
 
 
 def _checked(rules: dict[str, str | ColumnEntry]) -> dict[str, str | ColumnEntry]:
@@ -290,14 +288,8 @@ class MeasuredTorque(_Strict):
     @property
     def text(self) -> str:
         """What was said, in one line; nothing if nothing was."""
-        said = [f"side = {self.side}"] if self.side != "joint" else []
-        for name in ("gain", "ratio", "sign"):
-            pairs = [f"{j or 'all'} = {v:g}" for j, v in self.table(name).items()]
-            said += [f"{name}: {', '.join(pairs)}"] if pairs else []
-        if self.compensated:
-            which = "all" if isinstance(self.compensated, bool) else ", ".join(self.compensated)
-            said.append(f"compensated for gravity: {which}")
-        return "; ".join(said)
+        said = self.model_dump(exclude_defaults=True)
+        return "; ".join(f"{key} = {value}" for key, value in said.items())
 
 
 class ServoEntry(_Strict):
@@ -396,7 +388,6 @@ class Sidecar(_Strict):
     name: Annotated[str, Field(max_length=LONGEST_NAME)] = key("The robot's name.", "")
     description: str = key("A sentence on it.", "")
     base: Literal["fixed", "floating"] | None = key("Whether its root was bolted down.", None)
-    stand: Triple | None = key("Roll, pitch, yaw [rad] of a root that was; else as drawn.", None)
     actuated: list[str] | None = key("Joints with a motor; else those of <actuator>, or all.", None)
     locked: Locked = key("Joints that stand still, or a table of where.", [], {"finger": 0.02})
     angles: Literal["rad", "deg"] | None = key("Unit of angles in logs; else rad.", None)

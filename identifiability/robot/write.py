@@ -549,18 +549,16 @@ def _write_urdf_inertial(
 ) -> None:
     links = top.findall("link")
     urdf_inertial(next(link for link in links if link.get("name") == body), mass, centre, inertia)
-    # Links that are fixed to this one are part of it now.
-    ends: list[tuple[str | None, str | None]] = [
-        (parent.get("link"), child.get("link"))
-        for joint in top.findall("joint")
-        if joint.get("type") == "fixed"
-        for parent, child in zip(joint.findall("parent"), joint.findall("child"), strict=False)
-    ]
-    attached: set[str | None] = {body}
-    for _ in ends:
-        attached |= {child for parent, child in ends if parent in attached}
+    hosts = {
+        child.get("link"): parent.get("link")
+        for joint in top.iterfind("joint[@type='fixed']")
+        for parent, child in zip(joint.iter("parent"), joint.iter("child"), strict=False)
+    }
     for link in links:
-        if link.get("name") in attached - {body}:
+        name = link.get("name")
+        while name in hosts and name != body:
+            name = hosts[name]
+        if name == body != link.get("name"):  # what is fixed to this one is part of it now
             _remove_all(link, "inertial")
 
 

@@ -81,7 +81,8 @@ def test_units_of_a_dataset_are_stated_by_joint(arm, tmp_path):
 [columns]
 "*" = {scale = 0.02, offset = 0.1}
 jaw_joint = {scale = -0.0015339807878856412, offset = 3.14159}
-yaw = {name = "base_yaw", scale = 0.017453292519943295}
+yaw = "base_yaw"
+base_yaw = {scale = 0.017453292519943295}
 """
     (folder / "robot.toml").write_text((SHIPPED / "robot.toml").read_text() + rules)
     robot = Robot.load(folder / "robot.xml")
