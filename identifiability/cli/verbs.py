@@ -122,10 +122,9 @@ def inspect(
     work: options.Work,
     logs: Annotated[Sequence[str], Argument(), options.Records()] = (),
     model: options.Model = None,
-    template: Annotated[Path | None, options.Writes(".csv")] = None,
 ) -> None:
     """Say what a robot file holds, what its logs must have, and what is in logs and odd."""
-    result, written = run(locals(), "inspect", ("write_template", "template"))
+    result, written = run(locals(), "inspect")
     needs = [] if result.records else [f"{n.text} {n.line}".rstrip() for n in result.needs]
     common.print_result(result, written, [text.replace("\n", " ") for text in needs])
 

@@ -15,8 +15,6 @@ from identifiability.effects import title_of
 from identifiability.estimation.prediction import loaded_joints
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Cell, Column, Note, Table
-from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import REACH
 from identifiability.foundation.rounding import (
     digits,
     format_count,
@@ -32,7 +30,6 @@ from identifiability.report import plot
 from identifiability.report.blocks import (
     GLOSSARY,
     Fold,
-    Gallery,
     Moving,
     Notes,
     Prose,
@@ -40,22 +37,20 @@ from identifiability.report.blocks import (
     Term,
     Terms,
     fold_rows,
-    gallery,
     picture,
     section,
     torque_traces,
 )
-from identifiability.report.figures import MOST, draw_confusion, draw_forest, order_correlated
+from identifiability.report.figures import MOST, draw_confusion, order_correlated
 from identifiability.report.skeleton import move_with_torque
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.belief import Summary
 from identifiability.workflows.analyze.result import (
     error_tables,
     file_table,
+    label_note,
     model_title,
     parameter_table,
-    stated_values,
 )
 from identifiability.workflows.answers import (
     count_joints,
@@ -347,7 +342,7 @@ MOTION = (
 # What is believed after the data: the parameters of the model to use by every road.
 
 
-#: Most rows of one forest plot.
+#: Names that a sentence has at most.
 ROWS = 14
 
 CONVERGENCE = with_hints(
@@ -367,7 +362,7 @@ def section_posterior(analysis: Analysis) -> Section:
     return section(
         "analysis.posterior",
         Notes(notes) if notes else None,
-        forest_gallery(analysis),
+        posterior_table(analysis),
         convergence_table(analysis),
         detail=True,
         title=model_title(analysis.chosen),
@@ -391,58 +386,26 @@ def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
     return (note("prior-sensitive", share=share, names=join(names, ROWS), limit=limit),)
 
 
-def shown(analysis: Analysis) -> Summary | None:
-    """Return the posterior; None where its numbers may not be shown."""
-    summary = None if analysis.belief is None else analysis.belief.physical
-    return summary if summary is not None and summary.trustworthy else None
+def posterior_table(analysis: Analysis) -> Table | None:
+    """Return the posterior of each parameter beside its estimate; none where it may not be shown.
 
-
-def forest_gallery(analysis: Analysis) -> Gallery:
-    """Return a forest plot of every `ROWS` parameters."""
-    names = analysis.chosen.submodel.columns
-    layers, stated = forest_layers(analysis)
-    pictures = []
-    for rows in np.array_split(np.arange(len(names)), -(-len(names) // ROWS)):
-        own = {n: v[rows] for n, v in layers.items()}
-        shown_names = [names[k] for k in rows]
-        figure = draw_forest(shown_names, own, stated[rows], analysis.robot.path.name)
-        ends = {"first": shown_names[0], "last": shown_names[-1]}
-        pictures.append(picture("forest", figure, **ends))
-    return gallery("forest", pictures)
-
-
-def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
-    """Return 95 % intervals of every road in σ_robust, (k, 3) each, and the stated values (k,).
-
-    Where something is left out the label's interval is the last.
+    An interval is left out where the prior's density at an edge decides it.
     """
-    chosen, physical = analysis.chosen, shown(analysis)
-    value, white, robust, label = np.array(
-        [(v.value, v.sigma, v.sigma_robust, v.sigma_label) for v in chosen.verdicts], float
-    ).T
-    open_ = ~(np.isfinite(robust) & (robust > 0) & chosen.estimate.determined)
-    drawn = chosen.fit.bootstrap
-
-    def around(sd: Array) -> Array:
-        half = REACH * np.array([0.0, -1.0, 1.0])
-        ends: Array = value[:, None] + np.outer(np.where(open_, np.nan, sd), half)
-        return ends
-
-    roads = {"white σ": around(white), "robust σ": around(robust)}
-    if drawn is not None:
-        ends = np.column_stack([drawn.values.mean(0), drawn.interval()])
-        roads["block bootstrap"] = np.where(open_[:, None], np.nan, ends)
-    if physical is not None:
-        both = np.column_stack([physical.mean, physical.interval])
-        roads["posterior"] = np.where(physical.stated[:, None], both, np.nan)
-    if any(v.terms["omitted"] for v in chosen.verdicts):
-        roads["label"] = around(label)
-    centre = np.where(open_, np.nan if physical is None else physical.mean, value)
-    scale = np.where(open_, np.nan if physical is None else physical.sd, robust)
-    scale = np.where(scale > 0, scale, np.nan)
-    stated = np.array(stated_values(analysis, chosen), float)
-    layers = {n: (x - centre[:, None]) / scale[:, None] for n, x in roads.items()}
-    return layers, (stated - centre) / scale
+    summary = None if analysis.belief is None else analysis.belief.physical
+    if summary is None or not summary.trustworthy:
+        return None
+    ends = np.where(summary.stated[:, None], summary.interval, np.nan)
+    each = zip(analysis.chosen.verdicts, summary.mean, summary.sd, *ends.T, strict=True)
+    columns = (
+        Column("parameter", get=lambda row: Cell(row[0].name, note=label_note(row[0]))),
+        Column("estimate", stated_text, lambda row: row[0].value),
+        Column("mean", stated_text, itemgetter(1)),
+        Column("sd", digits(2), itemgetter(2)),
+        Column("from (95 %)", stated_text, itemgetter(3)),
+        Column("to", stated_text, itemgetter(4)),
+        Column("unit", get=lambda row: row[0].unit),
+    )
+    return Table.of("Posterior of each parameter", columns, each)
 
 
 def convergence_table(analysis: Analysis) -> Table | None:

@@ -50,9 +50,6 @@ def draw_all(names, value=1.0):
         figures.draw_shrink(names, x),
         figures.draw_gain(names, x),
         figures.draw_intervals(names, x, np.abs(x), "mass [kg]"),
-        figures.draw_forest(
-            names, {"one": np.stack([x, -x, x], 1), "b$": np.stack([x] * 3, 1)}, x, names[0]
-        ),
     ]
 
 
