@@ -230,22 +230,13 @@ def diagnose(
     common.print_result(result, written, told)
 
 
-@dataclass(frozen=True)
-class FittedBefore:
-    """How the model whose intervals are asked about is fitted."""
-
-    table: ClassVar[str] = "fit"
-
-    estimator: kinds.EstimatorKind = "auto"
-
-
 @Verb
 def calibrate(
     machine: options.Machine,
     logs: options.Logs,
     outputs: options.Outputs,
     work: options.Work,
-    fitted: FittedBefore,
+    fitted: options.Fitted,
     model: str | None = None,
     replicates: kinds.Repeated | None = None,
     names: kinds.Whole | None = None,
