@@ -32,7 +32,6 @@ from identifiability.report.blocks import (
     Fold,
     Moving,
     Notes,
-    Prose,
     Section,
     Term,
     Terms,
@@ -89,7 +88,6 @@ def analysis_sections(analysis: Analysis) -> list[Section | None]:
         None if analysis.nothing else section_correlated(analysis.fit),
         section_physics(analysis),
         None if analysis.belief is None else section_posterior(analysis),
-        section_structure(analysis),
         *_how(analysis),
     ]
 
@@ -218,37 +216,18 @@ def section_correlated(fit: Fit) -> Section:
     return section("analysis.correlated", picture("correlated", figure), text=text)
 
 
-# What the robot's structure allows to determine, and whether a real robot can have the values.
+# Whether a real robot can have the values.
 
 
 def section_physics(analysis: Analysis) -> Section:
-    """Return the certificate, and the nearest real robot with the room that its bodies have."""
-    physical, known = analysis.chosen.physical, analysis.robot.nominal
+    """Return the certificate, what bounds the nearest real robot, and what its bodies weigh."""
+    physical = analysis.chosen.physical
     assert physical is not None
-    nearest = physical.nearest
-    active = () if nearest is None else nearest.active_bodies
+    active = () if physical.nearest is None else physical.nearest.active_bodies
     held = sentence("analysis.held", "some" if active else "none", names=join(list(active)))
     certificate = f"{physical.sentence} {analysis.mass_warning}".rstrip()
-    margins = np.full(len(physical.region.names), np.nan) if nearest is None else nearest.margins
-    stated = physical.region.margins(analysis.structure.nominal)
-    columns = (Column("nearest real robot", digits(2)), Column("robot file", digits(2)))
-    rows = zip(physical.region.names, margins, stated, strict=True)
-    room = Table.of(sentence("analysis.room"), (Column("body"), *columns), rows)
-    units = {p.name: p.unit for p in analysis.base.parameters}
-    values = [(n, x, known.get(n), units.get(n, "")) for n, x in physical.parameters().items()]
-    columns = (Column("nearest real robot", stated_text), Column("robot file", stated_text))
-    every = Table.of("", (Column("parameter"), *columns, Column("unit")), values)
-    return section(
-        "analysis.physics",
-        mass_table(analysis.robot, physical.parameters()),
-        Fold("How much room each body has", (room,), detail=True),
-        Fold(
-            f"All {len(values)} parameters of the nearest real robot",
-            (Prose((sentence("analysis.one-of-them"),)), every),
-            detail=True,
-        ),
-        certificate=f"{certificate} {held}",
-    )
+    masses = mass_table(analysis.robot, physical.parameters())
+    return section("analysis.physics", masses, certificate=f"{certificate} {held}")
 
 
 def mass_table(robot: Robot, parameters: Mapping[str, float]) -> Table | None:
@@ -270,27 +249,6 @@ def mass_table(robot: Robot, parameters: Mapping[str, float]) -> Table | None:
         Column("robot file [kg]", stated_text),
     )
     return Table.of("Masses", columns, [*(tuple(row.values()) for row in rows), whole])
-
-
-def section_structure(analysis: Analysis) -> Section:
-    """Return the rank with its gap, the groupings, and what never acts."""
-    base = analysis.base
-    last, first = (format_number(x, 2) for x in base.gap)
-    size = format_count(len(base.parameters), "parameter")
-    columns = (Column("base parameter"), Column("combination"), Column("unit"))
-    table = Table.of("", columns, zip(base.names, base.labels, base.units, strict=True))
-    return section(
-        "analysis.structure",
-        Fold(f"Groupings of all {base.rank} base parameters", (table,)),
-        sentence("analysis.idle", names=", ".join(base.without_effect))
-        if base.without_effect
-        else None,
-        detail=True,
-        rank=base.rank,
-        size=size,
-        last=last,
-        first=first,
-    )
 
 
 # How it was done: motion, thresholds, words, versions.
