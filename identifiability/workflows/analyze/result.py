@@ -920,7 +920,7 @@ FOUND = ("value", "sigma", "sigmas")
 def file_table(analysis: Analysis) -> Table:
     """Return which numbers of the robot file may be believed, after these logs."""
     frame = analysis.file_frame()
-    counts = [f"{(frame['logs'] == word).sum()} {word}" for word in BELIEVED]
+    counts = [f"{(frame['logs'] == word).sum()} {word.rstrip('s')}" for word in BELIEVED]
     columns = (
         Column("parameter", get=lambda r: Cell(r.name, note=label_note(r))),
         Column("robot file", stated_text, "file"),

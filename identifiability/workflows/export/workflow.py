@@ -30,6 +30,7 @@ from identifiability.effects.vocabulary import (
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.documents import read_document, toml_text
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import BASE, GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.foundation.options import ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
@@ -446,6 +447,7 @@ def export(
         given = {n: v for n, v in given.items() if n.rpartition(".")[0] != BASE}
         robot = robot.turned(np.array(physical.gravity.direction))
     robot, given = settle_gravity(robot, given)
+    given |= _as_stated(robot, given)
     loaded = any(value and n in effect_of and effect_of[n].loaded for n, value in given.items())
     wanted, unseen, snippet, added = _find_format(Path(out), form), None, None, list[str]()
     alone, written = physical.error_ra, Written(Path(out), None, ())
@@ -496,6 +498,16 @@ def export(
         snippet=snippet,
         added=tuple(added),
     )
+
+
+def _as_stated(robot: Robot, given: Mapping[str, float]) -> dict[str, float]:
+    """Return the bodies that are those of the file but for rounding, as it states them."""
+    out: dict[str, float] = {}
+    for body in robot.bodies:
+        own = {n: robot.nominal[n] for n in (f"{body}.{kind}" for kind in INERTIAL_KINDS)}
+        apart = max(abs(given.get(n, np.inf) - x) for n, x in own.items())
+        out |= own if apart <= NEARLY * max(map(abs, own.values())) else {}
+    return out
 
 
 def _notes(robot: Robot, content: Result, kind: Kind | None, name: str) -> tuple[str, ...]:
