@@ -100,7 +100,7 @@ WRITTEN = {
     "prune": (["two-link", "run.csv"], ["--report", "--json", "--out"]),
     "diagnose": (["two-link", "run.csv"], ["--report", "--json", "--out", "--next"]),
     "calibrate": (["two-link", "run.csv"], ["--report", "--json"]),
-    "inspect": (["two-link"], ["--report", "--json", "--template"]),
+    "inspect": (["two-link"], ["--report", "--json"]),
     "predict": (["two-link", "r.json", "run.csv"], ["--report", "--json", "--out"]),
     "payload": (["two-link", "r.json", "run.csv"], ["--report", "--json"]),
     "compare": (["two-link", "run.csv", "r.json"], ["--report", "--json"]),

@@ -121,7 +121,7 @@ def test_the_readme_runs_from_top_to_bottom(tmp_path):
     for name in ("report.html", "inspection.html", "better.html"):
         page = (tmp_path / "study" / name).read_text(encoding="utf-8")
         assert page.rstrip().endswith("</html>")
-    for name in ("torque.csv", "fitted.xml", "again.csv", "template.csv", "result.json"):
+    for name in ("torque.csv", "fitted.xml", "again.csv", "result.json"):
         assert (tmp_path / "study" / name).is_file()
 
 

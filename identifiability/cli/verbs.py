@@ -122,10 +122,9 @@ def inspect(
     work: options.Work,
     logs: Annotated[Sequence[str], Argument(), options.Records()] = (),
     model: options.Model = None,
-    template: Annotated[Path | None, options.Writes(".csv")] = None,
 ) -> None:
     """Say what a robot file holds, what its logs must have, and what is in logs and odd."""
-    result, written = run(locals(), "inspect", ("write_template", "template"))
+    result, written = run(locals(), "inspect")
     needs = [] if result.records else [f"{n.text} {n.line}".rstrip() for n in result.needs]
     common.print_result(result, written, [text.replace("\n", " ") for text in needs])
 
@@ -231,22 +230,13 @@ def diagnose(
     common.print_result(result, written, told)
 
 
-@dataclass(frozen=True)
-class FittedBefore:
-    """How the model whose intervals are asked about is fitted."""
-
-    table: ClassVar[str] = "fit"
-
-    estimator: kinds.EstimatorKind = "auto"
-
-
 @Verb
 def calibrate(
     machine: options.Machine,
     logs: options.Logs,
     outputs: options.Outputs,
     work: options.Work,
-    fitted: FittedBefore,
+    fitted: options.Fitted,
     model: str | None = None,
     replicates: kinds.Repeated | None = None,
     names: kinds.Whole | None = None,

@@ -15,9 +15,7 @@ from identifiability.effects import title_of
 from identifiability.estimation.prediction import loaded_joints
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Cell, Column, Note, Table
-from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import (
-    REACH,
     digits,
     format_count,
     format_number,
@@ -32,30 +30,26 @@ from identifiability.report import plot
 from identifiability.report.blocks import (
     GLOSSARY,
     Fold,
-    Gallery,
     Moving,
     Notes,
-    Prose,
     Section,
     Term,
     Terms,
     fold_rows,
-    gallery,
     picture,
     section,
     torque_traces,
 )
-from identifiability.report.figures import MOST, draw_confusion, draw_forest, order_correlated
+from identifiability.report.figures import MOST, draw_confusion, order_correlated
 from identifiability.report.skeleton import move_with_torque
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.belief import Summary
 from identifiability.workflows.analyze.result import (
     error_tables,
     file_table,
+    label_note,
     model_title,
     parameter_table,
-    stated_values,
 )
 from identifiability.workflows.answers import (
     count_joints,
@@ -94,7 +88,6 @@ def analysis_sections(analysis: Analysis) -> list[Section | None]:
         None if analysis.nothing else section_correlated(analysis.fit),
         section_physics(analysis),
         None if analysis.belief is None else section_posterior(analysis),
-        section_structure(analysis),
         *_how(analysis),
     ]
 
@@ -223,37 +216,18 @@ def section_correlated(fit: Fit) -> Section:
     return section("analysis.correlated", picture("correlated", figure), text=text)
 
 
-# What the robot's structure allows to determine, and whether a real robot can have the values.
+# Whether a real robot can have the values.
 
 
 def section_physics(analysis: Analysis) -> Section:
-    """Return the certificate, and the nearest real robot with the room that its bodies have."""
-    physical, known = analysis.chosen.physical, analysis.robot.nominal
+    """Return the certificate, what bounds the nearest real robot, and what its bodies weigh."""
+    physical = analysis.chosen.physical
     assert physical is not None
-    nearest = physical.nearest
-    active = () if nearest is None else nearest.active_bodies
+    active = () if physical.nearest is None else physical.nearest.active_bodies
     held = sentence("analysis.held", "some" if active else "none", names=join(list(active)))
     certificate = f"{physical.sentence} {analysis.mass_warning}".rstrip()
-    margins = np.full(len(physical.region.names), np.nan) if nearest is None else nearest.margins
-    stated = physical.region.margins(analysis.structure.nominal)
-    columns = (Column("nearest real robot", digits(2)), Column("robot file", digits(2)))
-    rows = zip(physical.region.names, margins, stated, strict=True)
-    room = Table.of(sentence("analysis.room"), (Column("body"), *columns), rows)
-    units = {p.name: p.unit for p in analysis.base.parameters}
-    values = [(n, x, known.get(n), units.get(n, "")) for n, x in physical.parameters().items()]
-    columns = (Column("nearest real robot", stated_text), Column("robot file", stated_text))
-    every = Table.of("", (Column("parameter"), *columns, Column("unit")), values)
-    return section(
-        "analysis.physics",
-        mass_table(analysis.robot, physical.parameters()),
-        Fold("How much room each body has", (room,), detail=True),
-        Fold(
-            f"All {len(values)} parameters of the nearest real robot",
-            (Prose((sentence("analysis.one-of-them"),)), every),
-            detail=True,
-        ),
-        certificate=f"{certificate} {held}",
-    )
+    masses = mass_table(analysis.robot, physical.parameters())
+    return section("analysis.physics", masses, certificate=f"{certificate} {held}")
 
 
 def mass_table(robot: Robot, parameters: Mapping[str, float]) -> Table | None:
@@ -275,27 +249,6 @@ def mass_table(robot: Robot, parameters: Mapping[str, float]) -> Table | None:
         Column("robot file [kg]", stated_text),
     )
     return Table.of("Masses", columns, [*(tuple(row.values()) for row in rows), whole])
-
-
-def section_structure(analysis: Analysis) -> Section:
-    """Return the rank with its gap, the groupings, and what never acts."""
-    base = analysis.base
-    last, first = (format_number(x, 2) for x in base.gap)
-    size = format_count(len(base.parameters), "parameter")
-    columns = (Column("base parameter"), Column("combination"), Column("unit"))
-    table = Table.of("", columns, zip(base.names, base.labels, base.units, strict=True))
-    return section(
-        "analysis.structure",
-        Fold(f"Groupings of all {base.rank} base parameters", (table,)),
-        sentence("analysis.idle", names=", ".join(base.without_effect))
-        if base.without_effect
-        else None,
-        detail=True,
-        rank=base.rank,
-        size=size,
-        last=last,
-        first=first,
-    )
 
 
 # How it was done: motion, thresholds, words, versions.
@@ -347,7 +300,7 @@ MOTION = (
 # What is believed after the data: the parameters of the model to use by every road.
 
 
-#: Most rows of one forest plot.
+#: Names that a sentence has at most.
 ROWS = 14
 
 CONVERGENCE = with_hints(
@@ -367,7 +320,7 @@ def section_posterior(analysis: Analysis) -> Section:
     return section(
         "analysis.posterior",
         Notes(notes) if notes else None,
-        forest_gallery(analysis),
+        posterior_table(analysis),
         convergence_table(analysis),
         detail=True,
         title=model_title(analysis.chosen),
@@ -391,58 +344,26 @@ def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
     return (note("prior-sensitive", share=share, names=join(names, ROWS), limit=limit),)
 
 
-def shown(analysis: Analysis) -> Summary | None:
-    """Return the posterior; None where its numbers may not be shown."""
-    summary = None if analysis.belief is None else analysis.belief.physical
-    return summary if summary is not None and summary.trustworthy else None
+def posterior_table(analysis: Analysis) -> Table | None:
+    """Return the posterior of each parameter beside its estimate; none where it may not be shown.
 
-
-def forest_gallery(analysis: Analysis) -> Gallery:
-    """Return a forest plot of every `ROWS` parameters."""
-    names = analysis.chosen.submodel.columns
-    layers, stated = forest_layers(analysis)
-    pictures = []
-    for rows in np.array_split(np.arange(len(names)), -(-len(names) // ROWS)):
-        own = {n: v[rows] for n, v in layers.items()}
-        shown_names = [names[k] for k in rows]
-        figure = draw_forest(shown_names, own, stated[rows], analysis.robot.path.name)
-        ends = {"first": shown_names[0], "last": shown_names[-1]}
-        pictures.append(picture("forest", figure, **ends))
-    return gallery("forest", pictures)
-
-
-def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
-    """Return 95 % intervals of every road in σ_robust, (k, 3) each, and the stated values (k,).
-
-    Where something is left out the label's interval is the last.
+    An interval is left out where the prior's density at an edge decides it.
     """
-    chosen, physical = analysis.chosen, shown(analysis)
-    value, white, robust, label = np.array(
-        [(v.value, v.sigma, v.sigma_robust, v.sigma_label) for v in chosen.verdicts], float
-    ).T
-    open_ = ~(np.isfinite(robust) & (robust > 0) & chosen.estimate.determined)
-    drawn = chosen.fit.bootstrap
-
-    def around(sd: Array) -> Array:
-        half = REACH * np.array([0.0, -1.0, 1.0])
-        ends: Array = value[:, None] + np.outer(np.where(open_, np.nan, sd), half)
-        return ends
-
-    roads = {"white σ": around(white), "robust σ": around(robust)}
-    if drawn is not None:
-        ends = np.column_stack([drawn.values.mean(0), drawn.interval()])
-        roads["block bootstrap"] = np.where(open_[:, None], np.nan, ends)
-    if physical is not None:
-        both = np.column_stack([physical.mean, physical.interval])
-        roads["posterior"] = np.where(physical.stated[:, None], both, np.nan)
-    if any(v.terms["omitted"] for v in chosen.verdicts):
-        roads["label"] = around(label)
-    centre = np.where(open_, np.nan if physical is None else physical.mean, value)
-    scale = np.where(open_, np.nan if physical is None else physical.sd, robust)
-    scale = np.where(scale > 0, scale, np.nan)
-    stated = np.array(stated_values(analysis, chosen), float)
-    layers = {n: (x - centre[:, None]) / scale[:, None] for n, x in roads.items()}
-    return layers, (stated - centre) / scale
+    summary = None if analysis.belief is None else analysis.belief.physical
+    if summary is None or not summary.trustworthy:
+        return None
+    ends = np.where(summary.stated[:, None], summary.interval, np.nan)
+    each = zip(analysis.chosen.verdicts, summary.mean, summary.sd, *ends.T, strict=True)
+    columns = (
+        Column("parameter", get=lambda row: Cell(row[0].name, note=label_note(row[0]))),
+        Column("estimate", stated_text, lambda row: row[0].value),
+        Column("mean", stated_text, itemgetter(1)),
+        Column("sd", digits(2), itemgetter(2)),
+        Column("from (95 %)", stated_text, itemgetter(3)),
+        Column("to", stated_text, itemgetter(4)),
+        Column("unit", get=lambda row: row[0].unit),
+    )
+    return Table.of("Posterior of each parameter", columns, each)
 
 
 def convergence_table(analysis: Analysis) -> Table | None:

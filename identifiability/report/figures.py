@@ -12,7 +12,7 @@ import io
 import re
 import unicodedata
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import wraps
 from itertools import pairwise
 from pathlib import Path
@@ -523,19 +523,6 @@ def draw_ladder(
 # How well each parameter is known.
 
 
-#: Distances above this many σ are drawn at the edge.
-MOST_SIGMA = 6.0
-
-#: Look of the layers of a forest plot, in their order: colour and marker.
-LAYERS = (
-    (MUTED, "v"),
-    (BLUE, "o"),
-    (COLOURS["amber"], "s"),
-    (COLOURS["green"], "^"),
-    (COLOURS["purple"], "D"),
-    (INK, "P"),
-)
-
 #: Side of a cell of the map, and the most parameters that it holds [px].
 CELL, MOST = 17, 30
 
@@ -593,55 +580,6 @@ def draw_precision(
         axes.axvline(paper_limit, color=MUTED, label="10 × least (white)", **DASHED)
     legend_above(axes)
     return figure
-
-
-@drawn
-def draw_forest(
-    names: Sequence[str], layers: Mapping[str, Array], stated: Array, origin: str
-) -> Figure:
-    """Draw 95 % intervals of each parameter by several roads, below each other in its row.
-
-    Parameters
-    ----------
-    names : sequence of str
-    layers : mapping of str to (k, 3)
-        Centre, lower and upper end, as distances from the estimate in σ_robust; NaN for none. At
-        most as many as `LAYERS`.
-    stated : (k,)
-        The same of a stated value; NaN where nothing is stated.
-    origin : str
-        Who states it, for the legend.
-    """
-    lines = -(-(len(layers) + 1) // 2)
-    label = "distance from the estimate [σ robust]"
-    figure, axes = row_canvas(names, 9 * len(layers) + 10, top=14 + 17 * lines, xlabel=label)
-    axes.set_xlim(-MOST_SIGMA - 0.5, MOST_SIGMA + 0.5)
-    axes.axvline(0, color=INK, linewidth=1)
-    rows, step = np.arange(len(names)), 0.8 / max(len(layers), 1)
-    row_lines(axes, len(names))
-    style: Any = {"markersize": 5, "zorder": 3}
-    for k, (label, values) in enumerate(layers.items()):
-        colour, marker = LAYERS[k]
-        at = rows + (k - (len(layers) - 1) / 2) * step
-        x = values[:, 0]
-        low, high = (np.stack([np.clip(e, *axes.get_xlim()), at], 1) for e in values[:, 1:].T)
-        strokes(axes, low, high, colour, linewidth=1.6)
-        near = np.abs(x) <= MOST_SIGMA
-        axes.plot(x[near], at[near], marker, color=colour, label=label, **style)
-        draw_arrows(axes, x, at, colour, **style)
-    first, last = (np.stack([stated, rows + side], 1) for side in (-0.42, 0.42))
-    strokes(axes, first, last, VERMILION, linewidth=2)
-    draw_arrows(axes, stated, rows, VERMILION, **style)
-    axes.plot([], [], color=VERMILION, linewidth=2, label=plain(origin, 24))
-    legend_above(axes, handletextpad=0.4, handlelength=1.4, columnspacing=1.2)
-    return figure
-
-
-def draw_arrows(axes: Axes, x: Array, rows: Array, colour: str, **style: Any) -> None:
-    """Draw arrows at the edges of the axes for points more than `MOST_SIGMA` from zero."""
-    for marker, beyond in ((">", x > MOST_SIGMA), ("<", x < -MOST_SIGMA)):
-        at = np.copysign(MOST_SIGMA + 0.3, x[beyond])
-        axes.plot(at, rows[beyond], marker, color=colour, clip_on=False, **style)
 
 
 def order_correlated(correlation: Array, most: int = MOST) -> np.ndarray:

@@ -10,7 +10,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, field, replace
-from pathlib import Path
+from shlex import quote
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -20,11 +20,10 @@ from threadpoolctl import threadpool_limits
 from identifiability.effects.nominal import has_masses
 from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.engines import Engine
-from identifiability.foundation.errors import OutputError, listing
-from identifiability.foundation.findings import Finding, Level, ledger, phrase
+from identifiability.foundation.errors import listing
+from identifiability.foundation.findings import Level, ledger, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
-from identifiability.foundation.output import check_ending, check_writable, csv_text, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import (
     NONE,
@@ -421,20 +420,6 @@ class Inspection(OfStructure, Result):
             "provenance": dict(self.provenance),
         }
 
-    def write_template(self, path: str | Path) -> Path:
-        """Write a CSV with the columns that a log must have and one row, at home.
-
-        Raises
-        ------
-        OutputError
-            If it cannot be written, is no .csv, or is there with other content: a log.
-        """
-        check_ending(path, ".csv")
-        text, place = csv_text(template_frame(self.robot)), check_writable(path)
-        if place.exists() and place.read_bytes() != text.encode():
-            raise OutputError(Finding("template.there", path))
-        return self.note_written("template", write_text(path, text))
-
 
 # The inspection of a robot file, and of logs before anything is fitted to them.
 
@@ -565,11 +550,12 @@ def _open(result: Inspection) -> Answer:
 def _next_commands(result: Inspection) -> list[tuple[str, str]]:
     robot = source_name(result.robot)
     if not result.records:
-        template = f"identifiability inspect {robot} --template log.csv"
+        study = f"identifiability new study --robot {quote(str(result.robot.path))}"
         motion = f"identifiability excite {robot} --out motion.json --report motion.html"
-        known = result.written("template") is not None
-        first = [] if known else [("Write an empty log with the right columns:", template)]
-        return [*first, ("Find a motion that is worth measuring:", motion)]
+        return [
+            ("Begin a folder with an empty log of the right columns:", study),
+            ("Find a motion that is worth measuring:", motion),
+        ]
     logs = name_logs(result.robot, [r.path or r.name for r in result.records])
     judge = f"identifiability analyze {robot} {logs} --report report.html --json analyze.json"
     return [("Say which parameters they determine:", judge)]

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.pictures
 
 SECTIONS = (
     "prediction", "parameters", "models", "correlated", "physics",
-    "structure", "motion", "thresholds", "provenance", "ledger", "rules",
+    "motion", "thresholds", "provenance", "ledger", "rules",
 )  # fmt: skip
 
 

@@ -44,9 +44,6 @@ def draw_all(names, value=1.0):
         figures.draw_torque(t, wave, np.sin(9 * t), names[0], "N·m"),
         figures.draw_curve(t, wave, t, t, names[0], ("velocity [rad/s]", "torque [N·m]")),
         figures.draw_intervals(names, x, np.abs(x), "mass [kg]"),
-        figures.draw_forest(
-            names, {"one": np.stack([x, -x, x], 1), "b$": np.stack([x] * 3, 1)}, x, names[0]
-        ),
     ]
 
 

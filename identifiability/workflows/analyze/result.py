@@ -363,16 +363,15 @@ class Laddered(OfStructure, Result, predict.Predicts):
         logs = commands.name_logs(self.robot, names, how=how)
         if self.nothing:
             return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
-        chosen, given = self.chosen, commands.ladder_option(self.robot, self.source)
         of = f"{robot} {logs}{commands.held_back(self.validation)}"
-        again = f"identifiability {verb} {of}{given}"
-        find, out = f"identifiability diagnose {of}", []
+        again = f"identifiability {verb} {of}{commands.ladder_option(self.robot, self.source)}"
+        find, out = f"identifiability diagnose {of}", list[tuple[str, str]]()
         if verb == "prune":
             line = f"{find} --model {{file}}"
             find = commands.on_file(self, "model", "pruned.toml", f"{again} --out", line)
-        elif chosen.count(Class.IDENTIFIABLE) < len(chosen.submodel):
+        elif self.chosen.count(Class.IDENTIFIABLE) < len(self.chosen.submodel):
             text = "Drop what noise decides, and keep a model that a real robot can have:"
-            line = f"identifiability prune {of}{given} --report pruned.html --json prune.json"
+            line = f"{again.replace('analyze', 'prune', 1)} --report pruned.html --json prune.json"
             begun = commands.name_logs(self.robot, names, "--start-from", how)
             more = f"identifiability excite {robot} {begun} --out next.json"
             out = [(text, line), ("Or measure what these logs leave open:", more)]
@@ -380,8 +379,8 @@ class Laddered(OfStructure, Result, predict.Predicts):
         line = f"identifiability export {robot} {{file}} --out {name}"
         out.append((text, commands.on_file(self, "json", f"{verb}.json", f"{again} --json", line)))
         missing = ("Find out what the model misses:", f"{find} --report missing.html")
-        very_good = grade_of(chosen.error_ra_validation) == "very-good"
-        first = self.missing.functions or chosen.contradicted or not very_good
+        very_good = grade_of(self.chosen.error_ra_validation) == "very-good"
+        first = self.missing.functions or self.chosen.contradicted or not very_good
         return ([missing, *out] if first else [*out, missing])[:3]
 
     @cached_property
@@ -922,7 +921,7 @@ FOUND = ("value", "sigma", "sigmas")
 def file_table(analysis: Analysis) -> Table:
     """Return which numbers of the robot file may be believed, after these logs."""
     frame = analysis.file_frame()
-    counts = [f"{(frame['logs'] == word).sum()} {word}" for word in BELIEVED]
+    counts = [f"{(frame['logs'] == word).sum()} {word.rstrip('s')}" for word in BELIEVED]
     columns = (
         Column("parameter", get=lambda r: Cell(r.name, note=label_note(r))),
         Column("robot file", stated_text, "file"),

@@ -30,6 +30,7 @@ from identifiability.effects.vocabulary import (
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.documents import read_document, toml_text
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import BASE, GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.foundation.options import ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
@@ -344,16 +345,8 @@ class Exported:
         Errors of the files on logs that were not fitted, where some were given.
     mass : str
         What is wrong with the total mass, and the remedy; empty if nothing is.
-    anew : bool
-        Whether it is another format than the robot's own file, and so without geometry.
-    known : tuple of str
-        Torque that is known beforehand, which was taken off and stands in the sidecar alone.
-    gravity : str
-        Where it points, if not as the robot's own file says.
-    missing : tuple of str
-        Functions of a joint's motion or load that the result says are missing.
-    commanded : str
-        How far rollouts are off, of logs of commands.
+    notes : tuple of str
+        What else a user has to know of it.
     snippet : Path or None
         Torque of what the file cannot hold, as a function for MuJoCo.
     added : tuple of str
@@ -367,18 +360,14 @@ class Exported:
     error_ra_file: float | None
     mass: str
     unseen: Unseen | None = None
-    anew: bool = False
-    known: tuple[str, ...] = ()
-    gravity: str = ""
-    missing: tuple[str, ...] = ()
-    commanded: str = ""
+    notes: tuple[str, ...] = ()
     snippet: Path | None = None
     added: tuple[str, ...] = ()
 
     @property
     def statement(self) -> str:
         """What the files hold, in words."""
-        parts = [self.commanded]
+        parts = list[str]()
         if self.beside:
             beside = [f"{effect} ({listing(n, 4)})" for effect, n in self.beside.items()]
             stand = "it stands" if len(beside) == 1 else "they stand"
@@ -393,26 +382,13 @@ class Exported:
                 end = f", and both together err by {percent(self.error_ra)}"
             added = listing(self.added, 4)
             parts.append(f"In MuJoCo {self.snippet.name} adds {added} to it{end}.")
-        if self.gravity:
-            parts.append(f"{self.robot.name} holds a tilted base: gravity {self.gravity}.")
-        if self.known:
-            parts.append(
-                f"Torque that is known beforehand ({'; '.join(self.known)}) is beside what was "
-                f"fitted: it stands in the sidecar alone, and {self.robot.name} moves without it."
-            )
         if self.error_ra is not None and self.error_ra_file is not None:
             parts.append(
                 f"On the fitted logs the real robot errs by {percent(self.error_ra)}, and what "
                 f"{self.robot.name} alone holds by {percent(self.error_ra_file)}."
             )
         parts += [self.unseen.text] if self.unseen is not None else []
-        if self.anew:
-            parts.append(
-                f"{self.robot.name} is of another format than the robot's own file: it has no "
-                "geometry, so nothing is seen and nothing collides."
-            )
-        parts += state_missing(self.missing)
-        return " ".join(filter(None, parts))
+        return " ".join([*parts, *self.notes])
 
 
 @checked
@@ -471,6 +447,7 @@ def export(
         given = {n: v for n, v in given.items() if n.rpartition(".")[0] != BASE}
         robot = robot.turned(np.array(physical.gravity.direction))
     robot, given = settle_gravity(robot, given)
+    given |= _as_stated(robot, given)
     loaded = any(value and n in effect_of and effect_of[n].loaded for n, value in given.items())
     wanted, unseen, snippet, added = _find_format(Path(out), form), None, None, list[str]()
     alone, written = physical.error_ra, Written(Path(out), None, ())
@@ -517,14 +494,39 @@ def export(
         error_ra_file=alone,
         unseen=unseen,
         mass=state_mass(robot, given, physical.cad_prior),
-        anew=kind is not None and kind != file_kinds(robot)[0],
-        known=() if kind is None else tuple(k.text for k in robot.known_torque),
-        gravity="" if robot.tilt is None else robot.tilt.text,
-        missing=content.missing,
-        commanded="" if content.rollout is None else content.rollout.statement,
+        notes=_notes(robot, content, kind, written.robot.name),
         snippet=snippet,
         added=tuple(added),
     )
+
+
+def _as_stated(robot: Robot, given: Mapping[str, float]) -> dict[str, float]:
+    """Return the bodies that are those of the file but for rounding, as it states them."""
+    out: dict[str, float] = {}
+    for body in robot.bodies:
+        own = {n: robot.nominal[n] for n in (f"{body}.{kind}" for kind in INERTIAL_KINDS)}
+        apart = max(abs(given.get(n, np.inf) - x) for n, x in own.items())
+        out |= own if apart <= NEARLY * max(map(abs, own.values())) else {}
+    return out
+
+
+def _notes(robot: Robot, content: Result, kind: Kind | None, name: str) -> tuple[str, ...]:
+    """Return what else a user has to know of a file that was written."""
+    said = [] if content.rollout is None else [content.rollout.statement]
+    if robot.tilt is not None:
+        said.append(f"{name} holds a tilted base: gravity {robot.tilt.text}.")
+    if kind is not None and robot.known_torque:
+        known = "; ".join(k.text for k in robot.known_torque)
+        said.append(
+            f"Torque that is known beforehand ({known}) is beside what was fitted: it stands in "
+            f"the sidecar alone, and {name} moves without it."
+        )
+    if kind not in (None, file_kinds(robot)[0]):
+        said.append(
+            f"{name} is of another format than the robot's own file: it has no geometry, so "
+            "nothing is seen and nothing collides."
+        )
+    return (*said, *state_missing(content.missing))
 
 
 # How much files err on logs that were not fitted, as this package reads them.
@@ -634,6 +636,26 @@ def state_servos(robot: Robot, content: Result) -> str:
     )
 
 
+ACTUATORS = '''"""Servos of {title}, fitted: a configuration for Isaac Lab.
+
+Friction is torque [N·m], as Isaac Sim 5 and later take it; numbers are those of
+continuous time. What the logs do not determine by itself is near the robot file's.
+"""
+
+from isaaclab.actuators import DelayedPDActuatorCfg
+
+PHYSICS_DT = 0.001  # [s], that of your simulation: delays are whole steps of it
+DELAY = {delay:.6g}  # [s], from a command's row until it acts
+
+SERVOS = DelayedPDActuatorCfg(
+    joint_names_expr={joints!r},
+{rows}
+    min_delay=round(DELAY / PHYSICS_DT),
+    max_delay=round(DELAY / PHYSICS_DT),
+)
+'''
+
+
 def write_isaaclab(robot: Robot, given: Mapping[str, float], content: Result, out: Path) -> Path:
     """Write the servos as a configuration of actuators for Isaac Lab.
 
@@ -649,46 +671,33 @@ def write_isaaclab(robot: Robot, given: Mapping[str, float], content: Result, ou
             "of; give them in the sidecar: [servo] kp = …, kv = …."
         )
     delay = servo.delay if content.rollout is None else content.rollout.delay
-    kinds = {"armature": robot.inertia_parts[0], "friction": "Fc", "viscous_friction": "Fv"}
     limits = np.minimum(-servo.low, servo.high)
-    rows = {
-        "stiffness": dict(zip(robot.joints, servo.kp, strict=True)),
-        "damping": dict(zip(robot.joints, servo.kv, strict=True)),
-        "effort_limit": {j: x for j, x in zip(robot.joints, limits, strict=True) if np.isfinite(x)},
+    columns = {
+        "stiffness": servo.kp,
+        "damping": servo.kv,
+        "effort_limit": np.where(np.isfinite(limits), limits, np.nan),
         **{
-            word: {j: given.get(f"{j}.{kind}", 0.0) for j in robot.joints}
-            for word, kind in kinds.items()
+            word: np.array([given.get(f"{j}.{kind}", 0.0) for j in robot.joints])
+            for word, kind in (
+                ("armature", robot.inertia_parts[0]),
+                ("friction", "Fc"),
+                ("viscous_friction", "Fv"),
+                ("dynamic_friction", "Fc"),
+            )
         },
     }
-    rows["dynamic_friction"] = rows["friction"]
-    lines = [
-        f'"""Servos of {robot.title or robot.name}, fitted: a configuration for Isaac Lab.',
-        "",
-        "Friction is torque [N·m], as Isaac Sim 5 and later take it; numbers are those of",
-        "continuous time. What the logs do not determine by itself is near the robot file's.",
-        '"""',
-        "",
-        "from isaaclab.actuators import DelayedPDActuatorCfg",
-        "",
-        "PHYSICS_DT = 0.001  # [s], that of your simulation: delays are whole steps of it",
-        f"DELAY = {max(delay or 0.0, 0.0):.6g}  # [s], from a command's row until it acts",
-        "",
-        "SERVOS = DelayedPDActuatorCfg(",
-        f"    joint_names_expr={list(robot.joints)!r},",
-    ]
-    for word, values in rows.items():
-        if not values:
-            continue
-        lines.append(f"    {word}={{")
-        for joint, value in values.items():
-            lines.append(f'        "{joint}": {value:.6g},')
-        lines.append("    },")
-    lines += [
-        "    min_delay=round(DELAY / PHYSICS_DT),",
-        "    max_delay=round(DELAY / PHYSICS_DT),",
-        ")",
-    ]
-    return write_text(out, "\n".join(lines) + "\n")
+    rows = []
+    for word, values in columns.items():
+        pairs = zip(robot.joints, values.tolist(), strict=True)
+        known = ", ".join(f'"{j}": {x:.6g}' for j, x in pairs if not np.isnan(x))
+        rows += [f"    {word}={{{known}}},"] if known else []
+    text = ACTUATORS.format(
+        title=robot.title or robot.name,
+        delay=max(delay or 0.0, 0.0),
+        joints=list(robot.joints),
+        rows="\n".join(rows),
+    )
+    return write_text(out, text)
 
 
 def _find_format(out: Path, form: Format | None) -> Format:

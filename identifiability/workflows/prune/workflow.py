@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +17,8 @@ from identifiability.estimation.estimate import (
 )
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Evidence, HeldOut, near_best, weigh_models
-from identifiability.estimation.groups import Alternatives
 from identifiability.estimation.noise import Noise
-from identifiability.estimation.prediction import Prediction, Task, predict_all
+from identifiability.estimation.prediction import Task, predict_all
 from identifiability.foundation.engines import Engine, Steps, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.findings import of_key
@@ -30,7 +30,6 @@ from identifiability.foundation.options import (
     checked,
     settle_count,
 )
-from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import find_signal
@@ -179,7 +178,7 @@ def prune(
             )
             selected, settled = _choose(question, search, cad_prior)
             search, selected, thinned = thin_path(search, selected)
-            measured = measure_models(
+            measured, contradicted = measure_models(
                 question,
                 search,
                 selected,
@@ -190,7 +189,7 @@ def prune(
                 session=session,
                 progress=share(say, "measuring errors", 0.5, 1.0),
             )
-        hints = _hint(session, rows, measured, measured.models[selected])
+        hints = _hint(session, rows, contradicted, measured["models"][selected])
         return Ladder(
             structure=session.structure,
             samples=opening.samples,
@@ -215,23 +214,19 @@ def prune(
                 "prior": share_,
                 "preparation": preparation or Preparation(),
             },
-            models=measured.models,
-            everywhere=measured.everywhere,
-            nothing=measured.nothing,
-            missing=measured.missing,
+            **measured,
         )
 
 
 def _hint(
-    session: Session, rows: Weighed, measured: Measured, chosen: PrunedModel
+    session: Session, rows: Weighed, contradicted: str, chosen: PrunedModel
 ) -> tuple[str, ...]:
     """Return what seems to be wrong with robot file, logs and their cut-off."""
     opening = rows.opening
     other = of_key(opening.hints, "alternative")
     return (
         *other,  # under which all is said
-        measured.contradicted,
-        state_foreign(measured.models[0]) if opening.validation else "",
+        contradicted,
         rows.burst,
         *(hint for hint in opening.hints if hint not in other),
         *(() if session.recordings.commanded else say_band(getattr(session.how, "band", None))),
@@ -319,26 +314,6 @@ class Question:
         return FittedModel(structure, submodel, whole, submodel.reduce(whole), estimate)
 
 
-@frozen(kw_only=True)
-class Measured:
-    """The models of a path, measured.
-
-    Attributes
-    ----------
-    models : tuple of PrunedModel
-    everywhere, nothing, missing
-        As of a ladder.
-    contradicted : str
-        What the logs say of the file's bodies.
-    """
-
-    models: tuple[PrunedModel, ...]
-    everywhere: Prediction | None
-    nothing: str
-    missing: Alternatives
-    contradicted: str
-
-
 def measure_models(
     question: Question,
     search: Search,
@@ -350,8 +325,10 @@ def measure_models(
     rng: np.random.Generator,
     session: Session,
     progress: Steps,
-) -> Measured:
+) -> tuple[dict[str, Any], str]:
     """Fit every model of a path and say how it predicts, going through the logs once.
+
+    Returned are fields of a `Ladder`, and what the logs say of the file's bodies.
 
     Parameters
     ----------
@@ -420,23 +397,6 @@ def measure_models(
     else:
         models[chosen], hint = tell_with_file(model, result, within)
     used = int(result.physical_used)
-    return Measured(
-        models=tuple(models),
-        everywhere=predict_everywhere(session, rows, settled, used, turns),
-        nothing=nothing,
-        missing=missing,
-        contradicted=hint,
-    )
-
-
-def state_foreign(full: PrunedModel) -> str:
-    """Return that logs held out look like those of another robot, in one sentence."""
-    error, own = full.error_ra_validation, full.error_ra_unseen
-    constant = full.unseen.constant_error()
-    if not error > max(constant, 2.0 * own):
-        return ""
-    return (
-        f"The unpruned model predicts the logs held out worse ({percent(error)}) than a constant "
-        f"torque would ({percent(constant)}), and unseen stretches of the fitted ones to "
-        f"{percent(own)}: are they of the same robot, with the same units and signs?"
-    )
+    everywhere = predict_everywhere(session, rows, settled, used, turns)
+    fields = {"models": tuple(models), "everywhere": everywhere, "nothing": nothing}
+    return {**fields, "missing": missing}, hint
