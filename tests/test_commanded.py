@@ -296,7 +296,7 @@ def test_bodies_are_within_a_share_of_the_file_where_there_is_no_torque(arm, fra
 
 def _standard(robot):
     entry = find_ladder(robot, None, beside=True).entry
-    return Structure.of(robot, ladder_model(entry), np.random.default_rng(0))
+    return Structure.of(robot, ladder_model(entry))
 
 
 def _bodies(structure, share, rng):

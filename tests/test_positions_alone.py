@@ -21,7 +21,7 @@ EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inert
 
 @pytest.fixture(scope="module")
 def structure():
-    return Structure.of(Robot.load("two-link"), Model.of(*EFFECTS), np.random.default_rng(0))
+    return Structure.of(Robot.load("two-link"), Model.of(*EFFECTS))
 
 
 @pytest.fixture(scope="module")

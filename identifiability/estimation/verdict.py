@@ -302,12 +302,12 @@ def _bias(fit: Fit, sigma: Array) -> list[float | None]:
 def _say_missing(fit: Fit, k: int, without: Verdict, percent: float) -> str:
     """Return why a parameter loses the verdict that it would have if nothing were missing."""
     assert fit.alternatives is not None
-    known = f"±{percent_text(without.sigma_label_percent)} ({without.word})"
+    known = f"±{percent_text(without.sigma_label_percent, 3)} ({without.word})"
     seems = "seems to be" if fit.alternatives.named[k] else "may be"
     return (
         f"By the logs {fit.alternatives.names[k]} {seems} missing in the model. Without it this "
         f"would be {without.value:.4g}, known to {known}; with it the value is known only to "
-        f"±{percent_text(percent)}: find out what is missing (diagnose)."
+        f"±{percent_text(percent, 3)}: find out what is missing (diagnose)."
     )
 
 
@@ -315,7 +315,7 @@ def _decide(
     certain: bool, percent: float, effect: float, rules: Thresholds
 ) -> tuple[Class, tuple[Flag, ...], str]:
     """Return the verdict on a value of which enough is known to judge, its flags, and why."""
-    about = percent_text(percent)
+    about = percent_text(percent, 3)
     if certain and percent <= rules.sigma_percent:
         limit = f"limit {rules.sigma_percent:g} %"
         return Class.IDENTIFIABLE, (), f"Known to ±{about} ({limit}) and its sign is certain."
@@ -352,6 +352,6 @@ def _condition(fit: Fit, k: int, robust: float) -> str:
         return ""
     own = percent_of(robust, float(fit.estimate.value[k]))
     return (
-        f" In this model it stands for {left.stands_for[k]}, known to ±{percent_text(own)}; "
+        f" In this model it stands for {left.stands_for[k]}, known to ±{percent_text(own, 3)}; "
         "the rest of the uncertainty is what the model leaves out."
     )

@@ -18,7 +18,7 @@ from identifiability.foundation.linalg import (
     triangular_factor,
 )
 from identifiability.foundation.names import GROUPED_KINDS, Array, Parameter
-from identifiability.foundation.options import Expected, Rng, checked
+from identifiability.foundation.options import Expected, checked
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
@@ -201,16 +201,15 @@ def random_motion(robot: Robot, rng: np.random.Generator, count: int = 400) -> M
 def find_base_parameters(
     robot: KnownRobot,
     model: Annotated[Model, Expected("a Model, such as Model.of('rigid_body')")],
-    rng: Rng | None = None,
 ) -> BaseParameters:
     """Return the base parameters that the structure of a robot allows, from random states.
 
+    The states are always the same, else chance would decide which of nearly equal columns is kept.
     No motion can determine more; a measured motion may determine less.
     """
-    rng = rng or np.random.default_rng(0)
     parameters = model.parameters(robot)
     count = max(100, 4 * len(parameters) // len(robot.actuated))
-    W = model.regressor(robot, random_motion(robot, rng, count))
+    W = model.regressor(robot, random_motion(robot, np.random.default_rng(0), count))
     names = tuple(p.name for p in parameters)
     return group_columns(W.reshape(-1, W.shape[2]), parameters, robot.column_preference(names))
 
@@ -232,13 +231,13 @@ class Structure:
     base: BaseParameters
 
     @staticmethod
-    def of(robot: Robot, model: Model, rng: np.random.Generator | None = None) -> Structure:
+    def of(robot: Robot, model: Model) -> Structure:
         """Return the structure with what `find_base_parameters` finds.
 
         Of a model that says where gravity points the robot is one under that gravity.
         """
         robot = model.turn(robot)
-        return Structure(robot, model, find_base_parameters(robot, model, rng))
+        return Structure(robot, model, find_base_parameters(robot, model))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -14,9 +14,10 @@ Example
 True
 """
 
-from identifiability.foundation.answers import Cell, Column, Note, Table, frame_table
+from identifiability.foundation.answers import Answer, Cell, Column, Note, Table, frame_table
 from identifiability.report import plot
 from identifiability.report.blocks import (
+    Answers,
     Block,
     Fold,
     Gallery,
@@ -26,7 +27,6 @@ from identifiability.report.blocks import (
     Section,
     Term,
     Terms,
-    Tile,
     check_cell,
 )
 from identifiability.report.figures import COLOURS, canvas, drawn, plain, svg
@@ -36,6 +36,8 @@ build_analysis_page, write_analysis_report = build_page, write_result
 
 __all__ = [
     "COLOURS",
+    "Answer",
+    "Answers",
     "Block",
     "Cell",
     "Column",
@@ -50,7 +52,6 @@ __all__ = [
     "Table",
     "Term",
     "Terms",
-    "Tile",
     "build_analysis_page",
     "canvas",
     "check_cell",

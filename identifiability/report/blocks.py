@@ -1,4 +1,4 @@
-"""What a page is made of: sections of prose, notes, terms, tiles, tables, pictures and folds.
+"""What a page is made of: sections of prose, notes, terms, tables, pictures and folds.
 
 Titles, captions and leads come from `words.toml` (`section`, `picture`, `gallery`).
 """
@@ -56,16 +56,6 @@ class Terms:
 
     terms: tuple[Term, ...]
     kind: ClassVar[str] = "terms"
-
-
-@frozen
-class Tile:
-    """A headline number: large value, what it is, small print."""
-
-    value: str
-    label: str
-    note: str = ""
-    tone: str = ""
 
 
 @frozen

@@ -30,7 +30,6 @@ from identifiability.report.blocks import (
     Notes,
     Picture,
     Section,
-    Tile,
     section,
     sort_key,
     words_of,
@@ -53,10 +52,8 @@ class Page:
     sections : tuple of Section
     overline, subtitle : str
         What kind of page this is, and what it is about.
-    tiles : sequence of Tile
-        Headline numbers.
     summary : sequence of blocks
-        What belongs to the answer: caveats, a short list.
+        What belongs to the answer: `Answers`, caveats, a short list.
     kind : str
         Schema of the result that it shows, if it is one's.
     """
@@ -66,7 +63,6 @@ class Page:
     sections: tuple[Section, ...] = ()
     overline: str = ""
     subtitle: str = ""
-    tiles: Sequence[Tile] = ()
     summary: Sequence[Block] = ()
     kind: str = ""
 
@@ -116,7 +112,7 @@ def write_page(
     sections : sequence of Section
     path : str or Path
     more
-        `overline`, `subtitle`, `tiles` and `summary` of the `Page`.
+        `overline`, `subtitle` and `summary` of the `Page`.
 
     Raises
     ------

@@ -10,7 +10,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from identifiability.report import Cell, Column, Section, Table, Tile, write_page
+from identifiability.report import Answer, Answers, Cell, Column, Section, Table, write_page
 from paper_study.page import SCHEMA
 
 NAME = "index.html"
@@ -32,7 +32,7 @@ def write_index(folder: Path) -> Path:
         sections.append(Section("paper", "The paper, table by table", lead, (table,)))
     if others:
         rows = tuple((_link(p), Cell(find_statement(p))) for p in others)
-        table = Table("", (Column("report"), Column("in one line")), rows, cards=False)
+        table = Table("", (Column("report"), Column("in one line")), rows)
         sections.append(Section("others", "Other reports", "", (table,)))
     return write_page(
         "Reports",
@@ -41,7 +41,7 @@ def write_index(folder: Path) -> Path:
         folder / NAME,
         overline="identifiability",
         subtitle="What was computed, with one line of result each",
-        tiles=_tiles(list(studies.values())) if studies else (),
+        summary=[_agreement(list(studies.values()))] if studies else (),
     )
 
 
@@ -53,15 +53,14 @@ def _answer(studies: int, failed: list[str], others: int) -> str:
     return f"All {studies} studies of the paper pass their required checks."
 
 
-def _tiles(studies: list[dict[str, Any]]) -> list[Tile]:
+def _agreement(studies: list[dict[str, Any]]) -> Answers:
     required = [c for s in studies for c in s["checks"] if c["required"]]
     good = sum(c["passed"] for c in required)
     differ = sum(s["differing"] for s in studies)
     tone = "green" if good == len(required) else "vermilion"
-    return [
-        Tile(f"{good} / {len(required)}", "required checks pass", tone=tone),
-        Tile(str(differ), "printed numbers differ", "each with its reason"),
-    ]
+    short = f"{good} of {len(required)} required checks pass."
+    said = f"{differ} printed numbers differ, each with its reason."
+    return Answers((Answer("Do they agree?", short, said, tone),))
 
 
 def _study(path: Path) -> dict[str, Any] | None:

@@ -10,6 +10,8 @@ import pandas as pd
 
 from identifiability.foundation.output import write_json
 from identifiability.report import (
+    Answer,
+    Answers,
     Block,
     Cell,
     Gallery,
@@ -18,7 +20,6 @@ from identifiability.report import (
     Picture,
     Prose,
     Section,
-    Tile,
     frame_table,
     write_page,
 )
@@ -41,7 +42,6 @@ def write_study(result: StudyResult, folder: Path) -> list[Path]:
         folder / f"{result.name}.html",
         overline=OVERLINE,
         subtitle=result.question,
-        tiles=_tiles(result),
         summary=_summary(result),
     )
     return [data, page]
@@ -92,23 +92,16 @@ def _plain(x: Any) -> Any:
     return x.text if isinstance(x, Cell) else x
 
 
-def _tiles(result: StudyResult) -> list[Tile]:
-    good = sum(c.passed for c in result.checks)
-    if not result.checks:
-        return []
-    tone = "green" if result.passed else "vermilion"
-    required = sum(c.required for c in result.checks)
-    return [
-        Tile(f"{good} / {len(result.checks)}", "checks pass", f"{required} are required", tone=tone)
-    ]
-
-
 def _summary(result: StudyResult) -> list[Block]:
+    good, required = (sum(getattr(c, n) for c in result.checks) for n in ("passed", "required"))
     failed = [
         Note("warning", c.name, f"Required, and fails: {c.ours} instead of {c.tolerance}.")
         for c in result.failed
     ]
-    return [Notes(tuple(failed))] if failed else []
+    tone, said = "green" if result.passed else "vermilion", f"{required} are required."
+    short = f"{good} of {len(result.checks)} checks pass."
+    answers = [Answers((Answer("Does it agree?", short, said, tone),))] if result.checks else []
+    return [*answers, *([Notes(tuple(failed))] if failed else [])]
 
 
 def _sections(result: StudyResult) -> list[Section]:

@@ -23,7 +23,7 @@ BEYOND = """() => {
 }"""
 
 #: Texts that are cut off by their own box.
-CUT = """() => [...document.querySelectorAll("th, td, p, li, dd, .badge, .tile-value")].filter(
+CUT = """() => [...document.querySelectorAll("th, td, p, li, dd, .badge")].filter(
   (e) => e.checkVisibility() && e.scrollWidth > e.clientWidth + 1 && e.clientWidth > 0
     && getComputedStyle(e).overflow !== "visible").map((e) => e.outerHTML.slice(0, 90))"""
 

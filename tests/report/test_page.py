@@ -21,7 +21,6 @@ from identifiability.report import (
     Table,
     Term,
     Terms,
-    Tile,
     check_cell,
     frame_table,
     render_page,
@@ -60,7 +59,7 @@ def everything(text: str) -> Page:
         Fold(text, (Prose((text,)),)),
     )
     sections = (Section("one", text, text, blocks), Section("two", text))
-    return Page(text, text, sections, text, text, (Tile(text, text, text),), blocks[:1])
+    return Page(text, text, sections, text, text, blocks[:1])
 
 
 def test_every_text_of_every_block_is_escaped():

@@ -585,7 +585,7 @@ def analyze(
         robot = Robot.of(robot)
         source = find_ladder(robot, ladder, beside=True)
         with running(engine) as runner:  # workers are gone when their memory is wanted elsewhere
-            structure = Structure.of(robot, ladder_model(source.entry), streams[0])
+            structure = Structure.of(robot, ladder_model(source.entry))
             session = Session.read(structure, logs, validate, preparation, say, runner)
             commanded = session.recordings.commanded
             share_, cad_prior = settle_prior(prior, cad_prior, commanded)

@@ -155,7 +155,7 @@ def prune(
         with running(engine) as runner:
             robot = Robot.of(robot)
             source = find_ladder(robot, ladder, beside=False)
-            structure = Structure.of(robot, ladder_model(source.entry), streams[0])
+            structure = Structure.of(robot, ladder_model(source.entry))
             session = Session.read(structure, logs, validate, preparation, say, runner)
             commanded = session.recordings.commanded
             share_, cad_prior = settle_prior(prior, cad_prior, commanded)
