@@ -54,14 +54,15 @@ class Numbers:
                 f"units{', seconds' if self.column == 't' else ''}."
             )
         numbers = to_floats(given)
-        bad = np.flatnonzero(~np.isfinite(numbers))
-        large = np.flatnonzero(np.abs(numbers) > RULES.largest)
-        if len(bad) and self._first is None:
-            self._first = (self.rows + int(bad[0]), str(given.iloc[bad[0]])[:40])
-        if len(large) and self._large is None:
-            self._large = (self.rows + int(large[0]), float(numbers[large[0]]))
-        self.bad += len(bad)
-        self.empty += int(given.isna().sum()) if len(bad) else 0
+        bad, large = ~np.isfinite(numbers), np.abs(numbers) > RULES.largest
+        if bad.any() and self._first is None:
+            k = int(np.argmax(bad))
+            self._first = self.rows + k, str(given.iloc[k])[:40]
+        if large.any() and self._large is None:
+            k = int(np.argmax(large))
+            self._large = self.rows + k, float(numbers[k])
+        self.bad += int(bad.sum())
+        self.empty += int(given.isna().sum()) if bad.any() else 0
         self.rows += len(numbers)
         return numbers
 
