@@ -160,8 +160,8 @@ class Clock:
             odd.append(every[:, np.abs(steps - usual) > 0.4 * usual])
             back.append(every[:, ~(steps > 0)][:, :1])
         first, last = (float(t[0]), float(t[-1])) if len(t) else (np.nan, np.nan)
-        every = np.concatenate(odd, 1), np.concatenate(back, 1).T
-        return Clock(len(t), first, last, usual, longest, *every)
+        kept = np.concatenate(odd, 1), np.concatenate(back, 1).T
+        return Clock(len(t), first, last, usual, longest, *kept)
 
     def check(self, source: str) -> None:
         """Refuse times that are too few or do not increase.

@@ -272,7 +272,7 @@ def _read_states(
             )
         table, times = table[whole], times[whole]
     table = table.dropna(axis=1, how="all")
-    pairs = [name.rsplit(".", 1) for name in table]
+    pairs = [str(name).rsplit(".", 1) for name in table]
     driven = {joint for joint, kind in pairs if kind == "tau"}
     lacking = [k for k in ("q", "tau") if not any(kind == k for _, kind in pairs)]
     if lacking and (lacking != ["tau"] or not commanded):

@@ -150,7 +150,7 @@ def _on_grid(motion: Motion, step: float, moves: np.ndarray) -> Array:
     """Return what moves at even steps, about its mean."""
     at = np.arange(motion.t[0], motion.t[-1] + 0.5 * step, step)
     even = np.stack([np.interp(at, motion.t, x) for x in motion.actuated_q.T[moves]], 1)
-    return even - even.mean(0)
+    return np.asarray(even - even.mean(0))
 
 
 # A Fourier series of all that was measured, and the smoothed motion.
