@@ -218,24 +218,16 @@ def _unmeasured(
     """
     joints = known.motors if any(f"{m}.q" in taken for m in known.motors) else known.joints
     lacking = [j for j in joints if f"{j}.q" in taken and f"{j}.tau" not in taken]
-    free = _free(names, taken)
-    if len(lacking) == len(joints) or any(_may_be_torque(c, j) for c in free for j in lacking):
-        return []
-    return [f"{j}.tau" for j in lacking]
+    missing = [f"{j}.tau" for j in lacking]
+    spelt = [n for n in _free(names, taken) if _kind(n) not in SPELLED or _kind(n) == "tau"]
+    misspelt = any(nearest(name, spelt) is not None for name in missing)
+    return [] if len(lacking) == len(joints) or misspelt else missing
 
 
 def _free(names: Mapping[str, str], taken: Mapping[str, Column]) -> list[str]:
     """Return the columns that are not taken for anything."""
     used = {g.source for g in taken.values()}
     return [name for column, name in names.items() if column not in used]
-
-
-def _may_be_torque(column: str, joint: str) -> bool:
-    """Whether a column that is nothing else may be a joint's torque, misspelt."""
-    kinds = {KINDS[w] for w in words_of(column) if w in KINDS}
-    if {*words_of(joint)} <= {*words_of(column)}:
-        return _kind(column) not in SPELLED and kinds <= {"tau"}
-    return kinds == {"tau"} and nearest(_owner(column), [joint]) is not None
 
 
 # What makes SI units of a column: what the log states, else what the sidecar says.

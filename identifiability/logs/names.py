@@ -405,28 +405,16 @@ def take_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]
     Words that say nothing may be left out of a name, as in "FL_hip" for "FL_hip_joint", as long as
     a word is left.
     """
-    names = [words_of(joint) for joint in joints]
-    found = _standing(words, names, joints)
-    if not found:
-        brief = [[w for w in name if w not in SILENT] for name in names]
-        brief = [name if any(not w.isdecimal() for w in name) else [] for name in brief]
-        found = _standing(words, brief, joints)
-    if not found:
-        return "", list(words)
-    size, joint, k = max(found, key=lambda f: f[0])
-    alike = [other for length, other, _ in found if length == size]
-    if len(alike) > 1:  # two names that differ in case or signs only
-        return "", ["?"]
-    return joint, words[:k] + words[k + size :]
-
-
-def _standing(
-    words: list[str], names: Sequence[list[str]], joints: Sequence[str]
-) -> list[tuple[int, str, int]]:
-    """Return the joints whose names stand among some words: how long they are, which, and where."""
-    found = []
-    for name, joint in zip(names, joints, strict=True):
-        at = [k for k in range(len(words)) if words[k : k + len(name)] == name]
-        if at and name:
-            found.append((len(name), joint, at[0]))
-    return found
+    for brief in (False, True):
+        found = []
+        for joint in joints:
+            name = [w for w in words_of(joint) if not (brief and w in SILENT)]
+            at = [k for k in range(len(words)) if words[k : k + len(name)] == name]
+            if at and name and not (brief and all(map(str.isdecimal, name))):
+                found.append((len(name), at[0], joint))
+        if found:
+            size, k, joint = max(found, key=lambda f: f[0])
+            # Two names that differ in case or signs only cannot be told apart.
+            alike = sum(length == size for length, *_ in found) > 1
+            return ("", ["?"]) if alike else (joint, words[:k] + words[k + size :])
+    return "", list(words)
