@@ -25,7 +25,7 @@ LARGE = ("pandas", "scipy.stats", "matplotlib", "cvxpy", "mujoco", "joblib")
 REFUSED = [
     (["analyze", "missing.urdf", "run.csv"], "There is no robot file", ["numpy"]),
     (["diagnose", "two-link", "no.csv"], "There is no log file", ["pinocchio"]),
-    (["predict", "two-link", "result.json", "no.mcap"], "There is no bag", ["pinocchio"]),
+    (["predict", "two-link", "result.json", "no.mcap"], "There is no log file", ["pinocchio"]),
     (["prune", "two-link", "no.csv"], "There is no log file", ["pinocchio"]),
     (["payload", "two-link", "no.json", "run.csv"], "There is no result file", ["numpy"]),
     (["simulate", "two-link", "no.csv", "--out", "x.csv"], "no motion file", ["pinocchio"]),

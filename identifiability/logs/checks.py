@@ -54,14 +54,15 @@ class Numbers:
                 f"units{', seconds' if self.column == 't' else ''}."
             )
         numbers = to_floats(given)
-        bad = np.flatnonzero(~np.isfinite(numbers))
-        large = np.flatnonzero(np.abs(numbers) > RULES.largest)
-        if len(bad) and self._first is None:
-            self._first = (self.rows + int(bad[0]), str(given.iloc[bad[0]])[:40])
-        if len(large) and self._large is None:
-            self._large = (self.rows + int(large[0]), float(numbers[large[0]]))
-        self.bad += len(bad)
-        self.empty += int(given.isna().sum()) if len(bad) else 0
+        bad, large = ~np.isfinite(numbers), np.abs(numbers) > RULES.largest
+        if bad.any() and self._first is None:
+            k = int(np.argmax(bad))
+            self._first = self.rows + k, str(given.iloc[k])[:40]
+        if large.any() and self._large is None:
+            k = int(np.argmax(large))
+            self._large = self.rows + k, float(numbers[k])
+        self.bad += int(bad.sum())
+        self.empty += int(given.isna().sum()) if bad.any() else 0
         self.rows += len(numbers)
         return numbers
 
@@ -159,8 +160,8 @@ class Clock:
             odd.append(every[:, np.abs(steps - usual) > 0.4 * usual])
             back.append(every[:, ~(steps > 0)][:, :1])
         first, last = (float(t[0]), float(t[-1])) if len(t) else (np.nan, np.nan)
-        every = np.concatenate(odd, 1), np.concatenate(back, 1).T
-        return Clock(len(t), first, last, usual, longest, *every)
+        kept = np.concatenate(odd, 1), np.concatenate(back, 1).T
+        return Clock(len(t), first, last, usual, longest, *kept)
 
     def check(self, source: str) -> None:
         """Refuse times that are too few or do not increase.

@@ -113,7 +113,10 @@ def name_columns(
     """
     names = {name: rename(name.strip(), known) for name in found}
     guesses = _guess(names, known)
-    _refuse_repeated(found, guesses, source)
+    called = Counter(column.strip() for column in found)
+    for column in sorted(g.source.strip() for g in guesses):
+        if called[column] > 1:
+            raise LogError(f"{source} has the column '{column}' more than once; keep one of them.")
     torque = _has_torque(names, guesses)
     needed = ("q",) if known.motion_alone and not torque else ("q", "tau")
     every = known.commands or not torque  # beside torque those alone that are called as here
@@ -121,8 +124,10 @@ def name_columns(
     measured = [g for g in guesses if g.kind not in COMMANDS]
     for kind, other in (("q", BARE), ("tau", "current")):
         if not any(g.kind == kind for g in measured):
-            own = {"kind": kind, "current": other == "current"}
-            measured = [replace(g, **own) if g.kind == other else g for g in measured]
+            measured = [
+                replace(g, kind=kind, current=kind == "tau") if g.kind == other else g
+                for g in measured
+            ]
     literal = [g for g in measured if g.literal]
     if _all_there({g.name for g in literal}, known, needed):
         measured = [g for g in measured if g.literal or g.joint in known.locked]
@@ -160,13 +165,6 @@ def _guess(names: Mapping[str, str], known: Conventions) -> list[Column]:
     entries = find_entries(names, known)
     guesses = [entries[c] if c in entries else guess_column(c, n, joints) for c, n in names.items()]
     return [g for g in guesses if g is not None and (known.joints or g.literal)]
-
-
-def _refuse_repeated(found: Sequence[str], guesses: Sequence[Column], source: str) -> None:
-    called = Counter(column.strip() for column in found)
-    for column in sorted(g.source.strip() for g in guesses):
-        if called[column] > 1:
-            raise LogError(f"{source} has the column '{column}' more than once; keep one of them.")
 
 
 def _has_torque(names: Mapping[str, str], guesses: Sequence[Column]) -> bool:
@@ -220,24 +218,16 @@ def _unmeasured(
     """
     joints = known.motors if any(f"{m}.q" in taken for m in known.motors) else known.joints
     lacking = [j for j in joints if f"{j}.q" in taken and f"{j}.tau" not in taken]
-    free = _free(names, taken)
-    if len(lacking) == len(joints) or any(_may_be_torque(c, j) for c in free for j in lacking):
-        return []
-    return [f"{j}.tau" for j in lacking]
+    missing = [f"{j}.tau" for j in lacking]
+    spelt = [n for n in _free(names, taken) if _kind(n) not in SPELLED or _kind(n) == "tau"]
+    misspelt = any(nearest(name, spelt) is not None for name in missing)
+    return [] if len(lacking) == len(joints) or misspelt else missing
 
 
 def _free(names: Mapping[str, str], taken: Mapping[str, Column]) -> list[str]:
     """Return the columns that are not taken for anything."""
     used = {g.source for g in taken.values()}
     return [name for column, name in names.items() if column not in used]
-
-
-def _may_be_torque(column: str, joint: str) -> bool:
-    """Whether a column that is nothing else may be a joint's torque, misspelt."""
-    kinds = {KINDS[w] for w in words_of(column) if w in KINDS}
-    if {*words_of(joint)} <= {*words_of(column)}:
-        return _kind(column) not in SPELLED and kinds <= {"tau"}
-    return kinds == {"tau"} and nearest(_owner(column), [joint]) is not None
 
 
 # What makes SI units of a column: what the log states, else what the sidecar says.

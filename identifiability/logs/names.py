@@ -40,8 +40,8 @@ class Rule:
     Attributes
     ----------
     pattern : str
-        Words of names, or units, apart by spaces; ``a+b`` is ``a`` beside ``b``. Units are written
-        without spaces, dots and signs of powers.
+        Words of names, or units, apart by spaces. Units are written without spaces, dots and signs
+        of powers.
     channel : str
         What a column holds whose name has such a word: ``t``, a channel, ``current``, or ``base.``
         and what is measured of the base; ``name`` for text that says which joint others are about.
@@ -69,11 +69,11 @@ RULES = tuple(
     Rule(*row)
     for row in (
         ("q pos position positions angle angles theta qpos winkel lage", "q"),
-        ("dq qd qdot q+dot vel velo velocity velocities speed speeds qvel", "dq"),
+        ("dq qd qdot vel velo velocity velocities speed speeds qvel", "dq"),
         ("geschwindigkeit drehzahl vitesse", "dq"),
-        ("ddq qdd qddot q+ddot acc accel acceleration accelerations qacc beschleunigung", "ddq"),
-        ("tau tau+j torque torques trq effort efforts force forces moment", "tau"),
-        ("qfrc qfrc+actuator drehmoment kraft couple", "tau"),
+        ("ddq qdd qddot acc accel acceleration accelerations qacc beschleunigung", "ddq"),
+        ("tau torque torques trq effort efforts force forces moment", "tau"),
+        ("qfrc drehmoment kraft couple", "tau"),
         ("current currents curr strom courant", "current"),
         ("t time times timestamp timestamps stamp zeit stempel temps elapsed", "t"),
         ("name names", "name"),
@@ -81,54 +81,56 @@ RULES = tuple(
         ("setpoint action actions ctrl set goal planned nominal soll consigne", "wanted"),
         ("ff feedforward", "tau_ff"),
         ("joint joints dof dofs j axis axes state states robot arm actual act measured", "silent"),
+        ("actuator", "silent"),
         ("meas mes msr feedback fbk field data log value values achse axe ist wert a m", "silent"),
         ("policy controller servo motor motors output pd", "silent of commands"),
         ("acc accel accelerometer acceleration linear_acceleration a", "base.acc"),
         ("gyro gyroscope angular_velocity angular w omega ang_vel", "base.gyro"),
         ("pos position p", "base.pos"),
         ("quat quaternion orientation q", "base.quat"),
-        ("s sec secs second seconds", "", "time", 1.0),
-        ("ms msec millis milliseconds", "", "time", 1e-3),
-        ("us usec µs microseconds", "", "time", 1e-6),
-        ("ns nsec nanoseconds", "", "time", 1e-9),
-        ("rad radian radians", "", "angle", 1.0),
-        ("deg degree degrees ° Grad", "", "angle", math.pi / 180),
-        ("m", "", "length", 1.0),
-        ("cm", "", "length", 1e-2),
-        ("mm", "", "length", 1e-3),
-        ("rpm U/min tr/min", "", "angle/s", math.pi / 30),
-        ("Nm", "", "torque", 1.0),
-        ("Ncm", "", "torque", 1e-2),
-        ("mNm Nmm", "", "torque", 1e-3),
-        ("kNm", "", "torque", 1e3),
-        ("daNm", "", "torque", 10.0),
-        ("kgfm kgm", "", "torque", 9.80665),
-        ("kgfcm kgcm", "", "torque", 9.80665e-2),
-        ("lbfft lbft ftlbf ftlb", "", "torque", 1.3558179483),
-        ("lbfin lbin inlbf inlb", "", "torque", 0.1129848290),
-        ("N", "", "force", 1.0),
-        ("kN", "", "force", 1e3),
-        ("A Amp", "", "current", 1.0),
-        ("mA", "", "current", 1e-3),
     )
+) + tuple(
+    Rule(written, "", what, size)
+    for what, sizes in {
+        "time": {
+            "s sec secs second seconds": 1.0,
+            "ms msec millis milliseconds": 1e-3,
+            "us usec µs microseconds": 1e-6,
+            "ns nsec nanoseconds": 1e-9,
+        },
+        "angle": {"rad radian radians": 1.0, "deg degree degrees ° Grad": math.pi / 180},
+        "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+        "angle/s": {"rpm U/min tr/min": math.pi / 30},
+        "torque": {
+            "Nm": 1.0,
+            "Ncm": 1e-2,
+            "mNm Nmm": 1e-3,
+            "kNm": 1e3,
+            "daNm": 10.0,
+            "kgfm kgm": 9.80665,
+            "kgfcm kgcm": 9.80665e-2,
+            "lbfft lbft ftlbf ftlb": 1.3558179483,
+            "lbfin lbin inlbf inlb": 0.1129848290,
+        },
+        "force": {"N": 1.0, "kN": 1e3},
+        "current": {"A Amp": 1.0, "mA": 1e-3},
+    }.items()
+    for written, size in sizes.items()
 )
 
 
 def words_for(channel: str) -> tuple[str, ...]:
-    """Return the single words of a channel, in the order of the table."""
-    return tuple(w for r in RULES if r.channel == channel for w in r.words if "+" not in w)
+    """Return the words of a channel, in the order of the table."""
+    return tuple(w for r in RULES if r.channel == channel for w in r.words)
 
-
-_RATES = (("/s", ("/s", "/sec")), ("/s2", ("/s2", "/sec2")))
 
 #: Units by how they are written: what they measure, and how much of SI one is.
 UNITS = {name: (rule.unit, rule.gain) for rule in RULES if rule.unit for name in rule.words}
 UNITS |= {
-    f"{name}{end}": (f"{what}{rate}", size)
+    f"{name}{end}": (f"{what}{end.replace('sec', 's')}", size)
     for name, (what, size) in UNITS.items()
     if what in ("angle", "length")
-    for rate, ends in _RATES
-    for end in ends
+    for end in ("/s", "/sec", "/s2", "/sec2")
 }
 
 #: What stands where a column has no unit.
@@ -224,14 +226,6 @@ def split_unit(name: str) -> tuple[str, Unit | None]:
 CHANNEL_WORDS = {kind: words_for(kind) for kind in ("q", "dq", "ddq", "tau", "current")}
 KINDS = {word: kind for kind, words in CHANNEL_WORDS.items() for word in words}
 
-#: Two words for one, which stands for their channel.
-_PAIRS = {
-    tuple(word.split("+")): CHANNEL_WORDS[rule.channel][0]
-    for rule in RULES
-    for word in rule.words
-    if "+" in word
-}
-
 #: Words that say nothing about which joint and which channel, those of what was wanted and not
 #: measured, and for time; then what more says nothing, and is wanted, of commands.
 SILENT = frozenset(words_for("silent"))
@@ -322,6 +316,7 @@ def words_of(name: str) -> list[str]:
     (['actual', 'position', '1'], ['ist', 'strom', '2'])
     """
     apart = re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
+    apart = re.sub(r"\bq_(d{1,2}ot)", r"q\1", apart)
     words = (w.casefold() for w in re.findall(r"[^\W\d_]+|\d+", apart))
     return [part for word in words for part in _compounds().get(word, (word,))]
 
@@ -357,7 +352,8 @@ def guess_column(source: str, name: str, joints: Sequence[str]) -> Column | None
     if time is not None:
         return time
     joint, rest = take_joint(words, joints)
-    rest, unit = _pair(rest, unit)
+    if unit is None and rest and rest[-1] in ("rad", "deg", "nm", "mm"):
+        unit, rest = find_unit("Nm" if rest[-1] == "nm" else rest[-1]), rest[:-1]
     kinds = {KINDS[w] for w in rest if w in KINDS}
     numbers = [w for w in rest if w.isdecimal()]
     wanted = (COMMANDED | _AHEAD).intersection([*rest, *above])
@@ -371,17 +367,6 @@ def guess_column(source: str, name: str, joints: Sequence[str]) -> Column | None
         return None
     number = int(numbers[0]) if numbers and len(numbers[0]) < 4 else -1
     return Column(source, kind, joint, number, unit)
-
-
-def _pair(words: list[str], unit: Unit | None) -> tuple[list[str], Unit | None]:
-    """Return words with two that stand for one joined, and the unit if the last word is one."""
-    out = list(words)
-    for k in reversed(range(len(out) - 1)):
-        if (out[k], out[k + 1]) in _PAIRS:
-            out[k : k + 2] = [_PAIRS[out[k], out[k + 1]]]
-    if out and unit is None and out[-1] in ("rad", "deg", "nm", "mm"):
-        return out[:-1], find_unit({"nm": "Nm"}.get(out[-1], out[-1]))
-    return out, unit
 
 
 def unread_unit(name: str, joints: Sequence[str]) -> str:
@@ -420,28 +405,16 @@ def take_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]
     Words that say nothing may be left out of a name, as in "FL_hip" for "FL_hip_joint", as long as
     a word is left.
     """
-    names = [words_of(joint) for joint in joints]
-    found = _standing(words, names, joints)
-    if not found:
-        brief = [[w for w in name if w not in SILENT] for name in names]
-        brief = [name if any(not w.isdecimal() for w in name) else [] for name in brief]
-        found = _standing(words, brief, joints)
-    if not found:
-        return "", list(words)
-    size, joint, k = max(found, key=lambda f: f[0])
-    alike = [other for length, other, _ in found if length == size]
-    if len(alike) > 1:  # two names that differ in case or signs only
-        return "", ["?"]
-    return joint, words[:k] + words[k + size :]
-
-
-def _standing(
-    words: list[str], names: Sequence[list[str]], joints: Sequence[str]
-) -> list[tuple[int, str, int]]:
-    """Return the joints whose names stand among some words: how long they are, which, and where."""
-    found = []
-    for name, joint in zip(names, joints, strict=True):
-        at = [k for k in range(len(words)) if words[k : k + len(name)] == name]
-        if at and name:
-            found.append((len(name), joint, at[0]))
-    return found
+    for brief in (False, True):
+        found = []
+        for joint in joints:
+            name = [w for w in words_of(joint) if not (brief and w in SILENT)]
+            at = [k for k in range(len(words)) if words[k : k + len(name)] == name]
+            if at and name and not (brief and all(map(str.isdecimal, name))):
+                found.append((len(name), at[0], joint))
+        if found:
+            size, k, joint = max(found, key=lambda f: f[0])
+            # Two names that differ in case or signs only cannot be told apart.
+            alike = sum(length == size for length, *_ in found) > 1
+            return ("", ["?"]) if alike else (joint, words[:k] + words[k + size :])
+    return "", list(words)

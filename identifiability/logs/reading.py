@@ -119,12 +119,6 @@ def _resample(t: Array, x: Array, at: Array, name: str) -> Array:
 # `Reading`: the first reading of a table, piece by piece: what is what, and whether it can be.
 
 
-def _gaps(x: Array) -> int:
-    """Return the number of stretches in which a column (N,) is missing."""
-    gone = np.isnan(x).astype(int)
-    return int(gone[:1].sum() + (np.diff(gone) > 0).sum())
-
-
 def with_index(frame: pd.DataFrame) -> pd.DataFrame:
     """Return a table with its index as a column where it may be the time."""
     index = frame.index
@@ -305,8 +299,9 @@ class Reading:
         for few in [WINDOW] * is_long(len(t)) + [len(t)]:  # of a long log the first rows tell
             columns = {c: x[:few] for c, x in every.items()}
             # Torque that is missing for a while, or altogether, comes at no rate of its own.
-            gone = {c for c, x in columns.items() if c.endswith(".tau") and np.isnan(x).any()}
-            gone = {c for c in gone if 2 * _gaps(columns[c]) < RULES.fewest}
+            lost = {c: np.isnan(x) for c, x in columns.items() if c.endswith(".tau")}
+            ends = {c: np.count_nonzero(np.diff(x, prepend=False)) for c, x in lost.items()}
+            gone = {c for c, x in lost.items() if x.any() and ends[c] < RULES.fewest}
             kept = {*gone, *self.naming.commands}  # commands are held, whatever comes between
             own = {c: x for c, x in columns.items() if c not in kept}
             found, note = unify_rates({"t": t[:few]} | own)

@@ -92,16 +92,14 @@ class Spectrum:
         """Density of the noise, (K, n)."""
         last = len(self.f) - 1
         at = np.unique(np.geomspace(1, max(last, 1), LOOKS * 5).astype(int))
-        found = np.array([self._level(k) for k in at])
+        low = np.minimum((ABOVE[0] * at).astype(int), int(0.9 * last))
+        high = np.maximum((ABOVE[1] * at).astype(int), low + 2)
+        found = np.array(
+            [np.median(self.smooth[a:b], axis=0) for a, b in zip(low, high, strict=True)]
+        )
         nearest = np.clip(np.searchsorted(at, np.arange(last + 1), "right") - 1, 0, len(at) - 1)
         density: Array = found[nearest]
         return density
-
-    def _level(self, k: int) -> Array:
-        last = len(self.f) - 1
-        first = min(int(ABOVE[0] * k), int(0.9 * last))
-        level: Array = np.median(self.smooth[first : max(int(ABOVE[1] * k), first + 2)], axis=0)
-        return level
 
     @cached_property
     def motion(self) -> Array:

@@ -105,10 +105,10 @@ def read_pieces(path: Path, known: Conventions | None = None) -> Iterator[Whole]
         If the file is missing, is no table, damaged, or changes meanwhile.
     """
     found = find_reader(path)
-    place, missing = (path, MISSING) if found is None else (found.place(path), found.missing)
+    place = path if found is None else found.place(path)
     with parsing(path):
         if not place.exists():
-            raise LogError(missing.format(place))
+            raise LogError(MISSING.format(place))
         before = _stamp(place)
         if found is not None:
             yield found.read(path, known or Conventions())

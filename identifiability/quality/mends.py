@@ -17,6 +17,7 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.logs.contradictions import contradictions
+from identifiability.logs.rows import find_range
 from identifiability.logs.rules import RULES
 from identifiability.logs.spikes import Spike, Wraps, find_wraps, mend_column
 from identifiability.quality.registry import Does, Reading, check
@@ -59,35 +60,42 @@ def drop_stuck(log: Log) -> tuple[Log, list[Finding]]:
     """Return a log without rows and torque that stand still in mid-motion, and what was found."""
     if log.motion_alone or log.commanded or len(log) < RULES.stuck:
         return log, []
-    if log.long:  # of which no row is dropped, nor any stretch
-        return _silence_constant(log)
-    log, hung = _drop_hung(log)
-    log, constant = _silence_constant(log)
-    log, stuck = _silence_stuck(log)
-    return log, [*hung, *constant, *stuck]
+    log, found = (log, []) if log.long else _drop_hung(log)  # of a long one no row is dropped
+    (low, high), (least, most) = find_range(log.tau), find_range(log.q)
+    moved, runs = most - least, list[tuple[int, int, int]]()
+    if not moved.any():
+        return log, found
+    known = np.zeros(len(low), bool) if log.unmeasured is None else find_range(log.unmeasured)[0]
+    never = (low == high) & ~(known > 0) & ~np.isin(log.joints, BASE_JOINTS)
+    if never.any() and (low < high).any():
+        runs += [(int(k), 0, len(log)) for k in np.flatnonzero(never)]
+        columns = [f"{log.joints[k]}.tau" for k, *_ in runs]
+        where = [f"'{c}' = {low[k]:.4g}" for c, (k, *_) in zip(columns, runs, strict=True)]
+        told = {"where": where, "columns": columns, "rows": len(log)}
+        found = [*found, Finding("unmeasured", log.name, **told)]
+    for k in () if log.long else np.flatnonzero(low < high).tolist():
+        for a, b in find_runs(log.tau[:, [k]]):
+            value, path, little = float(log.tau[a, k]), log.q[a:b, k], RULES.moving * moved[k]
+            # No motor at its limit moves a joint there and back again, beyond both its ends.
+            ends = path[[0, -1]]
+            back = min(path.max() - ends.max(), ends.min() - path.min()) > little
+            limit = value in (low[k], high[k]) and not back
+            lost = log.unmeasured is not None and log.unmeasured[a, k]
+            if limit or np.ptp(path) <= little or lost:
+                continue
+            runs.append((k, a, b))
+            stands = {"joint": log.joints[k], "value": value, "first": a + 1, "last": b}
+            where, columns = [phrase("stuck", "stands", **stands)], [f"{log.joints[k]}.tau"]
+            found.append(Finding("stuck", log.name, where=where, rows=b - a, columns=columns))
+    return (log.changed(partial(_silence, runs=runs)) if runs else log), found
 
 
-def _silence_constant(log: Log) -> tuple[Log, list[Finding]]:
-    """Leave out torque that never changes, of joints that anything drives."""
-    rows = log.shown
-    never = np.ptp(rows.tau, axis=0) == 0
-    if never.all() or not np.ptp(rows.q, axis=0).any():
-        return log, []
-    known = np.zeros(len(never), bool) if rows.unmeasured is None else rows.unmeasured.all(0)
-    never &= ~known & ~np.isin(log.joints, BASE_JOINTS)
-    values = dict(zip(log.joints, rows.tau[0].tolist(), strict=True))
-    stuck = tuple(j for j, n in zip(log.joints, never, strict=True) if n)
-    if not stuck:
-        return log, []
-    where = [f"'{joint}.tau' = {values[joint]:.4g}" for joint in stuck]
-    columns = [f"{joint}.tau" for joint in stuck]
-    found = Finding("unmeasured", log.name, where=where, columns=columns, rows=len(log))
-    return log.changed(partial(_silence, joints=stuck)), [found]
-
-
-def _silence(log: Log, _: int, joints: tuple[str, ...]) -> Log:
-    gone = np.tile(np.isin(log.joints, joints), (len(log), 1))
-    return replace(log, unmeasured=gone if log.unmeasured is None else gone | log.unmeasured)
+def _silence(log: Log, origin: int, runs: Sequence[tuple[int, int, int]]) -> Log:
+    """Return rows of a log without torque in runs of the whole, (joint, first, last) each."""
+    gone = np.zeros(log.tau.shape, bool) if log.unmeasured is None else log.unmeasured.copy()
+    for k, a, b in runs:
+        gone[max(a - origin, 0) : max(b - origin, 0), k] = True
+    return replace(log, unmeasured=gone)
 
 
 def _drop_hung(log: Log) -> tuple[Log, list[Finding]]:
@@ -105,29 +113,6 @@ def _drop_hung(log: Log) -> tuple[Log, list[Finding]]:
     rows = int(gone.sum())
     found = Finding("hung", log.name, where=where, rows=rows, all=len(log), columns=("all",))
     return log.each(lambda c: c[~gone], t=log.t[~gone]), [found]
-
-
-def _silence_stuck(log: Log) -> tuple[Log, list[Finding]]:
-    """Leave out stretches in which torque stands still, but at a limit or with the joint."""
-    low, high = log.tau.min(0), log.tau.max(0)
-    gone = np.zeros(log.tau.shape, bool) if log.unmeasured is None else log.unmeasured.copy()
-    found = []
-    for k in np.flatnonzero((low < high) & np.ptp(log.q, axis=0).any()):
-        joint = log.joints[k]
-        for a, b in find_runs(log.tau[:, [k]]):
-            value = float(log.tau[a, k])
-            path, little = log.q[a:b, k], RULES.moving * np.ptp(log.q[:, k])
-            # No motor at its limit moves a joint there and back again, beyond both its ends.
-            ends = path[[0, -1]]
-            back = min(path.max() - ends.max(), ends.min() - path.min()) > little
-            limit = value in (low[k], high[k]) and not back
-            if limit or np.ptp(path) <= little or gone[a, k]:
-                continue
-            gone[a:b, k] = True
-            where = phrase("stuck", "stands", joint=joint, value=value, first=a + 1, last=b)
-            columns = (f"{joint}.tau",)
-            found.append(Finding("stuck", log.name, where=[where], rows=b - a, columns=columns))
-    return (replace(log, unmeasured=gone), found) if found else (log, [])
 
 
 def find_runs(x: Array) -> list[tuple[int, int]]:

@@ -145,7 +145,7 @@ def test_a_dictionary_of_arrays_is_a_log(arrays, known):
 def test_a_format_of_ones_own_is_one_function(tmp_path):
     """It is read, refused and missed like those of the library."""
 
-    @reader("lines of a logger", ".lines", missing="There is no logger at '{}'.")
+    @reader("lines of a logger", ".lines")
     def read_lines(path, known):
         if known.joints != ("shoulder",):
             raise ValueError(f"{known.joints} are not its joints")
@@ -162,7 +162,7 @@ def test_a_format_of_ones_own_is_one_function(tmp_path):
         with pytest.raises(LogError, match=r"cannot be read as lines of a logger: .* are not its"):
             Log.read(path)
         for look in (check_there, Log.read):
-            with pytest.raises(LogError, match=r"There is no logger at '.*other.lines'"):
+            with pytest.raises(LogError, match=r"There is no log file '.*other.lines'"):
                 look(tmp_path / "other.lines")
     finally:
         READERS.pop()

@@ -130,8 +130,6 @@ def read_bag(path: str | Path, known: Conventions) -> pd.DataFrame:
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """Open a bag; old ones that do not define their messages are read by today's definitions."""
-    if not path.exists():
-        raise LogError(f"There is no bag '{path}'; give a .mcap, .db3 or .bag file or a folder.")
     try:
         from rosbags.highlevel import AnyReader  # noqa: PLC0415 - an extra
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
@@ -274,7 +272,7 @@ def _read_states(
             )
         table, times = table[whole], times[whole]
     table = table.dropna(axis=1, how="all")
-    pairs = [name.rsplit(".", 1) for name in table]
+    pairs = [str(name).rsplit(".", 1) for name in table]
     driven = {joint for joint, kind in pairs if kind == "tau"}
     lacking = [k for k in ("q", "tau") if not any(kind == k for _, kind in pairs)]
     if lacking and (lacking != ["tau"] or not commanded):
@@ -299,7 +297,6 @@ def _read_states(
     *BAGS,
     sniff=lambda path: is_bag(split_topic(path)[0]),
     place=lambda path: split_topic(path)[0],
-    missing="There is no bag '{}'; give a .mcap, .db3 or .bag file or a folder.",
 )
 def read_joints(path: Path, known: Conventions) -> Whole:
     """Return the joint states of a bag; where messages differ, those of the robot's joints.

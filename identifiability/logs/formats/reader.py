@@ -51,8 +51,6 @@ class Reader:
         The file or folder of a path that names a part of it behind a colon.
     parts : callable(Path) -> list of Path
         The logs that a path names.
-    missing : str
-        What is said where nothing lies, with ``{}`` for the place.
     """
 
     kind: str
@@ -61,7 +59,6 @@ class Reader:
     sniff: Callable[[Path], bool]
     place: Callable[[Path], Path]
     parts: Callable[[Path], list[Path]]
-    missing: str
 
 
 #: All formats, in the order in which they are asked.
@@ -74,7 +71,6 @@ def reader(
     sniff: Callable[[Path], bool] = lambda _: False,
     place: Callable[[Path], Path] = Path,
     parts: Callable[[Path], list[Path]] = lambda path: [path],
-    missing: str = MISSING,
 ) -> Callable[[Read], Read]:
     """Register who reads a format; parameters as in `Reader`.
 
@@ -88,7 +84,7 @@ def reader(
     """
 
     def decorate(read: Read) -> Read:
-        READERS.append(Reader(kind, suffixes, read, sniff, place, parts, missing))
+        READERS.append(Reader(kind, suffixes, read, sniff, place, parts))
         return read
 
     return decorate
@@ -121,7 +117,7 @@ def check_there(path: Path) -> None:
     except OSError:  # no name of a file; its reader says why
         return
     if not there:
-        raise LogError((MISSING if found is None else found.missing).format(place))
+        raise LogError(MISSING.format(place))
     if other:  # a pipe would be waited for, a device has no end
         raise LogError(f"'{path}' is no file; give a CSV or Parquet file.")
     find_parts(path)

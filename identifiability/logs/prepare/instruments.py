@@ -74,8 +74,7 @@ def _find_record(log: Log, samples: Dataset, *, always: bool) -> SecondRecord | 
         motion = _derive(log.rollout, log, samples.cutoff)
         return motion, "the instruments' motion is that of the robot rolled out from commands"
     channels = [x for x in (log.q, log.dq, log.ddq) if x is not None]
-    # While a coarse encoder stands still, its noise does so too: differences do not see it.
-    noise = [np.maximum(noise_level(x, log.t), resolution(x) / np.sqrt(12)) for x in channels]
+    noise = [_noise(x, log.t) for x in channels]
     pairs = zip(noise, channels, strict=True)
     quiet = all(np.all(sd <= RULES.negligible * x.std(0)) for sd, x in pairs)
     if len(channels) == 3 and quiet and not always:
@@ -150,7 +149,7 @@ def _on_grid(motion: Motion, step: float, moves: np.ndarray) -> Array:
     """Return what moves at even steps, about its mean."""
     at = np.arange(motion.t[0], motion.t[-1] + 0.5 * step, step)
     even = np.stack([np.interp(at, motion.t, x) for x in motion.actuated_q.T[moves]], 1)
-    return even - even.mean(0)
+    return np.asarray(even - even.mean(0))
 
 
 # A Fourier series of all that was measured, and the smoothed motion.
@@ -212,11 +211,15 @@ def _derive(q: Array, log: Log, cutoff: float | None) -> tuple[Array, Array, Arr
 
 def noise_again(log: Log, rng: np.random.Generator) -> Log:
     """Return a log with as much noise once more on positions, and on velocities if measured."""
-    dq = None if log.dq is None else log.dq + _white_as(log.dq, log.t, rng)
-    return replace(log, q=log.q + _white_as(log.q, log.t, rng), dq=dq)
+
+    def more(x: Array) -> Array:
+        return np.asarray(x + _noise(x, log.t) * rng.standard_normal(x.shape))
+
+    dq = None if log.dq is None else more(log.dq)
+    return replace(log, q=more(log.q), dq=dq)
 
 
-def _white_as(x: Array, t: Array, rng: np.random.Generator) -> Array:
-    """Return white noise of the size of that in signals (N, n)."""
-    level = np.maximum(noise_level(x, t), resolution(x) / np.sqrt(12))
-    return np.asarray(level * rng.standard_normal(x.shape))
+def _noise(x: Array, t: Array) -> Array:
+    """Return the standard deviation of white noise in signals (N, n), (n,)."""
+    # While a coarse encoder stands still, its noise does so too: differences do not see it.
+    return np.maximum(noise_level(x, t), resolution(x) / np.sqrt(12))

@@ -291,19 +291,15 @@ class Plan:
         return signals.Decimation(self.factor) if self.factor > 1 else None
 
     @property
-    def filter_reach(self) -> int:
-        """Samples on each side that derivatives and dwells draw on."""
-        filtered = 0
-        if self.cutoff is not None:
-            filtered = signals.settling_rows(self.step, self.cutoff) + 2 * signals.REACH
-        elif self.smoothing is not None:
-            filtered = signals.settling_rows(self.step, self.smoothing.cutoff)
-        return filtered + (0 if self.dwells is None else self.dwells.reach) + 1
-
-    @property
     def reach(self) -> int:
-        """Samples on each side that an output draws on."""
-        return self.filter_reach + (0 if self.decimation is None else self.decimation.reach)
+        """Samples on each side that an output draws on: for derivatives, dwells and decimation."""
+        found = 1
+        if self.cutoff is not None:
+            found += signals.settling_rows(self.step, self.cutoff) + 2 * signals.REACH
+        elif self.smoothing is not None:
+            found += signals.settling_rows(self.step, self.smoothing.cutoff)
+        found += 0 if self.dwells is None else self.dwells.reach
+        return found + (0 if self.decimation is None else self.decimation.reach)
 
     def speed_noise(self, windows: Sequence[Log]) -> Array:
         """Return the standard deviation of noise in the speeds that are used, (n,)."""
@@ -642,8 +638,16 @@ def settle_cutoff(
 
 
 def _settle(robot: Robot, logs: Sequence[Windows], how: Preparation) -> SettledPreparation:
-    """Return the preparation for logs, from windows of each."""
-    band = _choose_band(robot, logs, how.cutoff)
+    """Return the preparation with one band of what is differentiated, from windows of each log."""
+    spectra: list[Spectrum] = []
+    for raw in logs:
+        windows = [joint_log(robot, w) for w in raw.even(0.5 / RULES.cutoff_lowest)]
+        source, order = ([w.q for w in windows], 2)
+        if windows[0].dq is not None:
+            source, order = [w.dq for w in windows if w.dq is not None], 1
+        spectra += spectra_of(source, raw.gaps.step, order)
+    sliding = [robot.is_prismatic(int(k)) for k in robot.actuated]
+    band = choose_band(spectra, sliding, how.cutoff)
     own = {"cutoff": band.cutoff, "outputs": how.outputs or band.outputs, "band": band}
     return SettledPreparation(**{**vars(how), **own})
 
@@ -652,18 +656,6 @@ def _is_filtered(log: Log, how: Preparation) -> bool:
     """Return whether derivatives of a log are computed after a low-pass."""
     have = {"dq", "ddq"} <= set(log.channels)
     return how.derivatives == "butterworth" or (how.derivatives == "auto" and not have)
-
-
-def _choose_band(robot: Robot, logs: Sequence[Windows], cutoff: float | None) -> Band:
-    """Return the band of what is differentiated."""
-    spectra: list[Spectrum] = []
-    for raw in logs:
-        windows = [joint_log(robot, w) for w in raw.even(0.5 / RULES.cutoff_lowest)]
-        source, order = ([w.q for w in windows], 2)
-        if windows[0].dq is not None:
-            source, order = [w.dq for w in windows if w.dq is not None], 1
-        spectra += spectra_of(source, raw.gaps.step, order)
-    return choose_band(spectra, [robot.is_prismatic(int(k)) for k in robot.actuated], cutoff)
 
 
 def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
@@ -688,7 +680,9 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
         how = _settle(robot, [raw], how)
     plan = _plan_motion(log, raw, how)
     if plan.cutoff is None:
-        plan = replace(plan, smoothing=_choose_smoothing(windows, plan.step))
+        speeds = [w.dq for w in windows if w.dq is not None]
+        if len(speeds[0]) > SHORT:
+            plan = replace(plan, smoothing=Smoothing.choose(speeds, plan.step))
     if stale is not None:
         notes += [stale.note] if stale.note else []
     if len(windows) > 1:
@@ -704,7 +698,8 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
             "what holds the weight by the file was added to the measured torque, which lacks it "
             "(compensated): what gravity tells of masses is the file's"
         )
-    plan = replace(plan, factor=_choose_factor(plan, how), stale=stale)
+    own = 1 if plan.band is None else max(1, int(0.5 / (plan.band * plan.step)))
+    plan = replace(plan, factor=own if how.decimate is None else how.decimate, stale=stale)
     dwells = None
     if not how.keep_rest:
         stays = Stays.of(plan, windows, raw.origins)
@@ -756,18 +751,3 @@ def _plan_filter(log: Log, gaps: Gaps, plan: Plan, how: Preparation) -> Plan:
         f"4th-order Butterworth low-pass at {cutoff:.3g} Hz{kept}{reason}{jitter}"
     )
     return replace(plan, step=dt, cutoff=cutoff, band=outputs, notes=(note,))
-
-
-def _choose_smoothing(windows: Sequence[Log], dt: float) -> Smoothing | None:
-    """Return how measured velocities are smoothed, for their signs."""
-    speeds = [w.dq for w in windows if w.dq is not None]
-    return Smoothing.choose(speeds, dt) if len(speeds[0]) > SHORT else None
-
-
-def _choose_factor(plan: Plan, how: Preparation) -> int:
-    """Return the decimation asked for, or the one that suits the cut-off."""
-    if how.decimate is not None:
-        return how.decimate
-    if plan.band is None:
-        return 1
-    return max(1, int(0.5 / (plan.band * plan.step)))
