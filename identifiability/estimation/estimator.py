@@ -601,9 +601,10 @@ def _solve(
     dropped = np.delete(np.arange(k), kept)
     never, m, value = np.eye(k)[:, dropped], len(kept), np.zeros(k)
     covariance = np.zeros((k, k))
-    if kept:
+    if kept and len(dropped):
         never[kept] = -np.linalg.lstsq(unit[:, kept], unit[:, dropped], rcond=None)[0]
         R = triangular_factor(R[:, [*kept, k]])
+    if kept:
         value[kept] = solve_triangular(R[:m, :m], R[:m, m])
     rss = information.squares(np.append(-value, 1.0))
     if kept:
