@@ -92,6 +92,8 @@ def test_what_cannot_be_is_refused(made):
         payload(robot, empty, loaded, mass=1.0, centre=(1.0, 2.0))
     with pytest.raises(OptionError, match="mass"):
         payload(robot, empty, loaded, mass=-1.0)
+    with pytest.raises(OptionError, match="give the centre, too"):
+        payload(robot, empty, loaded, mass=3.0)
     with pytest.raises(OptionError, match="and this its mass"):
         payload(robot, empty, loaded, centre=(0.0, 0.0, 0.1))
 

@@ -496,6 +496,8 @@ def payload_heading(result: Load) -> tuple[str, str]:
 
 def payload_moving(result: Load) -> Moving | None:
     """Return the robot with its load, over what that adds to the torque of a joint."""
+    if result.gains:  # columns may be in any unit
+        return None
     robot, torque = result.robot, result.estimate.torque
     body, log = robot.bodies.index(result.body), shorten_paths(result.logs)[0]
     mass, centre = result.parameters[9], result.parameters[6:9]

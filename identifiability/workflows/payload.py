@@ -506,6 +506,10 @@ def payload(
                 "Logs without the load stand for a result only where its mass is known: give the "
                 "mass (--mass), or first a result of analyze and these logs as `without`."
             )
+        if empty and centre is None:  # by one gain of all joints it would be found elsewhere
+            raise OptionError(
+                "Each torque column may have its own gain: give the centre, too (--centre)."
+            )
         fit = None if empty else find_fit(cast("FitLike", result), robot)
         structure = _without_gains(robot) if fit is None else fit.structure
         submodel = full_model(structure.base) if fit is None else fit.submodel
