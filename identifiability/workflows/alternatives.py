@@ -181,6 +181,7 @@ class _Rows:
         same = np.arange(n), np.ones(n), np.zeros(n), np.zeros(n, bool)
         self.plain = Alternative("", "", *same, g)
         self.products, self.torque = cache(self._products), cache(self._torque)
+        self.crosses = cache(self._crosses)
         #: Of the log [s].
         self.step = float(np.median(np.diff(self.seen.pieces[0].motion.t)))
 
@@ -333,6 +334,10 @@ class _Rows:
         weight = np.column_stack([np.ones(len(a.lacks)), np.outer(~a.lacks, a.gravity)])
         return np.asarray(weight[:, : self.parts.shape[3]] / a.factor[:, None])
 
+    def _crosses(self, j: int, by: float, beside: bool) -> Array:
+        """Return the products of the parts of a joint with all torque, (b k, n)."""
+        return np.asarray(self.products(j, beside)[0].T @ self.torque(j, by, beside))
+
     def _torque_of(self, a: Alternative, j: int, beside: bool) -> Array:
         return self.torque(j, float(a.late[j]), beside)[:, a.order[j]]
 
@@ -344,10 +349,10 @@ class _Rows:
         w, (b, k), n = self._weights(a), self.parts.shape[2:], len(a.lacks)
         A, h, square = np.empty((n, b, b)), np.empty((n, b)), np.empty(n)
         for j, own in enumerate(w):
-            rows, gram = self.products(j, beside)
-            y = self._torque_of(a, j, beside)
+            gram, y = self.products(j, beside)[1], self._torque_of(a, j, beside)
+            cross = self.crosses(j, float(a.late[j]), beside)[:, a.order[j]]
             A[j] = np.einsum("a,paqb,b->pq", own, gram.reshape(b, k, b, k), own, optimize=True)
-            h[j], square[j] = (y @ rows).reshape(b, k) @ own, y @ y
+            h[j], square[j] = cross.reshape(b, k) @ own, y @ y
         scale = self.variation[a.order] * np.maximum(self.data.sum(0), 1)
         weight = 1.0 / scale
         for _ in range(3):
