@@ -6,7 +6,7 @@ without torque, derivatives of another motion.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -62,8 +62,8 @@ def drop_stuck(log: Log) -> tuple[Log, list[Finding]]:
         return log, []
     log, found = (log, []) if log.long else _drop_hung(log)  # of a long one no row is dropped
     (low, high), (least, most) = find_range(log.tau), find_range(log.q)
-    moved, runs = most - least, list[tuple[int, int, int]]()
-    if not moved.any():
+    runs = list[tuple[int, int, int]]()
+    if (least == most).all():
         return log, found
     known = np.zeros(len(low), bool) if log.unmeasured is None else find_range(log.unmeasured)[0]
     never = (low == high) & ~(known > 0) & ~np.isin(log.joints, BASE_JOINTS)
@@ -73,21 +73,26 @@ def drop_stuck(log: Log) -> tuple[Log, list[Finding]]:
         where = [f"'{c}' = {low[k]:.4g}" for c, (k, *_) in zip(columns, runs, strict=True)]
         told = {"where": where, "columns": columns, "rows": len(log)}
         found = [*found, Finding("unmeasured", log.name, **told)]
-    for k in () if log.long else np.flatnonzero(low < high).tolist():
+    for k, a, b in () if log.long else _find_stuck(log, low, high):
+        runs.append((k, a, b))
+        stands = {"joint": log.joints[k], "value": float(log.tau[a, k]), "first": a + 1, "last": b}
+        where, columns = [phrase("stuck", "stands", **stands)], [f"{log.joints[k]}.tau"]
+        found.append(Finding("stuck", log.name, where=where, rows=b - a, columns=columns))
+    return (log.changed(partial(_silence, runs=runs)) if runs else log), found
+
+
+def _find_stuck(log: Log, low: Array, high: Array) -> Iterator[tuple[int, int, int]]:
+    """Yield where torque stands still, but at a limit or with its joint: (joint, first, last)."""
+    for k in np.flatnonzero(low < high).tolist():
         for a, b in find_runs(log.tau[:, [k]]):
-            value, path, little = float(log.tau[a, k]), log.q[a:b, k], RULES.moving * moved[k]
+            path, little = log.q[a:b, k], RULES.moving * np.ptp(log.q[:, k])
             # No motor at its limit moves a joint there and back again, beyond both its ends.
             ends = path[[0, -1]]
             back = min(path.max() - ends.max(), ends.min() - path.min()) > little
-            limit = value in (low[k], high[k]) and not back
+            limit = log.tau[a, k] in (low[k], high[k]) and not back
             lost = log.unmeasured is not None and log.unmeasured[a, k]
-            if limit or np.ptp(path) <= little or lost:
-                continue
-            runs.append((k, a, b))
-            stands = {"joint": log.joints[k], "value": value, "first": a + 1, "last": b}
-            where, columns = [phrase("stuck", "stands", **stands)], [f"{log.joints[k]}.tau"]
-            found.append(Finding("stuck", log.name, where=where, rows=b - a, columns=columns))
-    return (log.changed(partial(_silence, runs=runs)) if runs else log), found
+            if not (limit or np.ptp(path) <= little or lost):
+                yield k, a, b
 
 
 def _silence(log: Log, origin: int, runs: Sequence[tuple[int, int, int]]) -> Log:

@@ -26,7 +26,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import numbered
+from identifiability.foundation.names import Array, numbered
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.reader import Whole, hash_files, reader
 
@@ -183,28 +183,42 @@ def _choose_commands(path: Path, reader: Any, wanted: str) -> str:
     return chosen[0] if len(chosen) == 1 else ""
 
 
-def _row(names: Sequence[str], values: Mapping[str, Any]) -> dict[str, float]:
-    """Return what a message says of joints, by columns of a log, but of arrays it left empty."""
-    told = {kind: x for kind, x in values.items() if len(x) == len(names)}
-    return {f"{n}.{kind}": y for kind, x in told.items() for n, y in zip(names, x, strict=True)}
+def _table(messages: Iterable[tuple[Sequence[str], Mapping[str, Any]]]) -> pd.DataFrame:
+    """Return what messages say of joints, a row each, by columns of a log.
+
+    Parameters
+    ----------
+    messages : iterable of (names, channels)
+        Names of joints, and values in their order by channel; arrays that are left empty are none.
+    """
+    import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
+
+    groups: dict[tuple[str, ...], tuple[list[int], list[Array]]] = {}
+    for k, (names, channels) in enumerate(messages):
+        told = {kind: x for kind, x in channels.items() if len(x) == len(names)}
+        at, own = groups.setdefault(tuple(f"{n}.{kind}" for kind in told for n in names), ([], []))
+        at.append(k)
+        own.append(np.concatenate([[], *told.values()]))
+    parts = [pd.DataFrame(np.array(own), at, [*c]) for c, (at, own) in groups.items()]
+    return pd.concat(parts).sort_index() if parts else pd.DataFrame()
 
 
 def _add_commands(reader: Any, frame: pd.DataFrame, topic: str) -> None:
     """Add the commands that were recorded last before each row to joint states."""
-    import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
-
     kind = next(c.msgtype for c in reader.connections if c.topic == topic)
-    names_of, of, dot_of = COMMANDS[kind]
-    when, rows = list[int](), list[dict[str, float]]()
-    for recorded, message in _messages(reader, topic, COMMANDS):
-        point = getattr(message, of)
-        dot = getattr(message, dot_of) if dot_of else getattr(point, "velocities", ())
-        q = getattr(point, "positions", point)
-        names = getattr(message, names_of) if names_of else numbered(len(q))
-        when.append(recorded)
-        rows.append(_row(names, {"cmd": q, "dq_cmd": dot}))
-    if rows:
-        table = pd.DataFrame(rows, dtype=float).dropna(axis=1)  # velocities that nobody commands
+    (names_of, of, dot_of), when = COMMANDS[kind], list[int]()
+
+    def told() -> Iterator[tuple[Sequence[str], Mapping[str, Any]]]:
+        for recorded, message in _messages(reader, topic, COMMANDS):
+            point = getattr(message, of)
+            dot = getattr(message, dot_of) if dot_of else getattr(point, "velocities", ())
+            q = getattr(point, "positions", point)
+            when.append(recorded)
+            names = getattr(message, names_of) if names_of else numbered(len(q))
+            yield names, {"cmd": q, "dq_cmd": dot}
+
+    table = _table(told()).dropna(axis=1)  # velocities that nobody commands
+    if when:
         last = np.searchsorted(when, frame.attrs["recorded"], side="right") - 1
         held = np.where((last < 0)[:, None], np.nan, table.to_numpy()[last])
         frame[[*table]] = held
@@ -248,15 +262,16 @@ def _read_states(
     LogError
         If none tells of all joints of the robot, or of position and effort.
     """
-    import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
+    clocks, groups = list[tuple[int, int]](), dict[frozenset[str], Sequence[str]]()
 
-    rows, clocks, groups = list[dict[str, float]](), list[tuple[int, int]](), dict[Any, Any]()
-    for recorded, message in messages:
-        told = {kind: getattr(message, field) for kind, field in FIELDS.items()}
-        rows.append(_row(message.name, told))
-        clocks.append((_stamp(message), recorded))
-        groups.setdefault(frozenset(message.name), message.name)
-    table, times = pd.DataFrame(rows, dtype=float), np.array(clocks, np.int64).reshape(-1, 2)
+    def told() -> Iterator[tuple[Sequence[str], Mapping[str, Any]]]:
+        for recorded, message in messages:
+            clocks.append((_stamp(message), recorded))
+            groups.setdefault(frozenset(message.name), message.name)
+            yield message.name, {kind: getattr(message, field) for kind, field in FIELDS.items()}
+
+    table = _table(told())
+    times = np.array(clocks, np.int64).reshape(-1, 2)
     rename = known.columns.apply
     if len(groups) > 1:
         called = {rename(n): f"{n}.q" for n in sorted(frozenset().union(*groups))}

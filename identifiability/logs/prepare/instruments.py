@@ -222,4 +222,4 @@ def noise_again(log: Log, rng: np.random.Generator) -> Log:
 def _noise(x: Array, t: Array) -> Array:
     """Return the standard deviation of white noise in signals (N, n), (n,)."""
     # While a coarse encoder stands still, its noise does so too: differences do not see it.
-    return np.maximum(noise_level(x, t), resolution(x) / np.sqrt(12))
+    return np.asarray(np.maximum(noise_level(x, t), resolution(x) / np.sqrt(12)))
