@@ -315,6 +315,10 @@ class Missing:
         noise, runs = list(self.noise), self.seen.runs.each
         for j, columns in named.items():
             noise[j] = self.joint_noise(j, runs[j], columns[:NAMED])
+        return self.under(noise)
+
+    def under(self, noise: Sequence[JointNoise]) -> Missing:
+        """Return the same beside other noise."""
         other = replace(self, given=tuple(noise))
         same = ("entries", "acting", "scale", "sets", "groups")
         vars(other).update({name: vars(self)[name] for name in same if name in vars(self)})

@@ -275,7 +275,9 @@ class MixedModel:
             own = np.flatnonzero(widths == width)
             some = np.array([sets[k] for k in own])
             where = np.searchsorted(every, some)
-            rises[own], signs[own] = self._rise(some, along[:, where], left[where])
+            unit = self.scale[some]
+            S = self.products.within(some) / (unit[:, :, None] * unit[:, None, :])
+            rises[own], signs[own] = self.rise(S, along[:, where], left[where])
         out, stop = [], 0
         for g in asked:
             at = slice(stop, stop := stop + len(g.members))
@@ -294,19 +296,18 @@ class MixedModel:
         # What is as likely stands as it came, whatever rounding says.
         return sorted(out, key=lambda t: -round(t.odds, 6))
 
-    def _rise(self, sets: np.ndarray, part: Array, left: Array) -> tuple[Array, Array]:
-        """Return the rise of the log-likelihood by sets of columns (s, k), and what signs add.
+    def rise(self, S: Array, part: Array, left: Array) -> tuple[Array, Array]:
+        """Return the rise of the log-likelihood by sets of columns, and what signs add.
 
         Both by size, (s, sizes).
 
         Parameters
         ----------
-        sets : (s, k) int
+        S : (s, k, k)
+            Products of the columns of each set.
         part, left : (c, s, k), (s, k)
             What of them is along the model, and their products with what it leaves.
         """
-        scale = self.scale[sets]
-        S = self.products.within(sets) / (scale[:, :, None] * scale[:, None, :])
         outside = S - np.einsum("csk,csl->skl", part, part, optimize=True)
         e, U = np.linalg.eigh(0.5 * (outside + outside.transpose(0, 2, 1)))
         told = e > THIN * np.einsum("skk->sk", S).max(1)[:, None]
