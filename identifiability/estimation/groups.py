@@ -35,7 +35,6 @@ from identifiability.estimation.mixed_model import (
     whitened_information,
 )
 from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, Runs, rich_noise
-from identifiability.estimation.rules import RULES
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import ROUNDOFF, triangular_factor
 from identifiability.foundation.names import INERTIAL_KINDS, Array
@@ -116,10 +115,6 @@ EXCERPT = (6_000, 6, 1_000)
 NUMBERS = 2**27
 #: Families of bodies, with typical values of their kinds.
 BODIES = {"rigid_body": LOAD, "payload": {f"payload_{kind}": x for kind, x in LOAD.items()}}
-#: Names at most beside which the noise of a joint is measured.
-NAMED = 3
-#: Blocks of rows over which gains on unseen motion are summed.
-BLOCKS = 10
 
 
 @frozen
@@ -297,26 +292,6 @@ class Missing:
             out.append((family.against == "session", [k for c in own for k in c.columns]))
         return out
 
-    def beside(self, likely: Sequence[Term]) -> Missing:
-        """Return the same with the noise beside what is nearly named, too, the likeliest first.
-
-        Functions have a price that a name need not pay, and have not what passive joints, or the
-        way that led to a state, add: noise measured without would have it for its own.
-        """
-        named: dict[int, list[list[int]]] = defaultdict(list)
-        for t in likely:
-            near = t.odds >= RULES.name - RULES.rival and t.group.place != EVERYWHERE
-            if near and not self.sets[t.key][0][0].family.unnamed:
-                columns = (t.columns - self.fixed).tolist()
-                for j in {j for j, k in self.entries if k in columns}:
-                    named[j].append(columns)
-        if not named:
-            return self
-        noise, runs = list(self.noise), self.seen.runs.each
-        for j, columns in named.items():
-            noise[j] = self.joint_noise(j, runs[j], columns[:NAMED])
-        return self.under(noise)
-
     def under(self, noise: Sequence[JointNoise]) -> Missing:
         """Return the same beside other noise."""
         other = replace(self, given=tuple(noise))
@@ -324,15 +299,13 @@ class Missing:
         vars(other).update({name: vars(self)[name] for name in same if name in vars(self)})
         return other
 
-    def joint_noise(
-        self, joint: int, runs: Runs, named: Sequence[Sequence[int]] = ()
-    ) -> JointNoise:
-        """Return the noise of a joint in some stretches, beside columns of names, too."""
+    def joint_noise(self, joint: int, runs: Runs) -> JointNoise:
+        """Return the noise of a joint in some stretches."""
         X, random = self.seen.X[:, joint], list[Array]()
         model = [X[:, X.any(0)]]
         # In rows in which all act, those of its own joint are first.
         functions = sorted(self._beside_noise, key=lambda own: -self._share(joint, own[1]))
-        for session, columns in [*((False, x) for x in named), *functions]:
+        for session, columns in functions:
             own = [self.entries[joint, k] for k in columns if (joint, k) in self.entries]
             if own:
                 (model if session else random).append(np.stack(own, 1))
@@ -390,8 +363,7 @@ class Missing:
 
         # One joint after the other: in rows of a base that floats every column acts.
         blocks = map(of_joint, range(len(columns)))
-        usual = np.ceil(np.linspace(0, len(rows.y), BLOCKS + 1)).astype(int).tolist()
-        known, edges = noise or self.noise, edges or usual
+        known, edges = noise or self.noise, edges or [0, len(rows.y)]
         return whitened_information(columns, blocks, known, rows.runs, edges, together=together)
 
     @cached_property
@@ -431,7 +403,7 @@ class Missing:
         What every hypothesis has, friction at reversals, is a part of its fixed columns, with the
         variance that it has beside the model.
         """
-        own, p = self.products(edges=[0, len(self.seen.y)], together=True), self.fixed
+        own, p = self.products(together=True), self.fixed
         diagonal = np.diag(own.between(np.arange(p), np.arange(p)))
         scale = np.concatenate([np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), self.scale])
         prior, always = self.root.T @ self.root, (REVERSALS.name, EVERYWHERE)

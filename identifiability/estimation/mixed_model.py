@@ -287,11 +287,8 @@ class MixedModel:
                 likeliest = int(np.argmax(np.where(narrow, each, -np.inf).max(1)))
                 each = each + np.where(narrow, signs[at], signs[at][likeliest])
             member, size = np.unravel_index(int(np.argmax(each)), each.shape)
-            # Half of the prior is for all shapes at once.
-            share = np.where(narrow, 1 / narrow.sum(), 1 / max((~narrow).sum(), 1))
-            share /= (1 + (~narrow).any()) * len(self.sizes)
             top = float(each[member, size])
-            odds = top + float(np.log(np.sum(share * np.exp(each - top)))) - g.price
+            odds = top + float(np.log(np.mean(np.exp(each - top)))) - g.price
             out.append(Term(g, int(member), float(self.sizes[size] ** 2), odds))
         # What is as likely stands as it came, whatever rounding says.
         return sorted(out, key=lambda t: -round(t.odds, 6))
@@ -346,82 +343,39 @@ class MixedModel:
                 terms = self.settle(_without(terms, least))
         return terms
 
-    def evidence(self, terms: Terms, unseen: Information, truth: Terms | None = None) -> Array:
-        """Return the log predictive density of each block of unseen rows, (B,), up to a constant.
+    def evidence(self, terms: Terms, unseen: Information) -> float:
+        """Return the log predictive density of unseen rows, up to a constant.
 
-        ``p(block | fitted) = p(both) / p(fitted)``.
-
-        Parameters
-        ----------
-        terms : tuple of Term
-        unseen : Information
-        truth : tuple of Term, optional
-            Whose fit the unseen torque is then taken to be, instead of what was measured.
+        ``p(unseen | fitted) = p(both) / p(fitted)``.
         """
-        columns = self._columns(terms)
+        columns, last = self._columns(terms), np.array([unseen.size])
         scale = self.scale[columns]
         fitted, target = self._between(columns, columns), self.target[columns]
-        bare = self._solve(terms, columns, fitted, target).log_likelihood
-        own = None if truth is None else self.solve(truth)
-        last = np.array([self.products.size]) if own is None else own.columns
-        value = np.ones(1) if own is None else own.value / self.scale[own.columns]
-        out = []
-        for k in range(len(unseen.counts)):
-            block = unseen.take(np.array([k]))
-            both = fitted + block.between(columns, columns) / np.outer(scale, scale)
-            aim = target + block.between(columns, last) @ value / scale
-            out.append(self._solve(terms, columns, both, aim).log_likelihood - bare)
-        return np.array(out)
+        both = fitted + unseen.between(columns, columns) / np.outer(scale, scale)
+        aim = target + unseen.between(columns, last)[:, 0] / scale
+        before = self._solve(terms, columns, fitted, target).log_likelihood
+        return self._solve(terms, columns, both, aim).log_likelihood - before
+
+    def news(self, terms: Terms, unseen: Information) -> list[float]:
+        """Return what each term gains on unseen rows beside the others [nat]."""
+        full = self.evidence(terms, unseen)
+        return [full - self.evidence(_without(terms, k), unseen) for k in range(len(terms))]
 
     def confirm(self, terms: Terms, unseen: Information) -> Terms:
-        """Return those terms that unseen rows let stand, the worst tried first.
-
-        What does not stand gives way to the best of its rivals that does, else to nothing.
-        """
-        kept, tried = terms, {t.key for t in terms}
-        while kept:
-            margins = self._margins(kept, unseen)
-            worst = int(np.argmin(margins))
-            if margins[worst] >= 0:
+        """Return those terms that unseen rows let stand, the worst taken out first."""
+        while terms:
+            gains = self.news(terms, unseen)
+            worst = int(np.argmin(gains))
+            if gains[worst] >= RULES.keep:
                 break
-            rest = _without(kept, worst)
-            others = [r for r in self.rivals(kept, worst) if r.key not in tried]
-            tried |= {r.key for r in others}
-            stand = [self._margins((*rest, r), unseen)[-1] for r in others]
-            kept = rest
-            if max(stand, default=-1.0) >= 0:
-                kept = self.settle((*rest, others[int(np.argmax(stand))]))
-        return kept
-
-    def news(self, terms: Terms, unseen: Information, truth: Terms | None = None) -> list[Array]:
-        """Return what each term gains on blocks of unseen rows beside the others [nat], (B,)."""
-        full = self.evidence(terms, unseen, truth)
-        rest = (_without(terms, k) for k in range(len(terms)))
-        return [full - self.evidence(other, unseen, truth) for other in rest]
-
-    def _margins(self, terms: Terms, unseen: Information) -> list[float]:
-        """Return by how much unseen rows let each term stand [nat]; below zero it does not.
-
-        Fitted and unseen rows together must name it, and unseen ones must say at least half of
-        what they would if it were true, or more than their scatter between blocks.
-        """
-        out, true = [], self.news(terms, unseen, terms)
-        for own, each, expected in zip(terms, self.news(terms, unseen), true, strict=True):
-            gain, scatter = float(each.sum()), float(np.sqrt(len(each)) * np.std(each))
-            needed = min(max(RULES.keep, scatter), 0.5 * float(expected.sum()))
-            over = own.odds - RULES.name
-            out.append(min(over, over + gain - RULES.keep, gain - needed))
-        return out
+            terms = _without(terms, worst)
+        return terms
 
     def rivals(self, terms: Terms, which: int) -> list[Term]:
         """Return what would do as well in the place of a term: "A or B", the likeliest first."""
         own, rest = terms[which], _without(terms, which)
         among = [g for g in self.beside(rest) if g.key != own.key]
-        least = [
-            (t, RULES.simpler if t.size < own.size else RULES.rival)
-            for t in self.gains(rest, among)
-        ]
-        return [t for t, within in least if t.odds > own.odds - within]
+        return [t for t in self.gains(rest, among) if t.odds > own.odds - RULES.rival]
 
     def alternatives(self, terms: Terms = ()) -> list[tuple[Term, float]]:
         """Return groups of which one more may be there, each with its probability."""

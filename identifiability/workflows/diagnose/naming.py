@@ -184,7 +184,7 @@ class Naming:
     def _plain(self) -> Information:
         """Of the rows as they are, not whitened."""
         plain = (JointNoise(np.empty(0), 1.0),) * self.fitted.seen.y.shape[1]
-        return self.missing.products(edges=[0, len(self.fitted)], noise=plain)
+        return self.missing.products(noise=plain)
 
     def error(self, parts: Sequence[int] | None = None) -> float:
         """Return the error of model and parts on unseen rows over each joint's own scale."""
@@ -220,10 +220,6 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
     missing = Missing(candidates, fitted.seen, root, families=frozenset(asked))
     model = missing.model()
     before = tuple(model.gains())
-    again = missing.beside(before)
-    if again is not missing:
-        missing, model = again, again.model()
-        before = tuple(model.gains())
     found = Naming(
         setting=setting,
         fitted=fitted,
@@ -250,7 +246,7 @@ def name_missing(looked: Naming) -> Naming:
         kept = model.confirm(found, products)
         for terms in (found, kept):
             news = zip(terms, model.news(terms, products), strict=True)
-            gains |= {t.key: float(gain.sum()) for t, gain in news}
+            gains |= {t.key: gain for t, gain in news}
         stays = {t.key for t in kept}
         refuted = [(t, gains[t.key]) for t in found if t.key not in stays]
     parts = []
