@@ -36,7 +36,7 @@ from identifiability.estimation.mixed_model import (
 )
 from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, Runs, rich_noise
 from identifiability.foundation.errors import listing
-from identifiability.foundation.linalg import ROUNDOFF, triangular_factor
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -57,6 +57,8 @@ from identifiability.regression.regression import Chunk, Regression, choose_with
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
+#: Share of a joint's torque up to which loads are to explain it.
+NEAR: Tolerance = 0.01
 #: Share by which a body is taken to differ from its file.
 SHARE: Tolerance = 0.5
 #: What a compact load of 1 kg has of each inertial parameter, by its radius [m].
@@ -84,12 +86,8 @@ def fit_loads(structure: Structure, X: Array, y: Array, data: np.ndarray) -> Rob
     if robot.reference or loaded or not has_masses(robot):
         return robot
     left = (y - X @ structure.nominal_base) * data
-    each = zip(X.transpose(1, 0, 2), left.T, strict=True)
-    factors = [triangular_factor(np.column_stack([A, own])) for A, own in each]
-    rest = np.array([np.sum(R[X.shape[2] :, -1] ** 2) for R in factors])
-    size = (y**2).sum(0)
-    rest = np.maximum(rest, ROUNDOFF * np.where(size > 0, size, 1.0))
-    weight = np.sqrt(data.sum(0) / rest)
+    size = (y**2).sum(0) / max(len(y), 1)
+    weight = 1.0 / (NEAR * np.sqrt(np.where(size > 0, size, np.inf)))
     rows = (X * weight[:, None]).reshape(-1, X.shape[2])
     target = base.G.T @ (rows.T @ (left * weight).ravel())
     squares = base.G.T @ (rows.T @ rows) @ base.G
@@ -585,6 +583,18 @@ class LabelAlternatives:
 NO_ALTERNATIVES = Alternatives((), (), np.empty((0, 0, 0)), np.empty((0, 0, 0)))
 
 
+#: Share of the only log that may refute names, and of either part that is left out where the log is
+#: divided: noise has a memory.
+LAST: Tolerance = 0.25
+PAUSE: Tolerance = 0.05
+
+
+def divide(rows: int) -> tuple[int, int]:
+    """Return where the fitted part of the only log ends, and where that begins which may refute."""
+    end = (1 - LAST) * rows
+    return int((1 - PAUSE) * end), int(np.ceil(end + PAUSE * (rows - end)))
+
+
 def find_alternatives(
     structure: Structure,
     regression: Regression,
@@ -594,7 +604,8 @@ def find_alternatives(
 ) -> Alternatives:
     """Return what may be missing beside all columns of a regression.
 
-    Rows that were held out may only take a name away.
+    Rows that were held out may only take a name away: those of the last log or of the last part of
+    the only one, where there are no others.
 
     Noise in the motion leaves its own functions: least squares is pulled towards zero by it, and
     they explain the rest. Where the motion has a second record, whose noise is another, a group is
@@ -617,6 +628,13 @@ def find_alternatives(
         terms = model.settle(tuple(t for t in terms if t.group.place in places))
     if terms and unseen is not None:
         terms = model.confirm(terms, missing.products(Excerpt.of(unseen)))
+    elif terms:
+        log, count = missing.seen.log, len(missing.seen.log)
+        first = int(np.argmax(log == log[-1]))
+        edges = [0, first, count] if first else [0, *divide(count), count]
+        blocks = missing.products(edges=edges)
+        early = replace(model, products=blocks.take(np.array([0])))
+        terms = early.confirm(terms, blocks.take(np.array([-1])))
     return _conclude(missing, model, terms)
 
 

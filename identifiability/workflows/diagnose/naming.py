@@ -545,8 +545,8 @@ def _odds_of_stays(
     model = replace(missing.model(), sizes=CHANGES)
     blocks = missing.products(edges=begins.tolist())
     c, scale, parts = blocks.size, np.append(model.scale, 1.0), np.arange(len(begins) - 1)
-    each = [blocks.take(parts[[b]]).between(np.arange(c), np.arange(c + 1)) for b in parts]
-    each = np.array(each) / np.outer(scale[:-1], scale)
+    rows = [blocks.take(parts[[b]]).between(np.arange(c), np.arange(c + 1)) for b in parts]
+    each = np.array(rows) / np.outer(scale[:-1], scale)
     on = (parts >= stays[:, :1]) & (parts < stays[:, 1:])
     weights = np.concatenate([on, courses])
     s, p, out = model.solve(), model.fixed, list[_Stay]()
