@@ -242,12 +242,6 @@ class Missing:
         return int(self.seen.X.shape[2])
 
     @cached_property
-    def acting(self) -> tuple[np.ndarray, ...]:
-        """Columns of candidates that act in each joint."""
-        joints = range(self.seen.y.shape[1])
-        return tuple(np.array(sorted(k for i, k in self.entries if i == j), int) for j in joints)
-
-    @cached_property
     def scale(self) -> Array:
         """What makes columns of candidates as large as the torque of their joint, (c,).
 
@@ -293,7 +287,7 @@ class Missing:
     def under(self, noise: Sequence[JointNoise]) -> Missing:
         """Return the same beside other noise."""
         other = replace(self, given=tuple(noise))
-        same = ("entries", "acting", "scale", "sets", "groups")
+        same = ("entries", "scale", "sets", "groups")
         vars(other).update({name: vars(self)[name] for name in same if name in vars(self)})
         return other
 
@@ -331,6 +325,7 @@ class Missing:
         edges: Sequence[int] | None = None,
         noise: ARNoise | None = None,
         *,
+        among: Terms | None = None,
         together: bool = False,
     ) -> Information:
         """Return the information of whitened rows: fitted ones, or others with the same columns.
@@ -342,21 +337,28 @@ class Missing:
             Rows at which blocks begin and end.
         noise : ARNoise, optional
             Other than theirs.
+        among : tuple of Term, optional
+            Of which other rows have columns, beside what every hypothesis has.
         together : bool
             Whether products of all joints are added up.
         """
         rows = of or self.seen
-        entries = self.entries if of is None else rows.entries(self.candidates)
+        entries = self.entries
+        if of is not None:
+            some = {k - self.fixed for t in among or () for k in t.columns.tolist()}
+            some |= {k for c in self.candidates if c.family is REVERSALS for k in c.columns}
+            own = [c for c in self.candidates if among is None or some & {*c.columns}]
+            entries = rows.entries(own)
         p, width = self.fixed, len(self.scale)
         model = [np.flatnonzero(x.any(0)) for x in self.seen.X.swapaxes(0, 1)]
+        acting = [sorted(k for i, k in entries if i == j) for j in range(len(model))]
         columns = [
-            np.concatenate([own, p + acting, [p + width]])
-            for own, acting in zip(model, self.acting, strict=True)
+            np.concatenate([own, np.array(at, int) + p, [p + width]])
+            for own, at in zip(model, acting, strict=True)
         ]
 
         def of_joint(j: int) -> Array:
-            none = np.zeros(len(rows.y))
-            Z = [entries.get((j, k), none) for k in self.acting[j].tolist()]
+            Z = [entries[j, k] for k in acting[j]]
             return np.column_stack([rows.X[:, j, model[j]], *Z, rows.y[:, j]])
 
         # One joint after the other: in rows of a base that floats every column acts.
@@ -627,7 +629,7 @@ def find_alternatives(
         places = {t.group.place for t in second.model().search()}
         terms = model.settle(tuple(t for t in terms if t.group.place in places))
     if terms and unseen is not None:
-        terms = model.confirm(terms, missing.products(Excerpt.of(unseen)))
+        terms = model.confirm(terms, missing.products(Excerpt.of(unseen), among=terms))
     elif terms:
         log, count = missing.seen.log, len(missing.seen.log)
         first = int(np.argmax(log == log[-1]))

@@ -360,8 +360,9 @@ class _Rows:
         missing = Missing(with_reversals(self.robot, listed, present), self.seen)
         unit = np.linalg.norm(self.seen.y, axis=0)
         most, out = min(len(self.seen.y) // SMOOTH[1], SMOOTH[0]), []
-        for j, acting in enumerate(missing.acting):
-            Z = np.stack([missing.entries[j, k] / missing.scale[k] for k in acting.tolist()], 1)
+        for j in range(len(unit)):
+            acting = sorted(k for i, k in missing.entries if i == j)
+            Z = np.stack([missing.entries[j, k] / missing.scale[k] for k in acting], 1)
             U, size, _ = np.linalg.svd(Z / unit[j], full_matrices=False)
             out.append(U[:, :most] * size[:most])
         return out

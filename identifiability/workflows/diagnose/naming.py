@@ -242,7 +242,7 @@ def name_missing(looked: Naming) -> Naming:
     kept, gains, products = model.search(), dict[tuple[str, str], float](), None
     refuted = list[tuple[Term, float]]()
     if looked.setting.validation and kept:
-        found, products = kept, missing.products(unseen.seen)
+        found, products = kept, missing.products(unseen.seen, among=kept)
         kept = model.confirm(found, products)
         for terms in (found, kept):
             news = zip(terms, model.news(terms, products), strict=True)
@@ -466,8 +466,12 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
         return None
     courses = _session(naming.fitted, begins, log_of)
     every = _odds_of_stays(missing, begins, stays, courses)
+    known = None
     for _ in range(2):  # what it adds is no noise: once it is roughly known, that is without
-        first, last = begins[stays[int(every[0].odds.argmax())]]
+        first, last = begins[stays[int(every[0].odds.argmax())]].tolist()
+        if known == (first, last):
+            break
+        known = first, last
         outside = np.ones((len(seen.y), 1), bool)
         outside[first:last] = False
         noise = list(naming.missing.noise)
