@@ -19,7 +19,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import log_ndtr, softmax
+from scipy.special import log_ndtr, logsumexp, softmax
 
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.noise import THIN, ARNoise, JointRuns, whiten
@@ -281,14 +281,9 @@ class MixedModel:
         out, stop = [], 0
         for g in asked:
             at = slice(stop, stop := stop + len(g.members))
-            each = rises[at]
-            narrow = widths[at][:, None] == widths[at].min()
-            if g.positive:  # shapes of one curve may cancel: its sign is that of the likeliest
-                likeliest = int(np.argmax(np.where(narrow, each, -np.inf).max(1)))
-                each = each + np.where(narrow, signs[at], signs[at][likeliest])
+            each = rises[at] + g.positive * signs[at]
             member, size = np.unravel_index(int(np.argmax(each)), each.shape)
-            top = float(each[member, size])
-            odds = top + float(np.log(np.mean(np.exp(each - top)))) - g.price
+            odds = float(logsumexp(each) - np.log(each.size)) - g.price
             out.append(Term(g, int(member), float(self.sizes[size] ** 2), odds))
         # What is as likely stands as it came, whatever rounding says.
         return sorted(out, key=lambda t: -round(t.odds, 6))
