@@ -295,18 +295,11 @@ class Missing:
         """Return the noise of a joint in some stretches."""
         X, random = self.seen.X[:, joint], list[Array]()
         model = [X[:, X.any(0)]]
-        # In rows in which all act, those of its own joint are first.
-        functions = sorted(self._beside_noise, key=lambda own: -self._share(joint, own[1]))
-        for session, columns in functions:
+        for session, columns in self._beside_noise:
             own = [self.entries[joint, k] for k in columns if (joint, k) in self.entries]
             if own:
                 (model if session else random).append(np.stack(own, 1))
         return rich_noise([np.column_stack(model), *random], self.seen.y[:, joint], runs)
-
-    def _share(self, joint: int, columns: Sequence[int]) -> float:
-        """Return the share of the torque of columns that lies in a joint."""
-        size = np.array([self._squares[:, k] for k in columns]).sum(0)
-        return float(size[joint] / size.sum()) if size.any() else 0.0
 
     @cached_property
     def _squares(self) -> Array:
