@@ -34,7 +34,7 @@ from identifiability.estimation.mixed_model import (
     Terms,
     whitened_information,
 )
-from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, Runs, rich_noise
+from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, rich_noise
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import INERTIAL_KINDS, Array
@@ -261,8 +261,17 @@ class Missing:
     @cached_property
     def noise(self) -> ARNoise:
         """Noise beside all that may be missing and would hide in it."""
-        runs = enumerate(self.seen.runs.each)
-        return self.given or tuple(self.joint_noise(j, own) for j, own in runs)
+        return self.given or tuple(map(self._noise_of, range(self.seen.y.shape[1])))
+
+    def _noise_of(self, joint: int) -> JointNoise:
+        X, random = self.seen.X[:, joint], list[Array]()
+        model = [X[:, X.any(0)]]
+        for session, columns in self._beside_noise:
+            own = [self.entries[joint, k] for k in columns if (joint, k) in self.entries]
+            if own:
+                (model if session else random).append(np.stack(own, 1))
+        blocks = [np.column_stack(model), *random]
+        return rich_noise(blocks, self.seen.y[:, joint], self.seen.runs.each[joint])
 
     @cached_property
     def _beside_noise(self) -> list[tuple[bool, list[int]]]:
@@ -279,9 +288,8 @@ class Missing:
             found.values(), key=lambda x: (not x[0].family.unnamed, x[0].family.rank)
         ):
             family = own[0].family
-            if not family.separate:
-                own = [max(own, key=lambda c: len(c.columns))]  # noqa: PLW2901 - the finest
-            out.append((family.against == "session", [k for c in own for k in c.columns]))
+            finest = own if family.separate else [max(own, key=lambda c: len(c.columns))]
+            out.append((family.against == "session", [k for c in finest for k in c.columns]))
         return out
 
     def under(self, noise: Sequence[JointNoise]) -> Missing:
@@ -290,16 +298,6 @@ class Missing:
         same = ("entries", "scale", "sets", "groups")
         vars(other).update({name: vars(self)[name] for name in same if name in vars(self)})
         return other
-
-    def joint_noise(self, joint: int, runs: Runs) -> JointNoise:
-        """Return the noise of a joint in some stretches."""
-        X, random = self.seen.X[:, joint], list[Array]()
-        model = [X[:, X.any(0)]]
-        for session, columns in self._beside_noise:
-            own = [self.entries[joint, k] for k in columns if (joint, k) in self.entries]
-            if own:
-                (model if session else random).append(np.stack(own, 1))
-        return rich_noise([np.column_stack(model), *random], self.seen.y[:, joint], runs)
 
     @cached_property
     def _squares(self) -> Array:
