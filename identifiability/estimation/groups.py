@@ -263,10 +263,21 @@ class Missing:
         """Noise beside all that may be missing and would hide in it."""
         return self.given or tuple(map(self._noise_of, range(self.seen.y.shape[1])))
 
-    def _noise_of(self, joint: int) -> JointNoise:
+    def beside(self, near: Term) -> Missing:
+        """Return the same with the noise beside what is nearly named, too.
+
+        Functions have a price that a name need not pay, and have not what passive joints, or the
+        way that led to a state, add: noise measured without would have it for its own.
+        """
+        columns = (near.columns - self.fixed).tolist()
+        acts = {j for j, k in self.entries if k in columns}
+        each = enumerate(self.noise)
+        return self.under([self._noise_of(j, columns) if j in acts else own for j, own in each])
+
+    def _noise_of(self, joint: int, named: Sequence[int] = ()) -> JointNoise:
         X, random = self.seen.X[:, joint], list[Array]()
         model = [X[:, X.any(0)]]
-        for session, columns in self._beside_noise:
+        for session, columns in [(False, named), *self._beside_noise]:
             own = [self.entries[joint, k] for k in columns if (joint, k) in self.entries]
             if own:
                 (model if session else random).append(np.stack(own, 1))

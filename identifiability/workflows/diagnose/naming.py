@@ -220,6 +220,12 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
     missing = Missing(candidates, fitted.seen, root, families=frozenset(asked))
     model = missing.model()
     before = tuple(model.gains())
+    near = [t for t in before if RULES.name - RULES.rival <= t.odds < RULES.name]
+    near = [t for t in near if t.group.place != EVERYWHERE and not _family(missing, t).unnamed]
+    if near and before[0].odds < RULES.name:
+        missing = missing.beside(near[0])
+        model = missing.model()
+        before = tuple(model.gains())
     found = Naming(
         setting=setting,
         fitted=fitted,
