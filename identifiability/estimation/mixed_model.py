@@ -281,7 +281,11 @@ class MixedModel:
         out, stop = [], 0
         for g in asked:
             at = slice(stop, stop := stop + len(g.members))
-            each = rises[at] + g.positive * signs[at]
+            each = rises[at]
+            if g.positive:  # shapes of one curve may cancel: its sign is that of the likeliest
+                narrow = widths[at][:, None] == widths[at].min()
+                likeliest = int(np.argmax(np.where(narrow, each, -np.inf).max(1)))
+                each = each + np.where(narrow, signs[at], signs[at][likeliest])
             member, size = np.unravel_index(int(np.argmax(each)), each.shape)
             odds = float(logsumexp(each) - np.log(each.size)) - g.price
             out.append(Term(g, int(member), float(self.sizes[size] ** 2), odds))
