@@ -34,10 +34,9 @@ from identifiability.estimation.mixed_model import (
     Terms,
     whitened_information,
 )
-from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, Runs, rich_noise
-from identifiability.estimation.rules import RULES
+from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, rich_noise
 from identifiability.foundation.errors import listing
-from identifiability.foundation.linalg import ROUNDOFF, triangular_factor
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -58,6 +57,8 @@ from identifiability.regression.regression import Chunk, Regression, choose_wind
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
+#: Share of a joint's torque up to which loads are to explain it.
+NEAR = 0.01
 #: Share by which a body is taken to differ from its file.
 SHARE: Tolerance = 0.5
 #: What a compact load of 1 kg has of each inertial parameter, by its radius [m].
@@ -85,12 +86,8 @@ def fit_loads(structure: Structure, X: Array, y: Array, data: np.ndarray) -> Rob
     if robot.reference or loaded or not has_masses(robot):
         return robot
     left = (y - X @ structure.nominal_base) * data
-    each = zip(X.transpose(1, 0, 2), left.T, strict=True)
-    factors = [triangular_factor(np.column_stack([A, own])) for A, own in each]
-    rest = np.array([np.sum(R[X.shape[2] :, -1] ** 2) for R in factors])
-    size = (y**2).sum(0)
-    rest = np.maximum(rest, ROUNDOFF * np.where(size > 0, size, 1.0))
-    weight = np.sqrt(data.sum(0) / rest)
+    size = (y**2).sum(0) / max(len(y), 1)
+    weight = 1.0 / (NEAR * np.sqrt(np.where(size > 0, size, np.inf)))
     rows = (X * weight[:, None]).reshape(-1, X.shape[2])
     target = base.G.T @ (rows.T @ (left * weight).ravel())
     squares = base.G.T @ (rows.T @ rows) @ base.G
@@ -114,12 +111,8 @@ def fit_loads(structure: Structure, X: Array, y: Array, data: np.ndarray) -> Rob
 EXCERPT = (6_000, 6, 1_000)
 #: Numbers that columns of what may be missing may be, where all act at all joints.
 NUMBERS = 2**27
-#: Families of bodies.
-BODIES = ("rigid_body", "payload")
-#: Names at most beside which the noise of a joint is measured.
-NAMED = 3
-#: Blocks of rows over which gains on unseen motion are summed.
-BLOCKS = 10
+#: Families of bodies, with typical values of their kinds.
+BODIES = {"rigid_body": LOAD, "payload": {f"payload_{kind}": x for kind, x in LOAD.items()}}
 
 
 @frozen
@@ -249,12 +242,6 @@ class Missing:
         return int(self.seen.X.shape[2])
 
     @cached_property
-    def acting(self) -> tuple[np.ndarray, ...]:
-        """Columns of candidates that act in each joint."""
-        joints = range(self.seen.y.shape[1])
-        return tuple(np.array(sorted(k for i, k in self.entries if i == j), int) for j in joints)
-
-    @cached_property
     def scale(self) -> Array:
         """What makes columns of candidates as large as the torque of their joint, (c,).
 
@@ -274,8 +261,28 @@ class Missing:
     @cached_property
     def noise(self) -> ARNoise:
         """Noise beside all that may be missing and would hide in it."""
-        runs = enumerate(self.seen.runs.each)
-        return self.given or tuple(self.joint_noise(j, own) for j, own in runs)
+        return self.given or tuple(map(self._noise_of, range(self.seen.y.shape[1])))
+
+    def beside(self, near: Term) -> Missing:
+        """Return the same with the noise beside what is nearly named, too.
+
+        Functions have a price that a name need not pay, and have not what passive joints, or the
+        way that led to a state, add: noise measured without would have it for its own.
+        """
+        columns = (near.columns - self.fixed).tolist()
+        acts = {j for j, k in self.entries if k in columns}
+        each = enumerate(self.noise)
+        return self.under([self._noise_of(j, columns) if j in acts else own for j, own in each])
+
+    def _noise_of(self, joint: int, named: Sequence[int] = ()) -> JointNoise:
+        X, random = self.seen.X[:, joint], list[Array]()
+        model = [X[:, X.any(0)]]
+        for session, columns in [(False, named), *self._beside_noise]:
+            own = [self.entries[joint, k] for k in columns if (joint, k) in self.entries]
+            if own:
+                (model if session else random).append(np.stack(own, 1))
+        blocks = [np.column_stack(model), *random]
+        return rich_noise(blocks, self.seen.y[:, joint], self.seen.runs.each[joint])
 
     @cached_property
     def _beside_noise(self) -> list[tuple[bool, list[int]]]:
@@ -292,52 +299,16 @@ class Missing:
             found.values(), key=lambda x: (not x[0].family.unnamed, x[0].family.rank)
         ):
             family = own[0].family
-            if not family.separate:
-                own = [max(own, key=lambda c: len(c.columns))]  # noqa: PLW2901 - the finest
-            out.append((family.against == "session", [k for c in own for k in c.columns]))
+            finest = own if family.separate else [max(own, key=lambda c: len(c.columns))]
+            out.append((family.against == "session", [k for c in finest for k in c.columns]))
         return out
 
-    def beside(self, likely: Sequence[Term]) -> Missing:
-        """Return the same with the noise beside what is nearly named, too, the likeliest first.
-
-        Functions have a price that a name need not pay, and have not what passive joints, or the
-        way that led to a state, add: noise measured without would have it for its own.
-        """
-        named: dict[int, list[list[int]]] = defaultdict(list)
-        for t in likely:
-            near = t.odds >= RULES.name - RULES.rival and t.group.place != EVERYWHERE
-            if near and not self.sets[t.key][0][0].family.unnamed:
-                columns = (t.columns - self.fixed).tolist()
-                for j in {j for j, k in self.entries if k in columns}:
-                    named[j].append(columns)
-        if not named:
-            return self
-        noise, runs = list(self.noise), self.seen.runs.each
-        for j, columns in named.items():
-            noise[j] = self.joint_noise(j, runs[j], columns[:NAMED])
+    def under(self, noise: Sequence[JointNoise]) -> Missing:
+        """Return the same beside other noise."""
         other = replace(self, given=tuple(noise))
-        same = ("entries", "acting", "scale", "sets", "groups")
+        same = ("entries", "scale", "sets", "groups")
         vars(other).update({name: vars(self)[name] for name in same if name in vars(self)})
         return other
-
-    def joint_noise(
-        self, joint: int, runs: Runs, named: Sequence[Sequence[int]] = ()
-    ) -> JointNoise:
-        """Return the noise of a joint in some stretches, beside columns of names, too."""
-        X, random = self.seen.X[:, joint], list[Array]()
-        model = [X[:, X.any(0)]]
-        # In rows in which all act, those of its own joint are first.
-        functions = sorted(self._beside_noise, key=lambda own: -self._share(joint, own[1]))
-        for session, columns in [*((False, x) for x in named), *functions]:
-            own = [self.entries[joint, k] for k in columns if (joint, k) in self.entries]
-            if own:
-                (model if session else random).append(np.stack(own, 1))
-        return rich_noise([np.column_stack(model), *random], self.seen.y[:, joint], runs)
-
-    def _share(self, joint: int, columns: Sequence[int]) -> float:
-        """Return the share of the torque of columns that lies in a joint."""
-        size = np.array([self._squares[:, k] for k in columns]).sum(0)
-        return float(size[joint] / size.sum()) if size.any() else 0.0
 
     @cached_property
     def _squares(self) -> Array:
@@ -356,6 +327,7 @@ class Missing:
         edges: Sequence[int] | None = None,
         noise: ARNoise | None = None,
         *,
+        among: Terms | None = None,
         together: bool = False,
     ) -> Information:
         """Return the information of whitened rows: fitted ones, or others with the same columns.
@@ -367,27 +339,33 @@ class Missing:
             Rows at which blocks begin and end.
         noise : ARNoise, optional
             Other than theirs.
+        among : tuple of Term, optional
+            Of which other rows have columns, beside what every hypothesis has.
         together : bool
             Whether products of all joints are added up.
         """
         rows = of or self.seen
-        entries = self.entries if of is None else rows.entries(self.candidates)
+        entries = self.entries
+        if of is not None:
+            some = {k - self.fixed for t in among or () for k in t.columns.tolist()}
+            some |= {k for c in self.candidates if c.family is REVERSALS for k in c.columns}
+            own = [c for c in self.candidates if among is None or some & {*c.columns}]
+            entries = rows.entries(own)
         p, width = self.fixed, len(self.scale)
         model = [np.flatnonzero(x.any(0)) for x in self.seen.X.swapaxes(0, 1)]
+        acting = [sorted(k for i, k in entries if i == j) for j in range(len(model))]
         columns = [
-            np.concatenate([own, p + acting, [p + width]])
-            for own, acting in zip(model, self.acting, strict=True)
+            np.concatenate([own, np.array(at, int) + p, [p + width]])
+            for own, at in zip(model, acting, strict=True)
         ]
 
         def of_joint(j: int) -> Array:
-            none = np.zeros(len(rows.y))
-            Z = [entries.get((j, k), none) for k in self.acting[j].tolist()]
+            Z = [entries[j, k] for k in acting[j]]
             return np.column_stack([rows.X[:, j, model[j]], *Z, rows.y[:, j]])
 
         # One joint after the other: in rows of a base that floats every column acts.
         blocks = map(of_joint, range(len(columns)))
-        usual = np.ceil(np.linspace(0, len(rows.y), BLOCKS + 1)).astype(int).tolist()
-        known, edges = noise or self.noise, edges or usual
+        known, edges = noise or self.noise, edges or [0, len(rows.y)]
         return whitened_information(columns, blocks, known, rows.runs, edges, together=together)
 
     @cached_property
@@ -427,7 +405,7 @@ class Missing:
         What every hypothesis has, friction at reversals, is a part of its fixed columns, with the
         variance that it has beside the model.
         """
-        own, p = self.products(edges=[0, len(self.seen.y)], together=True), self.fixed
+        own, p = self.products(together=True), self.fixed
         diagonal = np.diag(own.between(np.arange(p), np.arange(p)))
         scale = np.concatenate([np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), self.scale])
         prior, always = self.root.T @ self.root, (REVERSALS.name, EVERYWHERE)
@@ -609,6 +587,18 @@ class LabelAlternatives:
 NO_ALTERNATIVES = Alternatives((), (), np.empty((0, 0, 0)), np.empty((0, 0, 0)))
 
 
+#: Share of the only log that may refute names, and of either part that is left out where the log is
+#: divided: noise has a memory.
+LAST: Tolerance = 0.25
+PAUSE: Tolerance = 0.05
+
+
+def divide(rows: int) -> tuple[int, int]:
+    """Return where the fitted part of the only log ends, and where that begins which may refute."""
+    end = (1 - LAST) * rows
+    return int((1 - PAUSE) * end), int(np.ceil(end + PAUSE * (rows - end)))
+
+
 def find_alternatives(
     structure: Structure,
     regression: Regression,
@@ -618,7 +608,8 @@ def find_alternatives(
 ) -> Alternatives:
     """Return what may be missing beside all columns of a regression.
 
-    Rows that were held out may only take a name away.
+    Rows that were held out may only take a name away: those of the last log or of the last part of
+    the only one, where there are no others.
 
     Noise in the motion leaves its own functions: least squares is pulled towards zero by it, and
     they explain the rest. Where the motion has a second record, whose noise is another, a group is
@@ -640,7 +631,14 @@ def find_alternatives(
         places = {t.group.place for t in second.model().search()}
         terms = model.settle(tuple(t for t in terms if t.group.place in places))
     if terms and unseen is not None:
-        terms = model.confirm(terms, missing.products(Excerpt.of(unseen)))
+        terms = model.confirm(terms, missing.products(Excerpt.of(unseen), among=terms))
+    elif terms:
+        log, count = missing.seen.log, len(missing.seen.log)
+        first = int(np.argmax(log == log[-1]))
+        edges = [0, first, count] if first else [0, *divide(count), count]
+        blocks = missing.products(edges=edges)
+        early = replace(model, products=blocks.take(np.array([0])))
+        terms = early.confirm(terms, blocks.take(np.array([-1])))
     return _conclude(missing, model, terms)
 
 

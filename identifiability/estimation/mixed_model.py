@@ -19,7 +19,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import log_ndtr, softmax
+from scipy.special import log_ndtr, logsumexp, softmax
 
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.noise import THIN, ARNoise, JointRuns, whiten
@@ -276,34 +276,30 @@ class MixedModel:
             some = np.array([sets[k] for k in own])
             where = np.searchsorted(every, some)
             S = products[where[:, :, None], where[:, None, :]]
-            rises[own], signs[own] = self._rise(S, along[:, where], left[where])
+            rises[own], signs[own] = self.rise(S, along[:, where], left[where])
         out, stop = [], 0
         for g in asked:
             at = slice(stop, stop := stop + len(g.members))
             each = rises[at]
-            narrow = widths[at][:, None] == widths[at].min()
             if g.positive:  # shapes of one curve may cancel: its sign is that of the likeliest
+                narrow = widths[at][:, None] == widths[at].min()
                 likeliest = int(np.argmax(np.where(narrow, each, -np.inf).max(1)))
                 each = each + np.where(narrow, signs[at], signs[at][likeliest])
             member, size = np.unravel_index(int(np.argmax(each)), each.shape)
-            # Half of the prior is for all shapes at once.
-            share = np.where(narrow, 1 / narrow.sum(), 1 / max((~narrow).sum(), 1))
-            share /= (1 + (~narrow).any()) * len(self.sizes)
-            top = float(each[member, size])
-            odds = top + float(np.log(np.sum(share * np.exp(each - top)))) - g.price
+            odds = float(logsumexp(each) - np.log(each.size)) - g.price
             out.append(Term(g, int(member), float(self.sizes[size] ** 2), odds))
         # What is as likely stands as it came, whatever rounding says.
         return sorted(out, key=lambda t: -round(t.odds, 6))
 
-    def _rise(self, S: Array, part: Array, left: Array) -> tuple[Array, Array]:
-        """Return the rise of the log-likelihood by sets of columns (s, k), and what signs add.
+    def rise(self, S: Array, part: Array, left: Array) -> tuple[Array, Array]:
+        """Return the rise of the log-likelihood by sets of columns, and what signs add.
 
         Both by size, (s, sizes).
 
         Parameters
         ----------
         S : (s, k, k)
-            Products of each set's columns among themselves.
+            Products of the columns of each set.
         part, left : (c, s, k), (s, k)
             What of them is along the model, and their products with what it leaves.
         """
@@ -345,10 +341,10 @@ class MixedModel:
                 terms = self.settle(_without(terms, least))
         return terms
 
-    def evidence(self, terms: Terms, unseen: Information, truth: Terms | None = None) -> Array:
-        """Return the log predictive density of each block of unseen rows, (B,), up to a constant.
+    def evidence(self, terms: Terms, unseen: Information, truth: Terms | None = None) -> float:
+        """Return the log predictive density of unseen rows, up to a constant.
 
-        ``p(block | fitted) = p(both) / p(fitted)``.
+        ``p(unseen | fitted) = p(both) / p(fitted)``.
 
         Parameters
         ----------
@@ -360,67 +356,44 @@ class MixedModel:
         columns = self._columns(terms)
         scale = self.scale[columns]
         fitted, target = self._between(columns, columns), self.target[columns]
-        bare = self._solve(terms, columns, fitted, target).log_likelihood
-        own = None if truth is None else self.solve(truth)
-        last = np.array([self.products.size]) if own is None else own.columns
-        value = np.ones(1) if own is None else own.value / self.scale[own.columns]
-        out = []
-        for k in range(len(unseen.counts)):
-            block = unseen.take(np.array([k]))
-            both = fitted + block.between(columns, columns) / np.outer(scale, scale)
-            aim = target + block.between(columns, last) @ value / scale
-            out.append(self._solve(terms, columns, both, aim).log_likelihood - bare)
-        return np.array(out)
+        both = fitted + unseen.between(columns, columns) / np.outer(scale, scale)
+        last, value = np.array([unseen.size]), np.ones(1)
+        if truth is not None:
+            own = self.solve(truth)
+            last, value = own.columns, own.value / self.scale[own.columns]
+        aim = target + unseen.between(columns, last) @ value / scale
+        before = self._solve(terms, columns, fitted, target).log_likelihood
+        return self._solve(terms, columns, both, aim).log_likelihood - before
 
-    def confirm(self, terms: Terms, unseen: Information) -> Terms:
-        """Return those terms that unseen rows let stand, the worst tried first.
-
-        What does not stand gives way to the best of its rivals that does, else to nothing.
-        """
-        kept, tried = terms, {t.key for t in terms}
-        while kept:
-            margins = self._margins(kept, unseen)
-            worst = int(np.argmin(margins))
-            if margins[worst] >= 0:
-                break
-            rest = _without(kept, worst)
-            others = [r for r in self.rivals(kept, worst) if r.key not in tried]
-            tried |= {r.key for r in others}
-            stand = [self._margins((*rest, r), unseen)[-1] for r in others]
-            kept = rest
-            if max(stand, default=-1.0) >= 0:
-                kept = self.settle((*rest, others[int(np.argmax(stand))]))
-        return kept
-
-    def news(self, terms: Terms, unseen: Information, truth: Terms | None = None) -> list[Array]:
-        """Return what each term gains on blocks of unseen rows beside the others [nat], (B,)."""
+    def news(self, terms: Terms, unseen: Information, truth: Terms | None = None) -> list[float]:
+        """Return what each term gains on unseen rows beside the others [nat]."""
         full = self.evidence(terms, unseen, truth)
         rest = (_without(terms, k) for k in range(len(terms)))
         return [full - self.evidence(other, unseen, truth) for other in rest]
 
-    def _margins(self, terms: Terms, unseen: Information) -> list[float]:
-        """Return by how much unseen rows let each term stand [nat]; below zero it does not.
+    def confirm(self, terms: Terms, unseen: Information) -> Terms:
+        """Return those terms that unseen rows let stand, the worst taken out first.
 
-        Fitted and unseen rows together must name it, and unseen ones must say at least half of
-        what they would if it were true, or more than their scatter between blocks.
+        They must gain what keeps a name, or half of what they would if it were true; with fitted
+        rows they must gain what names and keeps it.
         """
-        out, true = [], self.news(terms, unseen, terms)
-        for own, each, expected in zip(terms, self.news(terms, unseen), true, strict=True):
-            gain, scatter = float(each.sum()), float(np.sqrt(len(each)) * np.std(each))
-            needed = min(max(RULES.keep, scatter), 0.5 * float(expected.sum()))
-            over = own.odds - RULES.name
-            out.append(min(over, over + gain - RULES.keep, gain - needed))
-        return out
+        while terms:
+            gains, true = self.news(terms, unseen), self.news(terms, unseen, terms)
+            over = [
+                gain - max(min(RULES.keep, 0.5 * most), RULES.name + RULES.keep - t.odds)
+                for t, gain, most in zip(terms, gains, true, strict=True)
+            ]
+            worst = int(np.argmin(over))
+            if over[worst] >= 0:
+                break
+            terms = _without(terms, worst)
+        return terms
 
     def rivals(self, terms: Terms, which: int) -> list[Term]:
         """Return what would do as well in the place of a term: "A or B", the likeliest first."""
         own, rest = terms[which], _without(terms, which)
         among = [g for g in self.beside(rest) if g.key != own.key]
-        least = [
-            (t, RULES.simpler if t.size < own.size else RULES.rival)
-            for t in self.gains(rest, among)
-        ]
-        return [t for t, within in least if t.odds > own.odds - within]
+        return [t for t in self.gains(rest, among) if t.odds > own.odds - RULES.rival]
 
     def alternatives(self, terms: Terms = ()) -> list[tuple[Term, float]]:
         """Return groups of which one more may be there, each with its probability."""

@@ -305,8 +305,9 @@ class _Rows:
         motions, present = [piece.motion for piece in self.seen.pieces], self.structure.present
         listed, _ = list_candidates(self.robot, families, present, motions, fixed=False)
         missing, out = Missing(with_reversals(self.robot, listed, present), self.seen), []
-        for j, acting in enumerate(missing.acting):
-            Z = np.stack([missing.entries[j, k] / missing.scale[k] for k in acting.tolist()], 1)
+        for j in range(len(self.robot.joints)):
+            acting = sorted(k for i, k in missing.entries if i == j)
+            Z = np.stack([missing.entries[j, k] / missing.scale[k] for k in acting], 1)
             U, size, _ = np.linalg.svd(Z, full_matrices=False)
             weak = max(STRONG * float(size[0]), 1e-300)  # where nothing moves all is
             out.append((U, 1.0 - 1.0 / np.hypot(1.0, size / weak)))

@@ -7,36 +7,22 @@ between those of its grid, at the places where it is sure.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import cast
 
 import numpy as np
 from scipy.special import chdtrc, logsumexp, softmax
 
-from identifiability.effects import Family, find_families
+from identifiability.effects import Family, Placed, find_families
 from identifiability.effects.friction import REVERSALS
-from identifiability.estimation.differences import (
-    WEIGHT,
-    Change,
-    Differences,
-    Known,
-    Patterned,
-    find_changes,
-    list_changes,
-    title_of_change,
-)
+from identifiability.estimation.differences import Change
 from identifiability.estimation.estimate import Outliers
+from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Missing, fit_loads, with_reversals
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
-from identifiability.estimation.noise import (
-    ARNoise,
-    JointNoise,
-    JointRuns,
-    autocorrelation_time,
-    rich_noise,
-)
+from identifiability.estimation.noise import JointNoise, JointRuns, autocorrelation_time, rich_noise
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
@@ -45,7 +31,6 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.columns import Candidate, Entries, Refusal, list_candidates, number
 from identifiability.regression.information import Information
-from identifiability.robot.robot import last_bodies
 from identifiability.workflows.diagnose.problem import Gap, Rows, Setting
 
 #: By how much an unseen error must rise with a name that is taken out for it.
@@ -199,7 +184,7 @@ class Naming:
     def _plain(self) -> Information:
         """Of the rows as they are, not whitened."""
         plain = (JointNoise(np.empty(0), 1.0),) * self.fitted.seen.y.shape[1]
-        return self.missing.products(edges=[0, len(self.fitted)], noise=plain)
+        return self.missing.products(noise=plain)
 
     def error(self, parts: Sequence[int] | None = None) -> float:
         """Return the error of model and parts on unseen rows over each joint's own scale."""
@@ -235,9 +220,11 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
     missing = Missing(candidates, fitted.seen, root, families=frozenset(asked))
     model = missing.model()
     before = tuple(model.gains())
-    again = missing.beside(before)
-    if again is not missing:
-        missing, model = again, again.model()
+    near = [t for t in before if RULES.name - RULES.rival <= t.odds < RULES.name]
+    near = [t for t in near if t.group.place != EVERYWHERE and not _family(missing, t).unnamed]
+    if near and before[0].odds < RULES.name:
+        missing = missing.beside(near[0])
+        model = missing.model()
         before = tuple(model.gains())
     found = Naming(
         setting=setting,
@@ -261,11 +248,11 @@ def name_missing(looked: Naming) -> Naming:
     kept, gains, products = model.search(), dict[tuple[str, str], float](), None
     refuted = list[tuple[Term, float]]()
     if looked.setting.validation and kept:
-        found, products = kept, missing.products(unseen.seen)
+        found, products = kept, missing.products(unseen.seen, among=kept)
         kept = model.confirm(found, products)
         for terms in (found, kept):
             news = zip(terms, model.news(terms, products), strict=True)
-            gains |= {t.key: float(gain.sum()) for t, gain in news}
+            gains |= {t.key: gain for t, gain in news}
         stays = {t.key for t in kept}
         refuted = [(t, gains[t.key]) for t in found if t.key not in stays]
     parts = []
@@ -402,15 +389,16 @@ def _odds_of_each(
 # What changed while a log was recorded: a mass that was gripped, a brake that dragged for seconds.
 #
 # No effect of the robot says it, and no unseen motion can judge it: the fitted motion alone has the
-# instant. So it is a difference between parts of time (`Differences`), whose pattern is all
-# stretches of one log, of a grid; of three or more logs it may last as long as a log. What was
-# logged while a change lasted is of another robot, and is left out of all that follows.
+# instant. So a group acts between two instants of a grid, all of which are its prior. What was
+# logged meanwhile is of another robot, and is left out of all that follows.
 
 
 #: What may begin and end while a robot is logged: a load, a brake or dirt, a counterweight.
 CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
 #: Instants of a log at most at which something may change.
 INSTANTS = 40
+#: Sizes that a change may have, relative to the torque of its joint.
+CHANGES = np.geomspace(0.01, 1.0, 20)
 #: Shortest part of time [s].
 SHORTEST: Tolerance = 0.5
 
@@ -431,43 +419,38 @@ def _parts_of_time(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
     return np.array(begins), np.array(log)
 
 
-def _stays(log: np.ndarray) -> list[Array]:
-    """Return how a change may stay in each log's parts (w, P): to its end, and not so long.
+def _stays(log: np.ndarray) -> np.ndarray:
+    """Return the first part of time, and the one after the last, that a change may have, (w, 2).
 
     Of one log alone what ended in it says as much as what began then. Of most of what was logged
     nobody knows which part is odd.
     """
-    every, out = np.arange(len(log)), list[Array]()
+    out = []
     for n in np.unique(log):
         start, some = int(np.argmax(log == n)), int((log == n).sum())
         first, last = start + np.array(np.triu_indices(some + 1, 2))
         may = ((first > start) | (some < len(log))) & (last - first <= len(log) // 2)
-        inside = (every >= first[:, None]) & (every < last[:, None])
-        on = last == start + some
-        out += [inside[own].astype(float) for own in (may & on, may & ~on) if own.any()]
-    return out
+        out.append(np.column_stack([first, last])[may])
+    return np.concatenate(out)
 
 
-def _drifts(rows: Rows, begins: np.ndarray, log: np.ndarray) -> Array:
-    """Return how a drift may go, in each part (d, P): in one log, or in the session."""
-    t, starts = rows.t[begins[:-1]], [s.motion.start for s in rows.samples]
+def _session(rows: Rows, begins: np.ndarray, log: np.ndarray) -> Array:
+    """Return how what warms up through a session may go, by part of time, (2, P)."""
+    starts = [s.motion.start for s in rows.samples]
     lasting = np.array([np.ptp(s.output_times()) for s in rows.samples])
     begun = np.cumsum(lasting) - lasting
     if None not in starts:
         begun = np.array([float(x or 0.0) for x in starts])
-    out = []
-    for clock in (*(np.where(log == n, t, np.nan) for n in np.unique(log)), t + begun[log]):
-        x = (clock - np.nanmin(clock)) / max(float(np.ptp(clock[np.isfinite(clock)])), 1e-9)
-        for course in (x, np.exp(-3.0 * x)):
-            out += [np.nan_to_num(course), np.nan_to_num(1.0 - course)]
-    return np.array(out)
+    clock = rows.t[begins[:-1]] + begun[log]
+    x = (clock - clock.min()) / max(float(np.ptp(clock)), 1e-9)
+    return np.array([x, np.exp(-3.0 * x)])
 
 
 def find_change(naming: Naming, effects: Collection[str] | None = None) -> Change | None:
     """Return the likeliest change in the middle of a log beside what was named, if it is sure.
 
     No unseen motion can take it out: it needs what both thresholds ask together, and nothing that
-    stays for good, and no drift, may be a rival. Of two logs nobody knows which is odd.
+    is there all the time may be a rival. Of two logs nobody knows which is odd.
 
     Parameters
     ----------
@@ -475,124 +458,131 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
     effects : collection of str, optional
         Families that may be named; all by default.
     """
-    families = [f for f in CHANGING if effects is None or f in effects]
+    seen, robot = naming.fitted.seen, naming.setting.structure.robot
+    families = find_families([f for f in CHANGING if effects is None or f in effects])
     if not families or not len(naming.fitted):
         return None
     begins, log_of = _parts_of_time(naming.fitted)
-    patterns = (_drifts(naming.fitted, begins, log_of), *_stays(log_of))
-    found = _differences(naming, families, begins, patterns, naming.missing.noise)
-    places = [group for group, *_ in found.told.values() if group.place != EVERYWHERE]
-    if len(patterns) < 2 or not places:
+    stays = _stays(log_of)
+    motions = [x.motion for x in naming.setting.samples]
+    listed, _ = list_candidates(robot, families, (), motions, fixed=True)
+    held = [c for c in naming.missing.candidates if c.family is REVERSALS]
+    missing = replace(naming.missing, candidates=tuple(number([*held, *listed])), families=None)
+    if not len(stays) or not listed:
         return None
-    every = found.model.gains((), places)
+    courses = _session(naming.fitted, begins, log_of)
+    every = _odds_of_stays(missing, begins, stays, courses)
+    known = None
     for _ in range(2):  # what it adds is no noise: once it is roughly known, that is without
-        noise = _noise_without(naming, found, _surest(found, every), np.diff(begins))
-        found = _differences(naming, families, begins, patterns, noise)
-        every = found.model.gains((), places)
-    stays = [t for t in every if found.told[t.key][2]]
-    causes = [found.told[t.key][1][0] for t in stays]
-    what = [(c.family.name, t.group.place) for c, t in zip(causes, stays, strict=True)]
-    best, pattern = stays[0], found.told[stays[0].key][2]
-    on = found.patterns[pattern] > 0
-    first, last = on.argmax(1), on.shape[1] - on[:, ::-1].argmax(1)
-    at = np.flatnonzero(log_of == log_of[first[best.member]])
-    begun, ended = int(first[best.member]), int(last[best.member])
-    begins_with, ends_with = begun == at[0], ended == at[-1] + 1
-    excess, burst = _scatter(found, best)
-    others = [t.odds for t in every if not found.told[t.key][2]]
-    others = [x / excess for x in others] + [t.odds for t in naming.before[:1]]
-    needed = max(RULES.name + RULES.keep, *others) + RULES.rival
-    # Of two logs nobody knows which is odd as a whole.
-    odd = begins_with and ends_with and len(np.unique(log_of)) < 3
-    if best.odds / excess < needed or burst or odd:
+        first, last = begins[stays[int(every[0].odds.argmax())]].tolist()
+        if known == (first, last):
+            break
+        known = first, last
+        outside = np.ones((len(seen.y), 1), bool)
+        outside[first:last] = False
+        noise = list(naming.missing.noise)
+        for j in {j for j, k in missing.entries if k in every[0].candidate.columns}:
+            (runs,) = JointRuns.of(seen.runs.each[j], outside).each
+            noise[j] = rich_noise([seen.X[:, j, seen.X[:, j].any(0)]], seen.y[:, j], runs)
+        every = _odds_of_stays(missing.under(noise), begins, stays, courses)
+    best, at = every[0], int(every[0].odds.argmax())
+    first, last = stays[at].tolist()
+    own = np.flatnonzero(log_of == log_of[first])
+    begun, whole = first > own[0], last > own[-1]
+    always = [*(x.drifts for x in every), *(t.odds for t in naming.before[:1])]
+    needed = max(RULES.name + RULES.keep, *always) + RULES.rival
+    if best.total < needed or (not begun and whole and len(np.unique(log_of)) < 3):
         return None
-    near = [k for k, t in enumerate(stays) if t.odds > best.odds - RULES.rival]
-    rivals = {
-        what[k]: f"{title_of_change(causes[k])} of {what[k][1]}" for k in near if what[k] != what[0]
-    }
-    time = naming.fitted.t[[*begins[at].tolist(), int(begins[at[-1] + 1]) - 1]]
-    names = [naming.setting.samples[n].name for n in log_of]
-    (change,) = find_changes(found, (best,), names)
-    odds = _odds_of_each(found.model, (), best.group, best.group.members)
-    if not begins_with:
-        began = _ends(first - at[0], odds, time)
-        change = replace(change, start=float(time[begun - at[0]]), began=began)
-    if not ends_with:
-        until = _ends(last - at[0], odds, time)
-        change = replace(change, stop=float(time[ended - at[0]]), ended=until)
-    share = softmax([t.odds for t in stays])
-    return replace(
-        change,
-        log=names[at[0]],
-        odds=best.odds,
-        others=tuple(rivals.values()),
-        rivals=tuple(rivals),
-        weight=float(sum(x for x, own in zip(share, what, strict=True) if own == what[0])),
+    total = np.array([x.total for x in every])
+    near = [x for x in every[1:] if x.total > best.total - RULES.rival]
+    time = naming.fitted.t[[*begins[own].tolist(), int(begins[own[-1] + 1]) - 1]]
+    c, likely = best.candidate, softmax(best.odds)
+    change = Change(
+        kind={"payload": "load", "torque_offset": "offset"}.get(c.family.name, "friction"),
+        family=c.family.name,
+        what=best.title,
+        place=c.place,
+        log=naming.setting.samples[log_of[first]].name,
+        names=tuple(f"{c.place}.{kind.removeprefix('payload_')}" for kind in c.kinds),
+        units=tuple(p.unit for p in Placed([c.part]).parameters(robot)),
+        sizes=best.value,
+        sd=np.sqrt(np.diag(best.covariance)),
+        share=np.nan,
+        share_sd=np.nan,
+        odds=best.total,
+        others=tuple(x.title for x in near),
+        rivals=tuple(x.candidate.group for x in near),
+        weight=float(softmax(total)[0]),
     )
+    if begun:
+        began = _ends(stays[:, 0] - own[0], likely, time)
+        change = replace(change, start=float(time[first - own[0]]), began=began)
+    if not whole:
+        ended = _ends(stays[:, 1] - own[0], likely, time)
+        change = replace(change, stop=float(time[last - own[0]]), ended=ended)
+    return change
 
 
-def _differences(
-    naming: Naming,
-    families: Sequence[str],
-    begins: np.ndarray,
-    patterns: tuple[Array, ...],
-    noise: ARNoise,
-) -> Differences:
-    """Return what may differ between parts of time, beside the model and friction at reversals."""
-    seen, missing, robot = naming.fitted.seen, naming.missing, naming.setting.structure.robot
-    always = np.zeros((*seen.y.shape, naming.model.fixed - missing.fixed))
-    for (j, k), x in missing.entries.items():
-        if k < always.shape[2]:
-            always[:, j, k] = x
-    X, prior = np.concatenate([seen.X, always], axis=2), naming.model.prior
-    known = Known.nothing(np.eye(X.shape[2]), np.zeros(X.shape[2]))
-    bodies = last_bodies(robot) if "payload" in families else ()
-    others = [name for name in families if name != "payload"]
-    may = Missing(list_changes(robot, bodies, others, (WEIGHT,)), replace(seen, X=X))
-    return Differences(
-        missing=may,
-        information=may.products(edges=begins.tolist(), noise=noise),
-        known=replace(known, precision=np.diag(prior)) if prior.size else known,
-        patterns=patterns,
-    )
+@frozen
+class _Stay:
+    """A candidate with its log odds between each two instants, (w,), and its likeliest values.
 
-
-def _surest(found: Differences, every: Iterable[Term]) -> Term:
-    return next(t for t in every if found.told[t.key][2])
-
-
-def _noise_without(naming: Naming, found: Differences, best: Term, count: np.ndarray) -> ARNoise:
-    """Return the noise that the model leaves where a change is not."""
-    _, (cause,), pattern = found.told[best.key]
-    on = np.repeat(found.patterns[pattern][best.member], count) > 0
-    seen, joints = naming.fitted.seen, list(naming.missing.noise)
-    for j in {j for j, k in found.missing.entries if k in cause.columns}:
-        (runs,) = JointRuns.of(seen.runs.each[j], ~on[:, None]).each
-        joints[j] = rich_noise([seen.X[:, j, seen.X[:, j].any(0)]], seen.y[:, j], runs)
-    return tuple(joints)
-
-
-def _scatter(found: Differences, best: Term) -> tuple[float, bool]:
-    """Return how much more scores scatter elsewhere than noise lets them, and if it is a burst.
-
-    A burst is next to nothing without the part of the time that says most.
+    Attributes
+    ----------
+    total, drifts : float
+        Averaged over the instants, or of what goes with the session instead, less the price.
     """
-    model = found.model
-    products, (value, _) = cast("Patterned", model.products), found.solve((best,))
-    own, held = (products.column[x] for x in (best.columns, np.arange(model.fixed)))
-    on, more = products.weights[products.pattern[best.columns[0]]] > 0, value[model.fixed :]
-    scores = products.values[:, own, -1]
-    scores = scores - products.values[:, own][:, :, held] @ value[: model.fixed]
-    squares = products.values[:, own][:, :, own]
-    gain = scores[on] @ more - 0.5 * (squares[on] @ more) @ more
-    inner, z = np.linalg.pinv(squares[~on], rcond=1e-9, hermitian=True), scores[~on]
-    excess = np.einsum("sk,skl,sl->s", z, inner, z).mean() / len(own) if len(z) else 1.0
-    return max(float(excess), 1.0), bool(gain.sum() - gain.max() < RULES.keep)
+
+    candidate: Candidate
+    odds: Array
+    total: float
+    drifts: float
+    value: Array
+    covariance: Array
+
+    @property
+    def title(self) -> str:
+        """What it is and where, in words."""
+        family = self.candidate.family
+        what = "load" if family.name == "payload" else family.title
+        return f"{what} of {self.candidate.place}"
 
 
-def _ends(at: np.ndarray, odds: Array, time: Array) -> tuple[float, float]:
+def _odds_of_stays(
+    missing: Missing, begins: np.ndarray, stays: np.ndarray, courses: Array
+) -> list[_Stay]:
+    """Return candidates that act between two parts of time, (w, 2), the likeliest first."""
+    model = replace(missing.model(), sizes=CHANGES)
+    blocks = missing.products(edges=begins.tolist())
+    c, scale, parts = blocks.size, np.append(model.scale, 1.0), np.arange(len(begins) - 1)
+    rows = [blocks.take(parts[[b]]).between(np.arange(c), np.arange(c + 1)) for b in parts]
+    each = np.array(rows) / np.outer(scale[:-1], scale)
+    on = (parts >= stays[:, :1]) & (parts < stays[:, 1:])
+    weights = np.concatenate([on, courses])
+    s, p, out = model.solve(), model.fixed, list[_Stay]()
+    candidates = [x for x in missing.candidates if x.family is not REVERSALS]
+    places = Counter(x.family.name for x in candidates)
+    for x in candidates:
+        at = np.array(x.columns) + missing.fixed
+        S = np.tensordot(weights**2, each[:, at][:, :, at], 1)
+        P = np.tensordot(weights, each[:, at][:, :, [*range(p), c]], 1)
+        part = np.einsum("ij,wkj->iwk", s.root, P[:, :, :-1], optimize=True)
+        left = P[:, :, -1] - np.einsum("iwk,i->wk", part, s.half)
+        rise, _ = model.rise(S, part, left)
+        odds = logsumexp(rise, axis=1) - np.log(rise.shape[1] * len(places) * places[x.family.name])
+        total, drifts = (float(logsumexp(o) - np.log(len(o))) for o in np.split(odds, [len(on)]))
+        w, size = np.unravel_index(int(rise[: len(on)].argmax()), rise.shape)
+        outside = S[w] - part[:, w].T @ part[:, w] + np.eye(len(at)) / model.sizes[size] ** 2
+        likely, unit = Normal.of(outside, left[w]), model.scale[at]
+        covariance = likely.covariance / np.outer(unit, unit)
+        out.append(_Stay(x, odds[: len(on)], total, drifts, likely.value / unit, covariance))
+    return sorted(out, key=lambda x: -x.total)
+
+
+def _ends(at: np.ndarray, likely: Array, time: Array) -> tuple[float, float]:
     """Return between which instants 95 % of what is likely lies, a part more on each side."""
-    share = np.cumsum(np.bincount(at, np.exp(odds - logsumexp(odds)), len(time)))
+    inside = (at >= 0) & (at < len(time))
+    share = np.cumsum(np.bincount(at[inside], likely[inside], len(time)))
     low, high = np.searchsorted(share, [0.025, 0.975]).tolist()
     ends = np.clip([low - 1, high + 1], 0, len(time) - 1)
     return float(time[ends[0]]), float(time[ends[1]])

@@ -14,13 +14,12 @@ from scipy.stats import rankdata
 
 from identifiability.effects.functions import has_session
 from identifiability.estimation.differences import Known
-from identifiability.estimation.groups import Excerpt
+from identifiability.estimation.groups import LAST, Excerpt, divide
 from identifiability.estimation.prediction import Prediction, change_interval
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_count, join, percent
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.log import join_logs
@@ -375,11 +374,8 @@ def explained_share(x: Array, r: Array) -> float:
 
 #: What follows the name of a log in that of a part of it.
 PART = ", part "
-#: Share of the only log that verifies, and samples that this part must have.
-LAST: Tolerance = 0.25
+#: Samples that the part which verifies must have.
 SHORTEST = 100
-#: Share of either part that is left out where the log is divided: noise has a memory.
-PAUSE: Tolerance = 0.05
 #: Samples after decimation that a diagnosis looks at in one log, and in all that are fitted; more
 #: are thinned to stretches.
 MOST_SAMPLES, MOST_IN_ALL = 6000, 8000
@@ -428,10 +424,9 @@ def _one_log(log: Log) -> Roles:
             f"part and verify them on another; give a log of at least {fewest:.0f} samples, or a "
             "second one."
         )
-    end = (1 - LAST) * len(log)
-    start = end + PAUSE * (len(log) - end)
-    fit = log.rows(0, int((1 - PAUSE) * end), f"{log.name}{PART}1")
-    verify = log.rows(int(np.ceil(start)), len(log), f"{log.name}{PART}2")
+    end, start = divide(len(log))
+    fit = log.rows(0, end, f"{log.name}{PART}1")
+    verify = log.rows(start, len(log), f"{log.name}{PART}2")
     verified_on = f"the last {100 * LAST:.0f} % of {log.name}, set aside"
     return (fit,), (verify,), verified_on
 
