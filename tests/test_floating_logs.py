@@ -154,31 +154,6 @@ def test_a_mounting_that_is_known_roughly_is_corrected_in_the_fit(thrown, body):
     np.testing.assert_allclose(again.base.imu.place, place, atol=2e-3)
 
 
-def test_a_base_stands_as_the_sidecar_says_it_was_hung_up(tmp_path):
-    robot, tilt = walker(tmp_path, ""), (0.3, -0.2, 0.5)
-    text = robot.path.read_text().replace('name="trunk"', 'name="trunk" euler="10 20 30"', 1)
-    robot.path.write_text(text)
-    urdf = tmp_path / "hung.urdf"
-    inertial = '<inertial><mass value="{1}"/><inertia ixx=".1" iyy=".1" '
-    inertial += 'izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>'
-    link = '<link name="{0}">' + inertial + "</link>"
-    joint = (
-        '<joint name="hip" type="revolute"><parent link="trunk"/><child link="leg"/>'
-        '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" velocity="9"/></joint>'
-    )
-    parts = link.format("trunk", 5) + link.format("leg", 1) + joint
-    urdf.write_text(f'<robot name="walker">{parts}</robot>')
-    for path in (robot.path, urdf):
-        drawn = Robot.load(path, base="fixed")
-        assert drawn.tilt is None
-        path.with_suffix(".toml").write_text(f"stand = {list(tilt)}")
-        hung = Robot.load(path, base="fixed")
-        turn = Rotation.from_euler("xyz", tilt).inv()
-        own = Rotation.from_euler("XYZ", [0, 0, 0] if path == urdf else [10, 20, 30], degrees=True)
-        np.testing.assert_allclose(hung.gravity, own.apply(turn.apply([0, 0, -9.81])), atol=1e-9)
-        assert Robot.load(path, base="floating").base is not None  # of which it says nothing
-
-
 def test_what_is_missing_or_no_orientation_is_said_in_one_sentence(thrown, body):
     with pytest.raises(LogError, match=r"does not say how the base moved.*'base.acc.x'.*fixed"):
         read(body, table(thrown))
