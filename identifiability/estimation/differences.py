@@ -161,7 +161,7 @@ def noise_beside(missing: Missing, may: int) -> tuple[ARNoise, Array]:
     each = [seen.log == log for log in np.unique(seen.log)]
     levels = np.ones((len(seen.runs.each), len(each)))
     for j, runs in enumerate(seen.runs.each):
-        own = [missing.entries[j, k] for k in missing.acting[j].tolist() if k < may]
+        own = [missing.entries[j, k] for i, k in sorted(missing.entries) if i == j and k < may]
         differing = np.reshape([x * log for x in own for log in each], (-1, len(seen.y))).T
         X, y, data = seen.X[:, j, seen.X[:, j].any(0)], seen.y[:, j], seen.data[:, j]
         noise = rich_noise([X, differing], y, runs)
