@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -285,17 +284,12 @@ class Problem:
         steps = VARIED * np.concatenate([*sizes, np.ones(len(self.shares))])
         #: By how much each number is varied.
         self.by = np.concatenate([steps, np.full(len(logs), LATER * self.dt)])
-        self.machine, self.having = machine, lru_cache(maxsize=2)(self._having)
+        self.machine = machine
 
     def sized(self, e: Array) -> dict[str, float]:
         """Return standard parameters of bodies that are exp(2 e) times the file's, (nb,)."""
         file, each = self.machine.robot.nominal, zip(self.shares, np.exp(2 * e), strict=True)
         return {f"{b}.{k}": x * file[f"{b}.{k}"] for b, x in each for k in INERTIAL_KINDS}
-
-    def _having(self, e: bytes) -> CommandedRobot:
-        """Return the robot with bodies of other sizes."""
-        m, values = self.machine, self.sized(np.frombuffer(e))
-        return CommandedRobot(m.robot, values, m.servo) if values else m
 
     def pack(self, numbers: Mapping[str, Array], late: Array | float) -> Array:
         """Return the vector of joints' numbers and delays, bodies as they are known."""
@@ -351,7 +345,10 @@ class Problem:
 
     def roll(self, xs: Sequence[Array], step: float = STEP) -> list[list[Array]]:
         """Return positions along every log, for several vectors, all at one step [s]."""
-        every = [(self.having(e.tobytes()), own, late) for own, e, late in map(self.unpack, xs)]
+        every = []
+        for own, e, late in map(self.unpack, xs):
+            sizes = dict(zip(self.shares, np.exp(2 * e).tolist(), strict=True))
+            every.append((self.machine.resized(sizes), own, late))
         step = min(step, *(machine.longest(own) for machine, own, _ in every))
         return [
             [

@@ -87,6 +87,17 @@ class CommandedRobot:
         self.at = np.array([j.qposadr[0] for j in joints], int)
         self.offset = self._forward.bias[0][self.dofs]
 
+    def resized(self, sizes: Mapping[str, float]) -> CommandedRobot:
+        """Return the robot with bodies that are so many times as heavy, and alike."""
+        other = copy(self)
+        other.model = copy(self.model)
+        other.__dict__.pop("bare", None)
+        for name, size in sizes.items():
+            body = other.model.body(name).id
+            other.model.body_mass[body] *= size
+            other.model.body_inertia[body] *= size
+        return other
+
     def inertia(self, q: Array) -> Array:
         """Return the inertia that each joint feels at a configuration (n,), its rotor's too, (n,).
 
