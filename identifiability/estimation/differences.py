@@ -284,14 +284,13 @@ class Differences:
         lacks: Sequence[Candidate],
         known: Known,
         patterns: Sequence[Array],
-        given: ARNoise = (),
         **more: Any,
     ) -> Differences:
-        """Return what may differ between logs, or be missing in all of them, by a given noise."""
+        """Return what may differ between logs, or be missing in all of them."""
         missing = Missing(tuple(number([*changes, *lacks])), seen)
         may = sum(len(c.columns) for c in changes)
         edges = [*np.unique(seen.log, return_index=True)[1].tolist(), len(seen.y)]
-        noise, levels = (given, np.ones(1)) if given else noise_beside(missing, may)
+        noise, levels = noise_beside(missing, may)
         own = missing.products(edges=edges, noise=noise).weigh(1.0 / levels)
         what = {"known": known, "patterns": tuple(patterns), **more}
         return Differences(missing=missing, information=own, **what)

@@ -94,21 +94,18 @@ def calibration_sections(calibration: Calibration) -> list[Section | None]:
     ]
 
 
-# Comparison: what changed between two logs or results.
+# Comparison: what changed between logs.
 
 
 def comparison_heading(result: Comparison) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
-    kinds = {"pairs": "the same motion", "logs": "different motions", "results": "two results"}
-    kind = kinds[result.kind]
+    kind = "the same motion" if result.pairs else "different motions"
     return "Comparison report", f"{result.robot.path.name} · {result.submodel.name} · {kind}"
 
 
-def comparison_moving(result: Comparison) -> Moving | None:
+def comparison_moving(result: Comparison) -> Moving:
     """Return the robot along the first log after, over what differs where most changed."""
     robot, motion, torque = result.robot, result.motion, result.torque
-    if motion is None or torque is None:
-        return None
     t, left = torque.t, torque.measured
     lines = {"measured": left} | ({"what changed": torque.explained} if result.changes else {})
     log, _ = shorten_paths((result.after[0], result.before[0]))

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from identifiability import Robot, analyze, compare
+from identifiability import Robot, compare
 from identifiability.cli import app
-from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs import Log
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.simulation.forces import joint_torque
@@ -107,24 +106,6 @@ def test_the_same_motion_cancels_what_the_model_leaves_out():
     other = compare(PLANAR, first[0], second[1])
     if other.changes:
         assert other.answer.endswith("or the model leaves out what the motions show differently.")
-
-
-def test_results_are_compared_by_their_values(tmp_path):
-    paths = []
-    for k, friction in enumerate(({}, {"elbow": 1.3}, {})):
-        result = analyze(PLANAR, logs(PLANAR, 20 + k, **friction)[0], replicates=40, cad_prior=0.0)
-        paths.append(result.to_json(tmp_path / f"{k}.json"))
-    found = compare(PLANAR, paths[0], paths[1])
-    assert said(found) == {("friction", "elbow")}
-    assert abs(found.changes[0].share - 0.3) < 3 * found.changes[0].share_sd
-    assert "sees less than the logs do" in found.statement
-    same = compare(PLANAR, str(paths[0]), paths[2])
-    assert same.answer == "Nothing changed that can be told from chance."
-    assert (
-        "of one log each, they hold nothing of what another motion would change" in same.statement
-    )
-    with pytest.raises(IdentifiabilityError, match="A result cannot be compared with a log"):
-        compare(PLANAR, paths[0], logs(PLANAR, 0)[0])
 
 
 def test_of_three_logs_it_is_said_which_is_odd():
