@@ -42,6 +42,7 @@ from identifiability.foundation.options import check_choice
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import (
     LEVEL,
+    NONE,
     REACH,
     digits,
     error_text,
@@ -505,7 +506,25 @@ class Laddered(OfStructure, Result, predict.Predicts):
             parts = [f"{a.short} {a.text}".rstrip() for a in told]
         parts += [] if tilt is None else [f"In this model gravity {tilt.text}."]
         parts += [] if self.moved is None else [self.moved.statement]
-        return " ".join(filter(None, (self.mass_warning, *parts, *self.hints)))
+        return " ".join(filter(None, (self.mass_warning, self.weight, *parts, *self.hints)))
+
+    @property
+    def weight(self) -> str:
+        """What a robot that floats weighs by its logs, beside its file; nothing of others.
+
+        The mass of all its bodies is one of its base parameters: gravity acts on the whole of it.
+        """
+        structure = self.structure
+        if self.robot.base is None or self.nothing:
+            return ""
+        masses = np.array([p.kind == "m" for p in structure.parameters], float)
+        pairs = zip(structure.base.names, structure.G, strict=True)
+        total = [name for name, row in pairs if np.allclose(row, masses, atol=1e-6)]
+        for v in self.full.verdicts:
+            if v.name in total and np.isfinite(half := REACH * v.sigma_label):
+                told = {"title": self.robot.title, "file": float(structure.nominal @ masses)}
+                return sentence("decision.weight", value=v.value, half=half, **told)
+        return ""
 
     def _answer_quality(self) -> Answer:
         """Return how well the values to use predict, and beside it what that leaves out."""
@@ -902,6 +921,7 @@ def parameter_table(analysis: Laddered, result: ModelResult) -> Table:
         Column("σ robust", percent_text, "sigma_robust_percent", detail=True),
         Column("σ label", percent_text, "sigma_label_percent"),
         Column("σ bootstrap", percent_text, drawn, detail=True),
+        Column("σ is of", get=_terms_cell, detail=True),
         Column("used", "number", in_model, detail=not any(result.meanings)),
         Column("robot file", "number", lambda v: stated_text(stated[v.name], v.sigma_robust)),
         Column("share of torque", "bar", share),
@@ -933,6 +953,16 @@ def file_table(analysis: Analysis) -> Table:
     )
     caption = f"Which numbers of the robot file may I believe? {', '.join(counts)}."
     return Table.of(caption, columns, frame.itertuples(index=False))
+
+
+def _terms_cell(v: Verdict) -> Cell:
+    """Return the shares that terms have of the variance of a label, the largest first."""
+    total = v.sigma_label**2
+    if not 0 < total < np.inf:
+        return Cell(NONE, 0.0)
+    order = [term for term in sorted(v.terms, key=lambda term: -v.terms[term]) if v.terms[term]]
+    each = [f"{term} {percent(v.terms[term] ** 2 / total, 2)}" for term in order[:NAMED]]
+    return Cell(", ".join(each), v.terms[order[0]] ** 2 / total)
 
 
 def label_note(v: Any) -> str:
