@@ -58,7 +58,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
 #: Share of a joint's torque up to which loads are to explain it.
-NEAR = 0.01
+NEAR: Tolerance = 0.01
 #: Share by which a body is taken to differ from its file.
 SHARE: Tolerance = 0.5
 #: What a compact load of 1 kg has of each inertial parameter, by its radius [m].
