@@ -103,7 +103,7 @@ def comparison_heading(result: Comparison) -> tuple[str, str]:
     return "Comparison report", f"{result.robot.path.name} · {result.submodel.name} · {kind}"
 
 
-def comparison_moving(result: Comparison) -> Moving:
+def comparison_moving(result: Comparison) -> Moving | None:
     """Return the robot along the first log after, over what differs where most changed."""
     robot, motion, torque = result.robot, result.motion, result.torque
     t, left = torque.t, torque.measured

@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, cast
 
 import numpy as np
 import pandas as pd
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 
 from identifiability.effects.base import settle_gravity
 from identifiability.effects.vocabulary import complete_values
@@ -255,18 +255,6 @@ class RobotEntry(Entry):
     name: str
     locked: dict[str, float] = {}
 
-    def check_locked(self, robot: Robot, path: str | Path) -> None:
-        """Refuse a robot of which other joints are locked than when the result was made.
-
-        Raises
-        ------
-        IdentifiabilityError
-        """
-        if self.locked.keys() != robot.locked.keys():
-            was = [f"{n} = {at:g}" for n, at in self.locked.items()] or ["nothing"]
-            now = [*robot.locked] or ["nothing"]
-            raise IdentifiabilityError(Finding("result.locked", path, was=was, now=now))
-
 
 # `Fit`: what a result keeps of its model: values, their covariance, how torque scatters.
 #
@@ -359,8 +347,6 @@ class Fit(Predicts):
         takes what it leaves out as known. The latter are directions that the motion never showed.
     origin : str
         Name of the file that it was read from (reports tell no paths of a machine).
-    errors : (float, float) or None
-        ε_RA on the fitted logs of the nearest real robot, and of what an MJCF alone holds of it.
     missing : tuple of str
         Functions of a joint's motion or load that the result says are missing.
     """
@@ -373,7 +359,6 @@ class Fit(Predicts):
     base_covariance: Array
     base_unknown: Array
     origin: str = "result.json"
-    errors: tuple[float, float] | None = None
     missing: tuple[str, ...] = ()
 
     @property
@@ -485,10 +470,15 @@ class GravityEntry(Entry):
 class RealEntry(Entry):
     """The nearest real robot, and how much it errs."""
 
-    parameters: dict[str, float] = Field(default={})
+    parameters: dict[str, float] = {}
+    shapes: dict[str, float] = {}
     gravity: GravityEntry | None = None
     error_ra: float | None = None
-    error_ra_files: dict[str, float | None] = Field(default={})
+    error_ra_files: dict[str, float | None] = {}
+    error_joints: tuple[dict[str, Any], ...] = ()
+    cad_prior: float = 0.0
+    certificate: str = ""
+    reason: str = ""
 
 
 class RolloutEntry(Entry):
@@ -497,7 +487,7 @@ class RolloutEntry(Entry):
     statement: str
     logs: tuple[str, ...]
     delays: tuple[float, ...]
-    gains: dict[str, dict[str, float]] = Field(default_factory=dict)
+    gains: dict[str, dict[str, float]] = {}
 
     def settle(self, servo: Servo, joints: Sequence[str]) -> Servo:
         """Return servos with the gains that logs told."""
@@ -544,12 +534,9 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
         If the file is no such result, keeps no fitted model, or is about another robot.
     """
     robot = Robot.of(robot)
-    content = read_document(path, ResultEntry, "JSON", "result", IdentifiabilityError)
-    if content.nothing:
-        raise IdentifiabilityError(Finding("result.nothing", path, why=content.nothing))
+    content = _read_result(path, robot, "predicted")
     if content.fit is None:
         raise IdentifiabilityError(Finding("result.unfitted", path))
-    content.robot.check_locked(robot, path)
     entry, where = content.fit, f"{path} is about '{content.robot.name}'"
     structure = Structure.of(robot, Model.of(*(entry.model.effects or ())))
     try:
@@ -560,7 +547,6 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
         raise _other_robot(where, robot, "its parameters are not those of this robot.")
     submodel = submodel.ordered(entry.names)  # what is tied stands where its first member stood
     k, n, b = len(submodel), len(robot.joints), len(structure.base)
-    real, alone = content.physical.error_ra, content.physical.error_ra_files.get("mjcf")
     try:
         return Fit(
             structure=structure,
@@ -575,11 +561,52 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
             base_covariance=np.reshape(entry.base_covariance, (b, b)),
             base_unknown=np.array(entry.base_unknown, float).reshape(b, -1 if b else 0),
             origin=str(path),
-            errors=None if real is None or alone is None else (real, alone),
             missing=content.missing,
         )
     except ValueError:
         raise IdentifiabilityError(Finding("result.tables", where)) from None
+
+
+def _read_result(path: str | Path, robot: Robot, done: str) -> ResultEntry:
+    content = read_document(path, ResultEntry, "JSON", "result", IdentifiabilityError)
+    if content.nothing:
+        raise IdentifiabilityError(Finding("result.nothing", path, why=content.nothing, done=done))
+    if content.robot.locked.keys() != robot.locked.keys():
+        was = [f"{n} = {at:g}" for n, at in content.robot.locked.items()] or ["nothing"]
+        now = [*robot.locked] or ["nothing"]
+        raise IdentifiabilityError(Finding("result.locked", path, was=was, now=now))
+    return content
+
+
+def read_real(
+    path: str | Path, robot: Robot, done: str
+) -> tuple[ResultEntry, Robot, dict[str, float]]:
+    """Read the nearest real robot of a result: with servos and gravity as found, and its values.
+
+    Parameters
+    ----------
+    path : path
+    robot : Robot
+    done : str
+        What is done with it, as a participle.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the file is no such result, or has no real robot.
+    """
+    content = _read_result(path, robot, done)
+    physical, found = content.physical, content.rollout
+    given = physical.parameters
+    if not given:
+        why = physical.reason or physical.certificate
+        raise IdentifiabilityError(f"{path} holds no real robot to be {done}. {why}".rstrip())
+    if robot.servo is not None and found is not None:
+        robot = replace(robot, servo=found.settle(robot.servo, robot.joints))
+    if physical.gravity is not None:
+        given = {n: v for n, v in given.items() if n.rpartition(".")[0] != BASE}
+        robot = robot.turned(np.array(physical.gravity.direction))
+    return content, *settle_gravity(robot, given)
 
 
 def _other_robot(where: str, robot: Robot, why: str) -> IdentifiabilityError:
@@ -944,7 +971,11 @@ def predict(
         if other is None and not (isinstance(result, Predicts) or str(result).endswith(".json")):
             other = Robot.load(cast("str", result))
         if other is None:
-            runs.append(_moved_by(robot, result))
+            fitted: Any = result
+            if not isinstance(result, (str, Path)):
+                fitted = fitted.to_json(new_place("fitted", ".json"))
+            _, own, values = read_real(fitted, robot, "moved")
+            runs.append((own, Path(fitted).name, complete_values(own, values, keep=False)))
         elif other.joints != robot.joints:
             told = {"own": [*other.joints], "path": robot.path, "joints": [*robot.joints]}
             raise RobotError(Finding("robots.joints", other.path, **told))
@@ -959,29 +990,6 @@ def predict(
 def _file_name(robot: Robot) -> str:
     path = robot.path
     return path.name if path.stem != "robot" else f"{robot.name}/{path.name}"
-
-
-def _moved_by(robot: Robot, result: Any) -> tuple[Robot, str, dict[str, float]]:
-    """Return the robot of a result as a simulator has it: its servos, its name, its values.
-
-    Raises
-    ------
-    IdentifiabilityError
-    """
-    path = result if isinstance(result, (str, Path)) else None
-    path = path or result.to_json(new_place("fitted", ".json"))
-    content = read_document(path, ResultEntry, "JSON", "result", IdentifiabilityError)
-    content.robot.check_locked(robot, path)
-    given = content.physical.parameters
-    if not given:
-        raise IdentifiabilityError(f"{path} holds no real robot to move; give another result.")
-    if robot.servo is not None and content.rollout is not None:
-        robot = replace(robot, servo=content.rollout.settle(robot.servo, robot.joints))
-    if content.physical.gravity is not None:
-        given = {n: v for n, v in given.items() if n.rpartition(".")[0] != BASE}
-        robot = robot.turned(np.array(content.physical.gravity.direction))
-    robot, given = settle_gravity(robot, given)
-    return robot, Path(path).name, complete_values(robot, given, keep=False)
 
 
 def _move(robot: Robot, name: str, values: Mapping[str, float], logs: Sequence[Log]) -> Simulated:
