@@ -291,8 +291,6 @@ class Laddered(OfStructure, Result, predict.Predicts):
         About the base parameters, on the fitted logs.
     selected : int
         The model to use.
-    everywhere : Prediction or None
-        By the values to use along unseen motion, where joints stand, too; None where none does.
     source : LadderSource or None
         Where the models came from.
     settings : mapping
@@ -313,7 +311,6 @@ class Laddered(OfStructure, Result, predict.Predicts):
     models: tuple[ModelResult, ...]
     information: Information
     selected: int
-    everywhere: Prediction | None
     source: LadderSource | None = None
     settings: Mapping[str, Any]
     nothing: str
@@ -517,18 +514,17 @@ class Laddered(OfStructure, Result, predict.Predicts):
 
     @property
     def left_out(self) -> dict[str, float]:
-        """Share of unseen rows without weight, and ε_RA over all rows and of raw torque."""
-        p, every = self.held_out, self.everywhere or self.held_out
-        share = 1.0 - p.sums.rows.sum() / max(every.sums.rows.sum(), 1)
-        errors = every.relative_error()[0], p.relative_error(raw=True)[0]
-        return dict(zip(("rows", "all_rows", "raw"), map(float, (share, *errors)), strict=True))
+        """Share of unseen rows without weight, and ε_RA of raw torque."""
+        surveys = [s.survey for s in self.validation or self.samples]
+        every = len(self.robot.joints) * sum(s.outputs for s in surveys)
+        share = 1.0 - sum(s.rows.sum() for s in surveys) / every
+        return {"rows": float(share), "raw": float(self.held_out.relative_error(raw=True)[0])}
 
     def _beside(self) -> str:
         """Return what the error leaves out: rows without weight, and what a low-pass took."""
         left, error, told = self.left_out, self.chosen.error_ra_validation, []
         if left["rows"] > 0:
-            share, every = percent(left["rows"], 2), percent(left["all_rows"])
-            told.append(sentence("decision.left", "rows", share=share, error=every))
+            told.append(sentence("decision.left", "rows", share=percent(left["rows"], 2)))
         if np.isfinite(left["raw"]) and not np.isclose(left["raw"], error, rtol=1e-6):
             told.append(sentence("decision.left", "raw", error=percent(left["raw"])))
         return " ".join(told)
@@ -627,7 +623,7 @@ class Laddered(OfStructure, Result, predict.Predicts):
             "errors": {
                 "joints": joints.drop(columns="of").to_dict("records"),
                 "logs": logs[own].rename(columns={"joint": "log"}).to_dict("records"),
-                "left_out": self.left_out,
+                "left_out": {**self.left_out, "all_rows": None},  # of earlier releases
             },
             "parameters": used.rows(),
             "full_parameters": self.full.rows(),

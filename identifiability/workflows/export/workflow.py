@@ -29,7 +29,7 @@ from identifiability.estimation.prediction import predict
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import BASE, GROUPED_KINDS, INERTIAL_KINDS
+from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.foundation.options import ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
 from identifiability.foundation.rounding import percent
@@ -196,8 +196,7 @@ def write_parameters(
     Raises
     ------
     RobotError
-        If a parameter is of nothing that the robot has, the format cannot hold the robot or a body
-        has no mass.
+        If the format cannot hold the robot or a body has no mass.
     OutputError
         If the files cannot be written, or the sidecar's name is taken by something else.
     """
@@ -220,15 +219,6 @@ def write_parameters(
                 shapes=shapes,
                 reference=reference,
                 comment=comment,
-            )
-    motors = () if robot.transmission is None else robot.transmission.motors
-    known = (*robot.bodies, *robot.dofs, *motors, *robot.combinations, BASE)
-    for name in parameters:
-        owner = name.rpartition(".")[0]
-        if owner not in known:
-            raise RobotError(
-                f"'{name}' is of no body, joint, motor or axis of {robot.name}"
-                f"{near_match(owner, known)}"
             )
     whole = settle_asymmetry(robot, complete_values(robot, parameters, keep=keep))
     robot, values = settle_springs(robot, whole)
@@ -316,12 +306,8 @@ class Exported:
                 "sidecar, which simulators do not read."
             )
         if self.snippet is not None:
-            left = [effect for effect in self.beside if effect not in self.added]
-            end = f"; {listing(left, 4)} is in neither" if left else ""
-            if not left and self.error_ra is not None:
-                end = f", and both together err by {percent(self.error_ra)}"
             added = listing(self.added, 4)
-            parts.append(f"In MuJoCo {self.snippet.name} adds {added} to it{end}.")
+            parts.append(f"In MuJoCo {self.snippet.name} adds {added} to it.")
         if self.error_ra is not None and self.error_ra_file is not None:
             parts.append(
                 f"On the fitted logs the real robot errs by {percent(self.error_ra)}, and what "
