@@ -577,7 +577,6 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
 
     masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
     real = ladder.chosen.physical
-    said = filter(None, ("" if real is None else real.sentence, ladder.mass_statement))
     settings = {key: ladder.settings[key] for key in ("method", "seed")}
     text = words("pruning.how", effects=", ".join(ladder.effects), **settings)
     some = not ladder.nothing
@@ -587,7 +586,7 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
         section_survivors(ladder),
         section("pruning.ladder", path, why=sentence("pruning.why")),
         section_correlated(ladder.fit) if some else None,
-        section("pruning.bodies", masses, said=" ".join(said)),
+        section("pruning.bodies", masses, said="" if real is None else real.sentence),
         _refused(ladder),
         section("pruning.method", Prose(tuple(text.values())), level_table(), detail=True),
     ]
