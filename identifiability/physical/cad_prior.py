@@ -292,11 +292,6 @@ def _ball(theta: Array, mass: float, length: float) -> Array:
 # Whether the bodies of a real robot weigh what bodies like those of the robot file can.
 
 
-def is_far(mass: float, stated: float) -> bool:
-    """Whether a mass is beyond a factor `another_robot` of that of the file, either way."""
-    return not stated / RULES.another_robot <= mass <= RULES.another_robot * stated
-
-
 def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float = 0.0) -> str:
     """Return what is wrong with the total mass of a robot, and the remedy; nothing if it is right.
 
@@ -313,7 +308,8 @@ def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float 
     """
     mass = total_mass(robot, parameters)
     stated = total_mass(robot, robot.nominal)
-    if robot.guessed or not (stated > 0 and mass_rows(robot, parameters) and is_far(mass, stated)):
+    alike = stated / RULES.another_robot <= mass <= RULES.another_robot * stated
+    if alike or robot.guessed or not (stated > 0 and mass_rows(robot, parameters)):
         return ""
     return (
         f"The nearest real robot weighs {mass:.4g} kg, that of the robot file {stated:.4g} kg: "

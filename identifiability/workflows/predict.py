@@ -694,8 +694,8 @@ def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:
 
 # `PositionPrediction`: how robots move as logged commands, or torques, make them.
 #
-# What is judged is the error of positions, over whole logs, in which drift adds up, and over
-# windows that begin with what was measured.
+# What is judged is the error of positions: over whole logs where commands move a robot; over windows
+# that begin with what was measured where torque does, as all that is wrong adds up.
 
 
 #: After how long a motion begins anew with what was measured, in windows [s].
@@ -716,9 +716,9 @@ class Simulated:
         Whether they were found, as nothing states them.
     q : tuple of (N, n) [rad or m]
         Positions along each log, by torque begun anew at every window; NaN where they diverged.
-    errors, window_errors : (n,) [rad or m]
-        Of positions (rms) over whole logs, without the beginning, in which the speed of the start
-        is forgotten, and over windows of a second; NaN where they diverged.
+    errors : (n,) [rad or m]
+        Of positions (rms), without the beginning of logs, in which the speed of the start is
+        forgotten; NaN where they diverged.
     """
 
     name: str
@@ -726,7 +726,6 @@ class Simulated:
     found: bool
     q: tuple[Array, ...]
     errors: Array
-    window_errors: Array
 
 
 @frozen(kw_only=True)
@@ -763,15 +762,8 @@ class PositionPrediction(Result):
     @property
     def totals(self) -> Array:
         """Error of each run over these joints (rms), (runs,)."""
-        return self._over_joints([run.errors for run in self.runs])
-
-    @property
-    def window_totals(self) -> Array:
-        """The same over windows of a second."""
-        return self._over_joints([run.window_errors for run in self.runs])
-
-    def _over_joints(self, errors: list[Array]) -> Array:
-        return np.asarray(np.sqrt(np.mean(np.array(errors)[:, self.alike] ** 2, axis=1)))
+        errors = np.array([run.errors for run in self.runs])
+        return np.asarray(np.sqrt(np.mean(errors[:, self.alike] ** 2, axis=1)))
 
     def answers(self) -> tuple[Answer, ...]:
         """Return by how much positions err, and what moved the robots, and when."""
@@ -783,11 +775,10 @@ class PositionPrediction(Result):
         return (frame_table(frame, "Each joint by itself [mrad or mm]", digits=3),)
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row a joint: errors over whole logs and windows, of each robot [rad or m]."""
+        """Return one row a joint: the error of each robot [rad or m]."""
         frame = pd.DataFrame({"joint": list(self.robot.joints)})
         for run in self.runs:
             frame[f"error of {run.name}"] = run.errors
-            frame[f"{WINDOW:g} s windows of {run.name}"] = run.window_errors
         return frame
 
     def write(self, path: str | Path) -> Path:
@@ -809,12 +800,11 @@ class PositionPrediction(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the answer in its documented JSON schema."""
         rollouts = []
-        totals = self.totals.tolist(), self.window_totals.tolist()
-        for run, whole, short in zip(self.runs, *totals, strict=True):
-            errors = {"error": run.errors, "error_windows": run.window_errors}
-            joints = pd.DataFrame(errors, self.robot.joints).to_dict("index")
+        for run, error in zip(self.runs, self.totals.tolist(), strict=True):
+            joints = pd.DataFrame({"error": run.errors}, self.robot.joints).to_dict("index")
             found = {"robot": run.name, "delays": list(run.delays), "delays_found": run.found}
-            rollouts.append({**found, "error": whole, "error_windows": short, "joints": joints})
+            found["error_windows"] = None  # of earlier releases
+            rollouts.append({**found, "error": error, "joints": joints})
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
@@ -829,17 +819,14 @@ class PositionPrediction(Result):
 
 
 def _position_error(result: PositionPrediction) -> Answer:
-    whole, short, unit = 1e3 * result.totals, 1e3 * result.window_totals, result.unit
-    # Where torque moves a robot all that is wrong with it adds up.
-    totals = whole if any(map(has_commands, result.logs)) else short
+    totals, unit = 1e3 * result.totals, result.unit
     told = " → ".join(f"{x:.3g} {unit}" if np.isfinite(x) else "it diverges" for x in totals)
-    said = [
-        f"{run.name}: {x:.3g} {unit} over whole logs, {w:.3g} over windows of {WINDOW:g} s."
-        for run, x, w in zip(result.runs, whole, short, strict=True)
-    ]
+    windows = f"windows of {WINDOW:g} s that begin with what was measured"
+    over = "whole logs" if any(map(has_commands, result.logs)) else windows
+    text = f"{' → '.join(run.name for run in result.runs)}: over {over} (rms)."
     tone = "blue" if len(totals) == 1 else "green" if totals[1] < totals[0] else "amber"
     question = "By how much do positions err?"
-    return Answer(question, f"{told[0].upper()}{told[1:]}.", " ".join(said), tone)
+    return Answer(question, f"{told[0].upper()}{told[1:]}.", text, tone)
 
 
 def _driven(result: PositionPrediction) -> Answer:
@@ -998,25 +985,24 @@ def _move(robot: Robot, name: str, values: Mapping[str, float], logs: Sequence[L
     from identifiability.simulation.rollout import CommandedRobot, forgotten  # noqa: PLC0415
 
     motors = Servo.of_torque(len(robot.joints))
-    late, whole, apart, short = list[float](), list[Array](), list[Array](), list[Array]()
+    late, found, apart = list[float](), list[Array](), list[Array]()
     for log in logs:
-        step = signals.sampling_step(log.t)
         if has_commands(log):
-            machine, driven = CommandedRobot(robot, values), log
+            machine, stop = CommandedRobot(robot, values), len(log)
             delay, q = roll_late(machine, log, machine.servo.delay)
-            late.append(delay)
-        else:  # what was measured acts from half a step before until half a step after it
-            machine, delay = CommandedRobot(robot, values, motors), -0.5 * step
-            driven = replace(log, q_ref=None, dq_ref=None, tau_ff=log.tau)
-            q = machine.roll(driven, delay=delay)[0]
-            late.append(0.0)
-        rows = max(2, round(WINDOW / step))
-        windows = [(a, a + rows) for a in range(0, len(log) - rows + 1, rows)] or [(0, len(log))]
-        anew = machine.roll(driven, delay=delay, windows=windows)[0]
-        first, last = forgotten(log), windows[-1][1]
-        whole.append(q if has_commands(log) else anew)
-        apart.append((q - log.q)[first:])
-        short.append((anew - log.q)[first:last])
-    errors, each = (np.sqrt(np.mean(np.concatenate(x) ** 2, axis=0)) for x in (apart, short))
-    found = robot.servo is not None and robot.servo.delay is None and any(map(has_commands, logs))
-    return Simulated(name, tuple(late), found, tuple(whole), errors, each)
+        else:
+            machine, delay = CommandedRobot(robot, values, motors), 0.0
+            step = signals.sampling_step(log.t)
+            rows = max(2, round(WINDOW / step))
+            windows = [(a, a + rows) for a in range(0, len(log) - rows + 1, rows)]
+            windows = windows or [(0, len(log))]
+            driven, stop = replace(log, q_ref=None, dq_ref=None, tau_ff=log.tau), windows[-1][1]
+            # What was measured acts from half a step before until half a step after it.
+            q = machine.roll(driven, delay=-0.5 * step, windows=windows)[0]
+        late.append(delay)
+        found.append(q)
+        apart.append((q - log.q)[forgotten(log) : stop])
+    errors = np.sqrt(np.mean(np.concatenate(apart) ** 2, axis=0))
+    unknown = robot.servo is not None and robot.servo.delay is None
+    sought = unknown and any(map(has_commands, logs))
+    return Simulated(name, tuple(late), sought, tuple(found), errors)

@@ -202,32 +202,25 @@ def write_parameters(
     """
     path = Path(path)
     robot, parameters = settle_gravity(robot, parameters)
+    shapes = robot.shapes if shapes is None else shapes
+    reference = robot.reference if reference is None else reference
     if path.suffix.lower() in (".xml", ".urdf") and (path.suffix.lower() == ".urdf") == robot.mjcf:
         with temporary_folder() as folder:  # the same robot in the other format is the template
             beside = Path(folder) / f"{path.stem}{path.suffix.lower()}"
             write_converted(robot, beside)
             there = replace(Robot.load(beside), rest=robot.rest, servo=robot.servo)
             converted = there.turned(robot.gravity)
-            shapes = robot.shapes if shapes is None else shapes
-            reference = robot.reference if reference is None else reference
+            more: Any = {"shapes": shapes, "reference": reference, "comment": comment}
             whole = complete_values(robot, parameters, keep=keep)
-            return write_parameters(
-                converted,
-                whole,
-                path,
-                keep=False,
-                shapes=shapes,
-                reference=reference,
-                comment=comment,
-            )
+            return write_parameters(converted, whole, path, keep=False, **more)
     whole = settle_asymmetry(robot, complete_values(robot, parameters, keep=keep))
     robot, values = settle_springs(robot, whole)
     alone = read_back(robot, values)
     nominal = {n: v for n, v in values.items() if v != alone.get(n, 0.0)}
     tables = {
         "nominal": nominal,
-        "shapes": robot.shapes if shapes is None else shapes,
-        "reference": robot.reference if reference is None else reference,
+        "shapes": shapes,
+        "reference": reference,
         "rest": {} if robot.mjcf else _rests(robot, values),
     }
     bodies = {b: np.array([values[f"{b}.{kind}"] for kind in INERTIAL_KINDS]) for b in robot.bodies}
@@ -619,8 +612,5 @@ def _find_format(out: Path, form: Format | None) -> Format:
     ------
     OutputError
     """
-    if form is not None:
-        check_ending(out, ENDINGS[form])
-        return form
-    check_ending(out, *dict.fromkeys(ENDINGS.values()))
-    return next(name for name, ending in ENDINGS.items() if ending == out.suffix.lower())
+    check_ending(out, *([ENDINGS[form]] if form else ENDINGS.values()))
+    return next(name for name, end in ENDINGS.items() if end == out.suffix.lower())
