@@ -694,8 +694,8 @@ def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:
 
 # `PositionPrediction`: how robots move as logged commands, or torques, make them.
 #
-# What is judged is the error of positions: over whole logs where commands move a robot; over windows
-# that begin with what was measured where torque does, as all that is wrong adds up.
+# What is judged is the error of positions: by commands over whole logs; by torque over windows
+# that begin with what was measured, as all that is wrong with it adds up.
 
 
 #: After how long a motion begins anew with what was measured, in windows [s].
