@@ -510,7 +510,7 @@ class Laddered(OfStructure, Result, predict.Predicts):
     def left_out(self) -> dict[str, float]:
         """Share of unseen rows without weight, and ε_RA of raw torque."""
         surveys = [s.survey for s in self.validation or self.samples]
-        every = len(self.robot.joints) * sum(s.outputs for s in surveys)
+        every = sum(s.outputs * len(s.rows) for s in surveys)
         share = 1.0 - sum(s.rows.sum() for s in surveys) / every
         return {"rows": float(share), "raw": float(self.held_out.relative_error(raw=True)[0])}
 
