@@ -103,7 +103,7 @@ def comparison_heading(result: Comparison) -> tuple[str, str]:
     return "Comparison report", f"{result.robot.path.name} · {result.submodel.name} · {kind}"
 
 
-def comparison_moving(result: Comparison) -> Moving:
+def comparison_moving(result: Comparison) -> Moving | None:
     """Return the robot along the first log after, over what differs where most changed."""
     robot, motion, torque = result.robot, result.motion, result.torque
     t, left = torque.t, torque.measured
@@ -577,7 +577,6 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
 
     masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
     real = ladder.chosen.physical
-    said = filter(None, ("" if real is None else real.sentence, ladder.mass_statement))
     settings = {key: ladder.settings[key] for key in ("method", "seed")}
     text = words("pruning.how", effects=", ".join(ladder.effects), **settings)
     some = not ladder.nothing
@@ -587,7 +586,7 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
         section_survivors(ladder),
         section("pruning.ladder", path, why=sentence("pruning.why")),
         section_correlated(ladder.fit) if some else None,
-        section("pruning.bodies", masses, said=" ".join(said)),
+        section("pruning.bodies", masses, said="" if real is None else real.sentence),
         _refused(ladder),
         section("pruning.method", Prose(tuple(text.values())), level_table(), detail=True),
     ]

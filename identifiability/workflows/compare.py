@@ -8,7 +8,7 @@ model gets wrong along it cancels.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from shlex import quote
@@ -30,14 +30,12 @@ from identifiability.estimation.differences import (
     Known,
     find_changes,
     frame_changes,
-    kind_of,
     list_changes,
     pooled_values,
     table_changes,
     tool_bodies,
 )
 from identifiability.estimation.groups import Excerpt
-from identifiability.estimation.mixed_model import Term, Terms
 from identifiability.estimation.noise import JointRuns
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Answer, Table
@@ -47,7 +45,6 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import checked
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import rough_percent
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -198,30 +195,6 @@ def _on_one_clock(
     return first, second
 
 
-# How small a change would be found.
-
-
-def found_from(found: Differences, terms: Terms) -> dict[str, float]:
-    """Return by which share friction of each joint must change to be found nine times in ten."""
-    model, out = found.model, dict[str, float]()
-    z = np.linspace(0.0, 20.0, 401)[:, None]
-    for group, parts, pattern in found.told.values():
-        own = [k for c in parts for k in c.columns]
-        if pattern or len(own) != 1 or kind_of(parts[0]) != "friction" or not found.level[own[0]]:
-            continue
-        beside = [t for t in terms if parts[0] not in found.told[t.key][1]]
-        solved = model.solve((*beside, Term(group, 0, np.inf, 0.0)))
-        sd = float(np.sqrt(solved.covariance[-1, -1]))
-        ratio = (model.sizes / sd) ** 2
-        rise = 0.5 * (z**2 * ratio / (1.0 + ratio) - np.log1p(ratio))
-        odds = np.log(np.mean(np.exp(rise), axis=1)) - group.price
-        needed = float(z[int(np.argmax(odds >= RULES.name)), 0])
-        # Standard deviations above what is needed at which nine of ten are found.
-        share = (needed + 1.28) * sd
-        out[group.place] = min(out.get(group.place, share), share)
-    return out
-
-
 # `Comparison`: what changed, in numbers and words.
 
 
@@ -246,8 +219,6 @@ class Comparison(OfStructure, Result):
         Logs that were compared sample by sample.
     changes : tuple of Change
         The surest first.
-    found_from : mapping
-        Share by which the friction of each joint must change to be found nine times in ten.
     hints : tuple of str
     preparation : Preparation
         How logs were asked to be turned into motion.
@@ -264,7 +235,6 @@ class Comparison(OfStructure, Result):
     after: tuple[str, ...]
     pairs: tuple[tuple[str, str], ...]
     changes: tuple[Change, ...]
-    found_from: Mapping[str, float]
     hints: tuple[str, ...]
     preparation: Preparation
     motion: Motion
@@ -276,13 +246,10 @@ class Comparison(OfStructure, Result):
         if self.changes:
             text = "; ".join([change.called for change in self.changes[:NAMED]])
             return f"{text[0].upper()}{text[1:]}."
-        # Where friction must change by more than this share everywhere, an unchanged
-        # robot is no news.
-        blind = min(self.found_from.values(), default=0.0) > 0.5
-        return sentence("comparison.how", "blind" if blind else "nothing")
+        return sentence("comparison.how", "nothing")
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return what changed, how small a change shows, whether to trust it, what next."""
+        """Return what changed, whether to trust it, what to do next."""
         every, k = shorten_paths((*self.before, *self.after)), len(self.before)
         sides = f"{listing(every[:k], 3)} and {listing(every[k:], 3)}"
         tone = "vermilion" if self.changes else "green"
@@ -291,12 +258,7 @@ class Comparison(OfStructure, Result):
         why += [sentence("comparison.how", "odds")]
         tone = "green" if self.kind == "pairs" else "amber"
         trust = Answer("May I trust it?", short, " ".join(why), tone)
-        order = sorted(self.found_from, key=self.found_from.__getitem__)
-        ends = dict.fromkeys((*order[:1], *order[-1:]))
-        told = " to ".join(f"{rough_percent(self.found_from[j])} ({j})" for j in ends)
-        short = f"Friction that changes by {told}, nine times in ten." if told else "Not known."
-        least = Answer("How small a change would have been found?", short, tone="blue")
-        return changed, least, trust, answer_next(_next_commands(self))
+        return changed, trust, answer_next(_next_commands(self))
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
@@ -319,9 +281,8 @@ class Comparison(OfStructure, Result):
             "robot": self.robot.identity,
             "model": self.submodel.name,
             **{name: getattr(self, name) for name in own},
-            **dict.fromkeys(("level", "tested", "parameters", "drift")),  # of earlier releases
+            **dict.fromkeys(("level", "tested", "parameters", "drift", "found_from")),  # of old
             "changed": bool(self.changes),
-            "found_from": dict(self.found_from),
             "changes": self.to_frame().to_dict("records"),
         }
 
@@ -388,7 +349,6 @@ def compare(
             after=paths[:count],
             pairs=tuple((paths[p.at[1]], paths[p.at[0]]) for p in pairs),
             changes=find_changes(found, terms, [s.name for s in opening.samples]),
-            found_from=found_from(found, terms),
             hints=opening.hints,
             preparation=preparation or Preparation(),
             motion=opening.samples[0].motion,

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 import pandas as pd
 
-from identifiability.effects import FAMILIES
-from identifiability.effects.vocabulary import every_parameter, file_kinds, values_in_file
+from identifiability.effects.vocabulary import file_kinds
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import Folds
 from identifiability.estimation.fit import Fit
@@ -52,10 +51,10 @@ from identifiability.foundation.rounding import (
     percent_text,
     stated_text,
 )
-from identifiability.foundation.rules import RuleTable, Tolerance
+from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
-from identifiability.physical.cad_prior import real_robot_dict, state_mass, state_masses
+from identifiability.physical.cad_prior import real_robot_dict, state_mass
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.rules import Thresholds as Believable
@@ -292,8 +291,6 @@ class Laddered(OfStructure, Result, predict.Predicts):
         About the base parameters, on the fitted logs.
     selected : int
         The model to use.
-    everywhere : Prediction or None
-        By the values to use along unseen motion, where joints stand, too; None where none does.
     source : LadderSource or None
         Where the models came from.
     settings : mapping
@@ -314,7 +311,6 @@ class Laddered(OfStructure, Result, predict.Predicts):
     models: tuple[ModelResult, ...]
     information: Information
     selected: int
-    everywhere: Prediction | None
     source: LadderSource | None = None
     settings: Mapping[str, Any]
     nothing: str
@@ -470,11 +466,6 @@ class Laddered(OfStructure, Result, predict.Predicts):
         return told | {"error_ra_validation_files": files}
 
     @property
-    def mass_statement(self) -> str:
-        """What the nearest real robot and its bodies weigh beside the robot file's, in a line."""
-        return state_masses(self.robot, self.real_robot["parameters"])
-
-    @property
     def mass_warning(self) -> str:
         """What is wrong with the total mass of the nearest real robot; empty if nothing is."""
         real = self.real_robot
@@ -536,39 +527,28 @@ class Laddered(OfStructure, Result, predict.Predicts):
 
     @property
     def left_out(self) -> dict[str, float]:
-        """Share of unseen rows without weight, and ε_RA over all rows and of raw torque."""
-        p, every = self.held_out, self.everywhere or self.held_out
-        share = 1.0 - p.sums.rows.sum() / max(every.sums.rows.sum(), 1)
-        errors = every.relative_error()[0], p.relative_error(raw=True)[0]
-        return dict(zip(("rows", "all_rows", "raw"), map(float, (share, *errors)), strict=True))
+        """Share of unseen rows without weight, and ε_RA of raw torque."""
+        surveys = [s.survey for s in self.validation or self.samples]
+        every = sum(s.outputs * len(s.rows) for s in surveys)
+        share = 1.0 - sum(s.rows.sum() for s in surveys) / every
+        return {"rows": float(share), "raw": float(self.held_out.relative_error(raw=True)[0])}
 
     def _beside(self) -> str:
         """Return what the error leaves out: rows without weight, and what a low-pass took."""
         left, error, told = self.left_out, self.chosen.error_ra_validation, []
         if left["rows"] > 0:
-            share, every = percent(left["rows"], 2), percent(left["all_rows"])
-            told.append(sentence("decision.left", "rows", share=share, error=every))
+            told.append(sentence("decision.left", "rows", share=percent(left["rows"], 2)))
         if np.isfinite(left["raw"]) and not np.isclose(left["raw"], error, rtol=1e-6):
             told.append(sentence("decision.left", "raw", error=percent(left["raw"])))
         return " ".join(told)
 
     def _in_file(self) -> str:
-        """Return what a plain robot file errs by in a simulator, and what it lacks."""
-        real, error = self.real_robot, self.chosen.error_ra_validation
-        alone, given = real["error_ra_validation_files"], real["parameters"]
+        """Return what a plain robot file errs by in a simulator; `export` says what it lacks."""
         kind = file_kinds(self.robot)[0]
-        if not np.isfinite(alone[kind]):
+        alone = self.real_robot["error_ra_validation_files"][kind]
+        if not np.isfinite(alone):
             return ""
-        held, titles = values_in_file(self.robot, given, kind), dict[str, list[str]]()
-        every = every_parameter(self.robot, real["shapes"])
-        for name in (n for n, x in given.items() if x != held[n]):
-            title = FAMILIES[every[name].group].title if name in every else name
-            titles.setdefault(title, []).append(name)
-        told = sentence("decision.left", "file", kind=kind.upper(), error=percent(alone[kind]))
-        if titles and alone[kind] > (1 + DIFFERS) * error:
-            names = [f"{title} ({listing(own, NAMED)})" for title, own in titles.items()]
-            told += sentence("decision.left", "lacks", names=listing(names, NAMED))
-        return f"{told}."
+        return sentence("decision.left", "file", kind=kind.upper(), error=percent(alone))
 
     def _reduced(self) -> str:
         """Return which values to use are no parameter's own, and what they stand for."""
@@ -646,7 +626,7 @@ class Laddered(OfStructure, Result, predict.Predicts):
             "errors": {
                 "joints": joints.drop(columns="of").to_dict("records"),
                 "logs": logs[own].rename(columns={"joint": "log"}).to_dict("records"),
-                "left_out": self.left_out,
+                "left_out": {**self.left_out, "all_rows": None},  # of earlier releases
             },
             "parameters": used.rows(),
             "full_parameters": self.full.rows(),
@@ -670,10 +650,6 @@ class Laddered(OfStructure, Result, predict.Predicts):
             "estimator": used.estimate.estimator.name,
             "provenance": self.provenance,
         }
-
-
-#: From which share on a robot file's error is another than that of the values to use.
-DIFFERS: Tolerance = 0.05
 
 
 # What logs say of each other.

@@ -53,7 +53,6 @@ from identifiability.workflows.analyze.workflow import (
     Settled,
     SharedErrors,
     decide_model,
-    predict_everywhere,
     say_band,
     say_of_fit,
     settle_robot,
@@ -415,7 +414,4 @@ def measure_models(
         models = [pruned.withdraw(nothing) for pruned in models]
     else:
         models[chosen], hint = tell_with_file(model, result, within)
-    used = int(result.physical_used)
-    everywhere = predict_everywhere(session, rows, settled, used, turns)
-    fields = {"models": tuple(models), "everywhere": everywhere, "nothing": nothing}
-    return {**fields, "missing": missing}, hint
+    return {"models": tuple(models), "nothing": nothing, "missing": missing}, hint
