@@ -85,43 +85,52 @@ def read_locks(given: LockOption | None) -> dict[str, float | None]:
 
 
 def settle_locks(
-    path: Path, wanted: Locks, home: Mapping[str, float], couplings: Sequence[Coupling]
+    path: Path,
+    extra: Sidecar,
+    home: Mapping[str, float],
+    stated: Iterable[Coupling],
+    fixed: Collection[str] = (),
 ) -> tuple[dict[str, float], list[Coupling]]:
     """Return where every locked joint is held, and the couplings that are left.
+
+    Couplings of the sidecar go before those of the file joint by joint. What is coupled to a
+    locked joint is locked too.
 
     Parameters
     ----------
     path : Path
         Of the robot file, for sentences.
-    wanted : mapping
-        Joints that are to be locked, or patterns of their names.
+    extra : Sidecar
     home : mapping
-        Home positions of the joints with one axis.
-    couplings : sequence of Coupling
-        What is coupled to a locked joint is locked too.
+        Positions of the joints with one axis where the file draws them.
+    stated : iterable of Coupling
+        Those of the file.
+    fixed : collection of str
+        Joints that have no axis, and need not be locked; what only follows them is.
 
     Raises
     ------
     RobotError
         If a joint cannot be locked, or couplings put it elsewhere.
     """
-    wanted = by_name(path, "locked or --lock", wanted, home)
-    follow = {c.joint: c for c in couplings if c.terms or c.joint in wanted}
-    locked = {
-        name: home[name] if at is None else at for name, at in wanted.items() if name not in follow
-    }
-    left = list(couplings)
+    stated = [c.held(dict.fromkeys(fixed, 0.0)) for c in stated]
+    left = [c for c in stated if c.joint not in {entry.joint for entry in extra.couplings}]
+    wanted: Locks = {c.joint: None for c in left if fixed and not c.terms}
+    wanted = by_name(path, "locked or --lock", {**wanted, **read_locks(extra.locked)}, home, fixed)
+    for c in extra.couplings:
+        first = {} if c.of is None else {c.of: c.polynomial}
+        constant = 0.0 if first else c.polynomial[0]
+        left.append(Coupling.of(c.name or c.joint, c.joint, {**first, **c.terms}, constant))
+    follow = {c.joint: c for c in left if c.terms or c.joint in wanted}
+    own = {name: at for name, at in wanted.items() if name not in follow}
+    locked = {n: extra.home.get(n, home[n]) if at is None else at for n, at in own.items()}
     while True:
         left = [c.held(locked) for c in left]
-        still = [c for c in left if not c.terms and c.joint in follow]
+        still = {c.joint: c.constant for c in left if not c.terms and c.joint in follow}
         if not still:
             break
-        for c in still:
-            if abs(locked.setdefault(c.joint, c.constant) - c.constant) > NEARLY:
-                raise RobotError(
-                    f"{path}: couplings put the locked joint '{c.joint}' at two places."
-                )
-        left = [c for c in left if c not in still]
+        locked |= still | locked
+        left = [c for c in left if c.terms or c.joint not in still]
     for name, at in wanted.items():
         others = listing(follow[name].terms) if name in follow else ""
         if name not in locked:
@@ -134,17 +143,6 @@ def settle_locks(
                 f"puts it at {locked[name]:g}; lock one of them, the other follows."
             )
     return locked, left
-
-
-def add_couplings(stated: Iterable[Coupling], entries: Sequence[Any]) -> list[Coupling]:
-    """Return a file's couplings and those of its sidecar, which go before it joint by joint."""
-    more = []
-    for c in entries:
-        first = {} if c.of is None else {c.of: c.polynomial}
-        constant = 0.0 if first else c.polynomial[0]
-        more.append(Coupling.of(c.name or c.joint, c.joint, {**first, **c.terms}, constant))
-    own = {c.joint for c in more}
-    return [*(c for c in stated if c.joint not in own), *more]
 
 
 # Refuse robots whose numbers no arithmetic holds, or of more joints than can be worked on.
@@ -356,10 +354,9 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
 def _set_home(robot: Description, extra: Sidecar) -> Array:
     """Return the file's home with the positions that the sidecar states."""
     home, single = np.array(robot.home), robot.tree.single
-    check_known(robot.path, "home", extra.home, (*single, *robot.locked))
+    check_known(robot.path, "home", extra.home, single)
     for name, value in extra.home.items():
-        if name in single:
-            home[single[name].iq] = value
+        home[single[name].iq] = value
     return home
 
 
@@ -467,8 +464,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         "body_symbols": {b: extra.symbols.get(b, b) for b in bodies},
         "joint_symbols": dict(extra.symbols),
         "loops": tuple(x for x in loops if x.first.joint != x.second.joint),  # else locked
-        "rest": {**stated.rests}
-        | {name: at for name, at in extra.rest.items() if name not in stated.locked},
+        "rest": {**stated.rests, **extra.rest},
         "spans": {n: x for n, x in spans if x[0] < x[1] and np.abs(x).max() < ENDLESS},
         "speeds": {n: x for n, x in speeds if 0 < x < ENDLESS},
         "tendons": tuple(name for name in stated.combinations if name in stated.numbers),
@@ -483,7 +479,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         "scales": _scales(path, extra, (*dofs, *stated.locked, *motors)),
         "time_unit": extra.time.unit or "",
         "torque": _measured_torque(extra, stated),
-        "known_torque": tuple(k for k in extra.known_torque if k.along not in stated.locked),
+        "known_torque": tuple(extra.known_torque),
         "angles": extra.angles,
         "bounds": read_bounds(path, extra, bodies, stated),
         "base": _read_base(path, extra, stated, bodies),
@@ -513,7 +509,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     every = (*robot.axes, *robot.passive_axes)
     straight = (a.name for a in every if a.row is not None or not a.mixed)
     along = [k.along for k in extra.known_torque]
-    check_known(path, "known_torque", along, (*straight, *robot.locked))
+    check_known(path, "known_torque", along, straight)
     return robot
 
 
@@ -586,13 +582,14 @@ def _nominal(robot: Description, extra: Sidecar) -> dict[str, float]:
     for name in (name for name in robot.numbers if name not in robot.dofs):
         own = dict.fromkeys((*words, "stiffness"), 0.0) | dict(robot.numbers[name])
         values |= name_numbers(name, own, parts)
-    locked = tuple(f"{name}." for name in robot.locked)  # no friction where nothing moves
-    given = {name: value for name, value in extra.nominal.items() if not name.startswith(locked)}
-    for name, value in given.items():  # one level of dry friction is that of both directions
+    for (
+        name,
+        value,
+    ) in extra.nominal.items():  # one level of dry friction is that of both directions
         joint, _, kind = name.rpartition(".")
         if kind == "Fc":
             values |= name_numbers(joint, {"frictionloss": value}, parts)
-    every = values | given
+    every = values | extra.nominal
     check_nominal(robot.path, every, parts[0])
     return every
 

@@ -22,7 +22,7 @@ from numpy.polynomial import Polynomial
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.robot.assembly import add_couplings, read_locks, settle_locks
+from identifiability.robot.assembly import settle_locks
 from identifiability.robot.description import FIELDS, Cable, Coupling, Entry, Loop, Stated
 from identifiability.robot.floating import BASE_JOINTS, SIX, Base
 from identifiability.robot.kinematics import WORLD, Joint, Point, Tree, read_tree, weld
@@ -643,9 +643,8 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
             m = read_spec(path, outside, fixed=fixed, floating=floating).compile()
     home, actuators = _home(scene, m), read_actuators(m)
     joints = [m.joint(j) for j in np.flatnonzero(np.isin(m.jnt_type, [HINGE, SLIDE]))]
-    at_home = {j.name: extra.home.get(j.name, float(home[j.qposadr[0]])) for j in joints}
-    couplings = add_couplings(_couplings(m), extra.couplings)
-    locked, couplings = settle_locks(path, read_locks(extra.locked), at_home, couplings)
+    drawn = {j.name: float(home[j.qposadr[0]]) for j in joints}
+    locked, couplings = settle_locks(path, extra, drawn, _couplings(m))
     model, welded = weld(_build_tree(m), locked)
     tree = read_tree(path, model)
     # Copies: more frames are added below, which moves those that the model holds.

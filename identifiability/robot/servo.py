@@ -86,12 +86,13 @@ class Servo:
         """Return the servos with other ``kp`` and ``kv``, each (n,), as far as given."""
         return replace(self, kp=gains.get("kp", self.kp), kv=gains.get("kv", self.kv))
 
-    def by_joint(self, joints: Sequence[str]) -> dict[str, dict[str, float]]:
-        """Return what logs told, ``kp`` and ``kv`` by joint; nothing where they told none."""
-        each = {"kp": self.kp, "kv": self.kv} if self.source == FOUND else {}
+    def by_joint(self, joints: Sequence[str], *more: str) -> dict[str, dict[str, float]]:
+        """Return ``kp`` and ``kv`` by joint, and ``limit``, as a sidecar states them."""
+        each = {"kp": self.kp, "kv": self.kv, "limit": np.minimum(-self.low, self.high)}
         return {
-            k: {j: v for j, v in zip(joints, x.tolist(), strict=True) if np.isfinite(v)}
-            for k, x in each.items()
+            k: {j: v for j, v in zip(joints, each[k].tolist(), strict=True) if np.isfinite(v)}
+            for k in ("kp", "kv", *more)
+            if np.isfinite(each[k]).any()
         }
 
     @property

@@ -541,7 +541,7 @@ class Owners:
     welded: tuple[str, ...] = ()
 
     def parameters(self, path: Path, key: str, table: Mapping[str, T]) -> dict[str, T]:
-        """Return a table of parameters by name; kinds of inertia are bodies'.
+        """Return a table of parameters by name, without those of locked joints.
 
         Raises
         ------
@@ -557,7 +557,7 @@ class Owners:
                 inertial = is_pattern(kind) or kind in INERTIAL_KINDS or kind[:8] == "payload_"
                 known = self.bodies if inertial else (*self.joints, *self.lines)
             gone = (*self.locked, *self.welded) if is_pattern(owner) else self.locked
-            known = (*known, *(() if is_pattern(text) else (BASE, *self.locked)))
+            known = (*known, *(() if is_pattern(text) else (BASE,)))
             found = by_name(path, key, {owner if kinds else text: table[text]}, known, gone)
             out |= {f"{name}.{k}": value for name, value in found.items() for k in kinds}
         return out
@@ -566,7 +566,8 @@ class Owners:
 def settle_names(path: Path, extra: Sidecar, owners: Owners) -> Sidecar:
     """Return a sidecar in which every name that a pattern stands for is written out.
 
-    Sums of symmetry of which a part is locked are no longer equal, and left out.
+    What is said of locked joints and of what hangs behind them is left out, and so are sums of
+    symmetry of which a part is locked, as they are no longer equal.
 
     Parameters
     ----------
@@ -599,9 +600,13 @@ def settle_names(path: Path, extra: Sidecar, owners: Owners) -> Sidecar:
         key: owners.parameters(path, key, getattr(extra, key))
         for key in ("nominal", "prior", "shapes", "reference")
     }
-    own = {
+    own: dict[str, Any] = {
         "limits": by_name(path, "limits", extra.limits, owners.joints, owners.locked),
         "prior_share": by_name(path, "prior_share", extra.prior_share, owners.bodies, gone),
         "symmetry": ties,
+        "guessed": [body for body in extra.guessed if body not in gone],
+        "known_torque": [known for known in extra.known_torque if known.along not in gone],
     }
+    for word in ("home", "rest", "symbols"):
+        own[word] = {name: x for name, x in getattr(extra, word).items() if name not in gone}
     return extra.model_copy(update={**tables, **own})

@@ -614,7 +614,8 @@ def _write_joint(
 def _sidecar_text(robot: Description, tables: Mapping[str, Mapping[str, float]]) -> str | None:
     """Return the template's sidecar with other tables of numbers, or None if none is needed."""
     given = {} if robot.sidecar is None else tomllib.loads(robot.sidecar.read_text("utf-8-sig"))
-    gains = {} if robot.servo is None else robot.servo.by_joint(robot.joints)
+    servo = robot.servo
+    gains = servo.by_joint(robot.joints) if servo and servo.source == FOUND else {}
     new: dict[str, Any] = {key: dict(table) for key, table in tables.items()}
     new |= {"locked": dict(robot.locked)} if robot.lock_option else {}
     new |= {"base": robot.base_option} if robot.base_option is not None else {}
