@@ -451,7 +451,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     loops = stated.loops
     if extra.loops is not None:
         loops = tuple(_sidecar_loop(path, entry, stated) for entry in extra.loops)
-    named = tuple(body for body in extra.base_parameters.bodies if body in bodies)
+    named = tuple(extra.base_parameters.bodies)
     name = path.resolve().parent.name if path.stem == "robot" else path.stem
     spans, speeds = stated.spans.items(), stated.speeds.items()
     own: dict[str, Any] = {

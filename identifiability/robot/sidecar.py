@@ -600,7 +600,9 @@ def settle_names(path: Path, extra: Sidecar, owners: Owners) -> Sidecar:
         key: owners.parameters(path, key, getattr(extra, key))
         for key in ("nominal", "prior", "shapes", "reference")
     }
+    first = [body for body in extra.base_parameters.bodies if body not in gone]
     own: dict[str, Any] = {
+        "base_parameters": extra.base_parameters.model_copy(update={"bodies": first}),
         "limits": by_name(path, "limits", extra.limits, owners.joints, owners.locked),
         "prior_share": by_name(path, "prior_share", extra.prior_share, owners.bodies, gone),
         "symmetry": ties,
