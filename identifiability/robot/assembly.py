@@ -223,9 +223,6 @@ def combine_joints(path: Path, extra: Sidecar, stated: Stated, taken: Collection
     motors = extra.transmission.motors if extra.transmission else ()
     found = {name: c for name, c in stated.combinations.items() if name not in motors}
     rests, numbers = {**stated.rests}, {**stated.numbers}
-    names = [entry.name for entry in extra.axes]
-    if len(set(names)) < len(names):
-        raise RobotError(f"The sidecar of {path}: the axes are {listing(names)}; name each once.")
     for entry in extra.axes:
         check_known(path, f"axes.{entry.name}.joints", entry.joints, known)
         moving = {joint: c for joint, c in entry.joints.items() if joint not in stated.locked}
@@ -234,11 +231,13 @@ def combine_joints(path: Path, extra: Sidecar, stated: Stated, taken: Collection
             numbers.pop(entry.name, None)
         found |= {entry.name: moving} if moving else {}
         rests |= {} if entry.rest is None else {entry.name: entry.rest}
-    odd = [name for name in (*found, *names) if name in taken]
+    names = [*found, *(entry.name for entry in extra.axes)]
+    odd = [name for name in names if name in taken]
+    odd += [cable.name for cable in stated.cables if [*taken].count(cable.name) > 1]
     if odd:
         raise RobotError(
-            f"{path}: the axis '{odd[0]}' has the name of a body, joint or motor, and parameters "
-            "are named after it; give it another."
+            f"{path}: '{odd[0]}', an axis or tendon, has the name of a body, joint or motor, and "
+            "parameters are named after it; give it another."
         )
     return replace(stated, combinations=found, rests=rests, numbers=numbers)
 
@@ -312,11 +311,10 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
                 f"{near_match(name, robot.tree.single)} Known: {listing(robot.tree.single)}. Write "
                 "an actuated ball as three hinges in one body."
             )
-    if len(set(names)) != len(names) or not names:
+    if not names:
         raise RobotError(
-            f"{robot.path}: the actuated joints that are not locked are {names}; name each one "
-            'once whose torque is measured, in the sidecar: actuated = ["joint1", …], and leave '
-            "one that moves."
+            f"{robot.path}: no actuated joint is left that is not locked; name those whose torque "
+            'is measured, in the sidecar: actuated = ["joint1", …], and leave one that moves.'
         )
     index = np.array([robot.dof_index(name) for name in names], int)
     dependent = np.array([k for k in range(robot.nv) if k not in set(index.tolist())], int)
@@ -366,12 +364,9 @@ def _follow_couplings(robot: Description) -> Array:
     passive = set(robot.passive)
     for c in robot.couplings * len(passive):  # each may follow another
         at = {j: float(robot.dof_position(home[None], j)[0]) for j in (c.joint, *c.terms)}
-        value, follower = c.held(at).constant, c.joint
-        if c.joint not in passive and len(c.terms) == 1 and len(c.polynomial) == 2:
-            ((follower, (_, slope)),) = c.terms.items()
-            value = (at[c.joint] - c.constant) / (slope or 1.0)
-        if follower in passive and abs(value) < ENDLESS:
-            home[single[follower].iq] = value
+        value = c.held(at).constant
+        if c.joint in passive and abs(value) < ENDLESS:
+            home[single[c.joint].iq] = value
     return home
 
 
@@ -538,9 +533,6 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ..
         own["point"], _ = _find_frame(path, "contacts", entry.frame, entry.point, stated)
         radius = stated.radii.get(entry.frame, 0.0) if entry.radius is None else entry.radius
         contacts.append(Contact(entry.frame, radius=radius, **own))
-    names = [c.name for c in contacts]
-    if len(set(names)) < len(names):
-        raise RobotError(f"The sidecar of {path}: [[contacts]] are {listing(names)}; each once.")
     wrenches = []
     for wrench in extra.wrench:
         frame = _find_frame(path, "wrench", wrench.frame, (0, 0, 0), stated)
@@ -575,13 +567,11 @@ def _nominal(robot: Description, extra: Sidecar) -> dict[str, float]:
         theta = robot.model.inertias[carrier].toDynamicParameters().tolist()
         values |= {f"{body}.{kind}": v for kind, v in zip(INERTIAL_KINDS, theta, strict=True)}
     words, parts = ("damping", "frictionloss", "armature"), robot.inertia_parts
-    for name in robot.dofs:
-        own = dict.fromkeys(words, 0.0) | dict(robot.numbers.get(name, {}))
+    for name in dict.fromkeys((*robot.dofs, *robot.numbers)):
+        more = () if name in robot.dofs else ("stiffness",)
+        own = dict.fromkeys((*words, *more), 0.0) | dict(robot.numbers.get(name, {}))
         own |= {"offset": robot.offsets[name]} if robot.offsets.get(name) else {}
-        values |= name_numbers(name, own, parts) | {f"{name}.{part}": 0.0 for part in parts[1:]}
-    for name in (name for name in robot.numbers if name not in robot.dofs):
-        own = dict.fromkeys((*words, "stiffness"), 0.0) | dict(robot.numbers[name])
-        values |= name_numbers(name, own, parts)
+        values |= {f"{name}.{part}": 0.0 for part in parts} | name_numbers(name, own, parts)
     for (
         name,
         value,

@@ -236,21 +236,14 @@ def plain_urdf(root: ET.Element, name: str) -> str:
             continue
         endless = kind == "continuous" or limit is None
         limit = ET.SubElement(joint, "limit") if limit is None else limit
-        for key in ("effort", "velocity"):
-            limit.attrib.setdefault(key, "0")
-            if _is_endless(limit, key):
-                limit.set(key, "0")
-        for key, far in (("lower", "-1e9"), ("upper", "1e9")):
-            if endless or _is_endless(limit, key):
-                limit.set(key, far)
+        none = {"effort": "0", "velocity": "0", "lower": "-1e9", "upper": "1e9"}
+        for k, (word, text) in enumerate(none.items()):
+            said = limit.get(word, "" if k > 1 else "inf")
+            if "inf" in said.lower() or (endless and k > 1):
+                limit.set(word, text)
         if kind == "continuous":
             joint.set("type", "revolute")
     return ET.tostring(plain, encoding="unicode")
-
-
-def _is_endless(limit: ET.Element, key: str) -> bool:
-    """Return whether a limit is written as one that is none."""
-    return limit.get(key, "").strip().lower().lstrip("+-.") in ("inf", "infinity")
 
 
 @contextmanager

@@ -177,17 +177,19 @@ def _forget_looks(spec: Any, more: str) -> None:
 def _name_all(spec: Any) -> None:
     """Give bodies, joints and tendons without a name one that is not taken."""
     taken = {e.name for e in (*spec.bodies, *spec.joints, *spec.tendons)}
-    bodies, tendons = list(spec.bodies), list(spec.tendons)
-    wanted = [(body, f"body{k}") for k, body in enumerate(bodies)]
-    wanted += [(tendon, f"tendon{k}") for k, tendon in enumerate(tendons, 1)]
-    for body, own in wanted[: len(bodies)]:
-        name = body.name or own
-        wanted += [(joint, f"{name}_{k}") for k, joint in enumerate(body.joints, 1)]
-    for element, name in wanted:
+
+    def settle(element: Any, name: str) -> None:
         while not element.name and name in taken:
-            name += "_"  # noqa: PLW2901 - until nothing has it
+            name += "_"
         element.name = element.name or name
         taken.add(element.name)
+
+    for k, body in enumerate(spec.bodies):
+        settle(body, f"body{k}")
+        for i, joint in enumerate(body.joints, 1):
+            settle(joint, f"{body.name}_{i}")
+    for k, tendon in enumerate(spec.tendons, 1):
+        settle(tendon, f"tendon{k}")
 
 
 # Scenes: which bodies of an MJCF are the robot's, and where MuJoCo keeps numbers of its joints.
@@ -666,11 +668,6 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
     cables = [Cable(m.tendon(t).name, _points(m, t, point)) for t in acting]
     limited = [(j.name, j.range) for j in joints if j.limited[0]]
     limited += [(m.tendon(t).name, m.tendon_range[t]) for t in acting if m.tendon_limited[t]]
-    odd = [c.name for c in cables if c.name in {d for j in tree.joints for d in j.dofs}]
-    if odd:
-        raise RobotError(
-            f"{path}: the tendon '{odd[0]}' has the name of a joint; give it one of its own."
-        )
     kept = np.ones(m.nq, bool)
     kept[[int(m.joint(name).qposadr[0]) for name in locked]] = False
     return Stated(

@@ -154,8 +154,8 @@ def read_servo(
     path : Path
         The robot file, for sentences.
     entry : ServoEntry or None
-        The sidecar's ``[servo]``. Logs tell gains where it says ``"fit"``, or where neither it nor
-        the file says anything.
+        The sidecar's ``[servo]``. Logs tell gains where it says ``"fit"``, and of joints of which
+        neither it nor the file says anything.
     stated : mapping
         What the robot file states by joint: kp, kv, and least and largest torque, (4,).
     joints : tuple of str
@@ -164,32 +164,22 @@ def read_servo(
     Raises
     ------
     RobotError
-        If a joint has no gain, or a name is of no actuated joint.
+        If gains of a joint are zero, or a name is of no actuated joint.
     """
     if entry is None and not all(j in stated for j in joints):
         return None
     entry = entry or ServoEntry()
     none = (np.nan, np.nan, -np.inf, np.inf)
     found = np.array([stated.get(joint, none) for joint in joints], float)
-    told = np.zeros((len(joints), 3), bool)
     for k, key in enumerate(("kp", "kv", "limit")):
         said = getattr(entry, key)
         table = said if isinstance(said, dict) else {} if said is None else {"*": said}
         for joint, x in by_name(path, f"servo.{key}", table, joints).items():
-            at, value = joints.index(joint), np.nan if x == FIT else float(x)
-            found[at, k:] = (-value, value) if key == "limit" else (value, *found[at, k + 1 :])
-            told[at, k] = True
+            own, value = found[joints.index(joint)], np.nan if x == FIT else float(x)
+            own[k:] = (-value, value) if key == "limit" else (value, *own[k + 1 :])
+            if key == "kp" and np.isnan(own[1]) and x != FIT:
+                own[1] = 0.0  # none stated is none
     kp, kv, low, high = found.T
-    lacking = [
-        j for j, p, own in zip(joints, kp, told[:, 0], strict=True) if np.isnan(p) and not own
-    ]
-    if lacking and told[:, 0].any():
-        raise RobotError(
-            f"The sidecar of {path}: [servo] gives no kp of {listing(lacking, 4)}; give one number "
-            f"for all joints, or one for each: kp = {{{lacking[0]} = …}} (0 for a servo of "
-            f'velocity, "{FIT}" where logs shall tell it).'
-        )
-    kv = np.where(np.isnan(kv) & ~told[:, 1] & ~np.isnan(kp), 0.0, kv)  # none stated is none
     idle = ~(np.isnan(kp) | np.isnan(kv) | (kp > 0) | (kv > 0))
     if idle.any():
         loose = joints[int(np.argmax(idle))]
@@ -197,11 +187,11 @@ def read_servo(
             f"The servo of '{loose}' in {path} has neither kp nor kv, so its command says nothing "
             "of torque; give its gains in the sidecar: [servo] kp = …, kv = …."
         )
-    own = entry.kp is not None or bool(np.isnan(kp).any())
+    told = entry.kp is not None or bool(np.isnan(kp).any())
     return Servo(
         *(kp, kv, low, high),
         delay=None if entry.delay == "auto" else float(entry.delay),
-        source=SIDECAR if own else "the robot file",
+        source=SIDECAR if told else "the robot file",
         rate=entry.rate or Servo.rate,
         assumed=entry.rate is None,
     )

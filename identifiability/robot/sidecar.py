@@ -121,10 +121,11 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, defer_build=True)
 
 
-def _unique(names: list[str]) -> list[str]:
+def _unique(given: list[T]) -> list[T]:
+    names = [getattr(x, "name", getattr(x, "frame", x)) for x in given]
     if len(set(names)) != len(names):
         raise ValueError("name each one once")
-    return names
+    return given
 
 
 def _not_zero(value: float) -> float:
@@ -388,7 +389,7 @@ class Sidecar(_Strict):
     name: Annotated[str, Field(max_length=LONGEST_NAME)] = key("The robot's name.", "")
     description: str = key("A sentence on it.", "")
     base: Literal["fixed", "floating"] | None = key("Whether its root was bolted down.", None)
-    actuated: list[str] | None = key("Joints with a motor; else those of <actuator>, or all.", None)
+    actuated: Names | None = key("Joints with a motor; else those of <actuator>, or all.", None)
     locked: Locked = key("Joints that stand still, or a table of where.", [], {"finger": 0.02})
     angles: Literal["rad", "deg"] | None = key("Unit of angles in logs; else rad.", None)
     effects: Names = key("Effects that are at some places only.", [], ["joint_stiffness@roll"])
@@ -401,7 +402,7 @@ class Sidecar(_Strict):
     loops: list[LoopEntry] | None = None
     couplings: list[_CouplingEntry] = []
     transmission: _TransmissionEntry | None = None
-    axes: list[AxisEntry] = []
+    axes: Annotated[list[AxisEntry], AfterValidator(_unique)] = []
     symbols: dict[str, str] = key("Short forms in labels.", {}, {"platform": "3"})
     base_parameters: _BaseParametersEntry = _BaseParametersEntry()
     nominal: Numbers = key("Values that go before the robot file's.", {}, {"joint1.Fv": 3.0})
@@ -421,7 +422,7 @@ class Sidecar(_Strict):
     servo: ServoEntry | None = None
     known_torque: list[KnownTorque] = []
     imu: ImuEntry | None = None
-    contacts: list[ContactEntry] = []
+    contacts: Annotated[list[ContactEntry], AfterValidator(_unique)] = []
     wrench: list[WrenchEntry] = []
     symmetry: list[_SymmetryEntry] = []
     prior_relative: Length = key("Width of priors that [prior] does not state.", 1.0)
