@@ -40,7 +40,6 @@ from identifiability.robot.sidecar import (
     LimitEntry,
     LoopEntry,
     MeasuredTorque,
-    Owners,
     Sidecar,
     by_name,
     check_known,
@@ -274,8 +273,8 @@ def read_bounds(
     total = extra.bounds.total_mass
     if total is None:
         return tuple(bounds)
-    spans = [known[body].mass if body in known else None for body in bodies]
-    least, most = (sum(span[k] if span else (0.0, np.inf)[k] for span in spans) for k in (0, 1))
+    masses = {body: entry.mass or (0.0, np.inf) for body, entry in known.items()}
+    least, most = np.sum([masses.get(body, (0.0, np.inf)) for body in bodies], axis=0)
     low, high = total
     if least >= high or most <= low:
         raise RobotError(
@@ -317,7 +316,7 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
             'is measured, in the sidecar: actuated = ["joint1", …], and leave one that moves.'
         )
     index = np.array([robot.dof_index(name) for name in names], int)
-    dependent = np.array([k for k in range(robot.nv) if k not in set(index.tolist())], int)
+    dependent = np.setdiff1d(np.arange(robot.nv), index)
     robot = replace(robot, actuated=index, dependent=dependent, home=_set_home(robot, extra))
     if not len(dependent) and not robot.equations:
         return robot
@@ -441,8 +440,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     dofs = tuple(d for j in stated.tree.joints for d in j.dofs)
     stated = combine_joints(path, extra, stated, (*bodies, *dofs, *stated.locked, *motors))
     lines = (*motors, *stated.combinations)
-    owners = Owners(bodies, dofs, lines, tuple(stated.locked), tuple(stated.welded))
-    extra = settle_names(path, extra, owners)
+    extra = settle_names(path, extra, bodies, dofs, lines, stated.locked, stated.welded)
     loops = stated.loops
     if extra.loops is not None:
         loops = tuple(_sidecar_loop(path, entry, stated) for entry in extra.loops)
@@ -486,12 +484,14 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     lifted = lifted if isinstance(lifted, list) else []
     check_known(path, "torque.compensated", lifted, robot.joints)
     limits = [extra.limits.get(joint, LimitEntry()) for joint in robot.joints]
-    own_speeds = [robot.speeds.get(joint, np.inf) for joint in robot.joints]
+    fastest = [
+        x.v or robot.speeds.get(n, np.inf) for x, n in zip(limits, robot.joints, strict=True)
+    ]
     robot = replace(
         robot,
         nominal=_nominal(robot, extra),
         limits=position_limits(robot, robot.joints, extra.limits),
-        speed_limits=np.array([x.v or own for x, own in zip(limits, own_speeds, strict=True)]),
+        speed_limits=np.array(fastest),
         acceleration_limits=np.array([limit.a or np.inf for limit in limits]),
         transmission=_transmission(robot, extra),
     )
@@ -529,7 +529,7 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ..
     imu = extra.imu or ImuEntry()
     contacts = []
     for entry in extra.contacts:
-        own = entry.model_dump(include={"kind", "flag", "threshold", "margin", "schedule"})
+        own = entry.model_dump(include={"kind", "flag", "threshold", "margin"})
         own["point"], _ = _find_frame(path, "contacts", entry.frame, entry.point, stated)
         radius = stated.radii.get(entry.frame, 0.0) if entry.radius is None else entry.radius
         contacts.append(Contact(entry.frame, radius=radius, **own))

@@ -35,7 +35,6 @@ from identifiability.foundation.names import (
     find_named,
     is_pattern,
 )
-from identifiability.foundation.values import frozen
 from identifiability.robot.locate import LARGEST, LONGEST_NAME, find_sidecar, locate_robot
 
 # `MeasuredTorque`: what the numbers in torque columns are: in what, of which side and sign.
@@ -323,7 +322,7 @@ class ImuEntry(_Strict):
 class ContactEntry(_Strict):
     """Where the ground presses on a robot that floats, with a force that nobody measures.
 
-    Without flag and schedule the contact never opens.
+    Without flag the contact never opens.
     """
 
     frame: str = key("A body, or a site or geom of an MJCF.")
@@ -332,14 +331,7 @@ class ContactEntry(_Strict):
     radius: Gain | None = key("Of a round foot [m]; else that of the file's sphere.", None)
     flag: str = key("Column of logs that says when it is closed.", "")
     threshold: float = key("Of that column, above which it is.", 0.5)
-    schedule: list[Span] | None = key("Or between which times it is [s].", None, [[0, 1.5], [2, 4]])
     margin: Gain = key("How much longer on both sides it may be [s].", 0.02)
-
-    @model_validator(mode="after")
-    def _one_of_both(self) -> ContactEntry:
-        if self.flag and self.schedule is not None:
-            raise ValueError("give either the column of a flag or a schedule")
-        return self
 
 
 class WrenchEntry(_Strict):
@@ -521,50 +513,15 @@ def by_name(
     return out
 
 
-@frozen
-class Owners:
-    """What parameters can be named after.
-
-    Attributes
-    ----------
-    bodies : tuple of str
-    joints : tuple of str
-    lines : tuple of str
-        Motors and axes.
-    locked, welded : tuple of str
-        Locked joints, and bodies behind them.
-    """
-
-    bodies: tuple[str, ...]
-    joints: tuple[str, ...]
-    lines: tuple[str, ...]
-    locked: tuple[str, ...] = ()
-    welded: tuple[str, ...] = ()
-
-    def parameters(self, path: Path, key: str, table: Mapping[str, T]) -> dict[str, T]:
-        """Return a table of parameters by name, without those of locked joints.
-
-        Raises
-        ------
-        RobotError
-            If the robot has no such body, joint, motor or axis.
-        """
-        out: dict[str, T] = {}
-        for text in sorted(table, key=is_pattern, reverse=True):
-            owner, _, kind = text.rpartition(".")
-            kinds = find_named(kind, INERTIAL_KINDS) if is_pattern(kind) else [kind]
-            known = (*self.bodies, *self.joints, *self.lines)
-            if is_pattern(text):
-                inertial = is_pattern(kind) or kind in INERTIAL_KINDS or kind[:8] == "payload_"
-                known = self.bodies if inertial else (*self.joints, *self.lines)
-            gone = (*self.locked, *self.welded) if is_pattern(owner) else self.locked
-            known = (*known, *(() if is_pattern(text) else (BASE,)))
-            found = by_name(path, key, {owner if kinds else text: table[text]}, known, gone)
-            out |= {f"{name}.{k}": value for name, value in found.items() for k in kinds}
-        return out
-
-
-def settle_names(path: Path, extra: Sidecar, owners: Owners) -> Sidecar:
+def settle_names(
+    path: Path,
+    extra: Sidecar,
+    bodies: Collection[str],
+    joints: Collection[str],
+    lines: Collection[str],
+    locked: Collection[str],
+    welded: Collection[str],
+) -> Sidecar:
     """Return a sidecar in which every name that a pattern stands for is written out.
 
     What is said of locked joints and of what hangs behind them is left out, and so are sums of
@@ -575,37 +532,58 @@ def settle_names(path: Path, extra: Sidecar, owners: Owners) -> Sidecar:
     path : Path
         The robot file, for sentences.
     extra : Sidecar
-    owners : Owners
+    bodies, joints : collection of str
+        That move.
+    lines : collection of str
+        Motors and axes.
+    locked, welded : collection of str
+        Locked joints, and bodies behind them.
 
     Raises
     ------
     RobotError
         If it names what the robot does not have.
     """
-    bodies, joints = (*owners.bodies, *owners.welded), (*owners.joints, *owners.locked)
-    check_known(path, "symbols", extra.symbols, (*bodies, *joints, *owners.lines))
-    check_known(path, "base_parameters", extra.base_parameters.bodies, bodies)
-    check_known(path, "guessed", extra.guessed, bodies)
-    check_known(path, "rest", extra.rest, joints)
-    gone = {*owners.locked, *owners.welded}
+    moving, gone = (*joints, *lines), {*locked, *welded}
+
+    def parameters(key: str, table: Mapping[str, T]) -> dict[str, T]:
+        """Return a table of parameters by name; kinds of inertia are bodies'."""
+        out: dict[str, T] = {}
+        for text in sorted(table, key=is_pattern, reverse=True):
+            owner, _, kind = text.rpartition(".")
+            kinds = find_named(kind, INERTIAL_KINDS) if is_pattern(kind) else [kind]
+            known: Collection[str] = (*bodies, *moving, BASE)
+            if is_pattern(text):
+                inertial = is_pattern(kind) or kind in INERTIAL_KINDS or kind[:8] == "payload_"
+                known = bodies if inertial else moving
+            behind = gone if is_pattern(owner) else locked
+            found = by_name(path, key, {owner if kinds else text: table[text]}, known, behind)
+            out |= {f"{name}.{k}": value for name, value in found.items() for k in kinds}
+        return out
+
+    known_bodies = (*bodies, *welded)
+    check_known(path, "symbols", extra.symbols, (*known_bodies, *moving, *locked))
+    check_known(path, "base_parameters", extra.base_parameters.bodies, known_bodies)
+    check_known(path, "guessed", extra.guessed, known_bodies)
+    check_known(path, "rest", extra.rest, (*joints, *locked))
     ties = []
     for entry in extra.symmetry:
         if any(name.rpartition(".")[0] in gone for names in entry.tie.values() for name in names):
             continue
         tie = {
-            whole: [*owners.parameters(path, "symmetry", dict.fromkeys(names, True))]
+            whole: [*parameters("symmetry", dict.fromkeys(names, True))]
             for whole, names in entry.tie.items()
         }
         ties.append(entry.model_copy(update={"tie": tie}))
     tables = {
-        key: owners.parameters(path, key, getattr(extra, key))
+        key: parameters(key, getattr(extra, key))
         for key in ("nominal", "prior", "shapes", "reference")
     }
     first = [body for body in extra.base_parameters.bodies if body not in gone]
     own: dict[str, Any] = {
         "base_parameters": extra.base_parameters.model_copy(update={"bodies": first}),
-        "limits": by_name(path, "limits", extra.limits, owners.joints, owners.locked),
-        "prior_share": by_name(path, "prior_share", extra.prior_share, owners.bodies, gone),
+        "limits": by_name(path, "limits", extra.limits, joints, locked),
+        "prior_share": by_name(path, "prior_share", extra.prior_share, bodies, gone),
         "symmetry": ties,
         "guessed": [body for body in extra.guessed if body not in gone],
         "known_torque": [known for known in extra.known_torque if known.along not in gone],

@@ -130,8 +130,6 @@ def urdf_joint(
     top: ET.Element, name: str, kind: str, parent: str, child: str, place: Any
 ) -> ET.Element:
     """Add a joint to a URDF, at a place (pinocchio.SE3) in the frame of its parent."""
-    import pinocchio as pin  # noqa: PLC0415 - who only looks for a file does not wait for it
-
     made = ET.SubElement(top, "joint", name=name, type=kind)
     ET.SubElement(made, "parent", link=parent)
     ET.SubElement(made, "child", link=child)
@@ -188,7 +186,8 @@ def write_servos(
 ) -> None:
     """Write position servos of joints in place of what drives them.
 
-    A servo without kp becomes one of velocity; a torque offset is a bias of its own.
+    A servo without kp becomes one of velocity; one with a torque offset, which is a bias of its
+    own, a general one.
     """
     actuators = top.findall("actuator")
     names = dict(zip(joints, joints, strict=True))
@@ -199,8 +198,13 @@ def write_servos(
     place = actuators[0] if actuators else ET.SubElement(top, "actuator")
     for k, joint in enumerate(joints):
         kp, kv, off = float(servo.kp[k]), float(servo.kv[k]), offsets.get(joint, 0.0)
-        law = affine_law(kp or kv, np.array([-off, -kp, -kv]))
-        new = ET.SubElement(place, "general", law, name=names[joint], joint=joint, gear="1")
+        tag, law = "general", affine_law(kp or kv, np.array([-off, -kp, -kv]))
+        if not off:
+            tag = "position" if kp else "velocity"
+            law = {"kp": f"{kp:.17g}"} if kp else {}
+            law |= {"kv": f"{kv:.17g}"}
+        own = {"name": names[joint], "joint": joint, "gear": "1"}
+        new = ET.SubElement(place, tag, own | law)
         limits = np.array([servo.low[k], servo.high[k]]) - off
         limited = bool(np.isfinite(limits).all())
         new.set("forcelimited", "true" if limited else "false")
