@@ -317,10 +317,10 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
         )
     index = np.array([robot.dof_index(name) for name in names], int)
     dependent = np.setdiff1d(np.arange(robot.nv), index)
-    robot = replace(robot, actuated=index, dependent=dependent, home=_set_home(robot, extra))
+    robot = replace(robot, actuated=index, dependent=dependent)
+    robot = stretch_home(replace(robot, home=_state_home(robot, extra)))
     if not len(dependent) and not robot.equations:
         return robot
-    robot = stretch_home(replace(robot, home=_follow_couplings(robot)))
     # Beside the closed configurations redundant equations contradict each other.
     enough = robot.equations >= len(dependent) > 0
     there = newton(robot, robot.home[None], most=0)
@@ -348,19 +348,12 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     return robot
 
 
-def _set_home(robot: Description, extra: Sidecar) -> Array:
-    """Return the file's home with the positions that the sidecar states."""
-    home, single = np.array(robot.home), robot.tree.single
+def _state_home(robot: Description, extra: Sidecar) -> Array:
+    """Return the home of the files, with coupled passive joints where others put them, (nq,)."""
+    home, single, passive = np.array(robot.home), robot.tree.single, {*robot.passive}
     check_known(robot.path, "home", extra.home, single)
     for name, value in extra.home.items():
         home[single[name].iq] = value
-    return home
-
-
-def _follow_couplings(robot: Description) -> Array:
-    """Return the home at which coupled passive joints are where the others put them, (nq,)."""
-    home, single = np.array(robot.home), robot.tree.single
-    passive = set(robot.passive)
     for c in robot.couplings * len(passive):  # each may follow another
         at = {j: float(robot.dof_position(home[None], j)[0]) for j in (c.joint, *c.terms)}
         value = c.held(at).constant
@@ -444,7 +437,6 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     loops = stated.loops
     if extra.loops is not None:
         loops = tuple(_sidecar_loop(path, entry, stated) for entry in extra.loops)
-    named = tuple(extra.base_parameters.bodies)
     name = path.resolve().parent.name if path.stem == "robot" else path.stem
     spans, speeds = stated.spans.items(), stated.speeds.items()
     own: dict[str, Any] = {
@@ -454,14 +446,12 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         "sidecar": sidecar,
         "said": extra,
         "bodies": bodies,
-        "body_symbols": {b: extra.symbols.get(b, b) for b in bodies},
-        "joint_symbols": dict(extra.symbols),
+        "symbols": dict(extra.symbols),
         "loops": tuple(x for x in loops if x.first.joint != x.second.joint),  # else locked
         "rest": {**stated.rests, **extra.rest},
         "spans": {n: x for n, x in spans if x[0] < x[1] and np.abs(x).max() < ENDLESS},
         "speeds": {n: x for n, x in speeds if 0 < x < ENDLESS},
         "tendons": tuple(name for name in stated.combinations if name in stated.numbers),
-        "body_order": named + tuple(b for b in bodies if b not in named),
         "guessed": tuple(extra.guessed),
         "inertia_parts": tuple(extra.inertia_parts),
         "prior": {name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},

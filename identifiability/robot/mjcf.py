@@ -154,12 +154,9 @@ def _is_idle(compiler: Any, geom: Any) -> bool:
     stated = body.explicitinertial and how != int(_FROM.mjINERTIAFROMGEOM_TRUE)
     if stated or how == int(_FROM.mjINERTIAFROMGEOM_FALSE):
         return True
-    low, high = compiler.inertiagrouprange
-    given = geom.density if np.isnan(geom.mass) else geom.mass
     while body is not None and not body.joints:
         body = body.parent
-    moves = body is not None or compiler.settotalmass > 0
-    return not (moves and given and low <= geom.group <= high)
+    return body is None and compiler.settotalmass <= 0
 
 
 def _forget_looks(spec: Any, more: str) -> None:
