@@ -46,7 +46,7 @@ class RigidBody(Effect):
                 kind,
                 inertial_unit(kind),
                 self.name,
-                robot.body_symbols[body],
+                robot.symbols.get(body, body),
                 nonnegative=kind in _NONNEGATIVE,
                 stated_as=kind,
             )

@@ -214,18 +214,14 @@ def _check_gravity(base: Base, t: Array, slow: Array, source: str) -> None:
 def _closed(base: Base, k: int, t: Array, values: Values, source: str) -> Array:
     """Return whether a contact is said to be closed, (N,)."""
     contact = base.contacts[k]
-    if contact.flag:
-        if contact.flag not in values:
-            raise LogError(
-                f"{source} lacks the column '{contact.flag}', which says when the contact "
-                f"'{contact.name}' is closed{near_match(contact.flag, values)} Give it, or a "
-                "schedule in the sidecar."
-            )
-        return (values[contact.flag] > contact.threshold).astype(float)
-    if contact.schedule is not None:
-        inside = [(t >= a) & (t <= b) for a, b in contact.schedule]
-        return np.any(inside, axis=0).astype(float) if inside else np.zeros(len(t))
-    return np.ones(len(t))
+    if contact.always:
+        return np.ones(len(t))
+    if contact.flag not in values:
+        raise LogError(
+            f"{source} lacks the column '{contact.flag}', which says when the contact "
+            f"'{contact.name}' is closed{near_match(contact.flag, values)} Give it."
+        )
+    return (values[contact.flag] > contact.threshold).astype(float)
 
 
 def _wrench(columns: Sequence[str], values: Values, source: str) -> Array:

@@ -897,7 +897,8 @@ class Moved:
     def to_dict(self) -> dict[str, Any]:
         """Return it as JSON has it."""
         robot, (file, own) = self.found.robot, self.found.totals.tolist()
-        gains = {} if robot.servo is None else robot.servo.by_joint(robot.joints)
+        servo = robot.servo
+        gains = servo.by_joint(robot.joints) if servo and servo.source == FOUND else {}
         return {
             "statement": self.statement,
             "logs": [log.name for log in self.found.logs],

@@ -18,7 +18,7 @@ from identifiability import Robot, analyze
 from identifiability.cli import app
 from identifiability.foundation.errors import RobotError
 from identifiability.physical.fitted_model import physical_set
-from identifiability.workflows.export import draw_robots, export
+from identifiability.workflows.export import draw_robots, export, write_parameters
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "studies"))
@@ -52,6 +52,18 @@ def made(tmp_path_factory):
         frames.append(servos.record(robot, TRUTH, commands, seconds, how, rng))
     result = analyze(robot, frames[0], frames[1], quick=True)
     return robot, frames, result, result.to_json(folder / "result.json")
+
+
+def test_a_servo_is_written_as_a_plain_one_unless_it_has_an_offset(made, tmp_path):
+    robot = made[0]
+    written = write_parameters(robot, {"elbow.off": 0.3}, tmp_path / "arm.xml").robot
+    tags = dict(
+        re.findall(r'<(position|velocity|general) name="\w+" joint="(\w+)"', written.read_text())
+    )
+    assert tags == {"position": "shoulder", "general": "elbow"}
+    again = Robot.load(written)
+    np.testing.assert_array_equal([again.servo.kp, again.servo.kv], [[1200, 300], [50, 8]])
+    assert again.nominal["elbow.off"] == pytest.approx(0.3)
 
 
 def test_the_rollout_error_of_unseen_motion_is_stated(made):
