@@ -76,6 +76,25 @@ def fit_whole(estimator: Estimator, whole: Information) -> Estimate | None:
     )
 
 
+def with_known(information: Information, known: Array) -> Information:
+    """Return the information with what is known of the values beforehand.
+
+    Random effects are no larger than they are known to be, however little the rows say of them.
+
+    Parameters
+    ----------
+    information : Information
+    known : (d, k)
+        Rows about its columns, each of variance 1.
+    """
+    if not len(known):
+        return information
+    fit = Estimator().fit(information)
+    unit = np.sqrt(np.mean(fit.variance * fit.times))  # what noise of weight 1 is on average
+    prior = unit * np.column_stack([known, np.zeros(len(known))])
+    return replace(information, prior=prior)
+
+
 @checked
 def estimate(information: Information, method: Method = "wls") -> Estimate:
     """Return the estimate.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,9 +13,10 @@ import pandas as pd
 
 from identifiability.effects import find_family, title_of
 from identifiability.estimation.differences import Change, table_changes
-from identifiability.estimation.estimate import estimate, find_estimator
+from identifiability.estimation.estimate import with_known
+from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.fit import Fit as Known
-from identifiability.estimation.prediction import measure_spread, predict
+from identifiability.estimation.prediction import Prediction, measure_spread, predict
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.answers import Answer, Column, Note, Table
 from identifiability.foundation.engines import one_thread
@@ -27,11 +28,10 @@ from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import REACH, digits, error_text, join, percent
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.columns import Refusal
-from identifiability.regression.information import gather_information
+from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -47,10 +47,9 @@ from identifiability.workflows.commands import (
     source_name,
 )
 from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
-from identifiability.workflows.diagnose.problem import Discrepancy, Gap, Setting
+from identifiability.workflows.diagnose.problem import Discrepancy, Setting, weigh_fit
 from identifiability.workflows.predict import Fit, Moved, Predicts, settled
 from identifiability.workflows.rules import RULES as WORKFLOW_RULES
-from identifiability.workflows.session import weigh_rows
 
 if TYPE_CHECKING:
     from identifiability.workflows.session import Recordings
@@ -239,8 +238,8 @@ class Diagnosis(Result, Setting, Predicts):
         In order of addition; empty when nothing can be named.
     curves : tuple of Curve
         One for each named effect and place.
-    gap : Gap
-        Unseen rows: residual of the base model, then after each effect.
+    gap : Prediction
+        Of unseen motion, by the base model, then after each effect.
     error_before, error_after : float
         ε_RA on the fitted logs.
     held_before, held_after : float
@@ -274,7 +273,7 @@ class Diagnosis(Result, Setting, Predicts):
 
     effects: tuple[NamedEffect, ...]
     curves: tuple[Curve, ...]
-    gap: Gap
+    gap: Prediction
     error_before: float
     error_after: float
     held_before: float
@@ -307,6 +306,11 @@ class Diagnosis(Result, Setting, Predicts):
     def completed(self) -> Structure:
         """The robot under the model with the named effects."""
         return Structure.of(self.robot, self.model)
+
+    def weighed(self, structure: Structure) -> tuple[Information, Estimate]:
+        """Return the fitted rows under a model, as `analyze` weighs and fits them."""
+        information = gather_information(structure.regression(self.samples))
+        return weigh_fit(self, with_known(information, structure.known))
 
     @property
     def mass_warning(self) -> str:
@@ -346,8 +350,9 @@ class Diagnosis(Result, Setting, Predicts):
 
     def to_ladder(self) -> LadderEntry:
         """Return the model with the named effects as a ladder of one model."""
-        effects = list(self.model.texts)
-        return LadderEntry(models=[ModelEntry(name="the diagnosed model", effects=effects)])
+        effects, random = list(self.model.texts), dict(self.model.random)
+        only = ModelEntry(name="the diagnosed model", effects=effects, random=random)
+        return LadderEntry(models=[only])
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what is missing, what it explains, what is left, what to do next."""
@@ -413,7 +418,7 @@ class Diagnosis(Result, Setting, Predicts):
         Over the joint's own scale (`Prediction.joint_error`), and in N or N·m (`rms`), of the
         torque that was fitted, low-passed with the columns where these were.
         """
-        found = self.gap.prediction
+        found = self.gap
         error, rms = found.joint_error(), found.joint_rms()
         columns = {
             "joint": self.robot.joints,
@@ -735,17 +740,12 @@ def keep_completed(d: Diagnosis) -> Fit:
     """
     structure = d.completed
     submodel = full_model(structure.base, "the diagnosed model")
-    regression = structure.regression(d.samples)
-    regression = replace(regression, instruments=None)
-    information = gather_information(regression)
-    fit = estimate(information)
+    information, fit = d.weighed(structure)
     values: Array = structure.G @ _standard_values(d)
-    found = predict(regression, values[:, None])
-    low, raw = found.joint_rms()[:, 0], found.joint_rms(raw=True)[:, 0]
-    unseen = d.gap.prediction.joint_rms()[:, -1]
-    unseen_raw = np.sqrt(np.maximum(raw**2 - low**2, 0.0) + unseen**2)
+    found = predict(structure.regression(d.samples), values[:, None])
+    fitted, unseen = ((x.joint_rms()[:, -1], x.joint_rms(raw=True)[:, -1]) for x in (found, d.gap))
     known = Known.of(information, fit, np.random.default_rng(d.seed), 0)
-    spread = measure_spread(information, fit, known, (low, raw), (unseen, unseen_raw))
+    spread = measure_spread(information, fit, known, fitted, unseen)
     return Fit(
         structure=structure,
         submodel=submodel,
@@ -769,12 +769,7 @@ def _standard_values(d: Diagnosis) -> Array:
     return phi
 
 
-def fit_physical(
-    structure: Structure,
-    samples: Sequence[Dataset],
-    unseen: Sequence[Dataset] = (),
-    cad_weight: float | None = None,
-) -> Physical:
+def fit_physical(d: Diagnosis, structure: Structure, cad_weight: float | None) -> Physical:
     """Return the real robot that explains some logs best under a model.
 
     How strongly it is drawn to the robot file is chosen by what it predicts of stretches of the
@@ -786,13 +781,11 @@ def fit_physical(
     IdentifiabilityError
         If the solver finds none.
     """
-    information = gather_information(structure.regression(samples))
-    joints, wls = structure.robot.joints, find_estimator("wls")
-    information = weigh_rows(joints, samples, information, wls)[0]
-    submodel, fit = full_model(structure.base), estimate(information)
+    information, fit = d.weighed(structure)
+    submodel = full_model(structure.base)
     model = FittedModel(structure, submodel, information, information, fit)
-    held_out, short = hold_folds(information, wls)
-    choose = bool(unseen) and not short
+    held_out, short = hold_folds(information, fit.estimator)
+    choose = bool(d.validation) and not short
     found = settle_robot(model, held_out, cad_weight, choose=choose).robot
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence.strip())
@@ -812,7 +805,7 @@ def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) 
     """
     if len(d.known.precision):
         weight = share_weight(d.known.share) if d.known.share else weight
-        return fit_physical(structure, d.samples, d.validation, weight)
+        return fit_physical(d, structure, weight)
     values = {name: d.robot.nominal.get(name, 0.0) for name in d.structure.columns}
     values = dict.fromkeys(structure.columns, 0.0) | values
     named = d.effects if structure is d.completed else ()
