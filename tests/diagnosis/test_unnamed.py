@@ -44,7 +44,7 @@ def test_friction_without_a_name_is_learned_and_confirmed(logs_of, tmp_path):
     assert "function_of_velocity" in d.model.names
     d.write_model(tmp_path / "model.toml")
     assert (
-        f"function_of_velocity@left_shoulder:{effect.placements[0].shape!r}"
+        f"function_of_velocity.fo1+fo2+fo3+fo4@left_shoulder:{effect.placements[0].shape!r}"
         in (tmp_path / "model.toml").read_text()
     )
 

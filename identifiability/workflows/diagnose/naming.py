@@ -21,6 +21,7 @@ from identifiability.effects import Part as EffectPart
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.differences import Change
 from identifiability.estimation.estimate import Outliers, with_known
+from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Missing, with_reversals
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
@@ -193,26 +194,51 @@ class Naming:
         """About the base parameters of the completed model, every row alike."""
         return gather_information(self.completed.regression(self.setting.samples))
 
-    def fit(self, parts: Sequence[int]) -> Array:
+    @cached_property
+    def weighed(self) -> tuple[Information, Estimator]:
+        """About them less what is known, rows weighed beside all parts; and who knows the noise."""
+        b = len(self.completed.base)
+        held = self._own @ self.setting.known.base
+        every = self.gathered.reduce(np.eye(b), self.gathered.columns, held)
+        weighed, fit = self._weigh(with_known(every, known_rows(*self.coordinates)))
+        return weighed, fit.estimator
+
+    def fit(self, parts: Sequence[int], *, beside_all: bool = False) -> Array:
         """Return the values (d + m,) of model and some parts, as `analyze` fits the written model.
 
         Whitened rows judge better what is missing, but of slow noise they keep no levels, and
         predict worse. Functions are as large as they were found.
+
+        Parameters
+        ----------
+        parts : sequence of int
+        beside_all : bool
+            Whether rows and noise are weighed once beside all parts, to compare many models.
         """
         C, sd = self._with(parts)
         if not C.size:
             return np.zeros(C.shape[1])
-        rows, unit = known_rows(C, sd), C / np.maximum(np.linalg.norm(C, axis=0), 1e-300)
+        length = np.linalg.norm(C, axis=0)
+        length = np.where(length > 0, length, 1.0)
+        rows, unit = known_rows(C, sd), C / length
         free, random = np.flatnonzero(np.isinf(sd)), np.flatnonzero(np.isfinite(sd))
         some = C[:, scan_columns(unit, [*free.tolist(), *random.tolist()])]
         held, names = self._own @ self.setting.known.base, [str(k) for k in range(some.shape[1])]
-        information = with_known(self.gathered.reduce(some, names, held), rows @ some)
-        value = weigh_fit(self.setting, information)[1].value
+        if beside_all:
+            weighed, estimator = self.weighed
+            own = with_known(weighed.reduce(some, names), rows @ some, estimator.noise)
+            value = estimator.fit(own).value
+        else:
+            own = with_known(self.gathered.reduce(some, names, held), rows @ some)
+            value = self._weigh(own)[1].value
         out, base = np.zeros(C.shape[1]), some @ value
         out[random] = sd[random] * (rows @ base)
         rest = np.linalg.lstsq(unit[:, free], base - C @ out, rcond=None)[0]
-        out[free] = rest / np.linalg.norm(C[:, free], axis=0)
+        out[free] = rest / length[free]
         return out
+
+    def _weigh(self, information: Information) -> tuple[Information, Estimate]:
+        return weigh_fit(self.setting.structure.robot, self.setting.samples, information)
 
     def _with(self, parts: Sequence[int]) -> tuple[Array, Array]:
         """Return the coordinates of the model with some parts."""
@@ -236,7 +262,8 @@ class Naming:
 
     def errors(self, models: Sequence[Sequence[int]]) -> Array:
         """Return the errors of some models on unseen motion over each joint's own scale."""
-        return self.predict(models, [self.fit(parts) for parts in models]).error_over_joints()
+        fits = [self.fit(parts, beside_all=True) for parts in models]
+        return self.predict(models, fits).error_over_joints()
 
     @property
     def error(self) -> float:
@@ -668,8 +695,8 @@ def leave_out(setting: Setting, change: Change) -> Setting | None:
     rest = [(*x[:at], *([] if gone else [k]), *x[at + 1 :]) for x, k in zip_longest(every, kept)]
     if not rest[0]:
         return None
-    rows = dict(zip(("samples", "looked"), rest, strict=False))
-    return replace(setting, **rows, changes=(*setting.changes, change))
+    samples, looked = (*rest, ())[:2]
+    return replace(setting, samples=samples, looked=looked, changes=(*setting.changes, change))
 
 
 def _outside(samples: Dataset, change: Change) -> Dataset | None:

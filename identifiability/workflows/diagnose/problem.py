@@ -14,7 +14,7 @@ from scipy.stats import rankdata
 
 from identifiability.effects.functions import has_session
 from identifiability.estimation.differences import Known
-from identifiability.estimation.estimate import find_estimator, settle_noise
+from identifiability.estimation.estimate import find_estimator, settle_noise, with_known
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.groups import LAST, Excerpt, divide
 from identifiability.estimation.prediction import Prediction, change_interval
@@ -31,7 +31,7 @@ from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.physical.cad_prior import state_rows
-from identifiability.regression.information import Information
+from identifiability.regression.information import Information, gather_information
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.predict import Fit, Predicts, read_fit
@@ -305,12 +305,19 @@ def change_of(
     return change_interval(error, deviation, rng)
 
 
-def weigh_fit(setting: Setting, information: Information) -> tuple[Information, Estimate]:
+def weigh_fit(
+    robot: Robot, samples: Sequence[Dataset], information: Information
+) -> tuple[Information, Estimate]:
     """Return rows weighed by their noise, and the fit of their columns, as `analyze` has them."""
     estimator = replace(find_estimator("wls"), instruments=information.instrumented)
-    joints = setting.structure.robot.joints
-    weighed = weigh_rows(joints, setting.samples, information, estimator)[0]
+    weighed = weigh_rows(robot.joints, samples, information, estimator)[0]
     return weighed, settle_noise(estimator, weighed).fit(weighed)
+
+
+def fit_structure(structure: Structure, samples: Sequence[Dataset]) -> tuple[Information, Estimate]:
+    """Return the same of the base parameters of a model, random ones as large as it says."""
+    information = gather_information(structure.regression(samples))
+    return weigh_fit(structure.robot, samples, with_known(information, structure.known))
 
 
 @frozen

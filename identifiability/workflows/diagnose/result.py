@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,8 +13,6 @@ import pandas as pd
 
 from identifiability.effects import find_family, title_of
 from identifiability.estimation.differences import Change, table_changes
-from identifiability.estimation.estimate import with_known
-from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.fit import Fit as Known
 from identifiability.estimation.prediction import Prediction, measure_spread, predict
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
@@ -28,10 +26,10 @@ from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import REACH, digits, error_text, join, percent
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
+from identifiability.logs.prepare import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.columns import Refusal
-from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -47,7 +45,7 @@ from identifiability.workflows.commands import (
     source_name,
 )
 from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
-from identifiability.workflows.diagnose.problem import Discrepancy, Setting, weigh_fit
+from identifiability.workflows.diagnose.problem import Discrepancy, Setting, fit_structure
 from identifiability.workflows.predict import Fit, Moved, Predicts, settled
 from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 
@@ -306,11 +304,6 @@ class Diagnosis(Result, Setting, Predicts):
     def completed(self) -> Structure:
         """The robot under the model with the named effects."""
         return Structure.of(self.robot, self.model)
-
-    def weighed(self, structure: Structure) -> tuple[Information, Estimate]:
-        """Return the fitted rows under a model, as `analyze` weighs and fits them."""
-        information = gather_information(structure.regression(self.samples))
-        return weigh_fit(self, with_known(information, structure.known))
 
     @property
     def mass_warning(self) -> str:
@@ -740,7 +733,7 @@ def keep_completed(d: Diagnosis) -> Fit:
     """
     structure = d.completed
     submodel = full_model(structure.base, "the diagnosed model")
-    information, fit = d.weighed(structure)
+    information, fit = fit_structure(structure, d.samples)
     values: Array = structure.G @ _standard_values(d)
     found = predict(structure.regression(d.samples), values[:, None])
     fitted, unseen = ((x.joint_rms()[:, -1], x.joint_rms(raw=True)[:, -1]) for x in (found, d.gap))
@@ -769,7 +762,12 @@ def _standard_values(d: Diagnosis) -> Array:
     return phi
 
 
-def fit_physical(d: Diagnosis, structure: Structure, cad_weight: float | None) -> Physical:
+def fit_physical(
+    structure: Structure,
+    samples: Sequence[Dataset],
+    unseen: Sequence[Dataset] = (),
+    cad_weight: float | None = None,
+) -> Physical:
     """Return the real robot that explains some logs best under a model.
 
     How strongly it is drawn to the robot file is chosen by what it predicts of stretches of the
@@ -781,11 +779,11 @@ def fit_physical(d: Diagnosis, structure: Structure, cad_weight: float | None) -
     IdentifiabilityError
         If the solver finds none.
     """
-    information, fit = d.weighed(structure)
+    information, fit = fit_structure(structure, samples)
     submodel = full_model(structure.base)
     model = FittedModel(structure, submodel, information, information, fit)
     held_out, short = hold_folds(information, fit.estimator)
-    choose = bool(d.validation) and not short
+    choose = bool(unseen) and not short
     found = settle_robot(model, held_out, cad_weight, choose=choose).robot
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence.strip())
@@ -805,7 +803,7 @@ def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) 
     """
     if len(d.known.precision):
         weight = share_weight(d.known.share) if d.known.share else weight
-        return fit_physical(d, structure, weight)
+        return fit_physical(structure, d.samples, d.validation, weight)
     values = {name: d.robot.nominal.get(name, 0.0) for name in d.structure.columns}
     values = dict.fromkeys(structure.columns, 0.0) | values
     named = d.effects if structure is d.completed else ()
