@@ -183,11 +183,16 @@ class Naming:
             both = np.append(1.0 / np.sqrt(known.precision), sd)
         return np.column_stack([own, self.completed.G[:, [last[name] for name in names]]]), both
 
-    @property
+    @cached_property
     def _own(self) -> Array:
         """Base parameters of the completed model by those of the model, (b, b0)."""
         columns = self.completed.columns
         return self.completed.G[:, [columns.index(n) for n in self.setting.structure.base.names]]
+
+    @cached_property
+    def _held(self) -> Array:
+        held: Array = self._own @ self.setting.known.base
+        return held
 
     @cached_property
     def gathered(self) -> Information:
@@ -198,8 +203,7 @@ class Naming:
     def weighed(self) -> tuple[Information, Estimator]:
         """About them less what is known, rows weighed beside all parts; and who knows the noise."""
         b = len(self.completed.base)
-        held = self._own @ self.setting.known.base
-        every = self.gathered.reduce(np.eye(b), self.gathered.columns, held)
+        every = self.gathered.reduce(np.eye(b), self.gathered.columns, self._held)
         weighed, fit = self._weigh(with_known(every, known_rows(*self.coordinates)))
         return weighed, fit.estimator
 
@@ -223,13 +227,13 @@ class Naming:
         rows, unit = known_rows(C, sd), C / length
         free, random = np.flatnonzero(np.isinf(sd)), np.flatnonzero(np.isfinite(sd))
         some = C[:, scan_columns(unit, [*free.tolist(), *random.tolist()])]
-        held, names = self._own @ self.setting.known.base, [str(k) for k in range(some.shape[1])]
+        names = [str(k) for k in range(some.shape[1])]
         if beside_all:
             weighed, estimator = self.weighed
             own = with_known(weighed.reduce(some, names), rows @ some, estimator.noise)
             value = estimator.fit(own).value
         else:
-            own = with_known(self.gathered.reduce(some, names, held), rows @ some)
+            own = with_known(self.gathered.reduce(some, names, self._held), rows @ some)
             value = self._weigh(own)[1].value
         out, base = np.zeros(C.shape[1]), some @ value
         out[random] = sd[random] * (rows @ base)
@@ -251,12 +255,16 @@ class Naming:
         """Number of the parts' first column."""
         return self.parts[0].candidate.columns[0] if self.parts else 0
 
+    def base(self, parts: Sequence[int], values: Array) -> Array:
+        """Return the base parameters of the completed model, (b,), of values with some parts."""
+        base: Array = self._held + self._with(parts)[0] @ values
+        return base
+
     def predict(
         self, models: Sequence[Sequence[int]], fits: Sequence[Array], *, unseen: bool = True
     ) -> Prediction:
         """Return torque as models of some parts predict it, on unseen or on fitted motion."""
-        held = self._own @ self.setting.known.base
-        base = [held + self._with(parts)[0] @ x for parts, x in zip(models, fits, strict=True)]
+        base = list(map(self.base, models, fits))
         samples = (self.setting.validation if unseen else ()) or self.setting.samples
         return predict(self.completed.regression(samples), np.stack(base, axis=1))
 

@@ -53,6 +53,10 @@ if TYPE_CHECKING:
     from identifiability.workflows.session import Recordings
 
 
+#: Names that a sentence says of one effect; JSON has them all.
+LIKELIEST = 4
+
+
 class Rival(NamedTuple):
     """Another name for the same rows: "A or B"."""
 
@@ -202,8 +206,10 @@ class NamedEffect:
 
     @property
     def called(self) -> str:
-        """The same as one name: what is said first may not be surer."""
-        return " or ".join(self.names)
+        """The same as one name, the likeliest alternatives: what is said first may not be surer."""
+        more = len(self.names) - LIKELIEST
+        others = [f"one of {more} more"] if more > 0 else []
+        return " or ".join([*self.names[:LIKELIEST], *others])
 
 
 @frozen
@@ -252,7 +258,7 @@ class Diagnosis(Result, Setting, Predicts):
     evidence : tuple of Odds
         Of all that was asked, the likeliest first.
     values : (b,)
-        Base parameters of the diagnosed model, beside the named effects.
+        Base parameters of the model with the named effects.
     model : Model
         The base model with the named effects.
     moved : Moved or None
@@ -316,6 +322,15 @@ class Diagnosis(Result, Setting, Predicts):
         """The real robot nearest to the data with the named effects, as `export` reads it."""
         with one_thread("blas"):  # the same bits however many threads there are
             return nearest_dict(self)
+
+    @cached_property
+    def file_errs_more(self) -> bool:
+        """Whether a robot file errs more with what was named than without, where that is known."""
+        plain = None if self.forward is None else self.forward.plain
+        if plain is None:
+            return False
+        without = real_robot_dict(self.structure, _fold(dict(plain.values)), samples=self.samples)
+        return bool(self.physical["error_ra_file"] > without["error_ra_file"])
 
     @cached_property
     def fit(self) -> Fit:
@@ -535,7 +550,8 @@ def simulate_forward(d: Diagnosis, rng: np.random.Generator) -> ForwardGap:
         before = real_robot(d, d.structure, after.cad_weight)
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
-    return replace(compare_forward(before, after, d.validation, rng), nearest=after)
+    found = compare_forward(before, after, d.validation, rng)
+    return replace(found, nearest=after, plain=before)
 
 
 def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
@@ -543,8 +559,8 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     robot = source_name(d.robot)
     logs = name_logs(d.robot, given_paths(d.samples), how=d.preparation)
     logs += held_back(d.validation, d.samples)
+    analyze = f"identifiability analyze {robot} {logs} --report report.html"
     if not d.effects:
-        analyze = f"identifiability analyze {robot} {logs} --report report.html"
         return [("See which parameters these logs determine:", analyze)]
     ask = f"identifiability diagnose {robot} {logs} --next motion.json"
     apart = [("Find the motion that tells one name from the other:", ask)]
@@ -558,10 +574,9 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
             "Judge the parameters of the diagnosed model:",
             on_file(d, "model", "model.toml", f"{again} --out", judge),
         ),
-        (
-            text,
-            on_file(d, "json", "diagnose.json", f"{again} --json", use),
-        ),
+        ("A robot file errs less without what was named; see what these logs determine:", analyze)
+        if d.file_errs_more
+        else (text, on_file(d, "json", "diagnose.json", f"{again} --json", use)),
     ]
 
 
@@ -636,7 +651,7 @@ def _remark(d: Diagnosis) -> Iterator[Note]:
         yield Note("good" if better else "note", "In simulated motion", d.forward.statement)
     for e in d.effects:
         if e.alternatives:
-            text = f"This motion cannot tell {' or '.join(e.names)} apart: {advice(e)}."
+            text = f"This motion cannot tell {e.called} apart: {advice(e)}."
             yield Note("note", "A or B", text)
         if e.unnamed:
             near = join(e.nearest)
@@ -707,7 +722,7 @@ def _looks(d: Diagnosis) -> str:
 
 CHANGED = "What changed in the middle of a log, and was left out"
 NAMED = (
-    Column("effect", "code", lambda e: " or ".join([e.name, *e.alternatives])),
+    Column("effect", "code", lambda e: " or ".join([e.name, *e.alternatives][:LIKELIEST])),
     Column("where", get=lambda e: ", ".join(e.joints)),
     Column("log odds", digits(3), "odds", ODDS),
     Column("on unseen motion", digits(3), "unseen"),
@@ -734,32 +749,19 @@ def keep_completed(d: Diagnosis) -> Fit:
     structure = d.completed
     submodel = full_model(structure.base, "the diagnosed model")
     information, fit = fit_structure(structure, d.samples)
-    values: Array = structure.G @ _standard_values(d)
-    found = predict(structure.regression(d.samples), values[:, None])
+    found = predict(structure.regression(d.samples), d.values[:, None])
     fitted, unseen = ((x.joint_rms()[:, -1], x.joint_rms(raw=True)[:, -1]) for x in (found, d.gap))
     known = Known.of(information, fit, np.random.default_rng(d.seed), 0)
     spread = measure_spread(information, fit, known, fitted, unseen)
     return Fit(
         structure=structure,
         submodel=submodel,
-        values=values,
+        values=d.values,
         spread=spread,
         preparation=settled(d.preparation, d.samples),
         base_covariance=spread.covariance,
         base_unknown=spread.unknown,
     )
-
-
-def _standard_values(d: Diagnosis) -> Array:
-    """Return values of the completed model's columns, the smallest of those that fit, (p,)."""
-    columns, own = d.completed.columns, d.structure
-    off = np.linalg.pinv(own.G) @ (d.values - own.nominal_base)
-    phi, last = np.zeros(len(columns)), {name: k for k, name in enumerate(columns)}
-    for name, x, more in zip(own.columns, own.nominal, off, strict=True):
-        phi[columns.index(name)] = x + more
-    for p in (p for e in d.effects for p in e.placements):
-        phi[[last[name] for name in p.parameters]] += p.fitted
-    return phi
 
 
 def fit_physical(

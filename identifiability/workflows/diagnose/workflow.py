@@ -368,7 +368,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     rng : numpy.random.Generator
         For intervals.
     """
-    setting, parts, known = naming.setting, naming.parts, naming.setting.known
+    setting, parts = naming.setting, naming.parts
     robot = setting.structure.robot
     families = list(dict.fromkeys(p.candidate.family.name for p in parts))
     own = [[k for k, p in enumerate(parts) if p.candidate.family.name == f] for f in families]
@@ -401,7 +401,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
             Odds(t.group.family, place_of(t), t.odds, after.get(t.key, float("nan")))
             for t in naming.before
         ),
-        values=known.base + known.directions @ fits[-1][: len(known.precision)],
+        values=naming.base(models[-1], fits[-1]),
         model=naming.completed.model,
     )
 
