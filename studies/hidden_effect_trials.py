@@ -211,7 +211,7 @@ def true_error(name: str, seed: int) -> float:
     samples = tuple(prepare_rows(robot, log, None) for log in logs)
     structure = Structure.of(robot, Model.of(*USUAL_EFFECTS))
     found = look(Setting(structure, samples[:4], know_nothing(structure), samples[4:]), ())
-    return float(found.predict([()], [found.fit(())]).relative_error()[0])
+    return float(found.predict([found.fit(())], samples[4:]).relative_error()[0])
 
 
 def run(job: Job) -> Trial | None:

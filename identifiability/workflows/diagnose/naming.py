@@ -142,15 +142,6 @@ class Naming:
         own = self.parts[part].candidate.columns
         return sorted({j for j, k in self.missing.entries if k in own})
 
-    def left(self, parts: Sequence[int], values: Array) -> Array:
-        """Return what values (d + m,) of model and some parts leave of fitted torque, (N, n)."""
-        seen = self.fitted.seen
-        d = seen.X.shape[2]
-        left: Array = seen.y - seen.X @ values[:d]
-        for j in range(left.shape[1]) if len(values) > d else ():
-            left[:, j] -= self.columns(parts, j) @ values[d:]
-        return left
-
     @cached_property
     def completed(self) -> Structure:
         """The robot under the model with all parts, functions as large as they were found."""
@@ -190,25 +181,22 @@ class Naming:
         return self.completed.G[:, [columns.index(n) for n in self.setting.structure.base.names]]
 
     @cached_property
-    def _held(self) -> Array:
-        held: Array = self._own @ self.setting.known.base
-        return held
-
-    @cached_property
     def gathered(self) -> Information:
-        """About the base parameters of the completed model, every row alike."""
-        return gather_information(self.completed.regression(self.setting.samples))
+        """About the base parameters of the completed model less what is known, rows alike."""
+        own = gather_information(self.completed.regression(self.setting.samples))
+        return own.reduce(np.eye(own.size), own.columns, self._own @ self.setting.known.base)
 
     @cached_property
     def weighed(self) -> tuple[Information, Estimator]:
-        """About them less what is known, rows weighed beside all parts; and who knows the noise."""
-        b = len(self.completed.base)
-        every = self.gathered.reduce(np.eye(b), self.gathered.columns, self._held)
-        weighed, fit = self._weigh(with_known(every, known_rows(*self.coordinates)))
+        """The same, rows weighed beside all parts; and who knows the noise."""
+        weighed, fit = self._weigh(with_known(self.gathered, known_rows(*self.coordinates)))
         return weighed, fit.estimator
 
+    def _weigh(self, information: Information) -> tuple[Information, Estimate]:
+        return weigh_fit(self.setting.structure.robot, self.setting.samples, information)
+
     def fit(self, parts: Sequence[int], *, beside_all: bool = False) -> Array:
-        """Return the values (d + m,) of model and some parts, as `analyze` fits the written model.
+        """Return base parameters (b,) of the completed model, of its parts some, as `analyze` does.
 
         Whitened rows judge better what is missing, but of slow noise they keep no levels, and
         predict worse. Functions are as large as they were found.
@@ -219,59 +207,32 @@ class Naming:
         beside_all : bool
             Whether rows and noise are weighed once beside all parts, to compare many models.
         """
-        C, sd = self._with(parts)
-        if not C.size:
-            return np.zeros(C.shape[1])
-        length = np.linalg.norm(C, axis=0)
-        length = np.where(length > 0, length, 1.0)
-        rows, unit = known_rows(C, sd), C / length
-        free, random = np.flatnonzero(np.isinf(sd)), np.flatnonzero(np.isfinite(sd))
-        some = C[:, scan_columns(unit, [*free.tolist(), *random.tolist()])]
-        names = [str(k) for k in range(some.shape[1])]
-        if beside_all:
-            weighed, estimator = self.weighed
-            own = with_known(weighed.reduce(some, names), rows @ some, estimator.noise)
-            value = estimator.fit(own).value
-        else:
-            own = with_known(self.gathered.reduce(some, names, self._held), rows @ some)
-            value = self._weigh(own)[1].value
-        out, base = np.zeros(C.shape[1]), some @ value
-        out[random] = sd[random] * (rows @ base)
-        rest = np.linalg.lstsq(unit[:, free], base - C @ out, rcond=None)[0]
-        out[free] = rest / length[free]
-        return out
-
-    def _weigh(self, information: Information) -> tuple[Information, Estimate]:
-        return weigh_fit(self.setting.structure.robot, self.setting.samples, information)
-
-    def _with(self, parts: Sequence[int]) -> tuple[Array, Array]:
-        """Return the coordinates of the model with some parts."""
         d = len(self.setting.known.precision)
-        at = [d + k - self.first for p in parts for k in self.parts[p].candidate.columns]
-        return tuple(x[..., [*range(d), *at]] for x in self.coordinates)  # type: ignore[return-value]
-
-    @property
-    def first(self) -> int:
-        """Number of the parts' first column."""
-        return self.parts[0].candidate.columns[0] if self.parts else 0
-
-    def base(self, parts: Sequence[int], values: Array) -> Array:
-        """Return the base parameters of the completed model, (b,), of values with some parts."""
-        base: Array = self._held + self._with(parts)[0] @ values
+        first = self.parts[0].candidate.columns[0] if self.parts else 0
+        at = [d + k - first for p in parts for k in self.parts[p].candidate.columns]
+        C, sd = (x[..., [*range(d), *at]] for x in self.coordinates)
+        length = np.linalg.norm(C, axis=0)
+        free = np.argsort(np.isfinite(sd), kind="stable").tolist()  # before what is random
+        some = C[:, scan_columns(C / np.where(length > 0, length, 1.0), free)]
+        value, names = np.zeros(some.shape[1]), [str(k) for k in range(some.shape[1])]
+        rows = known_rows(C, sd) @ some
+        if names and beside_all:
+            weighed, by = self.weighed
+            value = by.fit(with_known(weighed.reduce(some, names), rows, by.noise)).value
+        elif names:
+            value = self._weigh(with_known(self.gathered.reduce(some, names), rows))[1].value
+        base: Array = self._own @ self.setting.known.base + some @ value
         return base
 
-    def predict(
-        self, models: Sequence[Sequence[int]], fits: Sequence[Array], *, unseen: bool = True
-    ) -> Prediction:
-        """Return torque as models of some parts predict it, on unseen or on fitted motion."""
-        base = list(map(self.base, models, fits))
-        samples = (self.setting.validation if unseen else ()) or self.setting.samples
-        return predict(self.completed.regression(samples), np.stack(base, axis=1))
+    def predict(self, fits: Sequence[Array], samples: Sequence[Dataset]) -> Prediction:
+        """Return torque along some logs as base parameters (b,) of the completed model say."""
+        return predict(self.completed.regression(samples), np.stack(fits, axis=1))
 
     def errors(self, models: Sequence[Sequence[int]]) -> Array:
         """Return the errors of some models on unseen motion over each joint's own scale."""
         fits = [self.fit(parts, beside_all=True) for parts in models]
-        return self.predict(models, fits).error_over_joints()
+        unseen = self.setting.validation or self.setting.samples
+        return self.predict(fits, unseen).error_over_joints()
 
     @property
     def error(self) -> float:

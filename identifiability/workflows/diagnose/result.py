@@ -76,8 +76,6 @@ class Placement:
     parameters, units : tuple of str
     values, errors : (k,)
         Of the mixed model, with standard errors.
-    fitted : (k,)
-        As an analysis weighs rows: those of the model that is written.
     rms : float [N·m or N]
         Of the torque that it adds at the joint where it is largest.
     rivals : tuple of Rival
@@ -93,7 +91,6 @@ class Placement:
     units: tuple[str, ...]
     values: Array
     errors: Array
-    fitted: Array
     rms: float
     rivals: tuple[Rival, ...] = ()
     weight: float = 1.0
@@ -808,9 +805,11 @@ def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) 
         return fit_physical(structure, d.samples, d.validation, weight)
     values = {name: d.robot.nominal.get(name, 0.0) for name in d.structure.columns}
     values = dict.fromkeys(structure.columns, 0.0) | values
-    named = d.effects if structure is d.completed else ()
-    for p in (p for e in named for p in e.placements):
-        for name, value in zip(p.parameters, p.fitted.tolist(), strict=True):
+    if structure is d.completed:
+        first, known = len(d.structure.columns), np.zeros(len(structure.columns))
+        known[:first] = d.structure.nominal
+        more = np.linalg.pinv(structure.G[:, first:]) @ (d.values - structure.G @ known)
+        for name, value in zip(structure.columns[first:], more.tolist(), strict=True):
             values[name] += value
     return Physical(structure, values)
 

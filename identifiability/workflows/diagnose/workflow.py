@@ -374,18 +374,19 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     own = [[k for k, p in enumerate(parts) if p.candidate.family.name == f] for f in families]
     models = [[k for some in own[:n] for k in some] for n in range(len(own) + 1)]
     fits = [naming.fit(some) for some in models]
-    gap = naming.predict(models, fits)
+    gap = naming.predict(fits, setting.validation or setting.samples)
     errors = gap.relative_error()
-    before = naming.predict(models, fits, unseen=False).relative_error()
-    placed = [_place(naming, k, fits[-1]) for k in range(len(parts))]
+    before = naming.predict(fits, setting.samples).relative_error()
+    left = naming.predict(fits[-1:], naming.fitted.samples).residual[:, :, 0]
+    placed = [_place(naming, k) for k in range(len(parts))]
     effects = [
         _effect(naming, gap, some, [placed[k] for k in some], n, rng) for n, some in enumerate(own)
     ]
-    left, after = naming.left(models[-1], fits[-1]), {t.key: t.odds for t in naming.after}
+    after = {t.key: t.odds for t in naming.after}
     return Diagnosis(
         **vars(setting),
         effects=tuple(effects),
-        curves=tuple(_curve(naming, fits[-1], k, p) for k, p in enumerate(placed)),
+        curves=tuple(_curve(naming, left, k, p) for k, p in enumerate(placed)),
         gap=gap,
         error_before=float(before[0]),
         error_after=float(before[-1]),
@@ -401,7 +402,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
             Odds(t.group.family, place_of(t), t.odds, after.get(t.key, float("nan")))
             for t in naming.before
         ),
-        values=naming.base(models[-1], fits[-1]),
+        values=fits[-1],
         model=naming.completed.model,
     )
 
@@ -429,13 +430,11 @@ def _effect(
     )
 
 
-def _place(naming: Naming, k: int, fitted: Array) -> Placement:
+def _place(naming: Naming, k: int) -> Placement:
     """Return what is known of a part."""
     part, robot = naming.parts[k], naming.setting.structure.robot
     c = part.candidate
     value, covariance = naming.values(k)
-    first = len(fitted) - sum(len(p.candidate.columns) for p in naming.parts[k:])
-    own = fitted[first : first + len(value)]
     parameters = Placed([c.part]).parameters(robot)
     added = [naming.columns([k], j) @ value for j in naming.acts(k)]
     return Placement(
@@ -445,7 +444,6 @@ def _place(naming: Naming, k: int, fitted: Array) -> Placement:
         units=tuple(x.unit for x in parameters),
         values=value,
         errors=np.sqrt(np.maximum(np.diag(covariance), 0.0)),
-        fitted=own,
         rms=max((float(np.sqrt(np.mean(x**2))) for x in added), default=0.0),
         rivals=tuple(_rivals(part)),
         weight=part.weight,
@@ -461,14 +459,14 @@ def _rivals(part: Part) -> list[Rival]:
     return list(dict.fromkeys(at))
 
 
-def _curve(naming: Naming, values: Array, k: int, placed: Placement) -> Curve:
+def _curve(naming: Naming, left: Array, k: int, placed: Placement) -> Curve:
     """Return what a part was learned to be, along the fitted motion."""
     c, rows = naming.parts[k].candidate, naming.fitted
     joints, robot = naming.acts(k), naming.setting.structure.robot
     columns = {j: naming.columns([k], j) for j in joints}
     j = max(joints, key=lambda j: float(np.abs(columns[j] @ placed.values).sum()))
-    left, law = naming.left(range(len(naming.parts)), values), columns[j]
-    added, of = law @ placed.values, c.effect.drawn_over(robot, j)
+    law, of = columns[j], c.effect.drawn_over(robot, j)
+    added = law @ placed.values
     if c.family.against in ("velocity", "position") and not (c.family.remembers or robot.closed):
         # As it is, not as the low-pass leaves it, which depends on where the motion came from.
         every = np.zeros((*rows.measured.shape, law.shape[1]))
