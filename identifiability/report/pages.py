@@ -130,12 +130,12 @@ def diagnosis_heading(d: Diagnosis) -> tuple[str, str]:
 
 def diagnosis_moving(d: Diagnosis) -> Moving | None:
     """Return the robot along unseen motion beside what is left of its torque, before and after."""
-    sample, rows = (d.validation or d.samples)[0], d.gap.rows
-    own = rows.log == rows.log.min()
-    torque = np.where(rows.data, rows.measured, np.nan)[own]
-    before, after = np.where(rows.data[:, :, None], d.gap.residual, np.nan)[own][:, :, [0, -1]].T
+    sample, gap = (d.validation or d.samples)[0], d.gap
+    own = gap.log == 0
+    torque = np.where(gap.data, gap.tau, np.nan)[own]
+    before, after = np.where(gap.data[:, :, None], gap.residual, np.nan)[own][:, :, [0, -1]].T
     lines = {"residual before": before.T, "after": after.T}
-    t = rows.t[own]
+    t = gap.t[0]
     return move_with_torque(d.robot, sample.motion, t, torque, lines, sample.name, before.T)
 
 
@@ -203,14 +203,13 @@ def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
 
 
 def _section_gap(d: Diagnosis) -> Section:
-    rows = d.gap.rows
-    t = rows.t[rows.log == rows.log.min()]
-    part = np.flatnonzero(rows.log == rows.log.min())[t <= t[0] + STRETCH]
+    t = d.gap.t[0]
+    part = np.flatnonzero(d.gap.log == 0)[t <= t[0] + STRETCH]
     named = {c.joint for c in d.curves}
     order = sorted(range(len(d.robot.joints)), key=lambda k: k not in named)
     before, after = d.gap.residual[part][:, order][..., [0, -1]].transpose(2, 0, 1)
     shown = traces(
-        rows.t[part],
+        t[: len(part)],
         [d.robot.joints[k] for k in order],
         [d.robot.torque_units[k] for k in order],
         {"before": before, "after": after},

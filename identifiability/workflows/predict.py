@@ -398,7 +398,7 @@ class Fit(Predicts):
 
     def to_dict(self) -> dict[str, Any]:
         """Return what is read back, as plain values."""
-        entry = model_entry(self.submodel, self.structure.base, self.structure.model.texts)
+        entry = model_entry(self.submodel, self.structure)
         told = {
             "model": entry.model_dump(by_alias=True, exclude_none=True),
             "names": list(self.names),

@@ -21,6 +21,7 @@ from identifiability.estimation.estimate import (
     find_estimator,
     fit_whole,
     settle_noise,
+    with_known,
 )
 from identifiability.estimation.estimator import Estimate, Estimator, forbidden_signs
 from identifiability.estimation.evidence import Evidence, Folds, HeldOut, Score, near_best
@@ -224,7 +225,8 @@ class SharedErrors:
         opening, how, others = rows.opening, session.how, dict[str, tuple[Information, ...]]()
 
         def gather(samples: Sequence[Dataset]) -> Information:
-            return gather_information(opening.structure.regression(samples))
+            structure = opening.structure
+            return with_known(gather_information(structure.regression(samples)), structure.known)
 
         delay = []
         for logs in session.recordings.later:
