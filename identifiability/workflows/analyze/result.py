@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 import pandas as pd
 
-from identifiability.effects.vocabulary import file_kinds
+from identifiability.effects import FAMILIES
+from identifiability.effects.vocabulary import every_parameter, file_kinds, values_in_file
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import Folds
 from identifiability.estimation.fit import Fit
@@ -51,7 +52,7 @@ from identifiability.foundation.rounding import (
     percent_text,
     stated_text,
 )
-from identifiability.foundation.rules import RuleTable
+from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, state_mass
@@ -291,6 +292,8 @@ class Laddered(OfStructure, Result, predict.Predicts):
         About the base parameters, on the fitted logs.
     selected : int
         The model to use.
+    everywhere : Prediction or None
+        By the values to use along unseen motion, where joints stand, too; None where none does.
     source : LadderSource or None
         Where the models came from.
     settings : mapping
@@ -311,6 +314,7 @@ class Laddered(OfStructure, Result, predict.Predicts):
     models: tuple[ModelResult, ...]
     information: Information
     selected: int
+    everywhere: Prediction | None
     source: LadderSource | None = None
     settings: Mapping[str, Any]
     nothing: str
@@ -527,28 +531,39 @@ class Laddered(OfStructure, Result, predict.Predicts):
 
     @property
     def left_out(self) -> dict[str, float]:
-        """Share of unseen rows without weight, and ε_RA of raw torque."""
-        surveys = [s.survey for s in self.validation or self.samples]
-        every = sum(s.outputs * len(s.rows) for s in surveys)
-        share = 1.0 - sum(s.rows.sum() for s in surveys) / every
-        return {"rows": float(share), "raw": float(self.held_out.relative_error(raw=True)[0])}
+        """Share of unseen rows without weight, and ε_RA over all rows and of raw torque."""
+        p, every = self.held_out, self.everywhere or self.held_out
+        share = 1.0 - p.sums.rows.sum() / max(every.sums.rows.sum(), 1)
+        errors = every.relative_error()[0], p.relative_error(raw=True)[0]
+        return dict(zip(("rows", "all_rows", "raw"), map(float, (share, *errors)), strict=True))
 
     def _beside(self) -> str:
         """Return what the error leaves out: rows without weight, and what a low-pass took."""
         left, error, told = self.left_out, self.chosen.error_ra_validation, []
         if left["rows"] > 0:
-            told.append(sentence("decision.left", "rows", share=percent(left["rows"], 2)))
+            share, every = percent(left["rows"], 2), percent(left["all_rows"])
+            told.append(sentence("decision.left", "rows", share=share, error=every))
         if np.isfinite(left["raw"]) and not np.isclose(left["raw"], error, rtol=1e-6):
             told.append(sentence("decision.left", "raw", error=percent(left["raw"])))
         return " ".join(told)
 
     def _in_file(self) -> str:
-        """Return what a plain robot file errs by in a simulator; `export` says what it lacks."""
+        """Return what a plain robot file errs by in a simulator, and what it lacks."""
+        real, error = self.real_robot, self.chosen.error_ra_validation
+        alone, given = real["error_ra_validation_files"], real["parameters"]
         kind = file_kinds(self.robot)[0]
-        alone = self.real_robot["error_ra_validation_files"][kind]
-        if not np.isfinite(alone):
+        if not np.isfinite(alone[kind]):
             return ""
-        return sentence("decision.left", "file", kind=kind.upper(), error=percent(alone))
+        held, titles = values_in_file(self.robot, given, kind), dict[str, list[str]]()
+        every = every_parameter(self.robot, real["shapes"])
+        for name in (n for n, x in given.items() if x != held[n]):
+            title = FAMILIES[every[name].group].title if name in every else name
+            titles.setdefault(title, []).append(name)
+        told = sentence("decision.left", "file", kind=kind.upper(), error=percent(alone[kind]))
+        if titles and alone[kind] > (1 + DIFFERS) * error:
+            names = [f"{title} ({listing(own, NAMED)})" for title, own in titles.items()]
+            told += sentence("decision.left", "lacks", names=listing(names, NAMED))
+        return f"{told}."
 
     def _reduced(self) -> str:
         """Return which values to use are no parameter's own, and what they stand for."""
@@ -626,7 +641,7 @@ class Laddered(OfStructure, Result, predict.Predicts):
             "errors": {
                 "joints": joints.drop(columns="of").to_dict("records"),
                 "logs": logs[own].rename(columns={"joint": "log"}).to_dict("records"),
-                "left_out": {**self.left_out, "all_rows": None},  # of earlier releases
+                "left_out": self.left_out,
             },
             "parameters": used.rows(),
             "full_parameters": self.full.rows(),
@@ -650,6 +665,10 @@ class Laddered(OfStructure, Result, predict.Predicts):
             "estimator": used.estimate.estimator.name,
             "provenance": self.provenance,
         }
+
+
+#: From which share on a robot file's error is another than that of the values to use.
+DIFFERS: Tolerance = 0.05
 
 
 # What logs say of each other.

@@ -53,6 +53,7 @@ from identifiability.workflows.analyze.workflow import (
     Settled,
     SharedErrors,
     decide_model,
+    predict_everywhere,
     say_band,
     say_of_fit,
     settle_robot,
@@ -414,4 +415,7 @@ def measure_models(
         models = [pruned.withdraw(nothing) for pruned in models]
     else:
         models[chosen], hint = tell_with_file(model, result, within)
-    return {"models": tuple(models), "nothing": nothing, "missing": missing}, hint
+    used = int(result.physical_used)
+    everywhere = predict_everywhere(session, rows, settled, used, turns)
+    fields = {"models": tuple(models), "everywhere": everywhere, "nothing": nothing}
+    return {**fields, "missing": missing}, hint
