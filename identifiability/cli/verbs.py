@@ -284,7 +284,7 @@ def predict(
 
 
 #: Endings of what is exported.
-EXPORTED = (".xml", ".urdf", ".json", ".py", ".csv", ".parquet", ".pq")
+EXPORTED = (".xml", ".urdf", ".json", ".py", ".patch", ".csv", ".parquet", ".pq")
 
 
 @Verb
@@ -294,6 +294,7 @@ def export(
     out: Annotated[Path, Option(), options.Writes(*EXPORTED)],
     draws: kinds.Count | None = None,
     form: Annotated[kinds.ExportFormat | None, Option("--format")] = None,
+    patch: Annotated[bool, Option("--patch")] = False,
     validate: options.MoreLogs = (),
     force: Annotated[bool, Option("--force")] = False,
     prior: kinds.NotNegative | None = None,
@@ -313,7 +314,7 @@ def export(
         return
     if prior is not None:
         raise kinds.OptionError(Finding("prior.draws"))
-    exported = run(robot, result, out, form, validate=validate, force=force)
+    exported = run(robot, result, out, "patch" if patch else form, validate=validate, force=force)
     for text in filter(None, (exported.mass, exported.statement)):
         typer.echo(text)
     for text in unused_ladder(robot):

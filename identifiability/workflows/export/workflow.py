@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
+from difflib import unified_diff
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -248,6 +249,7 @@ ENDINGS: dict[Format, str] = {
     "urdf": ".urdf",
     "json": ".json",
     "isaaclab": ".py",
+    "patch": ".patch",
 }
 
 
@@ -330,8 +332,9 @@ def export(
         JSON of `analyze`, `prune` or `diagnose`.
     out : path
         ``.xml`` for MJCF, ``.urdf`` for URDF, from either kind of file; ``.json`` for the
-        parameters alone; ``.py`` for a configuration of actuators (isaaclab).
-    form : {"mjcf", "urdf", "json", "isaaclab"}, optional
+        parameters alone; ``.py`` for a configuration of actuators (isaaclab); ``.patch`` for what
+        changes in the robot's own file and sidecar, as a unified diff.
+    form : {"mjcf", "urdf", "json", "isaaclab", "patch"}, optional
         What to write; by default what the ending says. From an MJCF comes a URDF as well, and the
         other way round, without geometry; isaaclab is a configuration of actuators for robots with
         servos.
@@ -347,14 +350,16 @@ def export(
         If the file is no result, one of another robot, or has no masses; if a robot file errs more
         than the one that it comes from.
     """
-    own = Robot.of(robot)
+    own, wanted = Robot.of(robot), _find_format(Path(out), form)
+    if wanted == "patch":
+        return _write_patch(own, result, Path(out), validate=validate, force=force)
     content, robot, given = read_real(result, own, "exported")
     physical, shapes = content.physical, content.physical.shapes
     effect_of = {n: FAMILIES[p.group] for n, p in every_parameter(robot, shapes).items()}
     check_result(robot, Path(result), content, {*effect_of, *robot.nominal})
     given |= _as_stated(robot, given)
     loaded = any(value and n in effect_of and effect_of[n].loaded for n, value in given.items())
-    wanted, unseen, snippet, added = _find_format(Path(out), form), None, None, list[str]()
+    unseen, snippet, added = None, None, list[str]()
     alone, written = physical.error_ra, Written(Path(out), None, ())
     kind: Kind | None = None
     if wanted == "json":
@@ -401,6 +406,27 @@ def export(
         snippet=snippet,
         added=tuple(added),
     )
+
+
+def _write_patch(robot: Robot, result: Path | str, path: Path, **how: Any) -> Exported:
+    """Write what an export changes in a robot's own file and sidecar: ``patch -p1`` applies it."""
+    with temporary_folder() as folder:
+        made = export(robot, result, Path(folder) / robot.path.name, **how)
+        pairs = ((robot.path, made.robot), (robot.sidecar, made.sidecar))
+        text = "".join(_difference(own, new) for own, new in pairs if new is not None)
+    return replace(made, robot=write_text(path, text), sidecar=None, snippet=None)
+
+
+def _difference(own: Path | None, new: Path) -> str:
+    """Return a unified diff of two files, the first of which need not be there."""
+    old, changed = (
+        [] if path is None else path.read_bytes().decode("utf-8").splitlines(keepends=True)
+        for path in (own, new)
+    )
+    names = "/dev/null" if own is None else f"a/{own.name}", f"b/{(own or new).name}"
+    ended = "{}\n\\ No newline at end of file\n"
+    lines = unified_diff(old, changed, *names)
+    return "".join(line if line.endswith("\n") else ended.format(line) for line in lines)
 
 
 def _as_stated(robot: Robot, given: Mapping[str, float]) -> dict[str, float]:
