@@ -97,7 +97,8 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         try:
             model = pin.buildModelFromXML(plain_urdf(_add_base(root) if top else root, path.stem))
         except Exception as error:  # noqa: BLE001 - a foreign parser may raise anything
-            reason = _one_line(error)
+            text = str(error).rpartition("message:")[2]  # Pinocchio puts its source file before it
+            reason = " ".join(text.split()).rstrip(".")[:300] or type(error).__name__
     if reason or printed:  # a link whose inertia is misspelt is read without any, but told of
         reason = printed[0][:300] if printed else reason
         raise RobotError(f"{path} cannot be read as URDF: {reason}.")
@@ -263,8 +264,3 @@ def _printed_errors() -> Iterator[list[str]]:
             lines = file.read().decode(errors="replace").splitlines()
             marked = (line.partition("Error:") for line in lines)
             found += [" ".join(text.split()).rstrip(".") for _, mark, text in marked if mark]
-
-
-def _one_line(error: Exception) -> str:
-    text = str(error).rpartition("message:")[2]  # Pinocchio puts its source file before it
-    return " ".join(text.split()).rstrip(".")[:300] or type(error).__name__
