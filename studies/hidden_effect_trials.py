@@ -19,7 +19,7 @@ from identifiability.regression.structure import Structure, find_base_parameters
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, Noise, random_trajectory, shipped_trajectory
 from identifiability.workflows.diagnose import Diagnosis, Setting, diagnose, look
-from identifiability.workflows.diagnose.problem import Gap, know_nothing, prepare_rows
+from identifiability.workflows.diagnose.problem import know_nothing, prepare_rows
 
 #: Noise of the torque as a share of its rms, its correlation at 100 Hz, and encoders [m or rad].
 LEVEL, RHO = 0.012, 0.9
@@ -211,8 +211,7 @@ def true_error(name: str, seed: int) -> float:
     samples = tuple(prepare_rows(robot, log, None) for log in logs)
     structure = Structure.of(robot, Model.of(*USUAL_EFFECTS))
     found = look(Setting(structure, samples[:4], know_nothing(structure), samples[4:]), ())
-    left = found.left((), found.fit(()), unseen=True)
-    return float(Gap(found.unseen, left[:, :, None]).prediction.relative_error()[0])
+    return float(found.predict([found.fit(())], samples[4:]).relative_error()[0])
 
 
 def run(job: Job) -> Trial | None:

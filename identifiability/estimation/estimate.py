@@ -76,6 +76,29 @@ def fit_whole(estimator: Estimator, whole: Information) -> Estimate | None:
     )
 
 
+def with_known(information: Information, known: Array, noise: Noise | None = None) -> Information:
+    """Return the information with what is known of the values beforehand.
+
+    Random effects are no larger than they are known to be, however little the rows say of them.
+
+    Parameters
+    ----------
+    information : Information
+    known : (d, k)
+        Rows about its columns, each of variance 1.
+    noise : Noise, optional
+        That of the logs; by default what a fit without them leaves.
+    """
+    if not len(known):
+        return replace(information, prior=None)
+    if noise is None:
+        fit = Estimator().fit(information)
+        noise = Noise.of(fit.variance, fit.times)
+    unit = np.sqrt(np.mean(noise.variance * noise.times))  # what noise of weight 1 is on average
+    prior = unit * np.column_stack([known, np.zeros(len(known))])
+    return replace(information, prior=prior)
+
+
 @checked
 def estimate(information: Information, method: Method = "wls") -> Estimate:
     """Return the estimate.

@@ -231,7 +231,12 @@ class Combined:
         left = np.vstack([self.left, np.zeros((1, k))])
         right = np.zeros((2 * k + 1, k + 1))
         right[k : 2 * k, :k], right[k:, k] = self.B, np.append(-self.value, 1.0)
-        return information.joint.products(weights, left, right)
+        joint = information.joint
+        both = joint.products(weights, left, right)
+        if joint.prior is None:
+            return both
+        known = (joint.prior @ left).T @ (joint.prior @ right)
+        return np.concatenate([both, known[None]])
 
 
 def combine(information: Information, weights: Array) -> Combined:
@@ -496,6 +501,8 @@ class Estimator:
         if not k:
             return values
         start, to_x, both = self.equations(information.select(kept), fit)
+        # What was known beforehand counts once in each.
+        counts = np.pad(counts, ((0, 0), (0, len(both) - counts.shape[1])), constant_values=1.0)
         flat = both.reshape(len(both), -1)
         for at in few_at_once(len(counts), flat[:1].nbytes):
             sums = (counts[at] @ flat).reshape(-1, k, k + 1)
@@ -510,6 +517,7 @@ class Estimator:
         """
         kept, k = list(fit.kept), len(fit.kept)
         _, to_x, both = self.equations(information.select(kept), fit)
+        both = both[: len(information.counts)]
         moved = np.zeros((len(both), information.size))
         moved[:, kept] = correct_leverage(both[:, :, k], both[:, :, :k]) @ to_x.T
         return moved
@@ -518,7 +526,7 @@ class Estimator:
         """Return values (k,), coordinates (k, k) and equations of blocks in these, (B, k, k + 1).
 
         Their unknowns are what comes on top of the values, so the large part of τ that these
-        explain never enters a difference of squares.
+        explain never enters a difference of squares. What is known beforehand is a block more.
         """
         if self.instruments:
             found = combine(part, fit.weights)
@@ -527,7 +535,11 @@ class Estimator:
         to_x = unit_coordinates(R[:k, :k])
         value, change = to_x @ R[:k, k], np.zeros((k + 1, k + 1))
         change[:k, :k], change[:, k] = to_x, np.append(-value, 1.0)
-        return value, to_x, part.products(fit.weights, change[:, :k], change)
+        both = part.products(fit.weights, change[:, :k], change)
+        if part.prior is not None:
+            known = part.prior @ change
+            both = np.concatenate([both, (known[:, :k].T @ known)[None]])
+        return value, to_x, both
 
     def loss(self, information: Information, fit: Estimate) -> Array:
         """Return upper triangular F, (k + 1, k + 1) [torque]: ``|F (x, -1)|²`` is least at the fit.

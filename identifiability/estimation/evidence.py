@@ -282,6 +282,9 @@ class HeldOut:
         M = (np.eye(self.information.size) if M is None else M)[:, list(fit.kept)]
         wide = np.vstack([M, np.zeros((1, M.shape[1]))])
         grams = self.information.summed(self.folds.train).products(1.0 / self.noise, wide, wide)
+        if self.information.prior is not None:
+            known = self.information.prior @ wide
+            grams = grams + known.T @ known / self.noise.mean()
         length = np.sqrt(np.maximum(grams.max(0).diagonal(), 1e-300))
         none = np.zeros(len(length))
         each = [Normal.ridged(gram / length / length[:, None], none).root.T for gram in grams]
@@ -356,6 +359,8 @@ class Refits:
         """
         k, member = len(R) - 1, np.vstack([np.ones(train.shape[1]), train])
         _, to_x, both = full.estimator.equations(information, full)
+        # What was known beforehand counts in each.
+        member = np.pad(member, ((0, 0), (0, len(both) - member.shape[1])), constant_values=1.0)
         sums = np.tensordot(member, both, 1)
         to_y = R[:k, :k] @ to_x  # the unit matrix of least squares
         turned = to_y @ sums[:, :, :k] @ np.linalg.inv(to_y)

@@ -3,10 +3,6 @@
 A group has the columns of its family's whole grid of shapes. Friction is rarely in one joint only,
 so each family is a group everywhere, too; functions of which nothing is known but what they depend
 on are families as well, and return to zero where there were no data.
-
-Friction and gains depend on the torque of the model: the load of a robot is what its logs say, not
-the masses of its file alone. These are off by a tenth or more, and files seldom state rotors and
-friction; a fit of the model has them all.
 """
 
 from __future__ import annotations
@@ -21,10 +17,9 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from identifiability.effects import FAMILIES, Family, find_families, title_of
+from identifiability.effects import Family, find_families, title_of
 from identifiability.effects.friction import REVERSALS, ReversalFriction
 from identifiability.effects.measurement import TorqueScale
-from identifiability.effects.nominal import has_masses, reference_values
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
@@ -57,55 +52,9 @@ from identifiability.regression.regression import Chunk, Regression, choose_wind
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
-#: Share of a joint's torque up to which loads are to explain it.
-NEAR = 0.01
-#: Share by which a body is taken to differ from its file.
-SHARE: Tolerance = 0.5
 #: What a compact load of 1 kg has of each inertial parameter, by its radius [m].
 RADIUS: Tolerance = 0.1
 LOAD = {kind: RADIUS ** min(k, 1 + (k > 3)) for k, kind in enumerate(INERTIAL_KINDS)}
-
-
-def fit_loads(structure: Structure, X: Array, y: Array, data: np.ndarray) -> Robot:
-    """Return a robot whose loads are known by its values as they are fitted.
-
-    It is the same one where its file states no masses or by which values loads are known, and where
-    loads are a part of the model.
-
-    Parameters
-    ----------
-    structure : Structure
-    X : (N, n, b)
-        Columns of the base parameters.
-    y : (N, n) [N·m or N]
-    data : (N, n) bool
-        Where torque is data.
-    """
-    robot, base = structure.robot, structure.base
-    loaded = any(e.name in FAMILIES and FAMILIES[e.name].loaded for e in structure.model.effects)
-    if robot.reference or loaded or not has_masses(robot):
-        return robot
-    left = (y - X @ structure.nominal_base) * data
-    size = (y**2).sum(0) / max(len(y), 1)
-    weight = 1.0 / (NEAR * np.sqrt(np.where(size > 0, size, np.inf)))
-    rows = (X * weight[:, None]).reshape(-1, X.shape[2])
-    target = base.G.T @ (rows.T @ (left * weight).ravel())
-    squares = base.G.T @ (rows.T @ rows) @ base.G
-    # Rotors and friction are as logs say, bodies as near to the file as they let them.
-    length, own = np.diag(squares), reference_values(robot)
-    total = float(((y * weight) ** 2).sum())
-    sd = np.sqrt(np.divide(total, length, where=length > 0, out=np.ones(len(length))))
-    for k, p in enumerate(base.parameters):
-        if p.owner in robot.bodies and p.kind in LOAD:
-            sd[k] = SHARE * abs(own.get(f"{p.owner}.m", 0.0)) * LOAD[p.kind]
-    unit = squares * np.outer(sd, sd) + np.eye(len(sd))
-    change = sd * np.linalg.solve(unit, sd * target)
-    bodies = (f"{body}.{kind}" for body in robot.bodies for kind in INERTIAL_KINDS)
-    values = {name: own.get(name, 0.0) for name in bodies}
-    for p, x in zip(base.parameters, change.tolist(), strict=True):
-        values[p.name] = own.get(p.name, 0.0) + x
-    return replace(robot, reference=values)
-
 
 #: Samples of all logs up to which all are looked at; of more so many windows of so many samples.
 EXCERPT = (6_000, 6, 1_000)

@@ -240,6 +240,8 @@ class Information:
         Which log a block comes from.
     instrumented : bool
         Whether the parts hold ``[V W τ]``, with instruments V that stand for the k columns of W.
+    prior : (d, k + 1) or None
+        Rows ``[W τ]`` of no log: what is known of the values beforehand, weighed like noise.
     """
 
     columns: tuple[str, ...]
@@ -248,6 +250,7 @@ class Information:
     data: np.ndarray
     log: np.ndarray
     instrumented: bool = False
+    prior: Array | None = None
 
     @staticmethod
     def of_rows(
@@ -338,7 +341,8 @@ class Information:
         With its factor ``R``, ``(Vᵀ W)⁻¹ Vᵀ τ`` is ``R[:k, k:2k]⁻¹ R[:k, 2k]`` [Janot 2014].
         """
         names = (*(f"instrument of {c}" for c in self.columns), *self.columns)
-        return Information(names, self.parts, self.counts, self.data, self.log)
+        prior = None if self.prior is None else np.hstack([self.prior[:, :-1], self.prior])
+        return Information(names, self.parts, self.counts, self.data, self.log, prior=prior)
 
     @property
     def torque(self) -> Array:
@@ -425,16 +429,19 @@ class Information:
         return out
 
     def factor(self, weights: Array | None = None) -> Array:
-        """Return R (k + 1, k + 1), upper triangular, with ``RᵀR = [W τ]ᵀ [W τ]``."""
+        """Return R (k + 1, k + 1), upper triangular, with ``RᵀR = [W τ]ᵀ [W τ]``, prior and all."""
         w = np.ones(self.actuators) if weights is None else np.asarray(weights, float)
         found: Array = self.remember(w.tobytes(), partial(self._factor, w)).copy()
         return found
 
     def _factor(self, weights: Array) -> Array:
-        """Return a factor of weighted rows."""
+        """Return a factor of weighted rows and the prior."""
         every = zip(np.sqrt(weights), self.of_actuators(np.eye(self.size + 1)), strict=True)
         rows = [w * part.root @ turned for w, (part, turned) in every]
-        return triangular_factor(np.vstack([*rows, np.zeros((self.size + 1, self.size + 1))]))
+        known = np.zeros((0, self.size + 1)) if self.prior is None else self.prior
+        return triangular_factor(
+            np.vstack([*rows, known, np.zeros((self.size + 1, self.size + 1))])
+        )
 
     def _own(self, part: ActuatorBlocks) -> tuple[Array, np.ndarray]:
         """Return an actuator's basis of the columns W that it can see, and which these are."""
@@ -462,7 +469,8 @@ class Information:
             own[:k, m] = -held
         map_ = block_diag(M, own) if self.instrumented else own
         parts = tuple(part.reduce(map_) for part in self.parts)
-        return replace(self, columns=tuple(columns), parts=parts)
+        prior = None if self.prior is None else self.prior @ own
+        return replace(self, columns=tuple(columns), parts=parts, prior=prior)
 
     def select(self, columns: Sequence[int]) -> Information:
         """Return the information about some columns, the others held at zero."""

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PositiveFloat
 
 from identifiability.effects import FAMILIES, default_effects
 from identifiability.foundation.documents import key, read_document
@@ -75,6 +75,11 @@ class ModelEntry(BaseModel):
         "Equal values.", {}, {"slider1.Fc": ["slider1.Fc+", "slider1.Fc-"]}
     )
     keep: list[str] | None = key("Everything else is left out.", None, ["slider1.Fv"])
+    random: dict[str, PositiveFloat] = key(
+        "Random effects, for the first model: the standard deviation of values about zero [SI].",
+        {},
+        {"slider1.v1": 2.5},
+    )
 
 
 class LadderEntry(BaseModel):
@@ -214,7 +219,7 @@ def ladder_text(entry: LadderEntry, comment: str = "") -> str:
     lines = [f"# {comment}"] if comment else []
     for submodel in entry.models:
         given = submodel.model_dump(by_alias=True, exclude_defaults=True)
-        tables = {k: given.pop(k) for k in ("hold", "tie") if k in given}
+        tables = {k: given.pop(k) for k in ("hold", "tie", "random") if k in given}
         lines += ["", "[[models]]", *(f"{k} = {_toml(v)}" for k, v in given.items())]
         for name, table in tables.items():
             lines += [f"[models.{name}]", *(f"{_toml(k)} = {_toml(v)}" for k, v in table.items())]
@@ -282,7 +287,8 @@ def ladder_model(entry: LadderEntry) -> Model:
             f"The model '{later[0]}' names effects, but a ladder reduces one model: name all "
             "effects in its first model and zero or tie what the others leave out."
         )
-    return Model.of(*(first.effects if first.effects is not None else DEFAULT_EFFECTS))
+    model = Model.of(*(first.effects if first.effects is not None else DEFAULT_EFFECTS))
+    return replace(model, random=first.random)
 
 
 # `Submodel`: one model of a ladder over base parameters, as columns and a held torque.
@@ -456,8 +462,9 @@ def _find_columns(
     return [*found]
 
 
-def model_entry(submodel: Submodel, base: BaseParameters, effects: Sequence[str]) -> ModelEntry:
+def model_entry(submodel: Submodel, structure: Structure) -> ModelEntry:
     """Return how a model stands in a ladder file, reduced from the base parameters in one step."""
+    base, model = structure.base, structure.model
     names = base.names
     members = {
         c: [names[k] for k in np.flatnonzero(submodel.M[:, i])]
@@ -467,7 +474,8 @@ def model_entry(submodel: Submodel, base: BaseParameters, effects: Sequence[str]
     return ModelEntry(
         name=submodel.name,
         description=submodel.description,
-        effects=list(effects),
+        effects=list(model.texts),
+        random=dict(model.random),
         zero=[names[k] for k in gone if submodel.fixed[k] == 0],
         hold={names[k]: float(submodel.fixed[k]) for k in gone if submodel.fixed[k] != 0},
         tie={c: m for c, m in members.items() if m != [c]},

@@ -5,8 +5,8 @@ A regression has a `Part` for each log, or each stretch of a long one, computed 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Annotated, Any
 
@@ -32,6 +32,12 @@ EffectName = Annotated[str, Expected("the name of an effect, such as 'rigid_body
 class Model:
     """A sum of effects; ``model + effect`` adds one.
 
+    Attributes
+    ----------
+    effects : tuple of Effect
+    random : mapping of str to float
+        Standard deviation about zero that values of some parameters are known to have [SI].
+
     Example
     -------
     >>> model = Model.of("rigid_body", "viscous_friction")
@@ -40,6 +46,7 @@ class Model:
     """
 
     effects: tuple[Effect, ...]
+    random: Mapping[str, float] = field(default_factory=dict)
 
     @staticmethod
     @checked
@@ -49,7 +56,7 @@ class Model:
         ``NAME@PLACE+PLACE`` is an effect at some joints, motors or bodies only, and
         ``NAME@PLACE:SHAPE`` has a shape of its own there, such as the Stribeck velocity [SI].
         A place may be a pattern: ``NAME@wrist_*`` is at all whose names fit, ``*`` being any
-        letters and ``?`` one.
+        letters and ``?`` one. ``NAME.KIND+KIND@PLACE`` has some of its parameters there.
 
         Raises
         ------
@@ -67,7 +74,7 @@ class Model:
             if any(effect.name in e.supersedes for e in chosen):
                 continue
             chosen = [e for e in chosen if e.name not in effect.supersedes] + [effect]
-        return Model(tuple(chosen))
+        return Model(tuple(chosen), self.random)
 
     def __add__(self, effect: Effect) -> Model:
         """Return the model with one more effect."""
@@ -129,7 +136,8 @@ def _read_effects(texts: Iterable[str]) -> list[Effect]:
     """Return effects as a ladder file writes them; all places of one are one effect."""
     by_name: dict[str, list[str]] = {}
     for text in texts:
-        by_name.setdefault(text.partition("@")[0], []).append(text)
+        name = text.partition("@")[0]
+        by_name.setdefault(name.partition(".")[0] if "@" in text else name, []).append(text)
     return [_read_effect(name, dict.fromkeys(written)) for name, written in by_name.items()]
 
 
@@ -149,7 +157,8 @@ def _read_effect(name: str, written: Iterable[str]) -> Effect:
                 f"'{text}': the shape of {name} is {effect.shape_size} numbers, and {given} stand "
                 "behind the ':'."
             )
-        parts += [Part(family.at(shape, place), place) for place in places.split("+")]
+        kinds = tuple(filter(None, text.partition("@")[0].partition(".")[2].split("+")))
+        parts += [Part(family.at(shape, place), place, kinds) for place in places.split("+")]
     return Placed(parts, tuple(written))
 
 

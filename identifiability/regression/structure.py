@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from scipy.linalg import null_space
 
 from identifiability.effects import FAMILIES
 from identifiability.foundation.linalg import (
@@ -214,6 +215,27 @@ def find_base_parameters(
     return group_columns(W.reshape(-1, W.shape[2]), parameters, robot.column_preference(names))
 
 
+def known_rows(C: Array, sd: Array) -> Array:
+    """Return rows R (d, b) about ``β = C x`` that say what is known of x, each of variance 1.
+
+    ``|R β|²`` is the least ``Σ (x/sd)²`` of all x that make β; what of x is random is ``sd R β``.
+
+    Parameters
+    ----------
+    C : (b, p)
+    sd : (p,)
+        Standard deviations of x about zero, infinite where nothing is known.
+    """
+    random = np.isfinite(sd)
+    if not random.any():
+        return np.empty((0, len(C)))
+    outside = null_space(C[:, ~random].T) if not random.all() else np.eye(len(C))
+    length = np.linalg.norm(columns := outside.T @ (C[:, random] * sd[random]), axis=1)
+    unit = np.where(length > 0, length, 1.0)[:, None]
+    rows: Array = np.linalg.pinv(columns / unit, rcond=RANK_TOLERANCE) @ (outside.T / unit)
+    return rows
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Structure:
     """A robot under a model; equal only to itself, so that what follows from it can be kept.
@@ -279,6 +301,12 @@ class Structure:
     def nominal_base(self) -> Array:
         """Base parameters that the robot file states, (b,)."""
         return self.G @ self.nominal
+
+    @cached_property
+    def known(self) -> Array:
+        """Rows about the base parameters that say how large the model's random ones are, (d, b)."""
+        random = self.model.random
+        return known_rows(self.G, np.array([random.get(n, np.inf) for n in self.columns]))
 
     @cached_property
     def shapes(self) -> dict[str, float]:

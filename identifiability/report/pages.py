@@ -94,21 +94,18 @@ def calibration_sections(calibration: Calibration) -> list[Section | None]:
     ]
 
 
-# Comparison: what changed between two logs or results.
+# Comparison: what changed between logs.
 
 
 def comparison_heading(result: Comparison) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
-    kinds = {"pairs": "the same motion", "logs": "different motions", "results": "two results"}
-    kind = kinds[result.kind]
+    kind = "the same motion" if result.pairs else "different motions"
     return "Comparison report", f"{result.robot.path.name} · {result.submodel.name} · {kind}"
 
 
 def comparison_moving(result: Comparison) -> Moving | None:
     """Return the robot along the first log after, over what differs where most changed."""
     robot, motion, torque = result.robot, result.motion, result.torque
-    if motion is None or torque is None:
-        return None
     t, left = torque.t, torque.measured
     lines = {"measured": left} | ({"what changed": torque.explained} if result.changes else {})
     log, _ = shorten_paths((result.after[0], result.before[0]))
@@ -133,12 +130,12 @@ def diagnosis_heading(d: Diagnosis) -> tuple[str, str]:
 
 def diagnosis_moving(d: Diagnosis) -> Moving | None:
     """Return the robot along unseen motion beside what is left of its torque, before and after."""
-    sample, rows = (d.validation or d.samples)[0], d.gap.rows
-    own = rows.log == rows.log.min()
-    torque = np.where(rows.data, rows.measured, np.nan)[own]
-    before, after = np.where(rows.data[:, :, None], d.gap.residual, np.nan)[own][:, :, [0, -1]].T
+    sample, gap = (d.validation or d.samples)[0], d.gap
+    own = gap.log == 0
+    torque = np.where(gap.data, gap.tau, np.nan)[own]
+    before, after = np.where(gap.data[:, :, None], gap.residual, np.nan)[own][:, :, [0, -1]].T
     lines = {"residual before": before.T, "after": after.T}
-    t = rows.t[own]
+    t = gap.t[0]
     return move_with_torque(d.robot, sample.motion, t, torque, lines, sample.name, before.T)
 
 
@@ -206,14 +203,13 @@ def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
 
 
 def _section_gap(d: Diagnosis) -> Section:
-    rows = d.gap.rows
-    t = rows.t[rows.log == rows.log.min()]
-    part = np.flatnonzero(rows.log == rows.log.min())[t <= t[0] + STRETCH]
+    t = d.gap.t[0]
+    part = np.flatnonzero(d.gap.log == 0)[t <= t[0] + STRETCH]
     named = {c.joint for c in d.curves}
     order = sorted(range(len(d.robot.joints)), key=lambda k: k not in named)
     before, after = d.gap.residual[part][:, order][..., [0, -1]].transpose(2, 0, 1)
     shown = traces(
-        rows.t[part],
+        t[: len(part)],
         [d.robot.joints[k] for k in order],
         [d.robot.torque_units[k] for k in order],
         {"before": before, "after": after},
@@ -580,7 +576,6 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
 
     masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
     real = ladder.chosen.physical
-    said = filter(None, ("" if real is None else real.sentence, ladder.mass_statement))
     settings = {key: ladder.settings[key] for key in ("method", "seed")}
     text = words("pruning.how", effects=", ".join(ladder.effects), **settings)
     some = not ladder.nothing
@@ -590,7 +585,7 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
         section_survivors(ladder),
         section("pruning.ladder", path, why=sentence("pruning.why")),
         section_correlated(ladder.fit) if some else None,
-        section("pruning.bodies", masses, said=" ".join(said)),
+        section("pruning.bodies", masses, said="" if real is None else real.sentence),
         _refused(ladder),
         section("pruning.method", Prose(tuple(text.values())), level_table(), detail=True),
     ]

@@ -30,6 +30,7 @@ from identifiability.estimation.estimate import (
     Outliers,
     find_estimator,
     weigh_outliers,
+    with_known,
 )
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.groups import Alternatives, find_alternatives
@@ -599,14 +600,15 @@ class Session:
 
     def weigh(self, opening: Opening, method: Method, kind: Kind) -> Weighed:
         """Return the rows of opened logs by their noise, with instruments where there are any."""
-        opening, estimator = self._with_instruments(opening, method, kind)
+        opening, estimator = self.with_instruments(opening, method, kind)
         building = share(self.say, "building the regression", 0.2, 0.4)
         alike = gather_information(opening.regression, engine=self.engine, progress=building)
+        alike = with_known(alike, opening.structure.known)
         joints = self.structure.robot.joints
         information, burst, _ = weigh_rows(joints, opening.samples, alike, estimator)
         return Weighed(opening, estimator, alike, information, burst)
 
-    def _with_instruments(
+    def with_instruments(
         self, opening: Opening, method: Method, kind: Kind
     ) -> tuple[Opening, Estimator]:
         """Return fitted samples with second records of their motion, and the estimator for them.

@@ -96,7 +96,7 @@ def test_the_model_that_is_kept_predicts_farther_than_was_fitted_as_was_verified
     assert [(e.name, e.joints) for e in d.effects] == [(names[0], ("turntable",))]
     unseen = replace(d.completed.regression(d.validation), instruments=None)
     kept = predict(unseen, d.fit.values[:, None]).joint_rms()[0, 0]
-    before, verified = d.gap.prediction.joint_rms()[0, [0, -1]]
+    before, verified = d.gap.joint_rms()[0, [0, -1]]
     assert verified < 0.5 * before
     assert kept < 1.1 * verified
 

@@ -139,7 +139,7 @@ def test_a_configuration_for_isaac_lab_holds_what_was_fitted(made):
 def test_every_draw_is_possible_and_loads_back(made):
     robot, _, _, path = made
     drawn = draw_robots(robot, path, 200)
-    assert drawn.values.shape == (200, len(drawn.names))
+    assert drawn.values.shape == (200, len(drawn.structure.columns))
     assert physical_set(drawn.structure).contains(drawn.values).all()
     np.testing.assert_array_equal(drawn.values, draw_robots(robot, path, 200).values)
     table = drawn.write(path.with_name("draws.csv"))[0]
@@ -178,7 +178,7 @@ def joint_share(fit, structure, count, rng, size=256):
         assert region.contains(phi[None])[0]
         base = structure.G @ phi + root @ rng.standard_normal(len(root))
         own = replace(fit, values=np.linalg.pinv(fit.submodel.M) @ (base - fit.submodel.fixed))
-        drawn = draw_robots(structure.robot, own, size, seed=k, prior=0.2).base
+        drawn = draw_robots(structure.robot, own, size, seed=k, prior=0.2).values @ structure.G.T
         turn = np.linalg.inv(np.linalg.cholesky(np.cov(drawn.T)))
         far = ((drawn - drawn.mean(0)) @ turn.T) ** 2
         true = (turn @ (structure.G @ phi - drawn.mean(0))) ** 2

@@ -11,27 +11,35 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property
+from itertools import zip_longest
 
 import numpy as np
 from scipy.special import chdtrc, logsumexp, softmax
 
 from identifiability.effects import Family, Placed, find_families
+from identifiability.effects import Part as EffectPart
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.differences import Change
-from identifiability.estimation.estimate import Outliers
+from identifiability.estimation.estimate import Outliers, with_known
+from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.gaussian import Normal
-from identifiability.estimation.groups import Missing, fit_loads, with_reversals
+from identifiability.estimation.groups import Missing, with_reversals
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
-from identifiability.estimation.noise import JointNoise, JointRuns, autocorrelation_time, rich_noise
+from identifiability.estimation.noise import JointRuns, rich_noise
+from identifiability.estimation.prediction import Prediction, predict
 from identifiability.estimation.rules import RULES, Thresholds
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import ROUNDOFF, scan_columns
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
+from identifiability.logs.prepare import Dataset
 from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.regression.columns import Candidate, Entries, Refusal, list_candidates, number
-from identifiability.regression.information import Information
-from identifiability.workflows.diagnose.problem import Gap, Rows, Setting
+from identifiability.regression.columns import Candidate, Refusal, list_candidates, number
+from identifiability.regression.information import Information, gather_information
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure, known_rows
+from identifiability.robot import Robot
+from identifiability.workflows.diagnose.problem import Rows, Setting, weigh_fit
 
 #: By how much an unseen error must rise with a name that is taken out for it.
 WORSE: Tolerance = 1.01
@@ -121,20 +129,12 @@ class Naming:
         unit = self.model.scale[self.terms[k].columns]
         return s.value[at] / unit, s.root[:, at].T @ s.root[:, at] / np.outer(unit, unit)
 
-    @cached_property
-    def unseen_entries(self) -> Entries:
-        """Columns of the parts along the unseen rows."""
-        if self.unseen is self.fitted:
-            return self.missing.entries
-        return self.unseen.seen.entries(self.missing.candidates)
-
-    def columns(self, parts: Sequence[int], joint: int, *, unseen: bool = False) -> Array:
-        """Return the columns of some parts in a joint, (N, m)."""
-        rows = self.unseen if unseen else self.fitted
-        entries = self.unseen_entries if unseen else self.missing.entries
+    def columns(self, parts: Sequence[int], joint: int) -> Array:
+        """Return the columns of some parts in a joint along the fitted rows, (N, m)."""
         at = [k for p in parts for k in self.parts[p].candidate.columns]
-        none = np.zeros(len(rows))
-        out: Array = np.reshape([entries.get((joint, k), none) for k in at], (-1, len(rows))).T
+        none = np.zeros(len(self.fitted))
+        each = [self.missing.entries.get((joint, k), none) for k in at]
+        out: Array = np.reshape(each, (-1, len(none))).T
         return out
 
     def acts(self, part: int) -> list[int]:
@@ -142,55 +142,102 @@ class Naming:
         own = self.parts[part].candidate.columns
         return sorted({j for j, k in self.missing.entries if k in own})
 
-    def left(self, parts: Sequence[int], values: Array, *, unseen: bool = False) -> Array:
-        """Return what values (b + m,) of the model with some parts leave of torque, (N, n)."""
-        rows = self.unseen if unseen else self.fitted
-        b = rows.seen.X.shape[2]
-        left: Array = rows.seen.y - rows.seen.X @ values[:b]
-        for j in range(left.shape[1]) if len(values) > b else ():
-            left[:, j] -= self.columns(parts, j, unseen=unseen) @ values[b:]
-        return left
+    @cached_property
+    def completed(self) -> Structure:
+        """The robot under the model with all parts, functions as large as they were found."""
+        robot, model = self.setting.structure.robot, self.setting.structure.model
+        random, own = dict(model.random), dict[str, list[EffectPart]]()
+        for p, term in zip(self.parts, self.terms, strict=True):
+            own.setdefault(p.candidate.family.name, []).append(p.candidate.part)
+            if p.candidate.family.flexible:
+                sd = np.sqrt(term.variance) / self.model.scale[term.columns]
+                random |= dict(zip(self.names([p]), sd.tolist(), strict=True))
+        texts = ([_write_part(robot, part) for part in some] for some in own.values())
+        added = map(Placed, own.values(), texts)
+        return Structure.of(robot, Model((*model.effects, *added), random))
 
-    def fit(self, parts: Sequence[int]) -> Array:
-        """Return the values (b + m,) of model and some parts as an analysis fits them.
-
-        Rows are weighed by the errors of their joint. Whitened ones judge better what is missing,
-        but of slow noise they keep no levels, and predict worse. Functions are as large as they
-        were found.
-        """
-        rows, b, scale = self.fitted, self.missing.fixed, self.model.scale
-        terms = tuple(
-            self.terms[p]
-            if self.parts[p].candidate.family.flexible
-            else replace(self.terms[p], variance=np.inf)
-            for p in parts
-        )
-        root = self.setting.known.root
-        prior, least = root.T @ root, ROUNDOFF * float((rows.seen.y**2).sum(0).max(initial=0.0))
-        squares, memory, value = np.sum(rows.seen.y**2, axis=0), 1.0, np.empty(0)
-        # Rounds in which joints are weighed by what is left of them, and that by its memory.
-        for k in range(6):
-            variance = np.maximum(squares, least) * memory / rows.counts
-            weights = 1.0 / np.where(variance > 0, variance, 1.0)
-            s = MixedModel(self._plain.weigh(weights[:, None]), b, (), scale, prior).solve(terms)
-            value = s.value / scale[s.columns]
-            left = self.left(parts, value)
-            squares = np.sum(left**2, axis=0)
-            if k == 1:
-                memory = float(autocorrelation_time(left).mean())
-        return value
+    def names(self, parts: Sequence[Part]) -> list[str]:
+        """Return the names of the parameters of some parts."""
+        robot = self.setting.structure.robot
+        return [x.name for p in parts for x in Placed([p.candidate.part]).parameters(robot)]
 
     @cached_property
-    def _plain(self) -> Information:
-        """Of the rows as they are, not whitened."""
-        plain = (JointNoise(np.empty(0), 1.0),) * self.fitted.seen.y.shape[1]
-        return self.missing.products(noise=plain)
+    def coordinates(self) -> tuple[Array, Array]:
+        """Base parameters of the completed model by values of the model and of all parts.
 
-    def error(self, parts: Sequence[int] | None = None) -> float:
-        """Return the error of model and parts on unseen rows over each joint's own scale."""
-        parts = range(len(self.parts)) if parts is None else parts
-        left = self.left(parts, self.fit(parts), unseen=True)
-        return float(Gap(self.unseen, left[:, :, None]).prediction.error_over_joints()[0])
+        ``β = base + C x``, C (b, d + m), and what standard deviation x is known to have, (d + m,).
+        """
+        known, last = self.setting.known, {n: k for k, n in enumerate(self.completed.columns)}
+        own, names = self._own @ known.directions, self.names(self.parts)
+        sd = [self.completed.model.random.get(name, np.inf) for name in names]
+        with np.errstate(divide="ignore"):
+            both = np.append(1.0 / np.sqrt(known.precision), sd)
+        return np.column_stack([own, self.completed.G[:, [last[name] for name in names]]]), both
+
+    @cached_property
+    def _own(self) -> Array:
+        """Base parameters of the completed model by those of the model, (b, b0)."""
+        columns = self.completed.columns
+        return self.completed.G[:, [columns.index(n) for n in self.setting.structure.base.names]]
+
+    @cached_property
+    def gathered(self) -> Information:
+        """About the base parameters of the completed model less what is known, rows alike."""
+        own = gather_information(self.completed.regression(self.setting.samples))
+        return own.reduce(np.eye(own.size), own.columns, self._own @ self.setting.known.base)
+
+    @cached_property
+    def weighed(self) -> tuple[Information, Estimator]:
+        """The same, rows weighed beside all parts; and who knows the noise."""
+        weighed, fit = self._weigh(with_known(self.gathered, known_rows(*self.coordinates)))
+        return weighed, fit.estimator
+
+    def _weigh(self, information: Information) -> tuple[Information, Estimate]:
+        return weigh_fit(self.setting.structure.robot, self.setting.samples, information)
+
+    def fit(self, parts: Sequence[int], *, beside_all: bool = False) -> Array:
+        """Return base parameters (b,) of the completed model, of its parts some, as `analyze` does.
+
+        Whitened rows judge better what is missing, but of slow noise they keep no levels, and
+        predict worse. Functions are as large as they were found.
+
+        Parameters
+        ----------
+        parts : sequence of int
+        beside_all : bool
+            Whether rows and noise are weighed once beside all parts, to compare many models.
+        """
+        d = len(self.setting.known.precision)
+        first = self.parts[0].candidate.columns[0] if self.parts else 0
+        at = [d + k - first for p in parts for k in self.parts[p].candidate.columns]
+        C, sd = (x[..., [*range(d), *at]] for x in self.coordinates)
+        length = np.linalg.norm(C, axis=0)
+        free = np.argsort(np.isfinite(sd), kind="stable").tolist()  # before what is random
+        some = C[:, scan_columns(C / np.where(length > 0, length, 1.0), free)]
+        value, names = np.zeros(some.shape[1]), [str(k) for k in range(some.shape[1])]
+        rows = known_rows(C, sd) @ some
+        if names and beside_all:
+            weighed, by = self.weighed
+            value = by.fit(with_known(weighed.reduce(some, names), rows, by.noise)).value
+        elif names:
+            value = self._weigh(with_known(self.gathered.reduce(some, names), rows))[1].value
+        base: Array = self._own @ self.setting.known.base + some @ value
+        return base
+
+    def predict(self, fits: Sequence[Array], samples: Sequence[Dataset]) -> Prediction:
+        """Return torque along some logs as base parameters (b,) of the completed model say."""
+        return predict(self.completed.regression(samples), np.stack(fits, axis=1))
+
+    def errors(self, models: Sequence[Sequence[int]]) -> Array:
+        """Return the errors of some models on unseen motion over each joint's own scale."""
+        fits = [self.fit(parts, beside_all=True) for parts in models]
+        unseen = self.setting.validation or self.setting.samples
+        return self.predict(fits, unseen).error_over_joints()
+
+    @property
+    def error(self) -> float:
+        """That of the model with all parts."""
+        return float(self.errors([range(len(self.parts))])[0])
 
 
 def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
@@ -204,15 +251,12 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
     """
     s, fixed = setting.structure, setting.fixed
     root = setting.known.root
-    fitted = Rows.of(s, setting.samples, setting.known)
-    if not (fixed or root.size):
-        s = replace(s, robot=fit_loads(s, fitted.seen.X, fitted.seen.y, fitted.data))
-        setting = replace(setting, structure=s)
-        fitted = replace(fitted, seen=replace(fitted.seen, robot=s.robot))
-    unseen = Rows.of(s, setting.validation, setting.known) if setting.validation else fitted
+    fitted = Rows.of(s, setting.looked or setting.samples, setting.known)
+    others = setting.looked_unseen or setting.validation
+    unseen = Rows.of(s, others, setting.known) if others else fitted
     asked = {f.name: f for f in find_families(effects, commanded=setting.commanded)}
     every = {f.name: f for f in find_families(None, commanded=setting.commanded)} | asked
-    motions = [x.motion for x in setting.samples]
+    motions = [x.motion for x in fitted.samples]
     listed, refused = list_candidates(
         s.robot, tuple(every.values()), s.present, motions, fixed=fixed
     )
@@ -287,8 +331,8 @@ def _without_worse(naming: Naming) -> Naming:
     """
     while naming.parts:
         every = range(len(naming.parts))
-        whole = naming.error()
-        each = [naming.error([k for k in every if k != gone]) for gone in every]
+        subsets = [[k for k in every if k != gone] for gone in (-1, *every)]
+        whole, *each = naming.errors(subsets).tolist()
         worst = int(np.argmin(each))
         if not each[worst] < whole / WORSE:
             break
@@ -464,7 +508,7 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
         return None
     begins, log_of = _parts_of_time(naming.fitted)
     stays = _stays(log_of)
-    motions = [x.motion for x in naming.setting.samples]
+    motions = [x.motion for x in naming.fitted.samples]
     listed, _ = list_candidates(robot, families, (), motions, fixed=True)
     held = [c for c in naming.missing.candidates if c.family is REVERSALS]
     missing = replace(naming.missing, candidates=tuple(number([*held, *listed])), families=None)
@@ -590,16 +634,22 @@ def _ends(at: np.ndarray, likely: Array, time: Array) -> tuple[float, float]:
 
 def without_outliers(setting: Setting, outliers: Outliers) -> Setting:
     """Return a setting in which outlying stretches are no data, as where a joint stands."""
-    samples = list(setting.samples)
-    for k in np.unique(outliers.log):
-        s, own = samples[k], outliers.log == k
-        t, at = s.motion.t, s.output_times()
-        gone = s.weight <= 0
+    stretches = list[tuple[int, float, float]]()
+    for k, a, b in zip(outliers.log, outliers.first, outliers.last, strict=True):
+        at = setting.samples[k].output_times()
         beside = at[1] - at[0]
-        for a, b in zip(outliers.first[own], outliers.last[own], strict=True):
-            gone[(t >= at[a] - beside) & (t <= at[b - 1] + beside)] = True
-        samples[k] = replace(s, weight=1.0 - gone)
-    return replace(setting, samples=tuple(samples))
+        stretches.append((int(k), at[a] - beside, at[b - 1] + beside))
+
+    def without(samples: Sequence[Dataset]) -> tuple[Dataset, ...]:
+        out = []
+        for k, s in enumerate(samples):
+            t, gone = s.motion.t, s.weight <= 0
+            for _, start, stop in (x for x in stretches if x[0] == k):
+                gone[(t >= start) & (t <= stop)] = True
+            out.append(replace(s, weight=1.0 - gone))
+        return tuple(out)
+
+    return replace(setting, samples=without(setting.samples), looked=without(setting.looked))
 
 
 def leave_out(setting: Setting, change: Change) -> Setting | None:
@@ -607,15 +657,30 @@ def leave_out(setting: Setting, change: Change) -> Setting | None:
 
     So is when it may have lasted.
     """
-    samples = list(setting.samples)
-    at = [s.name for s in samples].index(change.log)
-    s, t = samples[at], samples[at].motion.t
-    rest = np.flatnonzero((t < change.began[0]) | (t > change.ended[1]))
-    kept = s.take(rest) if len(rest) else None
-    if kept is None or kept.outputs < LOG_RULES.fewest:
-        samples.pop(at)
-    else:
-        samples[at] = replace(kept, notes=(*s.notes, f"{change.when}: left out"))
-    if not samples:
+    at = [s.name for s in setting.samples].index(change.log)
+    every = [x for x in (setting.samples, setting.looked) if x]
+    kept = [k for k in (_outside(x[at], change) for x in every) if k is not None]
+    gone = len(kept) < len(every)
+    rest = [(*x[:at], *([] if gone else [k]), *x[at + 1 :]) for x, k in zip_longest(every, kept)]
+    if not rest[0]:
         return None
-    return replace(setting, samples=tuple(samples), changes=(*setting.changes, change))
+    samples, looked = (*rest, ())[:2]
+    return replace(setting, samples=samples, looked=looked, changes=(*setting.changes, change))
+
+
+def _outside(samples: Dataset, change: Change) -> Dataset | None:
+    t = samples.motion.t
+    rest = np.flatnonzero((t < change.began[0]) | (t > change.ended[1]))
+    kept = samples.take(rest) if len(rest) else None
+    if kept is None or kept.outputs < LOG_RULES.fewest:
+        return None
+    return replace(kept, notes=(*samples.notes, f"{change.when}: left out"))
+
+
+def _write_part(robot: Robot, part: EffectPart) -> str:
+    """Return an effect at its place, with its kinds and shape, as a model file writes it."""
+    name, every = part.effect.name, replace(part, kinds=()).find(robot)[1].values()
+    shape = part.effect.shapes(robot).get(f"{part.owner}.{name}")
+    some = "" if len(every) == len(part.kinds) else f".{'+'.join(part.kinds)}"
+    where = f"{name}{some}@{part.owner}"
+    return where if shape is None else f"{where}:{float(shape)!r}"

@@ -14,6 +14,8 @@ from scipy.stats import rankdata
 
 from identifiability.effects.functions import has_session
 from identifiability.estimation.differences import Known
+from identifiability.estimation.estimate import find_estimator, settle_noise, with_known
+from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.groups import LAST, Excerpt, divide
 from identifiability.estimation.prediction import Prediction, change_interval
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
@@ -29,9 +31,11 @@ from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.physical.cad_prior import state_rows
+from identifiability.regression.information import Information, gather_information
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.predict import Fit, Predicts, read_fit
+from identifiability.workflows.session import weigh_rows
 
 
 @frozen
@@ -43,7 +47,9 @@ class Setting:
     structure : Structure
         The robot under the model that is diagnosed.
     samples, validation : tuple of Dataset
-        Fitted, and unseen.
+        Fitted, and unseen: what errors are stated of.
+    looked, looked_unseen : tuple of Dataset
+        Fewer rows of them, on which names are looked for; the same where it is empty.
     known : KnownValues
         What is known of the model's values beside the logs.
     fixed : bool
@@ -69,6 +75,8 @@ class Setting:
     preparation: Preparation = Preparation()
     changes: tuple[Any, ...] = ()
     commanded: bool = False
+    looked: tuple[Dataset, ...] = ()
+    looked_unseen: tuple[Dataset, ...] = ()
 
 
 #: What a diagnosis may be told of the values it keeps.
@@ -105,9 +113,19 @@ class KnownValues(Known):
 
 
 def know_nothing(structure: Structure) -> KnownValues:
-    """Return that nothing is known: values are those of the logs."""
-    b = len(structure.base.names)
+    """Return that values are those of the logs, random ones of the model as large as it says."""
+    b, random = len(structure.base.names), structure.model.random
     own = Known.nothing(np.eye(b), np.zeros(b))
+    if random:
+        sd = np.array([random.get(name, np.inf) for name in structure.columns])
+        open_, G = np.isinf(sd), structure.G
+        covariance = np.diag(np.where(open_, 0.0, sd) ** 2)
+        own = Known.of(np.zeros(b), G, covariance, np.eye(len(sd))[:, open_])
+        own = replace(
+            own,
+            directions=own.directions[:, at := own.directions.any(0)],
+            precision=own.precision[at],
+        )
     return KnownValues(**vars(own), words="the refitted model")
 
 
@@ -253,12 +271,6 @@ class Rows:
         return self.seen.log
 
     @cached_property
-    def counts(self) -> np.ndarray:
-        """Rows of each joint that are data, one at least, (n,)."""
-        rows: np.ndarray = np.maximum(self.data.sum(0), 1)
-        return rows
-
-    @cached_property
     def states(self) -> tuple[Array, Array, Array]:
         """Position, velocity and acceleration of the actuated joints, (N, n) each."""
         parts = []
@@ -284,35 +296,28 @@ class Rows:
 BINS = 12
 
 
-@frozen
-class Gap:
-    """Prediction errors of several models on the same rows.
+def change_of(
+    gap: Prediction, first: int, second: int, rng: np.random.Generator
+) -> tuple[float, float]:
+    """Return the 95 % interval of the change of ε_RA from one model to another."""
+    deviation = np.abs(gap.tau - gap.tau.sum(where=gap.data) / gap.data.sum()) * gap.data
+    error = np.abs(gap.residual[:, :, [first, second]]) * gap.data[:, :, None]
+    return change_interval(error, deviation, rng)
 
-    Attributes
-    ----------
-    rows : Rows
-        Where they are.
-    residual : (N, n, m) [N·m or N]
-    """
 
-    rows: Rows
-    residual: Array
+def weigh_fit(
+    robot: Robot, samples: Sequence[Dataset], information: Information
+) -> tuple[Information, Estimate]:
+    """Return rows weighed by their noise, and the fit of their columns, as `analyze` has them."""
+    estimator = replace(find_estimator("wls"), instruments=information.instrumented)
+    weighed = weigh_rows(robot.joints, samples, information, estimator)[0]
+    return weighed, settle_noise(estimator, weighed).fit(weighed)
 
-    @cached_property
-    def prediction(self) -> Prediction:
-        """Torque as these models predict it."""
-        own, tau = self.rows, self.rows.measured
-        logs, log = np.unique(own.log, return_inverse=True)
-        t = [own.t[log == k] for k in range(len(logs))]
-        return Prediction.of(t, tau, tau[:, :, None] - self.residual, log, own.data)
 
-    def interval(
-        self, first: int, second: int, rng: np.random.Generator, draws: int = 2000
-    ) -> tuple[float, float]:
-        """Return the 95 % interval of the change of ε_RA from one model to another."""
-        tau, data = self.rows.measured, self.rows.data
-        deviation = np.abs(tau - tau.sum() / data.sum()) * data
-        return change_interval(np.abs(self.residual[:, :, [first, second]]), deviation, rng, draws)
+def fit_structure(structure: Structure, samples: Sequence[Dataset]) -> tuple[Information, Estimate]:
+    """Return the same of the base parameters of a model, random ones as large as it says."""
+    information = gather_information(structure.regression(samples))
+    return weigh_fit(structure.robot, samples, with_known(information, structure.known))
 
 
 @frozen

@@ -13,9 +13,8 @@ import pandas as pd
 
 from identifiability.effects import find_family, title_of
 from identifiability.estimation.differences import Change, table_changes
-from identifiability.estimation.estimate import estimate, find_estimator
 from identifiability.estimation.fit import Fit as Known
-from identifiability.estimation.prediction import measure_spread, predict
+from identifiability.estimation.prediction import Prediction, measure_spread, predict
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.answers import Answer, Column, Note, Table
 from identifiability.foundation.engines import one_thread
@@ -31,7 +30,6 @@ from identifiability.logs.prepare import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.columns import Refusal
-from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -47,13 +45,16 @@ from identifiability.workflows.commands import (
     source_name,
 )
 from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
-from identifiability.workflows.diagnose.problem import Discrepancy, Gap, Setting
+from identifiability.workflows.diagnose.problem import Discrepancy, Setting, fit_structure
 from identifiability.workflows.predict import Fit, Moved, Predicts, settled
 from identifiability.workflows.rules import RULES as WORKFLOW_RULES
-from identifiability.workflows.session import weigh_rows
 
 if TYPE_CHECKING:
     from identifiability.workflows.session import Recordings
+
+
+#: Names that a sentence says of one effect; JSON has them all.
+LIKELIEST = 4
 
 
 class Rival(NamedTuple):
@@ -75,8 +76,6 @@ class Placement:
     parameters, units : tuple of str
     values, errors : (k,)
         Of the mixed model, with standard errors.
-    fitted : (k,)
-        As an analysis weighs rows: those of the model that is written.
     rms : float [N·m or N]
         Of the torque that it adds at the joint where it is largest.
     rivals : tuple of Rival
@@ -92,7 +91,6 @@ class Placement:
     units: tuple[str, ...]
     values: Array
     errors: Array
-    fitted: Array
     rms: float
     rivals: tuple[Rival, ...] = ()
     weight: float = 1.0
@@ -205,8 +203,10 @@ class NamedEffect:
 
     @property
     def called(self) -> str:
-        """The same as one name: what is said first may not be surer."""
-        return " or ".join(self.names)
+        """The same as one name, the likeliest alternatives: what is said first may not be surer."""
+        more = len(self.names) - LIKELIEST
+        others = [f"one of {more} more"] if more > 0 else []
+        return " or ".join([*self.names[:LIKELIEST], *others])
 
 
 @frozen
@@ -239,8 +239,8 @@ class Diagnosis(Result, Setting, Predicts):
         In order of addition; empty when nothing can be named.
     curves : tuple of Curve
         One for each named effect and place.
-    gap : Gap
-        Unseen rows: residual of the base model, then after each effect.
+    gap : Prediction
+        Of unseen motion, by the base model, then after each effect.
     error_before, error_after : float
         ε_RA on the fitted logs.
     held_before, held_after : float
@@ -255,7 +255,7 @@ class Diagnosis(Result, Setting, Predicts):
     evidence : tuple of Odds
         Of all that was asked, the likeliest first.
     values : (b,)
-        Base parameters of the diagnosed model, beside the named effects.
+        Base parameters of the model with the named effects.
     model : Model
         The base model with the named effects.
     moved : Moved or None
@@ -274,7 +274,7 @@ class Diagnosis(Result, Setting, Predicts):
 
     effects: tuple[NamedEffect, ...]
     curves: tuple[Curve, ...]
-    gap: Gap
+    gap: Prediction
     error_before: float
     error_after: float
     held_before: float
@@ -321,6 +321,15 @@ class Diagnosis(Result, Setting, Predicts):
             return nearest_dict(self)
 
     @cached_property
+    def file_errs_more(self) -> bool:
+        """Whether a robot file errs more with what was named than without, where that is known."""
+        plain = None if self.forward is None else self.forward.plain
+        if plain is None:
+            return False
+        without = real_robot_dict(self.structure, _fold(dict(plain.values)), samples=self.samples)
+        return bool(self.physical["error_ra_file"] > without["error_ra_file"])
+
+    @cached_property
     def fit(self) -> Fit:
         """The model with the named effects: values, covariance, and how torque scatters."""
         with one_thread("blas"):
@@ -346,8 +355,9 @@ class Diagnosis(Result, Setting, Predicts):
 
     def to_ladder(self) -> LadderEntry:
         """Return the model with the named effects as a ladder of one model."""
-        effects = list(self.model.texts)
-        return LadderEntry(models=[ModelEntry(name="the diagnosed model", effects=effects)])
+        effects, random = list(self.model.texts), dict(self.model.random)
+        only = ModelEntry(name="the diagnosed model", effects=effects, random=random)
+        return LadderEntry(models=[only])
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what is missing, what it explains, what is left, what to do next."""
@@ -413,7 +423,7 @@ class Diagnosis(Result, Setting, Predicts):
         Over the joint's own scale (`Prediction.joint_error`), and in N or N·m (`rms`), of the
         torque that was fitted, low-passed with the columns where these were.
         """
-        found = self.gap.prediction
+        found = self.gap
         error, rms = found.joint_error(), found.joint_rms()
         columns = {
             "joint": self.robot.joints,
@@ -537,7 +547,8 @@ def simulate_forward(d: Diagnosis, rng: np.random.Generator) -> ForwardGap:
         before = real_robot(d, d.structure, after.cad_weight)
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
-    return replace(compare_forward(before, after, d.validation, rng), nearest=after)
+    found = compare_forward(before, after, d.validation, rng)
+    return replace(found, nearest=after, plain=before)
 
 
 def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
@@ -545,8 +556,8 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     robot = source_name(d.robot)
     logs = name_logs(d.robot, given_paths(d.samples), how=d.preparation)
     logs += held_back(d.validation, d.samples)
+    analyze = f"identifiability analyze {robot} {logs} --report report.html"
     if not d.effects:
-        analyze = f"identifiability analyze {robot} {logs} --report report.html"
         return [("See which parameters these logs determine:", analyze)]
     ask = f"identifiability diagnose {robot} {logs} --next motion.json"
     apart = [("Find the motion that tells one name from the other:", ask)]
@@ -560,10 +571,9 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
             "Judge the parameters of the diagnosed model:",
             on_file(d, "model", "model.toml", f"{again} --out", judge),
         ),
-        (
-            text,
-            on_file(d, "json", "diagnose.json", f"{again} --json", use),
-        ),
+        ("A robot file errs less without what was named; see what these logs determine:", analyze)
+        if d.file_errs_more
+        else (text, on_file(d, "json", "diagnose.json", f"{again} --json", use)),
     ]
 
 
@@ -638,7 +648,7 @@ def _remark(d: Diagnosis) -> Iterator[Note]:
         yield Note("good" if better else "note", "In simulated motion", d.forward.statement)
     for e in d.effects:
         if e.alternatives:
-            text = f"This motion cannot tell {' or '.join(e.names)} apart: {advice(e)}."
+            text = f"This motion cannot tell {e.called} apart: {advice(e)}."
             yield Note("note", "A or B", text)
         if e.unnamed:
             near = join(e.nearest)
@@ -709,7 +719,7 @@ def _looks(d: Diagnosis) -> str:
 
 CHANGED = "What changed in the middle of a log, and was left out"
 NAMED = (
-    Column("effect", "code", lambda e: " or ".join([e.name, *e.alternatives])),
+    Column("effect", "code", lambda e: " or ".join([e.name, *e.alternatives][:LIKELIEST])),
     Column("where", get=lambda e: ", ".join(e.joints)),
     Column("log odds", digits(3), "odds", ODDS),
     Column("on unseen motion", digits(3), "unseen"),
@@ -735,38 +745,20 @@ def keep_completed(d: Diagnosis) -> Fit:
     """
     structure = d.completed
     submodel = full_model(structure.base, "the diagnosed model")
-    regression = structure.regression(d.samples)
-    regression = replace(regression, instruments=None)
-    information = gather_information(regression)
-    fit = estimate(information)
-    values: Array = structure.G @ _standard_values(d)
-    found = predict(regression, values[:, None])
-    low, raw = found.joint_rms()[:, 0], found.joint_rms(raw=True)[:, 0]
-    unseen = d.gap.prediction.joint_rms()[:, -1]
-    unseen_raw = np.sqrt(np.maximum(raw**2 - low**2, 0.0) + unseen**2)
+    information, fit = fit_structure(structure, d.samples)
+    found = predict(structure.regression(d.samples), d.values[:, None])
+    fitted, unseen = ((x.joint_rms()[:, -1], x.joint_rms(raw=True)[:, -1]) for x in (found, d.gap))
     known = Known.of(information, fit, np.random.default_rng(d.seed), 0)
-    spread = measure_spread(information, fit, known, (low, raw), (unseen, unseen_raw))
+    spread = measure_spread(information, fit, known, fitted, unseen)
     return Fit(
         structure=structure,
         submodel=submodel,
-        values=values,
+        values=d.values,
         spread=spread,
         preparation=settled(d.preparation, d.samples),
         base_covariance=spread.covariance,
         base_unknown=spread.unknown,
     )
-
-
-def _standard_values(d: Diagnosis) -> Array:
-    """Return values of the completed model's columns, the smallest of those that fit, (p,)."""
-    columns, own = d.completed.columns, d.structure
-    off = np.linalg.pinv(own.G) @ (d.values - own.nominal_base)
-    phi, last = np.zeros(len(columns)), {name: k for k, name in enumerate(columns)}
-    for name, x, more in zip(own.columns, own.nominal, off, strict=True):
-        phi[columns.index(name)] = x + more
-    for p in (p for e in d.effects for p in e.placements):
-        phi[[last[name] for name in p.parameters]] += p.fitted
-    return phi
 
 
 def fit_physical(
@@ -786,12 +778,10 @@ def fit_physical(
     IdentifiabilityError
         If the solver finds none.
     """
-    information = gather_information(structure.regression(samples))
-    joints, wls = structure.robot.joints, find_estimator("wls")
-    information = weigh_rows(joints, samples, information, wls)[0]
-    submodel, fit = full_model(structure.base), estimate(information)
+    information, fit = fit_structure(structure, samples)
+    submodel = full_model(structure.base)
     model = FittedModel(structure, submodel, information, information, fit)
-    held_out, short = hold_folds(information, wls)
+    held_out, short = hold_folds(information, fit.estimator)
     choose = bool(unseen) and not short
     found = settle_robot(model, held_out, cad_weight, choose=choose).robot
     if found.nearest is None:
@@ -815,9 +805,11 @@ def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) 
         return fit_physical(structure, d.samples, d.validation, weight)
     values = {name: d.robot.nominal.get(name, 0.0) for name in d.structure.columns}
     values = dict.fromkeys(structure.columns, 0.0) | values
-    named = d.effects if structure is d.completed else ()
-    for p in (p for e in named for p in e.placements):
-        for name, value in zip(p.parameters, p.fitted.tolist(), strict=True):
+    if structure is d.completed:
+        first, known = len(d.structure.columns), np.zeros(len(structure.columns))
+        known[:first] = d.structure.nominal
+        more = np.linalg.pinv(structure.G[:, first:]) @ (d.values - structure.G @ known)
+        for name, value in zip(structure.columns[first:], more.tolist(), strict=True):
             values[name] += value
     return Physical(structure, values)
 

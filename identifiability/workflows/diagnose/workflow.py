@@ -13,18 +13,18 @@ from functools import partial
 
 import numpy as np
 
-from identifiability.effects import Part as EffectPart
 from identifiability.effects import Placed, default_effects, find_families, title_of
 from identifiability.effects.measurement import CommandDelay
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.groups import place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
+from identifiability.estimation.prediction import Prediction
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import (
     USUAL_EFFECTS,
@@ -33,7 +33,6 @@ from identifiability.regression.reduction import (
     free_again,
     unused_ladder,
 )
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike, complete_motion
 from identifiability.workflows.analyze.workflow import say_band
@@ -50,12 +49,12 @@ from identifiability.workflows.diagnose.naming import (
 from identifiability.workflows.diagnose.problem import (
     MOST_IN_ALL,
     MOST_SAMPLES,
-    Gap,
     Given,
     KnownValues,
     Setting,
     along_rollouts,
     assign_roles,
+    change_of,
     find_discrepancies,
     know_file,
     know_fit,
@@ -79,7 +78,6 @@ from identifiability.workflows.session import (
     Progress,
     Recordings,
     Session,
-    in_memory,
     quiet,
     read_recordings,
     require_signal,
@@ -232,24 +230,33 @@ class _Asked:
         how = session.preparation if session.how.cutoff is None else session.how
         most = min(MOST_SAMPLES, MOST_IN_ALL // len(fit))
         prepare = partial(prepare_rows, self.session.structure.robot, how=how, most=most)
+        # Of what memory does not hold stretches are fitted, too.
+        own = prepare if any(log.long for log in (*fit, *verify)) else None
         if self.fixed:
-            opening = session.open("diagnosed", prepare, seek=False)
+            opening = session.open("diagnosed", own, seek=False)
         else:
-            session, opening = session.settle("diagnosed", prepare)
-        if given.rolled is not None:
-            logs = session.recordings
-            both = ((opening.samples, logs.fitted), (opening.validation, logs.held_out))
-            along = [along_rollouts(opening.structure, s, own, given.values) for s, own in both]
+            session, opening = session.settle("diagnosed", own)
+        logs, looked = session.recordings, list[tuple[Dataset, ...]]()
+        if own is None:
+            looked = [tuple(map(prepare, x)) for x in (logs.fitted, logs.held_out)]
+        if given.rolled is None:
+            opening = session.with_instruments(opening, "wls", "auto")[0]
+        else:
+            pairs = [(opening.samples, logs.fitted), (opening.validation, logs.held_out)]
+            pairs += zip(looked, (logs.fitted, logs.held_out), strict=False)
+            along = [along_rollouts(opening.structure, s, own, given.values) for s, own in pairs]
             opening = replace(opening, samples=along[0], validation=along[1])
-        samples, validation = (in_memory(s) for s in (opening.samples, opening.validation))
+            looked = along[2:]
+        samples, validation = opening.samples, opening.validation
         require_signal(validation, "verified")
         session.say("building columns", 0.1)
         near = know_share(self.near, opening.structure, refitted=True) if self.near else None
         setting = Setting(
             structure=opening.structure,
-            samples=tuple(samples),
+            samples=samples,
             known=near or (self.known if self.fixed else know_nothing(opening.structure)),
-            validation=tuple(validation),
+            validation=validation,
+            **dict(zip(("looked", "looked_unseen"), looked, strict=False)),
             fixed=self.fixed,
             verified_on=verified_on,
             preparation=how or Preparation(),
@@ -302,7 +309,7 @@ class _Asked:
             return named
         # Unseen rows cannot show what changed, but that nothing did.
         found = self._settle(without)
-        return named if found.error() > WORSE * named.error() else found
+        return named if found.error > WORSE * named.error else found
 
 
 def _settle_values(
@@ -361,34 +368,25 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     rng : numpy.random.Generator
         For intervals.
     """
-    setting, parts, known = naming.setting, naming.parts, naming.setting.known
-    structure, robot = setting.structure, setting.structure.robot
+    setting, parts = naming.setting, naming.parts
+    robot = setting.structure.robot
     families = list(dict.fromkeys(p.candidate.family.name for p in parts))
     own = [[k for k, p in enumerate(parts) if p.candidate.family.name == f] for f in families]
-    submodels = [[k for some in own[:n] for k in some] for n in range(len(own) + 1)]
-    fits = [naming.fit(some) for some in submodels]
-    fitted, unseen = (
-        np.stack(
-            [naming.left(s, v, unseen=where) for s, v in zip(submodels, fits, strict=True)], axis=2
-        )
-        for where in (False, True)
-    )
-    gap = Gap(naming.unseen, unseen)
-    errors = gap.prediction.relative_error()
-    before = Gap(naming.fitted, fitted).prediction.relative_error()
-    placed = [_place(naming, k, fits[-1]) for k in range(len(parts))]
+    models = [[k for some in own[:n] for k in some] for n in range(len(own) + 1)]
+    fits = [naming.fit(some) for some in models]
+    gap = naming.predict(fits, setting.validation or setting.samples)
+    errors = gap.relative_error()
+    before = naming.predict(fits, setting.samples).relative_error()
+    left = naming.predict(fits[-1:], naming.fitted.samples).residual[:, :, 0]
+    placed = [_place(naming, k) for k in range(len(parts))]
     effects = [
         _effect(naming, gap, some, [placed[k] for k in some], n, rng) for n, some in enumerate(own)
     ]
-    left, after = fitted[:, :, -1], {t.key: t.odds for t in naming.after}
-    added = [
-        Placed(placing, [_write_part(robot, part) for part in placing])
-        for placing in ([parts[k].candidate.part for k in some] for some in own)
-    ]
+    after = {t.key: t.odds for t in naming.after}
     return Diagnosis(
         **vars(setting),
         effects=tuple(effects),
-        curves=tuple(_curve(naming, fits[-1], k, p) for k, p in enumerate(placed)),
+        curves=tuple(_curve(naming, left, k, p) for k, p in enumerate(placed)),
         gap=gap,
         error_before=float(before[0]),
         error_after=float(before[-1]),
@@ -397,21 +395,21 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         refuted=tuple(
             Odds(t.group.family, place_of(t), t.odds, unseen=x) for t, x in naming.refuted
         ),
-        interval=gap.interval(0, -1, rng),
+        interval=change_of(gap, 0, -1, rng),
         discrepancies=find_discrepancies(naming.fitted, left, robot.joints),
         refusals=naming.refusals,
         evidence=tuple(
             Odds(t.group.family, place_of(t), t.odds, after.get(t.key, float("nan")))
             for t in naming.before
         ),
-        values=known.base + known.directions @ fits[-1][: len(known.precision)],
-        model=Model((*structure.model.effects, *added)),
+        values=fits[-1],
+        model=naming.completed.model,
     )
 
 
 def _effect(
     naming: Naming,
-    gap: Gap,
+    gap: Prediction,
     own: Sequence[int],
     placements: Sequence[Placement],
     n: int,
@@ -419,26 +417,24 @@ def _effect(
 ) -> NamedEffect:
     """Return an effect with what unseen motion shows of it where it is."""
     parts = [naming.parts[k] for k in own]
-    family, errors = parts[0].candidate.family, gap.prediction.relative_error().tolist()
+    family, errors = parts[0].candidate.family, gap.relative_error().tolist()
     places = family.places(naming.setting.structure.robot)
     return NamedEffect(
         name=family.name,
         placements=tuple(placements),
         before=errors[n],
         after=errors[n + 1],
-        interval=gap.interval(n, n + 1, rng),
+        interval=change_of(gap, n, n + 1, rng),
         everywhere=1 < len(places) == len(placements),
         nearest=tuple(dict.fromkeys(title_of(t.group.family) for p in parts for t in p.nearest)),
     )
 
 
-def _place(naming: Naming, k: int, fitted: Array) -> Placement:
+def _place(naming: Naming, k: int) -> Placement:
     """Return what is known of a part."""
     part, robot = naming.parts[k], naming.setting.structure.robot
     c = part.candidate
     value, covariance = naming.values(k)
-    first = len(fitted) - sum(len(p.candidate.columns) for p in naming.parts[k:])
-    own = fitted[first : first + len(value)]
     parameters = Placed([c.part]).parameters(robot)
     added = [naming.columns([k], j) @ value for j in naming.acts(k)]
     return Placement(
@@ -448,7 +444,6 @@ def _place(naming: Naming, k: int, fitted: Array) -> Placement:
         units=tuple(x.unit for x in parameters),
         values=value,
         errors=np.sqrt(np.maximum(np.diag(covariance), 0.0)),
-        fitted=own,
         rms=max((float(np.sqrt(np.mean(x**2))) for x in added), default=0.0),
         rivals=tuple(_rivals(part)),
         weight=part.weight,
@@ -464,14 +459,14 @@ def _rivals(part: Part) -> list[Rival]:
     return list(dict.fromkeys(at))
 
 
-def _curve(naming: Naming, values: Array, k: int, placed: Placement) -> Curve:
+def _curve(naming: Naming, left: Array, k: int, placed: Placement) -> Curve:
     """Return what a part was learned to be, along the fitted motion."""
     c, rows = naming.parts[k].candidate, naming.fitted
     joints, robot = naming.acts(k), naming.setting.structure.robot
     columns = {j: naming.columns([k], j) for j in joints}
     j = max(joints, key=lambda j: float(np.abs(columns[j] @ placed.values).sum()))
-    left, law = naming.left(range(len(naming.parts)), values), columns[j]
-    added, of = law @ placed.values, c.effect.drawn_over(robot, j)
+    law, of = columns[j], c.effect.drawn_over(robot, j)
+    added = law @ placed.values
     if c.family.against in ("velocity", "position") and not (c.family.remembers or robot.closed):
         # As it is, not as the low-pass leaves it, which depends on where the motion came from.
         every = np.zeros((*rows.measured.shape, law.shape[1]))
@@ -487,10 +482,3 @@ def _curve(naming: Naming, values: Array, k: int, placed: Placement) -> Curve:
         spread=np.sqrt(law**2 @ placed.errors**2),
         data=left[:, j] + added,
     )
-
-
-def _write_part(robot: Robot, part: EffectPart) -> str:
-    """Return an effect at its place, with its shape, as a model file writes it."""
-    name = part.effect.name
-    shape = part.effect.shapes(robot).get(f"{part.owner}.{name}")
-    return f"{name}@{part.owner}" if shape is None else f"{name}@{part.owner}:{float(shape)!r}"

@@ -198,7 +198,7 @@ class Ladder(Laddered):
 
     def to_ladder(self) -> LadderEntry:
         """Return the chosen model as a ladder of one, for `analyze`, `diagnose` and others."""
-        return LadderEntry(models=[model_entry(self.chosen.submodel, self.base, self.effects)])
+        return LadderEntry(models=[model_entry(self.chosen.submodel, self.structure)])
 
     def _answer_use(self) -> Answer:
         """Return which model is worth using."""
