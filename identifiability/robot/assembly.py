@@ -267,8 +267,7 @@ def read_bounds(
     frames = {f.name: f.placement for f in stated.model.frames if f.type == pin.FrameType.BODY}
     bounds = []
     for body, entry in known.items():
-        place = frames[body]
-        R, p = np.array(place.rotation), np.array(place.translation)
+        R, p = np.array(frames[body].rotation), np.array(frames[body].translation)
         bounds.append(Bound((body,), entry.mass, entry.box, R, p))
     total = extra.bounds.total_mass
     if total is None:
@@ -386,9 +385,9 @@ def position_limits(
     robot: Description, names: Sequence[str], given: Mapping[str, LimitEntry]
 ) -> Array:
     """Return the position limits of one-dof joints, (n, 2), those of the sidecar first."""
-    spans = [given.get(name, LimitEntry()).q or robot.spans.get(name) for name in names]
-    endless = (-np.inf, np.inf)
-    return np.array([endless if span is None else span for span in spans]).reshape(-1, 2)
+    own = {name: robot.spans.get(name, (-np.inf, np.inf)) for name in names}
+    spans = [given.get(name, LimitEntry()).q or span for name, span in own.items()]
+    return np.array(spans).reshape(-1, 2)
 
 
 def _close_home(robot: Description, gap: float, closed: Closed, *, stated: bool) -> Description:
@@ -470,19 +469,16 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     robot = choose_joints(Description(**{**vars(stated), **own}), extra, stated)
     for key in ("gain", "ratio", "sign"):
         check_known(path, f"torque.{key}", robot.torque.table(key), ("", *robot.joints, *motors))
-    lifted = robot.torque.compensated
-    lifted = lifted if isinstance(lifted, list) else []
-    check_known(path, "torque.compensated", lifted, robot.joints)
-    limits = [extra.limits.get(joint, LimitEntry()) for joint in robot.joints]
-    fastest = [
-        x.v or robot.speeds.get(n, np.inf) for x, n in zip(limits, robot.joints, strict=True)
-    ]
+    if isinstance(robot.torque.compensated, list):
+        check_known(path, "torque.compensated", robot.torque.compensated, robot.joints)
+    limits = {joint: extra.limits.get(joint, LimitEntry()) for joint in robot.joints}
+    fastest = [x.v or robot.speeds.get(joint, np.inf) for joint, x in limits.items()]
     robot = replace(
         robot,
         nominal=_nominal(robot, extra),
         limits=position_limits(robot, robot.joints, extra.limits),
         speed_limits=np.array(fastest),
-        acceleration_limits=np.array([limit.a or np.inf for limit in limits]),
+        acceleration_limits=np.array([limit.a or np.inf for limit in limits.values()]),
         transmission=_transmission(robot, extra),
     )
     if robot.motor_joints:  # a body alone has none

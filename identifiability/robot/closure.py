@@ -19,7 +19,7 @@ from identifiability.foundation.errors import ClosureError, RobotError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.robot.description import Axis, Cable, Coupling, Description, Loop
+from identifiability.robot.description import Axis, Cable, Coupling, Description
 from identifiability.robot.floating import BATCH, eliminate
 from identifiability.robot.kinematics import WORLD, Frames, Point, Tree
 from identifiability.robot.rules import RULES
@@ -162,16 +162,17 @@ def loop_equations(robot: Description, q: Array) -> tuple[Array, Array]:
     jacobian : (m, nv, N)
     """
     tree, n = robot.tree, len(q)
-    frames = tree.frames(q, [p.joint for p in _ends(robot)])
+    ends = [*((x.first, x.second) for x in robot.loops), *(c.points for c in robot.cables)]
+    frames = tree.frames(q, [p.joint for points in ends for p in points])
     errors, J = np.empty((robot.equations, n)), np.zeros((robot.equations, robot.nv, n))
-    at = 3 * len(robot.loops)
+    at, redundant = 3 * len(robot.loops), robot.equations != len(robot.dependent)
     for k, loop in enumerate(robot.loops):
         rows = slice(3 * k, 3 * k + 3)
         apart = tree.world_point(frames, loop.first) - tree.world_point(frames, loop.second)
         tree.add_point_jacobian(frames, loop.first, 1.0, J[rows])
         tree.add_point_jacobian(frames, loop.second, -1.0, J[rows])
-        turn = _own_axes(robot, loop, frames)
-        if turn is not None:
+        if redundant and loop.first.joint != WORLD:
+            turn = frames.axes[loop.first.joint]
             apart = np.einsum("cxn,xn->cn", turn, apart)
             J[rows] = np.einsum("cxn,xvn->cvn", turn, J[rows])
         errors[rows] = apart
@@ -202,20 +203,6 @@ def loop_bias(robot: Description, q: Array, v: Array) -> Array:
         bias += weight * np.einsum("nmv,nv->nm", A, v)
     bias *= (size / (12 * h))[:, None]
     return bias
-
-
-def _ends(robot: Description) -> list[Point]:
-    """Return the points of loops and tendons."""
-    return [p for x in robot.loops for p in (x.first, x.second)] + [
-        p for cable in robot.cables for p in cable.points
-    ]
-
-
-def _own_axes(robot: Description, loop: Loop, frames: Frames) -> Array | None:
-    """Return the axes in which a loop is written, (3, 3, N), or None for those of the world."""
-    if robot.equations == len(robot.dependent) or loop.first.joint == WORLD:
-        return None
-    return frames.axes[loop.first.joint]
 
 
 def _coupling_error(coupling: Coupling, q: Array, robot: Description) -> tuple[Array, Array]:

@@ -73,7 +73,8 @@ def read_robot(
     path = locate_robot(source)
     chosen = Path(sidecar) if sidecar is not None else find_sidecar(path)
     extra = read_sidecar(chosen)
-    extra = extra.model_copy(update={"locked": read_locks(extra.locked) | read_locks(lock)})
+    given = read_locks(lock)
+    extra = extra.model_copy(update={"locked": read_locks(extra.locked) | given})
     extra = extra if base is None else extra.model_copy(update={"base": base})
     root = read_markup(path)
     if root.tag == "mujoco":  # who has a URDF does not wait for MuJoCo
@@ -84,7 +85,6 @@ def read_robot(
         stated = _read_urdf(path, root, extra)
     check_magnitudes(path, stated)
     robot = assemble(path, chosen, extra, stated)
-    given = read_locks(lock)
     option = (n for n in robot.locked if n in given or any(fnmatchcase(n, x) for x in given))
     return replace(robot, lock_option=tuple(option), base_option=base)
 
@@ -97,7 +97,8 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         try:
             model = pin.buildModelFromXML(plain_urdf(_add_base(root) if top else root, path.stem))
         except Exception as error:  # noqa: BLE001 - a foreign parser may raise anything
-            reason = _one_line(error)
+            text = str(error).rpartition("message:")[2]  # Pinocchio puts its source file before it
+            reason = " ".join(text.split()).rstrip(".")[:300] or type(error).__name__
     if reason or printed:  # a link whose inertia is misspelt is read without any, but told of
         reason = printed[0][:300] if printed else reason
         raise RobotError(f"{path} cannot be read as URDF: {reason}.")
@@ -106,7 +107,7 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     fixed = {name for name, joint in joints.items() if joint.get("type") == "fixed"}
     follow = {n: j.find("mimic") for n, j in joints.items() if n not in fixed}
-    instead = {c.joint for c in extra.couplings} | set(read_locks(extra.locked))
+    instead = {*extra.locked, *(c.joint for c in extra.couplings)}
     mimics = []
     for name, mimic in ((n, m) for n, m in follow.items() if m is not None):
         of, others = mimic.get("joint", ""), [n for n in joints if n != name]
@@ -263,8 +264,3 @@ def _printed_errors() -> Iterator[list[str]]:
             lines = file.read().decode(errors="replace").splitlines()
             marked = (line.partition("Error:") for line in lines)
             found += [" ".join(text.split()).rstrip(".") for _, mark, text in marked if mark]
-
-
-def _one_line(error: Exception) -> str:
-    text = str(error).rpartition("message:")[2]  # Pinocchio puts its source file before it
-    return " ".join(text.split()).rstrip(".")[:300] or type(error).__name__

@@ -197,15 +197,10 @@ def _name_all(spec: Any) -> None:
 
 _ON_JOINT = (int(_TRN.mjTRN_JOINT), int(_TRN.mjTRN_JOINTINPARENT))
 
-#: What actuators, equalities and tendons are about; adhesion acts on contacts alone.
-_ACTS_ON = {
-    **dict.fromkeys(_ON_JOINT, _OBJ.mjOBJ_JOINT),
-    int(_TRN.mjTRN_TENDON): _OBJ.mjOBJ_TENDON,
-    int(_TRN.mjTRN_SITE): _OBJ.mjOBJ_SITE,
-    int(_TRN.mjTRN_SLIDERCRANK): _OBJ.mjOBJ_SITE,
-}
-_TIES = {int(_EQ.mjEQ_JOINT): _OBJ.mjOBJ_JOINT, int(_EQ.mjEQ_TENDON): _OBJ.mjOBJ_TENDON}
-_RUNS = {int(_WRAP.mjWRAP_JOINT): _OBJ.mjOBJ_JOINT, int(_WRAP.mjWRAP_SITE): _OBJ.mjOBJ_SITE}
+
+def _word(kind: Any) -> str:
+    """Return what a kind of MuJoCo's is about, such as JOINT of mjEQ_JOINT."""
+    return str(kind.name.rpartition("_")[2])
 
 
 def find_outside(m: Any, extra: Sidecar, ties: Sequence[set[int]]) -> tuple[str, ...]:
@@ -228,10 +223,10 @@ def find_outside(m: Any, extra: Sidecar, ties: Sequence[set[int]]) -> tuple[str,
     reached = reached.union(*ties[: len(extra.loops or ())])
     if extra.actuated is None and m.nu:
         for kind, at in zip(m.actuator_trntype.tolist(), m.actuator_trnid, strict=True):
-            reached |= _trees(m, _ACTS_ON.get(kind), at)
+            reached |= _trees(m, _word(_TRN(kind)), at)
     elif extra.actuated is None:
         single = np.flatnonzero(np.isin(m.jnt_type, (HINGE, SLIDE)))
-        reached |= _trees(m, _OBJ.mjOBJ_JOINT, single)
+        reached |= _trees(m, "JOINT", single)
     reached.discard(-1)
     while more := {k for tie in ties if tie & reached for k in tie - reached} - {-1}:
         reached |= more
@@ -239,17 +234,20 @@ def find_outside(m: Any, extra: Sidecar, ties: Sequence[set[int]]) -> tuple[str,
     return tuple(m.body(b).name for k, b in sorted(first.items()) if reached and k not in reached)
 
 
-def _trees(m: Any, kind: Any, which: Iterable[int]) -> set[int]:
-    """Return the trees of some joints, sites, bodies or tendons; -1 stands for what is fixed."""
+def _trees(m: Any, kind: str, which: Iterable[int]) -> set[int]:
+    """Return the trees of some joints, sites, bodies or tendons; -1 stands for what is fixed.
+
+    Adhesion and what tendons wrap around act on nothing here.
+    """
     there = [int(k) for k in which if k >= 0]
-    if kind == _OBJ.mjOBJ_TENDON:
+    if kind == "TENDON":
         parts = [w for t in there for w in tendon_parts(m, t)]
-        found = (_trees(m, _RUNS.get(int(m.wrap_type[w])), [m.wrap_objid[w]]) for w in parts)
+        found = (_trees(m, _word(_WRAP(m.wrap_type[w])), [m.wrap_objid[w]]) for w in parts)
         return set[int]().union(*found)
     bodies = {
-        _OBJ.mjOBJ_JOINT: m.jnt_bodyid,
-        _OBJ.mjOBJ_SITE: m.site_bodyid,
-        _OBJ.mjOBJ_BODY: np.arange(m.nbody),
+        **dict.fromkeys(("JOINT", "JOINTINPARENT"), m.jnt_bodyid),
+        **dict.fromkeys(("SITE", "SLIDERCRANK"), m.site_bodyid),
+        "BODY": np.arange(m.nbody),
     }
     return {int(m.body_treeid[bodies[kind][k]]) for k in there if kind in bodies}
 
@@ -258,11 +256,12 @@ def find_ties(m: Any, extra: Sidecar) -> list[set[int]]:
     """Return the trees that each loop of the sidecar ties together, equality, and tendon."""
     body = {m.body(b).name: b for b in range(m.nbody)}
     pairs = [(body.get(x.body1, 0), body.get(x.body2, 0)) for x in extra.loops or ()]
-    found = [_trees(m, _OBJ.mjOBJ_BODY, pair) for pair in pairs]
+    found = [_trees(m, "BODY", pair) for pair in pairs]
     for k in np.flatnonzero(m.eq_active0).tolist():
-        kind = _TIES.get(int(m.eq_type[k]), _OBJ(m.eq_objtype[k]))
+        ends, eq = m.eq_objtype[k], _EQ(m.eq_type[k])  # joints and tendons are in the latter alone
+        kind = _word(_OBJ(ends) if ends else eq)
         found.append(_trees(m, kind, (m.eq_obj1id[k], m.eq_obj2id[k])))
-    return found + [_trees(m, _OBJ.mjOBJ_TENDON, [t]) for t in range(m.ntendon)]
+    return found + [_trees(m, "TENDON", [t]) for t in range(m.ntendon)]
 
 
 def find_floating(
@@ -662,7 +661,9 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
         base, model.gravity.linear = Base("", floating, gravity, at=at), np.zeros(3)
     forces, rests, combinations = read_forces(path, m, actuators, locked)
     acting = [t for t in range(m.ntendon) if straight(m, t) and m.tendon(t).name in forces]
-    cables = [Cable(m.tendon(t).name, _points(m, t, point)) for t in acting]
+    through = [[m.site(int(m.wrap_objid[w])) for w in tendon_parts(m, t)] for t in acting]
+    ends = [tuple(point(int(s.bodyid[0]), s.pos) for s in sites) for sites in through]
+    cables = [Cable(m.tendon(t).name, points) for t, points in zip(acting, ends, strict=True)]
     limited = [(j.name, j.range) for j in joints if j.limited[0]]
     limited += [(m.tendon(t).name, m.tendon_range[t]) for t in acting if m.tendon_limited[t]]
     kept = np.ones(m.nq, bool)
@@ -763,12 +764,6 @@ def _home(scene: Any, m: Any) -> Array:
     return q
 
 
-def _points(m: Any, t: int, point: Places) -> tuple[Point, ...]:
-    """Return what a straight tendon runs through."""
-    sites = (m.site(int(m.wrap_objid[w])) for w in tendon_parts(m, t))
-    return tuple(point(int(site.bodyid[0]), site.pos) for site in sites)
-
-
 def add_slides(tree: Tree, cables: Sequence[Cable], nq: int) -> Tree:
     """Return a tree with a slide that carries nothing for each tendon, after its own joints."""
     axis, still = np.eye(3)[2], np.zeros(3)
@@ -809,10 +804,9 @@ def _loops(path: Path, m: Any, point: Places) -> list[Loop]:
         if kind in (int(_EQ.mjEQ_CONNECT), int(_EQ.mjEQ_WELD)):
             loops += _read_closure(m, eq, point, eq.name or f"closure{len(loops) + 1}")
         elif kind != int(_EQ.mjEQ_JOINT):
-            word = _EQ(kind).name.removeprefix("mjEQ_").lower()
             raise RobotError(
-                f"{path} closes a loop with <{word}>; only <connect>, <weld> and <joint> "
-                "equalities are supported: close the loop at a joint with <connect> instead."
+                f"{path} closes a loop with <{_word(_EQ(kind)).lower()}>; only <connect>, <weld> "
+                "and <joint> equalities are supported: close the loop at a joint with <connect>."
             )
     return loops
 
