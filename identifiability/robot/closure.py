@@ -614,4 +614,4 @@ def rest_along(robot: Description, axis: Axis) -> float:
     if axis.name in robot.rest and axis.name in (*robot.dofs, *robot.combinations):
         return robot.rest[axis.name]
     home = robot.home_table
-    return sum(c * robot.rest.get(joint, home[joint]) for joint, c in axis.weights.items())
+    return sum(c * home[joint] for joint, c in axis.weights.items())

@@ -40,6 +40,9 @@ def test_couplings_follow_each_other_and_inactive_equalities_are_none(agrees):
     )
     robot = agrees(text)
     assert robot.passive == ("elbow",)
+    x = np.linspace(-1, 1, 5)  # MuJoCo counts from where joints are drawn
+    expected = 0.2 + 0.1 - 2 * x + 0.3 * x**2 + 0.1 * x**3
+    np.testing.assert_allclose(np.polyval(robot.couplings[0].polynomial[::-1], x), expected)
     off = text.replace("<worldbody>", '<option><flag equality="disable"/></option><worldbody>')
     assert agrees(off.replace("</actuator>", '<motor joint="elbow"/></actuator>')).loops == ()
 
