@@ -418,7 +418,9 @@ def judge(
     table["seed"] = seed
     out["hints"] = float(any("contradicts that bodies" in hint for hint in found.hints))
     # Half of them say how far is far; the others are as new to that as the truth.
-    drawn, others = np.split(draw_robots(robot, found.fit, DRAWS, seed=seed).base, 2)
+    drawn, others = np.split(
+        draw_robots(robot, found.fit, DRAWS, seed=seed).values @ found.structure.G.T, 2
+    )
     sd = drawn.std(0)
     turn = np.linalg.pinv(np.corrcoef(drawn.T), 1e-9, hermitian=True)
     far, true = (((x - drawn.mean(0)) / sd) for x in (others, structure.G @ phi))

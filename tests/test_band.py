@@ -48,8 +48,7 @@ def test_every_verb_takes_the_same_band(two_link, coarse, verb, monkeypatch):
         taken.append(how)
         return prepare_log(robot, log, how, **options)
 
-    where = "inspect" if verb == "inspect" else "session"
-    monkeypatch.setattr(f"identifiability.workflows.{where}.prepare_log", prepare)
+    monkeypatch.setattr("identifiability.workflows.session.prepare_log", prepare)
     other = replace(coarse.rows(0, 3500, "other"), sha256="other")
     asked = [coarse]
     if verb == "compare":

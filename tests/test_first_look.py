@@ -103,7 +103,7 @@ WRITTEN = {
     "inspect": (["two-link"], ["--report", "--json"]),
     "predict": (["two-link", "r.json", "run.csv"], ["--report", "--json", "--out"]),
     "payload": (["two-link", "r.json", "run.csv"], ["--report", "--json"]),
-    "compare": (["two-link", "run.csv", "r.json"], ["--report", "--json"]),
+    "compare": (["two-link", "run.csv", "run.csv"], ["--report", "--json"]),
     "export": (["two-link", "r.json"], ["--out"]),
     "simulate": (["two-link", "random"], ["--out"]),
     "excite": (["two-link", "--out", "m.json"], ["--report", "--out"]),

@@ -25,7 +25,8 @@ def test_what_is_called_identifiable_holds_what_was_planted(found):
 
 def test_a_value_that_is_no_parameters_own_is_told_with_what_it_stands_for(found):
     planted, rows = Robot.load("3-rps").nominal, found.to_dict()["parameters"]
-    (use, *_), page = found.answers(), found.tables()[-1]
+    (use, *_), tables = found.answers(), found.tables()
+    (page,) = (t for t in tables if "used" in [c.title for c in t.columns])
     for v, row in zip(found.chosen.verdicts, rows, strict=True):
         if not v.name.endswith(".Fv"):
             continue

@@ -31,7 +31,6 @@ PIN = Path(__file__).with_name("public_api.txt")
 
 #: Objects whose keys are names from the user's files.
 BY_NAME = {
-    "found_from",
     "groupings",
     "preparation",
     "provenance",

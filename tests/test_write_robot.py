@@ -10,6 +10,7 @@ from identifiability.regression.structure import random_motion
 from identifiability.robot import Robot
 from identifiability.simulation import PrescribedMotion, simulate
 from identifiability.workflows.export import write_parameters
+from identifiability.workflows.export.workflow import save_robot
 
 
 def other_parameters(robot, rng):
@@ -94,5 +95,5 @@ def test_what_a_robot_file_cannot_hold_stands_in_the_sidecar_and_is_listed(rps, 
 
 
 def test_a_parameter_of_nothing_is_refused_with_the_near_match(rps, tmp_path):
-    with pytest.raises(RobotError, match=r"'slidr1\.Fv' is of no body.*did you mean 'slider1'"):
-        write_parameters(rps, {"slidr1.Fv": 3.0}, tmp_path / "copy.xml")
+    with pytest.raises(RobotError, match=r"no parameter 'slidr1\.Fv'.*did you mean 'slider1"):
+        save_robot(rps, {"slidr1.Fv": 3.0}, tmp_path / "copy.xml")

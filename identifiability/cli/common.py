@@ -128,11 +128,8 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
     answers = [a for a in result.answers() if not a.commands]
     every = VERBOSE.get()
     said = [f"{a.question} {a.short} {a.text if every else ''}".rstrip() for a in answers]
-    mass, hints = (
-        getattr(result, "mass_statement", "") if every else "",
-        getattr(result, "hints", ()),
-    )
-    print_end([*(said or [result.statement]), *filter(None, [mass]), *more])
+    hints = getattr(result, "hints", ())
+    print_end([*(said or [result.statement]), *more])
     robot = getattr(result, "robot", None)
     for table in (*result.tables(), *result.ledger()) if every or not answers else ():
         if table.long:

@@ -284,7 +284,7 @@ def predict(
 
 
 #: Endings of what is exported.
-EXPORTED = (".xml", ".urdf", ".json", ".py", ".patch", ".csv", ".parquet", ".pq")
+EXPORTED = (".xml", ".urdf", ".json", ".py", ".csv", ".parquet", ".pq")
 
 
 @Verb
@@ -294,7 +294,6 @@ def export(
     out: Annotated[Path, Option(), options.Writes(*EXPORTED)],
     draws: kinds.Count | None = None,
     form: Annotated[kinds.ExportFormat | None, Option("--format")] = None,
-    patch: Annotated[bool, Option("--patch")] = False,
     validate: options.MoreLogs = (),
     force: Annotated[bool, Option("--force")] = False,
     prior: kinds.NotNegative | None = None,
@@ -314,7 +313,7 @@ def export(
         return
     if prior is not None:
         raise kinds.OptionError(Finding("prior.draws"))
-    exported = run(robot, result, out, "patch" if patch else form, validate=validate, force=force)
+    exported = run(robot, result, out, form, validate=validate, force=force)
     for text in filter(None, (exported.mass, exported.statement)):
         typer.echo(text)
     for text in unused_ladder(robot):
@@ -343,29 +342,22 @@ def payload(
 @Verb
 def compare(
     machine: options.Machine,
-    before: Annotated[str, options.Records(results=True)],
-    after: Annotated[str, options.Records(results=True)],
+    before: Annotated[str, options.Records()],
+    after: Annotated[str, options.Records()],
     derived: options.Derived,
     outputs: options.Outputs,
     ladder: options.Ladder = None,
     more_before: Annotated[
-        Sequence[str], Option("--before", metavar="LOG"), options.Records(results=True)
+        Sequence[str], Option("--before", metavar="LOG"), options.Records()
     ] = (),
-    more_after: Annotated[
-        Sequence[str], Option("--after", metavar="LOG"), options.Records(results=True)
-    ] = (),
+    more_after: Annotated[Sequence[str], Option("--after", metavar="LOG"), options.Records()] = (),
 ) -> None:
-    """Say what changed between two logs, or two results, of one robot."""
+    """Say what changed between two logs of one robot."""
     with common.progress() as say:
         from identifiability.workflows.compare import compare as find  # noqa: PLC0415
 
         say("reading logs", 0.0)
-        sides: list[Any] = [[before, *more_before], [after, *more_after]]
-        for k, side in enumerate(sides):
-            results = [path for path in side if Path(path).suffix.lower() == ".json"]
-            if results and len(side) > 1:
-                raise kinds.OptionError(Finding("sides.mixed", results[0]))
-            sides[k] = side[0] if results else side
+        sides = [before, *more_before], [after, *more_after]
         found = find(machine.load(), *sides, preparation=derived.preparation(), ladder=ladder)
         written = outputs.write(found, say)
     common.print_result(found, written)

@@ -46,7 +46,7 @@ class RigidBody(Effect):
                 kind,
                 inertial_unit(kind),
                 self.name,
-                robot.body_symbols[body],
+                robot.symbols.get(body, body),
                 nonnegative=kind in _NONNEGATIVE,
                 stated_as=kind,
             )
@@ -63,9 +63,11 @@ class RigidBody(Effect):
         K = out if direct else np.empty((len(motion), robot.nv, out.shape[2]))
         bodies = K[:, : model.nv]
         K[:, model.nv :] = 0.0  # tendons carry none
-        columns = np.arange(10) + 10 * (np.array(robot.carriers)[:, None] - 1)
+        columns = (np.arange(10) + 10 * (np.array(robot.carriers)[:, None] - 1)).ravel()
+        every = len(columns) == 10 * (model.njoints - 1)  # a view of them costs nothing
         for k, (q, v, a) in enumerate(zip(*tree_motion(robot, motion), strict=True)):
-            bodies[k] = regressor(model, data, q, v, a)[..., columns.ravel()]
+            own = regressor(model, data, q, v, a)
+            bodies[k] = own if every else own[:, columns]
         if direct:
             return
         out[:] = K[:, robot.actuated]

@@ -20,7 +20,6 @@ from typing import Any, cast
 
 import numpy as np
 import pandas as pd
-from scipy.special import logsumexp
 
 from identifiability.effects import FAMILIES, find_families
 from identifiability.estimation.gaussian import Normal
@@ -48,9 +47,8 @@ from identifiability.robot import Robot
 from identifiability.robot.kinematics import WORLD
 from identifiability.robot.robot import last_bodies
 
-#: Standard deviations of friction in a log that are tried, relative to it; the most is 3 % between
-#: two logs.
-DRIFTS = np.geomspace(0.021, 0.00063, 4)
+#: Standard deviation of friction in a log, relative to it: it differs by 3 % between two logs.
+DRIFT: Tolerance = 0.021
 #: Sizes that a change may have, relative to the torque of its joint.
 CHANGES = np.geomspace(0.01, 1.0, 20)
 #: Samples of all logs up to which all are looked at; of more so many windows of so many samples.
@@ -284,14 +282,13 @@ class Differences:
         lacks: Sequence[Candidate],
         known: Known,
         patterns: Sequence[Array],
-        given: ARNoise = (),
         **more: Any,
     ) -> Differences:
-        """Return what may differ between logs, or be missing in all of them, by a given noise."""
+        """Return what may differ between logs, or be missing in all of them."""
         missing = Missing(tuple(number([*changes, *lacks])), seen)
         may = sum(len(c.columns) for c in changes)
         edges = [*np.unique(seen.log, return_index=True)[1].tolist(), len(seen.y)]
-        noise, levels = (given, np.ones(1)) if given else noise_beside(missing, may)
+        noise, levels = noise_beside(missing, may)
         own = missing.products(edges=edges, noise=noise).weigh(1.0 / levels)
         what = {"known": known, "patterns": tuple(patterns), **more}
         return Differences(missing=missing, information=own, **what)
@@ -404,18 +401,8 @@ class Differences:
         scale = np.append(length, np.tile(self.scale, rows))
         groups = tuple(group for group, *_ in self.told.values())
         drift = (pattern[:fixed] > 0) & (pattern[:fixed] <= blocks)
-        sizes = DRIFTS[: len(DRIFTS) if drift.any() else 1]
-        priors = [np.diag(none + precision / np.where(drift, x**2, 1.0)) for x in sizes]
-        models = [
-            MixedModel(products, fixed, groups, scale, prior, CHANGES)  # type: ignore[arg-type]
-            for prior in priors
-        ]
-        if len(models) == 1:
-            return models[0]
-        # Whether nothing changed or one of the groups.
-        odds = [logsumexp([0.0, *(t.odds for t in own.gains())]) for own in models]
-        rise = odds + np.array([own.solve().log_likelihood for own in models])
-        return models[int(np.argmax(rise - drift.sum() * np.log(sizes)))]
+        prior = np.diag(none + precision / np.where(drift, DRIFT**2, 1.0))
+        return MixedModel(products, fixed, groups, scale, prior, CHANGES)  # type: ignore[arg-type]
 
     def solve(self, terms: Terms = ()) -> tuple[Array, Array]:
         """Return values of the fixed columns and of terms in their order, and the covariance."""

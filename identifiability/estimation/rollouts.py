@@ -48,7 +48,7 @@ ENOUGH: Tolerance = 2.0
 LONG: Tolerance = 60.0
 
 #: A search ends where a step promises less than this share of the error, or after so many steps.
-GAIN: Tolerance = 2e-4
+GAIN: Tolerance = 1e-3
 STEPS = 20
 
 

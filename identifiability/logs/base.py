@@ -14,7 +14,7 @@ from itertools import accumulate
 from typing import TypeAlias
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.linalg import TINY
@@ -138,7 +138,7 @@ def read_base(base: Base, t: Array, values: Values, source: str) -> tuple[Array,
     return np.column_stack([acc, omega, up, *closed, *pushed]), note
 
 
-def _orientation(values: Values, source: str) -> Rotation | None:
+def _orientation(values: Values, source: str) -> scipy.spatial.transform.Rotation | None:
     """Return how the base is turned in the world, where a log says it.
 
     Raises
@@ -158,10 +158,10 @@ def _orientation(values: Values, source: str) -> Rotation | None:
             f"{worst + 1}, and an orientation has 1; check its columns, or leave them out where an "
             "inertial sensor says how the base moved."
         )
-    return Rotation.from_quat(quat)
+    return scipy.spatial.transform.Rotation.from_quat(quat)
 
 
-def _spin(turn: Rotation, step: float) -> Array:
+def _spin(turn: scipy.spatial.transform.Rotation, step: float) -> Array:
     """Return the angular velocity of an orientation along its own axes, (N, 3)."""
     quat = turn.as_quat()
     flips = np.cumsum(np.concatenate([[0], (quat[1:] * quat[:-1]).sum(1) < 0]))
@@ -172,15 +172,18 @@ def _spin(turn: Rotation, step: float) -> Array:
     return spin
 
 
-def _mean_acceleration(acc: Array, omega: Array, t: Array) -> tuple[Rotation, Array]:
+def _mean_acceleration(
+    acc: Array, omega: Array, t: Array
+) -> tuple[scipy.spatial.transform.Rotation, Array]:
     """Return how the base turned since the start, and its slow acceleration in axes from then.
 
     In axes that turn back with the gyroscope gravity stands still, but for its drift, and what
     moves the base to and fro has no mean.
     """
     step = signals.sampling_step(t)
-    moves = Rotation.from_rotvec(0.5 * (omega[1:] + omega[:-1]) * step).as_matrix()
-    turn = Rotation.from_matrix(np.stack([*accumulate(moves, np.matmul, initial=np.eye(3))]))
+    rotation = scipy.spatial.transform.Rotation
+    moves = rotation.from_rotvec(0.5 * (omega[1:] + omega[:-1]) * step).as_matrix()
+    turn = rotation.from_matrix(np.stack([*accumulate(moves, np.matmul, initial=np.eye(3))]))
     # So long a gyroscope is trusted, after which gravity corrects it [s].
     at = np.linspace(-1, 1, len(t))
     spans = np.polynomial.chebyshev.chebvander(at, int(step * len(t) / 10.0))
@@ -211,18 +214,14 @@ def _check_gravity(base: Base, t: Array, slow: Array, source: str) -> None:
 def _closed(base: Base, k: int, t: Array, values: Values, source: str) -> Array:
     """Return whether a contact is said to be closed, (N,)."""
     contact = base.contacts[k]
-    if contact.flag:
-        if contact.flag not in values:
-            raise LogError(
-                f"{source} lacks the column '{contact.flag}', which says when the contact "
-                f"'{contact.name}' is closed{near_match(contact.flag, values)} Give it, or a "
-                "schedule in the sidecar."
-            )
-        return (values[contact.flag] > contact.threshold).astype(float)
-    if contact.schedule is not None:
-        inside = [(t >= a) & (t <= b) for a, b in contact.schedule]
-        return np.any(inside, axis=0).astype(float) if inside else np.zeros(len(t))
-    return np.ones(len(t))
+    if contact.always:
+        return np.ones(len(t))
+    if contact.flag not in values:
+        raise LogError(
+            f"{source} lacks the column '{contact.flag}', which says when the contact "
+            f"'{contact.name}' is closed{near_match(contact.flag, values)} Give it."
+        )
+    return (values[contact.flag] > contact.threshold).astype(float)
 
 
 def _wrench(columns: Sequence[str], values: Values, source: str) -> Array:

@@ -64,6 +64,32 @@ class Rule:
         return tuple(self.pattern.split())
 
 
+#: Units by what they measure, and how much of SI one is.
+SIZES = {
+    "time": {
+        "s sec secs second seconds": 1.0,
+        "ms msec millis milliseconds": 1e-3,
+        "us usec µs microseconds": 1e-6,
+        "ns nsec nanoseconds": 1e-9,
+    },
+    "angle": {"rad radian radians": 1.0, "deg degree degrees ° Grad": math.pi / 180},
+    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+    "angle/s": {"rpm U/min tr/min": math.pi / 30},
+    "torque": {
+        "Nm": 1.0,
+        "Ncm": 1e-2,
+        "mNm Nmm": 1e-3,
+        "kNm": 1e3,
+        "daNm": 10.0,
+        "kgfm kgm": 9.80665,
+        "kgfcm kgcm": 9.80665e-2,
+        "lbfft lbft ftlbf ftlb": 1.3558179483,
+        "lbfin lbin inlbf inlb": 0.1129848290,
+    },
+    "force": {"N": 1.0, "kN": 1e3},
+    "current": {"A Amp": 1.0, "mA": 1e-3},
+}
+
 #: The one table. What a robot's own columns are called, its sidecar says (``[columns]``).
 RULES = tuple(
     Rule(*row)
@@ -89,32 +115,10 @@ RULES = tuple(
         ("pos position p", "base.pos"),
         ("quat quaternion orientation q", "base.quat"),
     )
-) + tuple(
+)
+RULES += tuple(
     Rule(written, "", what, size)
-    for what, sizes in {
-        "time": {
-            "s sec secs second seconds": 1.0,
-            "ms msec millis milliseconds": 1e-3,
-            "us usec µs microseconds": 1e-6,
-            "ns nsec nanoseconds": 1e-9,
-        },
-        "angle": {"rad radian radians": 1.0, "deg degree degrees ° Grad": math.pi / 180},
-        "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
-        "angle/s": {"rpm U/min tr/min": math.pi / 30},
-        "torque": {
-            "Nm": 1.0,
-            "Ncm": 1e-2,
-            "mNm Nmm": 1e-3,
-            "kNm": 1e3,
-            "daNm": 10.0,
-            "kgfm kgm": 9.80665,
-            "kgfcm kgcm": 9.80665e-2,
-            "lbfft lbft ftlbf ftlb": 1.3558179483,
-            "lbfin lbin inlbf inlb": 0.1129848290,
-        },
-        "force": {"N": 1.0, "kN": 1e3},
-        "current": {"A Amp": 1.0, "mA": 1e-3},
-    }.items()
+    for what, sizes in SIZES.items()
     for written, size in sizes.items()
 )
 

@@ -275,9 +275,9 @@ class Reading:
         torques = [x for c, x in numbers.items() if c.endswith(".tau")]
         if torques and all(x.lost and x.bad == x.rows for x in torques):
             raise LogError(Finding("torque.none", self.source))
-        # All torque of a log is not smaller: a hundredth of a milligram at a millimetre.
         parts = (values["tau"][a:b] for a, b in divide_rows(len(values["t"])))
         largest = max(float(np.nanmax(np.abs(x), initial=0.0)) for x in parts)
+        # All torque of a log is not smaller: a hundredth of a milligram at a millimetre.
         if 0 < largest < 1e-09:
             raise LogError(Finding("torque.small", self.source, torque=largest))
         for column, x in numbers.items():

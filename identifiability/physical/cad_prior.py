@@ -292,11 +292,6 @@ def _ball(theta: Array, mass: float, length: float) -> Array:
 # Whether the bodies of a real robot weigh what bodies like those of the robot file can.
 
 
-def is_far(mass: float, stated: float) -> bool:
-    """Whether a mass is beyond a factor `another_robot` of that of the file, either way."""
-    return not stated / RULES.another_robot <= mass <= RULES.another_robot * stated
-
-
 def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float = 0.0) -> str:
     """Return what is wrong with the total mass of a robot, and the remedy; nothing if it is right.
 
@@ -313,10 +308,12 @@ def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float 
     """
     mass = total_mass(robot, parameters)
     stated = total_mass(robot, robot.nominal)
-    if robot.guessed or not (stated > 0 and mass_rows(robot, parameters) and is_far(mass, stated)):
+    alike = stated / RULES.another_robot <= mass <= RULES.another_robot * stated
+    if alike or robot.guessed or not (stated > 0 and mass_rows(robot, parameters)):
         return ""
     return (
-        f"{_state_total(robot, parameters)}: identified masses disagree with the file's; look "
+        f"The nearest real robot weighs {mass:.4g} kg, that of the robot file {stated:.4g} kg: "
+        "identified masses disagree with the file's; look "
         "whether a mass of the file, a unit or a torque scale is wrong, or "
         f"--set cad_prior={10 * cad_weight or WEAK:g} keeps it nearer to the file."
     )
@@ -337,33 +334,6 @@ def mass_rows(robot: Robot, parameters: Mapping[str, float]) -> list[dict[str, A
         for b, own in masses.items()
         if own
     ]
-
-
-def state_masses(robot: Robot, parameters: Mapping[str, float]) -> str:
-    """Return in one line what a real robot and its bodies weigh beside the robot file's.
-
-    Parameters
-    ----------
-    robot : Robot
-    parameters : mapping
-        Standard parameters by name; the line is empty without masses.
-    """
-    rows = mass_rows(robot, parameters)
-    if not rows:
-        return ""
-    text = _state_total(robot, parameters)
-    if robot.guessed:
-        return f"{text}, where {listing(robot.guessed, 4)} are guesses."
-    far = [r for r in rows if is_far(r["mass"], r["mass_file"])]
-    if not far:
-        return f"{text}; every body is within a factor {RULES.another_robot:g} of the file's."
-    each = [f"{r['body']} {r['mass']:.3g} for {r['mass_file']:.3g} kg" for r in far]
-    return f"{text}; far from the file's are {listing(each, 4)}."
-
-
-def _state_total(robot: Robot, parameters: Mapping[str, float]) -> str:
-    found, stated = total_mass(robot, parameters), total_mass(robot, robot.nominal)
-    return f"The nearest real robot weighs {found:.4g} kg, that of the robot file {stated:.4g} kg"
 
 
 def total_mass(robot: Robot, parameters: Mapping[str, float]) -> float:

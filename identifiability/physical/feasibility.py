@@ -29,11 +29,6 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
 
-def is_another(whole: float, alone: float) -> bool:
-    """Return whether what errs so much alone is another robot than what errs so as a whole."""
-    return alone > max(RULES.another_robot * whole, RULES.left_out)
-
-
 @frozen
 class PhysicalResult:
     """What physics says of a fitted model.

@@ -135,7 +135,7 @@ def _name_key(analysis: Analysis) -> Fold:
         if effect.name != "rigid_body" and kinds:
             terms.append(Term(", ".join(kinds), title_of(effect.name), formula=effect.equation))
     robot = analysis.robot
-    short = {**robot.body_symbols, **robot.joint_symbols}
+    short = robot.symbols
     named = [f"{symbol} is {name}" for name, symbol in short.items() if symbol != name]
     if named:
         terms.append(Term("short forms", f"{'; '.join(named)}."))

@@ -94,21 +94,18 @@ def calibration_sections(calibration: Calibration) -> list[Section | None]:
     ]
 
 
-# Comparison: what changed between two logs or results.
+# Comparison: what changed between logs.
 
 
 def comparison_heading(result: Comparison) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
-    kinds = {"pairs": "the same motion", "logs": "different motions", "results": "two results"}
-    kind = kinds[result.kind]
+    kind = "the same motion" if result.pairs else "different motions"
     return "Comparison report", f"{result.robot.path.name} · {result.submodel.name} · {kind}"
 
 
 def comparison_moving(result: Comparison) -> Moving | None:
     """Return the robot along the first log after, over what differs where most changed."""
     robot, motion, torque = result.robot, result.motion, result.torque
-    if motion is None or torque is None:
-        return None
     t, left = torque.t, torque.measured
     lines = {"measured": left} | ({"what changed": torque.explained} if result.changes else {})
     log, _ = shorten_paths((result.after[0], result.before[0]))
@@ -579,7 +576,6 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
 
     masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
     real = ladder.chosen.physical
-    said = filter(None, ("" if real is None else real.sentence, ladder.mass_statement))
     settings = {key: ladder.settings[key] for key in ("method", "seed")}
     text = words("pruning.how", effects=", ".join(ladder.effects), **settings)
     some = not ladder.nothing
@@ -589,7 +585,7 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
         section_survivors(ladder),
         section("pruning.ladder", path, why=sentence("pruning.why")),
         section_correlated(ladder.fit) if some else None,
-        section("pruning.bodies", masses, said=" ".join(said)),
+        section("pruning.bodies", masses, said="" if real is None else real.sentence),
         _refused(ladder),
         section("pruning.method", Prose(tuple(text.values())), level_table(), detail=True),
     ]

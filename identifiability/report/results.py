@@ -221,7 +221,7 @@ def section_rules(tables: Sequence[RuleTable]) -> Section:
     columns = (
         Column("number", "code"),
         Column("value"),
-        Column("basis", detail=True),
+        Column("basis"),
         Column("meaning"),
     )
     folds = []

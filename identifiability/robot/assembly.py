@@ -40,7 +40,6 @@ from identifiability.robot.sidecar import (
     LimitEntry,
     LoopEntry,
     MeasuredTorque,
-    Owners,
     Sidecar,
     by_name,
     check_known,
@@ -85,43 +84,52 @@ def read_locks(given: LockOption | None) -> dict[str, float | None]:
 
 
 def settle_locks(
-    path: Path, wanted: Locks, home: Mapping[str, float], couplings: Sequence[Coupling]
+    path: Path,
+    extra: Sidecar,
+    home: Mapping[str, float],
+    stated: Iterable[Coupling],
+    fixed: Collection[str] = (),
 ) -> tuple[dict[str, float], list[Coupling]]:
     """Return where every locked joint is held, and the couplings that are left.
+
+    Couplings of the sidecar go before those of the file joint by joint. What is coupled to a
+    locked joint is locked too.
 
     Parameters
     ----------
     path : Path
         Of the robot file, for sentences.
-    wanted : mapping
-        Joints that are to be locked, or patterns of their names.
+    extra : Sidecar
     home : mapping
-        Home positions of the joints with one axis.
-    couplings : sequence of Coupling
-        What is coupled to a locked joint is locked too.
+        Positions of the joints with one axis where the file draws them.
+    stated : iterable of Coupling
+        Those of the file.
+    fixed : collection of str
+        Joints that have no axis, and need not be locked; what only follows them is.
 
     Raises
     ------
     RobotError
         If a joint cannot be locked, or couplings put it elsewhere.
     """
-    wanted = by_name(path, "locked or --lock", wanted, home)
-    follow = {c.joint: c for c in couplings if c.terms or c.joint in wanted}
-    locked = {
-        name: home[name] if at is None else at for name, at in wanted.items() if name not in follow
-    }
-    left = list(couplings)
+    stated = [c.held(dict.fromkeys(fixed, 0.0)) for c in stated]
+    left = [c for c in stated if c.joint not in {entry.joint for entry in extra.couplings}]
+    wanted: Locks = {c.joint: None for c in left if fixed and not c.terms}
+    wanted = by_name(path, "locked or --lock", {**wanted, **read_locks(extra.locked)}, home, fixed)
+    for c in extra.couplings:
+        first = {} if c.of is None else {c.of: c.polynomial}
+        constant = 0.0 if first else c.polynomial[0]
+        left.append(Coupling.of(c.name or c.joint, c.joint, {**first, **c.terms}, constant))
+    follow = {c.joint: c for c in left if c.terms or c.joint in wanted}
+    own = {name: at for name, at in wanted.items() if name not in follow}
+    locked = {n: extra.home.get(n, home[n]) if at is None else at for n, at in own.items()}
     while True:
         left = [c.held(locked) for c in left]
-        still = [c for c in left if not c.terms and c.joint in follow]
+        still = {c.joint: c.constant for c in left if not c.terms and c.joint in follow}
         if not still:
             break
-        for c in still:
-            if abs(locked.setdefault(c.joint, c.constant) - c.constant) > NEARLY:
-                raise RobotError(
-                    f"{path}: couplings put the locked joint '{c.joint}' at two places."
-                )
-        left = [c for c in left if c not in still]
+        locked |= still | locked
+        left = [c for c in left if c.terms or c.joint not in still]
     for name, at in wanted.items():
         others = listing(follow[name].terms) if name in follow else ""
         if name not in locked:
@@ -134,17 +142,6 @@ def settle_locks(
                 f"puts it at {locked[name]:g}; lock one of them, the other follows."
             )
     return locked, left
-
-
-def add_couplings(stated: Iterable[Coupling], entries: Sequence[Any]) -> list[Coupling]:
-    """Return a file's couplings and those of its sidecar, which go before it joint by joint."""
-    more = []
-    for c in entries:
-        first = {} if c.of is None else {c.of: c.polynomial}
-        constant = 0.0 if first else c.polynomial[0]
-        more.append(Coupling.of(c.name or c.joint, c.joint, {**first, **c.terms}, constant))
-    own = {c.joint for c in more}
-    return [*(c for c in stated if c.joint not in own), *more]
 
 
 # Refuse robots whose numbers no arithmetic holds, or of more joints than can be worked on.
@@ -225,9 +222,6 @@ def combine_joints(path: Path, extra: Sidecar, stated: Stated, taken: Collection
     motors = extra.transmission.motors if extra.transmission else ()
     found = {name: c for name, c in stated.combinations.items() if name not in motors}
     rests, numbers = {**stated.rests}, {**stated.numbers}
-    names = [entry.name for entry in extra.axes]
-    if len(set(names)) < len(names):
-        raise RobotError(f"The sidecar of {path}: the axes are {listing(names)}; name each once.")
     for entry in extra.axes:
         check_known(path, f"axes.{entry.name}.joints", entry.joints, known)
         moving = {joint: c for joint, c in entry.joints.items() if joint not in stated.locked}
@@ -236,11 +230,13 @@ def combine_joints(path: Path, extra: Sidecar, stated: Stated, taken: Collection
             numbers.pop(entry.name, None)
         found |= {entry.name: moving} if moving else {}
         rests |= {} if entry.rest is None else {entry.name: entry.rest}
-    odd = [name for name in (*found, *names) if name in taken]
+    names = [*found, *(entry.name for entry in extra.axes)]
+    odd = [name for name in names if name in taken]
+    odd += [cable.name for cable in stated.cables if [*taken].count(cable.name) > 1]
     if odd:
         raise RobotError(
-            f"{path}: the axis '{odd[0]}' has the name of a body, joint or motor, and parameters "
-            "are named after it; give it another."
+            f"{path}: '{odd[0]}', an axis or tendon, has the name of a body, joint or motor, and "
+            "parameters are named after it; give it another."
         )
     return replace(stated, combinations=found, rests=rests, numbers=numbers)
 
@@ -277,8 +273,8 @@ def read_bounds(
     total = extra.bounds.total_mass
     if total is None:
         return tuple(bounds)
-    spans = [known[body].mass if body in known else None for body in bodies]
-    least, most = (sum(span[k] if span else (0.0, np.inf)[k] for span in spans) for k in (0, 1))
+    masses = {body: entry.mass or (0.0, np.inf) for body, entry in known.items()}
+    least, most = np.sum([masses.get(body, (0.0, np.inf)) for body in bodies], axis=0)
     low, high = total
     if least >= high or most <= low:
         raise RobotError(
@@ -314,18 +310,17 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
                 f"{near_match(name, robot.tree.single)} Known: {listing(robot.tree.single)}. Write "
                 "an actuated ball as three hinges in one body."
             )
-    if len(set(names)) != len(names) or not names:
+    if not names:
         raise RobotError(
-            f"{robot.path}: the actuated joints that are not locked are {names}; name each one "
-            'once whose torque is measured, in the sidecar: actuated = ["joint1", …], and leave '
-            "one that moves."
+            f"{robot.path}: no actuated joint is left that is not locked; name those whose torque "
+            'is measured, in the sidecar: actuated = ["joint1", …], and leave one that moves.'
         )
     index = np.array([robot.dof_index(name) for name in names], int)
-    dependent = np.array([k for k in range(robot.nv) if k not in set(index.tolist())], int)
-    robot = replace(robot, actuated=index, dependent=dependent, home=_set_home(robot, extra))
+    dependent = np.setdiff1d(np.arange(robot.nv), index)
+    robot = replace(robot, actuated=index, dependent=dependent)
+    robot = stretch_home(replace(robot, home=_state_home(robot, extra)))
     if not len(dependent) and not robot.equations:
         return robot
-    robot = stretch_home(replace(robot, home=_follow_couplings(robot)))
     # Beside the closed configurations redundant equations contradict each other.
     enough = robot.equations >= len(dependent) > 0
     there = newton(robot, robot.home[None], most=0)
@@ -353,28 +348,17 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     return robot
 
 
-def _set_home(robot: Description, extra: Sidecar) -> Array:
-    """Return the file's home with the positions that the sidecar states."""
-    home, single = np.array(robot.home), robot.tree.single
-    check_known(robot.path, "home", extra.home, (*single, *robot.locked))
+def _state_home(robot: Description, extra: Sidecar) -> Array:
+    """Return the home of the files, with coupled passive joints where others put them, (nq,)."""
+    home, single, passive = np.array(robot.home), robot.tree.single, {*robot.passive}
+    check_known(robot.path, "home", extra.home, single)
     for name, value in extra.home.items():
-        if name in single:
-            home[single[name].iq] = value
-    return home
-
-
-def _follow_couplings(robot: Description) -> Array:
-    """Return the home at which coupled passive joints are where the others put them, (nq,)."""
-    home, single = np.array(robot.home), robot.tree.single
-    passive = set(robot.passive)
+        home[single[name].iq] = value
     for c in robot.couplings * len(passive):  # each may follow another
         at = {j: float(robot.dof_position(home[None], j)[0]) for j in (c.joint, *c.terms)}
-        value, follower = c.held(at).constant, c.joint
-        if c.joint not in passive and len(c.terms) == 1 and len(c.polynomial) == 2:
-            ((follower, (_, slope)),) = c.terms.items()
-            value = (at[c.joint] - c.constant) / (slope or 1.0)
-        if follower in passive and abs(value) < ENDLESS:
-            home[single[follower].iq] = value
+        value = c.held(at).constant
+        if c.joint in passive and abs(value) < ENDLESS:
+            home[single[c.joint].iq] = value
     return home
 
 
@@ -449,12 +433,10 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     dofs = tuple(d for j in stated.tree.joints for d in j.dofs)
     stated = combine_joints(path, extra, stated, (*bodies, *dofs, *stated.locked, *motors))
     lines = (*motors, *stated.combinations)
-    owners = Owners(bodies, dofs, lines, tuple(stated.locked), tuple(stated.welded))
-    extra = settle_names(path, extra, owners)
+    extra = settle_names(path, extra, bodies, dofs, lines, stated.locked, stated.welded)
     loops = stated.loops
     if extra.loops is not None:
         loops = tuple(_sidecar_loop(path, entry, stated) for entry in extra.loops)
-    named = tuple(body for body in extra.base_parameters.bodies if body in bodies)
     name = path.resolve().parent.name if path.stem == "robot" else path.stem
     spans, speeds = stated.spans.items(), stated.speeds.items()
     own: dict[str, Any] = {
@@ -464,15 +446,12 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         "sidecar": sidecar,
         "said": extra,
         "bodies": bodies,
-        "body_symbols": {b: extra.symbols.get(b, b) for b in bodies},
-        "joint_symbols": dict(extra.symbols),
+        "symbols": dict(extra.symbols),
         "loops": tuple(x for x in loops if x.first.joint != x.second.joint),  # else locked
-        "rest": {**stated.rests}
-        | {name: at for name, at in extra.rest.items() if name not in stated.locked},
+        "rest": {**stated.rests, **extra.rest},
         "spans": {n: x for n, x in spans if x[0] < x[1] and np.abs(x).max() < ENDLESS},
         "speeds": {n: x for n, x in speeds if 0 < x < ENDLESS},
         "tendons": tuple(name for name in stated.combinations if name in stated.numbers),
-        "body_order": named + tuple(b for b in bodies if b not in named),
         "guessed": tuple(extra.guessed),
         "inertia_parts": tuple(extra.inertia_parts),
         "prior": {name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
@@ -483,7 +462,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         "scales": _scales(path, extra, (*dofs, *stated.locked, *motors)),
         "time_unit": extra.time.unit or "",
         "torque": _measured_torque(extra, stated),
-        "known_torque": tuple(k for k in extra.known_torque if k.along not in stated.locked),
+        "known_torque": tuple(extra.known_torque),
         "angles": extra.angles,
         "bounds": read_bounds(path, extra, bodies, stated),
         "base": _read_base(path, extra, stated, bodies),
@@ -495,12 +474,14 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     lifted = lifted if isinstance(lifted, list) else []
     check_known(path, "torque.compensated", lifted, robot.joints)
     limits = [extra.limits.get(joint, LimitEntry()) for joint in robot.joints]
-    own_speeds = [robot.speeds.get(joint, np.inf) for joint in robot.joints]
+    fastest = [
+        x.v or robot.speeds.get(n, np.inf) for x, n in zip(limits, robot.joints, strict=True)
+    ]
     robot = replace(
         robot,
         nominal=_nominal(robot, extra),
         limits=position_limits(robot, robot.joints, extra.limits),
-        speed_limits=np.array([x.v or own for x, own in zip(limits, own_speeds, strict=True)]),
+        speed_limits=np.array(fastest),
         acceleration_limits=np.array([limit.a or np.inf for limit in limits]),
         transmission=_transmission(robot, extra),
     )
@@ -513,7 +494,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     every = (*robot.axes, *robot.passive_axes)
     straight = (a.name for a in every if a.row is not None or not a.mixed)
     along = [k.along for k in extra.known_torque]
-    check_known(path, "known_torque", along, (*straight, *robot.locked))
+    check_known(path, "known_torque", along, straight)
     return robot
 
 
@@ -538,13 +519,10 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ..
     imu = extra.imu or ImuEntry()
     contacts = []
     for entry in extra.contacts:
-        own = entry.model_dump(include={"kind", "flag", "threshold", "margin", "schedule"})
+        own = entry.model_dump(include={"kind", "flag", "threshold", "margin"})
         own["point"], _ = _find_frame(path, "contacts", entry.frame, entry.point, stated)
         radius = stated.radii.get(entry.frame, 0.0) if entry.radius is None else entry.radius
         contacts.append(Contact(entry.frame, radius=radius, **own))
-    names = [c.name for c in contacts]
-    if len(set(names)) < len(names):
-        raise RobotError(f"The sidecar of {path}: [[contacts]] are {listing(names)}; each once.")
     wrenches = []
     for wrench in extra.wrench:
         frame = _find_frame(path, "wrench", wrench.frame, (0, 0, 0), stated)
@@ -579,20 +557,19 @@ def _nominal(robot: Description, extra: Sidecar) -> dict[str, float]:
         theta = robot.model.inertias[carrier].toDynamicParameters().tolist()
         values |= {f"{body}.{kind}": v for kind, v in zip(INERTIAL_KINDS, theta, strict=True)}
     words, parts = ("damping", "frictionloss", "armature"), robot.inertia_parts
-    for name in robot.dofs:
-        own = dict.fromkeys(words, 0.0) | dict(robot.numbers.get(name, {}))
+    for name in dict.fromkeys((*robot.dofs, *robot.numbers)):
+        more = () if name in robot.dofs else ("stiffness",)
+        own = dict.fromkeys((*words, *more), 0.0) | dict(robot.numbers.get(name, {}))
         own |= {"offset": robot.offsets[name]} if robot.offsets.get(name) else {}
-        values |= name_numbers(name, own, parts) | {f"{name}.{part}": 0.0 for part in parts[1:]}
-    for name in (name for name in robot.numbers if name not in robot.dofs):
-        own = dict.fromkeys((*words, "stiffness"), 0.0) | dict(robot.numbers[name])
-        values |= name_numbers(name, own, parts)
-    locked = tuple(f"{name}." for name in robot.locked)  # no friction where nothing moves
-    given = {name: value for name, value in extra.nominal.items() if not name.startswith(locked)}
-    for name, value in given.items():  # one level of dry friction is that of both directions
+        values |= {f"{name}.{part}": 0.0 for part in parts} | name_numbers(name, own, parts)
+    for (
+        name,
+        value,
+    ) in extra.nominal.items():  # one level of dry friction is that of both directions
         joint, _, kind = name.rpartition(".")
         if kind == "Fc":
             values |= name_numbers(joint, {"frictionloss": value}, parts)
-    every = values | given
+    every = values | extra.nominal
     check_nominal(robot.path, every, parts[0])
     return every
 

@@ -268,7 +268,9 @@ def close_loops(robot: Description, q: Array) -> Closed:
         return Closed(
             seeds.q[np.zeros(n, int)], np.full(n, seeds.error.min()), seeds.A[np.zeros(n, int)]
         )
-    guess = _predict(robot, q, q[chosen[good]], seeds.q[good], seeds.A[good])
+    nearest = scipy.spatial.cKDTree(q[chosen[good]]).query(q)[1]
+    start = Closed(*(x[good][nearest] for x in (seeds.q, seeds.error, seeds.A)))
+    guess = _ahead(robot, start, q)
     closed = newton(robot, guess)
     moved = np.abs(closed.q - guess).max(1)
     doubtful = np.flatnonzero((closed.error > ROUNDOFF) | (moved > RULES.leap))
@@ -281,38 +283,20 @@ def close_loops(robot: Description, q: Array) -> Closed:
     return closed
 
 
-def _predict(robot: Description, q: Array, at: Array, full: Array, A: Array) -> Array:
-    """Return configurations (N, nq) to first order from the nearest of some closed ones.
-
-    Parameters
-    ----------
-    robot : Description
-    q : (N, n)
-        Actuated positions that are wanted.
-    at, full, A : (S, n), (S, nq), (S, m, nv)
-        Actuated positions, configurations and Jacobians of the closed ones.
-    """
-    inverse, condition = invert(A[:, :, robot.dependent])
-    inverse[~(condition * ROUNDOFF < 1)] = 0.0  # no prediction from there
-    slope = -inverse @ A[:, :, robot.actuated]
-    nearest = scipy.spatial.cKDTree(at).query(q)[1]
-    change = q - at[nearest]
+def _ahead(robot: Description, here: Closed, q: Array, steps: int = 1) -> Array:
+    """Return configurations (N, nq) one of some steps ahead on the way to positions (N, n)."""
     step = np.zeros((len(q), robot.nv))
-    step[:, robot.actuated] = change
-    step[:, robot.dependent] = np.einsum("nij,nj->ni", slope[nearest], change)
-    return robot.tree.integrate(full[nearest], step)
+    step[:, robot.actuated] = (q - robot.actuated_positions(here.q)) / steps
+    rhs = here.A[:, :, robot.actuated] @ step[:, robot.actuated, None]
+    step[:, robot.dependent] = -solve(here.A[:, :, robot.dependent], rhs[..., 0])
+    return robot.tree.integrate(here.q, step)
 
 
 def follow_from_home(robot: Description, q: Array, steps: int = 20) -> Closed:
     """Walk from home to every sample on a straight line of actuated coordinates."""
     here = newton(robot, np.repeat(robot.home[None], len(q), 0), most=0)
-    start = robot.actuated_positions(robot.home[None])
-    step = np.zeros((len(q), robot.nv))
-    step[:, robot.actuated] = (q - start) / steps
-    for _ in range(steps):
-        rhs = here.A[:, :, robot.actuated] @ step[:, robot.actuated, None]
-        step[:, robot.dependent] = -solve(here.A[:, :, robot.dependent], rhs[..., 0])
-        here = newton(robot, robot.tree.integrate(here.q, step), most=3)
+    for left in range(steps, 0, -1):
+        here = newton(robot, _ahead(robot, here, q, left), most=3)
     return newton(robot, here.q)
 
 
@@ -555,12 +539,6 @@ def _free(robot: Description, motion: Motion, touch: Array | None) -> Motion:
     driven = robot.actuated, robot.dependent, motion.X
     free, silent = eliminate(robot.tree, robot.base, motion.q, closed, up, driven)
     return replace(motion, free=free, silent=silent, touch=touch)
-
-
-def loop_error(robot: Description, q: Array) -> Array:
-    """Return the largest loop error at each configuration, (N,) [m or rad]."""
-    error: Array = np.abs(loop_equations(robot, q)[0]).max(0)
-    return error
 
 
 def count_independent(A: Array) -> int:

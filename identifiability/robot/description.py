@@ -404,16 +404,14 @@ class Description(Stated):
         Its keys, with every name written out that a pattern stands for.
     bodies : tuple of str
         Names of the moving bodies, in the order of `carriers`.
-    body_symbols, joint_symbols : mapping
-        Short forms for labels.
+    symbols : mapping
+        Short forms of names for labels, where the sidecar has some.
     actuated, dependent : (n,), (n_e,) int
         Indices of degrees of freedom in ``v``.
     assembled : bool
         Whether the loops were closed to find `home`, of which the files say nothing.
     nominal : mapping
         Parameter values stated in the file (``slider1.Fv`` …) beside the inertial ones.
-    body_order : tuple of str
-        Bodies in the order in which their columns are offered to the grouping.
     limits : (n, 2) [rad or m]
         Position limits of the actuated joints; infinite where the file has none.
     speed_limits, acceleration_limits : (n,)
@@ -463,9 +461,7 @@ class Description(Stated):
     sidecar: Path | None
     said: Sidecar
     bodies: tuple[str, ...]
-    body_symbols: Mapping[str, str]
-    joint_symbols: Mapping[str, str]
-    body_order: tuple[str, ...]
+    symbols: Mapping[str, str]
     actuated: np.ndarray = default(default_factory=_none)
     dependent: np.ndarray = default(default_factory=_none)
     nominal: Mapping[str, float] = default(default_factory=dict)
@@ -705,7 +701,7 @@ class Description(Stated):
         inside = weights.keys() <= {*self.joints}
         row = np.array([weights.get(joint, 0.0) for joint in self.joints]) if inside else None
         slides = all(self.is_prismatic(self.dof_index(joint)) for joint in weights)
-        return Axis(name, self.joint_symbols.get(name, name), weights, row, slides)
+        return Axis(name, self.symbols.get(name, name), weights, row, slides)
 
     def along(self, axis: Axis, x: Array) -> Array:
         """Return velocities or accelerations (N, nv) of the tree along an axis, (N,)."""
@@ -728,9 +724,10 @@ class Description(Stated):
     def column_preference(self, names: tuple[str, ...]) -> list[int]:
         """Return column indices in the order in which the grouping should try to keep them.
 
-        Bodies come in `body_order`, each with its mass last; everything else follows.
+        Bodies that the sidecar names come first, each with its mass last; all else follows.
         """
-        wanted = [f"{b}.{kind}" for b in self.body_order for kind in GROUPED_KINDS]
+        order = dict.fromkeys((*self.said.base_parameters.bodies, *self.bodies))
+        wanted = [f"{b}.{kind}" for b in order for kind in GROUPED_KINDS]
         rank = {name: k for k, name in enumerate(wanted)}
         return sorted(range(len(names)), key=lambda k: rank.get(names[k], len(rank)))
 

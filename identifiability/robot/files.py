@@ -25,7 +25,6 @@ from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.linalg import TINY
 from identifiability.robot.assembly import (
     LockOption,
-    add_couplings,
     assemble,
     check_magnitudes,
     read_locks,
@@ -108,27 +107,20 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     fixed = {name for name, joint in joints.items() if joint.get("type") == "fixed"}
     follow = {n: j.find("mimic") for n, j in joints.items() if n not in fixed}
     instead = {c.joint for c in extra.couplings} | set(read_locks(extra.locked))
-    mimics = [
-        _read_mimic(n, mimic, fixed)
-        for n, mimic in follow.items()
-        if mimic is not None and (n not in instead or mimic.get("joint") in joints)
-    ]
-    for c in mimics:
-        others = [name for name in joints if name != c.joint]
-        of = next(iter(c.terms), None)
-        if of is not None and of not in others:
+    mimics = []
+    for name, mimic in ((n, m) for n, m in follow.items() if m is not None):
+        of, others = mimic.get("joint", ""), [n for n in joints if n != name]
+        if of in others:
+            slope, offset = float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))
+            mimics.append(Coupling(name, name, offset, {of: (0.0, slope)}))
+        elif name not in instead:
             raise RobotError(
-                f"{path}: joint '{c.joint}' mimics '{of}', which is none of the others"
+                f"{path}: joint '{name}' mimics '{of}', which is none of the others"
                 f"{near_match(of, others)} Correct the file, or say in the sidecar what it "
-                f'follows ([[couplings]]) or that it stands still (locked = ["{c.joint}"]).'
+                f'follows ([[couplings]]) or that it stands still (locked = ["{name}"]).'
             )
-    couplings = add_couplings(mimics, extra.couplings)
-    # What follows a fixed joint stands still as well, and what is fixed need not be locked.
-    wanted: dict[str, float | None] = {c.joint: None for c in mimics if not c.terms}
-    wanted |= {n: at for n, at in read_locks(extra.locked).items() if at or n not in fixed}
     single = [model.names[j] for j in range(1, model.njoints) if model.joints[j].nv == 1]
-    home = {name: extra.home.get(name, 0.0) for name in single}
-    locked, couplings = settle_locks(path, wanted, home, couplings)
+    locked, couplings = settle_locks(path, extra, dict.fromkeys(single, 0.0), mimics, fixed)
     model, welded = weld(model, locked)
     friction = np.nan_to_num(model.upperDryFrictionLimit, posinf=0.0)
     moving = [(name, model.joints[model.getJointId(name)]) for name in model.names[1:]]
@@ -244,28 +236,14 @@ def plain_urdf(root: ET.Element, name: str) -> str:
             continue
         endless = kind == "continuous" or limit is None
         limit = ET.SubElement(joint, "limit") if limit is None else limit
-        for key in ("effort", "velocity"):
-            limit.attrib.setdefault(key, "0")
-            if _is_endless(limit, key):
-                limit.set(key, "0")
-        for key, far in (("lower", "-1e9"), ("upper", "1e9")):
-            if endless or _is_endless(limit, key):
-                limit.set(key, far)
+        none = {"effort": "0", "velocity": "0", "lower": "-1e9", "upper": "1e9"}
+        for k, (word, text) in enumerate(none.items()):
+            said = limit.get(word, "" if k > 1 else "inf")
+            if "inf" in said.lower() or (endless and k > 1):
+                limit.set(word, text)
         if kind == "continuous":
             joint.set("type", "revolute")
     return ET.tostring(plain, encoding="unicode")
-
-
-def _is_endless(limit: ET.Element, key: str) -> bool:
-    """Return whether a limit is written as one that is none."""
-    return limit.get(key, "").strip().lower().lstrip("+-.") in ("inf", "infinity")
-
-
-def _read_mimic(name: str, mimic: Any, fixed: set[str]) -> Coupling:
-    of, offset = mimic.get("joint", ""), float(mimic.get("offset", 0.0))
-    if of in fixed:  # it never leaves zero
-        return Coupling(name, name, offset, {})
-    return Coupling(name, name, offset, {of: (0.0, float(mimic.get("multiplier", 1.0)))})
 
 
 @contextmanager

@@ -46,11 +46,9 @@ class Contact:
     radius : float [m]
         Of the foot: the ground is so far below its middle.
     flag : str
-        Column of logs that says when it is closed; empty where none does.
+        Column of logs that says when it is closed; empty where it always is.
     threshold : float
         Of that column, above which it is.
-    schedule : tuple of (float, float) or None [s]
-        When it is closed; without flag and schedule it always is.
     margin : float [s]
         Around the times at which it is said to be closed it may be, too.
     """
@@ -61,13 +59,12 @@ class Contact:
     radius: float = 0.0
     flag: str = ""
     threshold: float = 0.5
-    schedule: Sequence[tuple[float, float]] | None = None
     margin: float = 0.02
 
     @property
     def always(self) -> bool:
         """Whether it never opens."""
-        return not self.flag and self.schedule is None
+        return not self.flag
 
 
 @frozen

@@ -22,7 +22,7 @@ from numpy.polynomial import Polynomial
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.robot.assembly import add_couplings, read_locks, settle_locks
+from identifiability.robot.assembly import settle_locks
 from identifiability.robot.description import FIELDS, Cable, Coupling, Entry, Loop, Stated
 from identifiability.robot.floating import BASE_JOINTS, SIX, Base
 from identifiability.robot.kinematics import WORLD, Joint, Point, Tree, read_tree, weld
@@ -154,12 +154,9 @@ def _is_idle(compiler: Any, geom: Any) -> bool:
     stated = body.explicitinertial and how != int(_FROM.mjINERTIAFROMGEOM_TRUE)
     if stated or how == int(_FROM.mjINERTIAFROMGEOM_FALSE):
         return True
-    low, high = compiler.inertiagrouprange
-    given = geom.density if np.isnan(geom.mass) else geom.mass
     while body is not None and not body.joints:
         body = body.parent
-    moves = body is not None or compiler.settotalmass > 0
-    return not (moves and given and low <= geom.group <= high)
+    return body is None and compiler.settotalmass <= 0
 
 
 def _forget_looks(spec: Any, more: str) -> None:
@@ -177,17 +174,19 @@ def _forget_looks(spec: Any, more: str) -> None:
 def _name_all(spec: Any) -> None:
     """Give bodies, joints and tendons without a name one that is not taken."""
     taken = {e.name for e in (*spec.bodies, *spec.joints, *spec.tendons)}
-    bodies, tendons = list(spec.bodies), list(spec.tendons)
-    wanted = [(body, f"body{k}") for k, body in enumerate(bodies)]
-    wanted += [(tendon, f"tendon{k}") for k, tendon in enumerate(tendons, 1)]
-    for body, own in wanted[: len(bodies)]:
-        name = body.name or own
-        wanted += [(joint, f"{name}_{k}") for k, joint in enumerate(body.joints, 1)]
-    for element, name in wanted:
+
+    def settle(element: Any, name: str) -> None:
         while not element.name and name in taken:
-            name += "_"  # noqa: PLW2901 - until nothing has it
+            name += "_"
         element.name = element.name or name
         taken.add(element.name)
+
+    for k, body in enumerate(spec.bodies):
+        settle(body, f"body{k}")
+        for i, joint in enumerate(body.joints, 1):
+            settle(joint, f"{body.name}_{i}")
+    for k, tendon in enumerate(spec.tendons, 1):
+        settle(tendon, f"tendon{k}")
 
 
 # Scenes: which bodies of an MJCF are the robot's, and where MuJoCo keeps numbers of its joints.
@@ -643,9 +642,8 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
             m = read_spec(path, outside, fixed=fixed, floating=floating).compile()
     home, actuators = _home(scene, m), read_actuators(m)
     joints = [m.joint(j) for j in np.flatnonzero(np.isin(m.jnt_type, [HINGE, SLIDE]))]
-    at_home = {j.name: extra.home.get(j.name, float(home[j.qposadr[0]])) for j in joints}
-    couplings = add_couplings(_couplings(m), extra.couplings)
-    locked, couplings = settle_locks(path, read_locks(extra.locked), at_home, couplings)
+    drawn = {j.name: float(home[j.qposadr[0]]) for j in joints}
+    locked, couplings = settle_locks(path, extra, drawn, _couplings(m))
     model, welded = weld(_build_tree(m), locked)
     tree = read_tree(path, model)
     # Copies: more frames are added below, which moves those that the model holds.
@@ -667,11 +665,6 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
     cables = [Cable(m.tendon(t).name, _points(m, t, point)) for t in acting]
     limited = [(j.name, j.range) for j in joints if j.limited[0]]
     limited += [(m.tendon(t).name, m.tendon_range[t]) for t in acting if m.tendon_limited[t]]
-    odd = [c.name for c in cables if c.name in {d for j in tree.joints for d in j.dofs}]
-    if odd:
-        raise RobotError(
-            f"{path}: the tendon '{odd[0]}' has the name of a joint; give it one of its own."
-        )
     kept = np.ones(m.nq, bool)
     kept[[int(m.joint(name).qposadr[0]) for name in locked]] = False
     return Stated(

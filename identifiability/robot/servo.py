@@ -86,12 +86,13 @@ class Servo:
         """Return the servos with other ``kp`` and ``kv``, each (n,), as far as given."""
         return replace(self, kp=gains.get("kp", self.kp), kv=gains.get("kv", self.kv))
 
-    def by_joint(self, joints: Sequence[str]) -> dict[str, dict[str, float]]:
-        """Return what logs told, ``kp`` and ``kv`` by joint; nothing where they told none."""
-        each = {"kp": self.kp, "kv": self.kv} if self.source == FOUND else {}
+    def by_joint(self, joints: Sequence[str], *more: str) -> dict[str, dict[str, float]]:
+        """Return ``kp`` and ``kv`` by joint, and ``limit``, as a sidecar states them."""
+        each = {"kp": self.kp, "kv": self.kv, "limit": np.minimum(-self.low, self.high)}
         return {
-            k: {j: v for j, v in zip(joints, x.tolist(), strict=True) if np.isfinite(v)}
-            for k, x in each.items()
+            k: {j: v for j, v in zip(joints, each[k].tolist(), strict=True) if np.isfinite(v)}
+            for k in ("kp", "kv", *more)
+            if np.isfinite(each[k]).any()
         }
 
     @property
@@ -153,8 +154,8 @@ def read_servo(
     path : Path
         The robot file, for sentences.
     entry : ServoEntry or None
-        The sidecar's ``[servo]``. Logs tell gains where it says ``"fit"``, or where neither it nor
-        the file says anything.
+        The sidecar's ``[servo]``. Logs tell gains where it says ``"fit"``, and of joints of which
+        neither it nor the file says anything.
     stated : mapping
         What the robot file states by joint: kp, kv, and least and largest torque, (4,).
     joints : tuple of str
@@ -163,32 +164,22 @@ def read_servo(
     Raises
     ------
     RobotError
-        If a joint has no gain, or a name is of no actuated joint.
+        If gains of a joint are zero, or a name is of no actuated joint.
     """
     if entry is None and not all(j in stated for j in joints):
         return None
     entry = entry or ServoEntry()
     none = (np.nan, np.nan, -np.inf, np.inf)
     found = np.array([stated.get(joint, none) for joint in joints], float)
-    told = np.zeros((len(joints), 3), bool)
     for k, key in enumerate(("kp", "kv", "limit")):
         said = getattr(entry, key)
         table = said if isinstance(said, dict) else {} if said is None else {"*": said}
         for joint, x in by_name(path, f"servo.{key}", table, joints).items():
-            at, value = joints.index(joint), np.nan if x == FIT else float(x)
-            found[at, k:] = (-value, value) if key == "limit" else (value, *found[at, k + 1 :])
-            told[at, k] = True
+            own, value = found[joints.index(joint)], np.nan if x == FIT else float(x)
+            own[k:] = (-value, value) if key == "limit" else (value, *own[k + 1 :])
+            if key == "kp" and np.isnan(own[1]) and x != FIT:
+                own[1] = 0.0  # none stated is none
     kp, kv, low, high = found.T
-    lacking = [
-        j for j, p, own in zip(joints, kp, told[:, 0], strict=True) if np.isnan(p) and not own
-    ]
-    if lacking and told[:, 0].any():
-        raise RobotError(
-            f"The sidecar of {path}: [servo] gives no kp of {listing(lacking, 4)}; give one number "
-            f"for all joints, or one for each: kp = {{{lacking[0]} = …}} (0 for a servo of "
-            f'velocity, "{FIT}" where logs shall tell it).'
-        )
-    kv = np.where(np.isnan(kv) & ~told[:, 1] & ~np.isnan(kp), 0.0, kv)  # none stated is none
     idle = ~(np.isnan(kp) | np.isnan(kv) | (kp > 0) | (kv > 0))
     if idle.any():
         loose = joints[int(np.argmax(idle))]
@@ -196,11 +187,11 @@ def read_servo(
             f"The servo of '{loose}' in {path} has neither kp nor kv, so its command says nothing "
             "of torque; give its gains in the sidecar: [servo] kp = …, kv = …."
         )
-    own = entry.kp is not None or bool(np.isnan(kp).any())
+    told = entry.kp is not None or bool(np.isnan(kp).any())
     return Servo(
         *(kp, kv, low, high),
         delay=None if entry.delay == "auto" else float(entry.delay),
-        source=SIDECAR if own else "the robot file",
+        source=SIDECAR if told else "the robot file",
         rate=entry.rate or Servo.rate,
         assumed=entry.rate is None,
     )

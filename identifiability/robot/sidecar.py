@@ -35,7 +35,6 @@ from identifiability.foundation.names import (
     find_named,
     is_pattern,
 )
-from identifiability.foundation.values import frozen
 from identifiability.robot.locate import LARGEST, LONGEST_NAME, find_sidecar, locate_robot
 
 # `MeasuredTorque`: what the numbers in torque columns are: in what, of which side and sign.
@@ -121,10 +120,11 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, defer_build=True)
 
 
-def _unique(names: list[str]) -> list[str]:
+def _unique(given: list[T]) -> list[T]:
+    names = [getattr(x, "name", getattr(x, "frame", x)) for x in given]
     if len(set(names)) != len(names):
         raise ValueError("name each one once")
-    return names
+    return given
 
 
 def _not_zero(value: float) -> float:
@@ -322,7 +322,7 @@ class ImuEntry(_Strict):
 class ContactEntry(_Strict):
     """Where the ground presses on a robot that floats, with a force that nobody measures.
 
-    Without flag and schedule the contact never opens.
+    Without flag the contact never opens.
     """
 
     frame: str = key("A body, or a site or geom of an MJCF.")
@@ -331,14 +331,7 @@ class ContactEntry(_Strict):
     radius: Gain | None = key("Of a round foot [m]; else that of the file's sphere.", None)
     flag: str = key("Column of logs that says when it is closed.", "")
     threshold: float = key("Of that column, above which it is.", 0.5)
-    schedule: list[Span] | None = key("Or between which times it is [s].", None, [[0, 1.5], [2, 4]])
     margin: Gain = key("How much longer on both sides it may be [s].", 0.02)
-
-    @model_validator(mode="after")
-    def _one_of_both(self) -> ContactEntry:
-        if self.flag and self.schedule is not None:
-            raise ValueError("give either the column of a flag or a schedule")
-        return self
 
 
 class WrenchEntry(_Strict):
@@ -388,7 +381,7 @@ class Sidecar(_Strict):
     name: Annotated[str, Field(max_length=LONGEST_NAME)] = key("The robot's name.", "")
     description: str = key("A sentence on it.", "")
     base: Literal["fixed", "floating"] | None = key("Whether its root was bolted down.", None)
-    actuated: list[str] | None = key("Joints with a motor; else those of <actuator>, or all.", None)
+    actuated: Names | None = key("Joints with a motor; else those of <actuator>, or all.", None)
     locked: Locked = key("Joints that stand still, or a table of where.", [], {"finger": 0.02})
     angles: Literal["rad", "deg"] | None = key("Unit of angles in logs; else rad.", None)
     effects: Names = key("Effects that are at some places only.", [], ["joint_stiffness@roll"])
@@ -401,7 +394,7 @@ class Sidecar(_Strict):
     loops: list[LoopEntry] | None = None
     couplings: list[_CouplingEntry] = []
     transmission: _TransmissionEntry | None = None
-    axes: list[AxisEntry] = []
+    axes: Annotated[list[AxisEntry], AfterValidator(_unique)] = []
     symbols: dict[str, str] = key("Short forms in labels.", {}, {"platform": "3"})
     base_parameters: _BaseParametersEntry = _BaseParametersEntry()
     nominal: Numbers = key("Values that go before the robot file's.", {}, {"joint1.Fv": 3.0})
@@ -421,7 +414,7 @@ class Sidecar(_Strict):
     servo: ServoEntry | None = None
     known_torque: list[KnownTorque] = []
     imu: ImuEntry | None = None
-    contacts: list[ContactEntry] = []
+    contacts: Annotated[list[ContactEntry], AfterValidator(_unique)] = []
     wrench: list[WrenchEntry] = []
     symmetry: list[_SymmetryEntry] = []
     prior_relative: Length = key("Width of priors that [prior] does not state.", 1.0)
@@ -520,88 +513,81 @@ def by_name(
     return out
 
 
-@frozen
-class Owners:
-    """What parameters can be named after.
-
-    Attributes
-    ----------
-    bodies : tuple of str
-    joints : tuple of str
-    lines : tuple of str
-        Motors and axes.
-    locked, welded : tuple of str
-        Locked joints, and bodies behind them.
-    """
-
-    bodies: tuple[str, ...]
-    joints: tuple[str, ...]
-    lines: tuple[str, ...]
-    locked: tuple[str, ...] = ()
-    welded: tuple[str, ...] = ()
-
-    def parameters(self, path: Path, key: str, table: Mapping[str, T]) -> dict[str, T]:
-        """Return a table of parameters by name; kinds of inertia are bodies'.
-
-        Raises
-        ------
-        RobotError
-            If the robot has no such body, joint, motor or axis.
-        """
-        out: dict[str, T] = {}
-        for text in sorted(table, key=is_pattern, reverse=True):
-            owner, _, kind = text.rpartition(".")
-            kinds = find_named(kind, INERTIAL_KINDS) if is_pattern(kind) else [kind]
-            known = (*self.bodies, *self.joints, *self.lines)
-            if is_pattern(text):
-                inertial = is_pattern(kind) or kind in INERTIAL_KINDS or kind[:8] == "payload_"
-                known = self.bodies if inertial else (*self.joints, *self.lines)
-            gone = (*self.locked, *self.welded) if is_pattern(owner) else self.locked
-            known = (*known, *(() if is_pattern(text) else (BASE, *self.locked)))
-            found = by_name(path, key, {owner if kinds else text: table[text]}, known, gone)
-            out |= {f"{name}.{k}": value for name, value in found.items() for k in kinds}
-        return out
-
-
-def settle_names(path: Path, extra: Sidecar, owners: Owners) -> Sidecar:
+def settle_names(
+    path: Path,
+    extra: Sidecar,
+    bodies: Collection[str],
+    joints: Collection[str],
+    lines: Collection[str],
+    locked: Collection[str],
+    welded: Collection[str],
+) -> Sidecar:
     """Return a sidecar in which every name that a pattern stands for is written out.
 
-    Sums of symmetry of which a part is locked are no longer equal, and left out.
+    What is said of locked joints and of what hangs behind them is left out, and so are sums of
+    symmetry of which a part is locked, as they are no longer equal.
 
     Parameters
     ----------
     path : Path
         The robot file, for sentences.
     extra : Sidecar
-    owners : Owners
+    bodies, joints : collection of str
+        That move.
+    lines : collection of str
+        Motors and axes.
+    locked, welded : collection of str
+        Locked joints, and bodies behind them.
 
     Raises
     ------
     RobotError
         If it names what the robot does not have.
     """
-    bodies, joints = (*owners.bodies, *owners.welded), (*owners.joints, *owners.locked)
-    check_known(path, "symbols", extra.symbols, (*bodies, *joints, *owners.lines))
-    check_known(path, "base_parameters", extra.base_parameters.bodies, bodies)
-    check_known(path, "guessed", extra.guessed, bodies)
-    check_known(path, "rest", extra.rest, joints)
-    gone = {*owners.locked, *owners.welded}
+    moving, gone = (*joints, *lines), {*locked, *welded}
+
+    def parameters(key: str, table: Mapping[str, T]) -> dict[str, T]:
+        """Return a table of parameters by name; kinds of inertia are bodies'."""
+        out: dict[str, T] = {}
+        for text in sorted(table, key=is_pattern, reverse=True):
+            owner, _, kind = text.rpartition(".")
+            kinds = find_named(kind, INERTIAL_KINDS) if is_pattern(kind) else [kind]
+            known: Collection[str] = (*bodies, *moving, BASE)
+            if is_pattern(text):
+                inertial = is_pattern(kind) or kind in INERTIAL_KINDS or kind[:8] == "payload_"
+                known = bodies if inertial else moving
+            behind = gone if is_pattern(owner) else locked
+            found = by_name(path, key, {owner if kinds else text: table[text]}, known, behind)
+            out |= {f"{name}.{k}": value for name, value in found.items() for k in kinds}
+        return out
+
+    known_bodies = (*bodies, *welded)
+    check_known(path, "symbols", extra.symbols, (*known_bodies, *moving, *locked))
+    check_known(path, "base_parameters", extra.base_parameters.bodies, known_bodies)
+    check_known(path, "guessed", extra.guessed, known_bodies)
+    check_known(path, "rest", extra.rest, (*joints, *locked))
     ties = []
     for entry in extra.symmetry:
         if any(name.rpartition(".")[0] in gone for names in entry.tie.values() for name in names):
             continue
         tie = {
-            whole: [*owners.parameters(path, "symmetry", dict.fromkeys(names, True))]
+            whole: [*parameters("symmetry", dict.fromkeys(names, True))]
             for whole, names in entry.tie.items()
         }
         ties.append(entry.model_copy(update={"tie": tie}))
     tables = {
-        key: owners.parameters(path, key, getattr(extra, key))
+        key: parameters(key, getattr(extra, key))
         for key in ("nominal", "prior", "shapes", "reference")
     }
-    own = {
-        "limits": by_name(path, "limits", extra.limits, owners.joints, owners.locked),
-        "prior_share": by_name(path, "prior_share", extra.prior_share, owners.bodies, gone),
+    first = [body for body in extra.base_parameters.bodies if body not in gone]
+    own: dict[str, Any] = {
+        "base_parameters": extra.base_parameters.model_copy(update={"bodies": first}),
+        "limits": by_name(path, "limits", extra.limits, joints, locked),
+        "prior_share": by_name(path, "prior_share", extra.prior_share, bodies, gone),
         "symmetry": ties,
+        "guessed": [body for body in extra.guessed if body not in gone],
+        "known_torque": [known for known in extra.known_torque if known.along not in gone],
     }
+    for word in ("home", "rest", "symbols"):
+        own[word] = {name: x for name, x in getattr(extra, word).items() if name not in gone}
     return extra.model_copy(update={**tables, **own})

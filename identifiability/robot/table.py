@@ -32,9 +32,8 @@ A modified frame is that of the URDF link. A standard one lies behind the joint:
 from __future__ import annotations
 
 import math
-import tomllib
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -390,17 +389,17 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
     RobotError
         If it cannot say a coupling.
     """
-    text = robot.sidecar.read_text(encoding="utf-8-sig") if robot.sidecar is not None else ""
-    given = {k: v for k, v in tomllib.loads(text).items() if k not in _ANEW}
-    given = _without(given, {*robot.locked, *robot.welded})
-    given["bounds"] = {k: v for k, v in given.get("bounds", {}).items() if k != "bodies"}
+    given = robot.said.model_dump(mode="json", exclude_unset=True, exclude={*_ANEW})
+    given.get("bounds", {}).pop("bodies", None)
+    given["columns"] = {k: x for k, x in given.get("columns", {}).items() if k not in robot.locked}
+    given["effects"] = [e for e in robot.said.effects if e.partition("@")[2] not in robot.locked]
     new: dict[str, Any] = {}
     mjcf = path.suffix == ".xml"
     if not mjcf:
         new["actuated"] = list(robot.joints)
         new["massless"] = list(links_between(robot).values())
         if robot.servo is not None:
-            given["servo"] = _servo(robot) | given.get("servo", {})
+            given["servo"] = robot.servo.by_joint(robot.joints, "limit") | given.get("servo", {})
         if robot.home.any():
             places = {name: j.iq for name, j in robot.tree.single.items()}
             new["home"] = {name: float(robot.home[at]) for name, at in places.items()}
@@ -420,36 +419,6 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
         for name, weights in robot.combinations.items()
     ]
     return {k: v for k, v in (new | given).items() if v}
-
-
-def _servo(robot: Description) -> dict[str, Any]:
-    """Return gains that a robot file states as a sidecar does."""
-    servo = robot.servo
-    assert servo is not None
-    every = {"kp": servo.kp, "kv": servo.kv, "limit": np.minimum(-servo.low, servo.high)}
-    told = {
-        key: {j: float(x) for j, x in zip(robot.joints, values, strict=True) if np.isfinite(x)}
-        for key, values in every.items()
-    }
-    return {key: table for key, table in told.items() if table}
-
-
-def _without(value: Any, gone: Collection[str]) -> Any:
-    """Return a part of a sidecar without what is said of joints and bodies that are gone."""
-    if isinstance(value, dict):
-        return {k: _without(v, gone) for k, v in value.items() if not _is_of(k, gone)}
-    if isinstance(value, list):
-        said = [[*v.values()] if isinstance(v, dict) else [v] for v in value]
-        kept = [v for v, x in zip(value, said, strict=True) if not any(_is_of(w, gone) for w in x)]
-        return [_without(v, gone) for v in kept]
-    return value
-
-
-def _is_of(text: Any, gone: Collection[str]) -> bool:
-    """Whether a text is a name, a parameter of it, or an effect at it."""
-    if not isinstance(text, str):
-        return False
-    return bool({text, text.rpartition(".")[0], text.partition("@")[2]} & {*gone})
 
 
 # The same robot in the other format: an MJCF of a URDF, a URDF of an MJCF.

@@ -10,10 +10,10 @@ import re
 import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
+from difflib import SequenceMatcher
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import pinocchio as pin
@@ -23,7 +23,6 @@ from identifiability.foundation.errors import OutputError, RobotError
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_together
-from identifiability.foundation.values import frozen
 from identifiability.robot.closure import rest_along
 from identifiability.robot.description import FIELDS, Axis, Description
 from identifiability.robot.floating import BASE_JOINTS
@@ -37,108 +36,56 @@ from identifiability.robot.sidecar import read_sidecar
 
 
 _QUOTED = r"""(?:"[^"]*"|'[^']*')"""
-_TAG = re.compile(rf"""<(?:{_QUOTED}|[^>"'])*>""".encode())
-_ATTRIBUTE = re.compile(rf"(\s+)([^\s=/>]+)(\s*=\s*){_QUOTED}")
+_ASIDE = r"<!--.*?-->|<\?.*?\?>"
+#: What stands before a tag, its name, and its attributes up to its end.
+_PIECE = re.compile(rf"""((?:[^<]|{_ASIDE})*)(</?[^!?\s/>]+)((?:{_QUOTED}|[^>"'])*>)""", re.DOTALL)
+_ATTRIBUTE = re.compile(rf"(\s+)([^\s=/>]+)(\s*=\s*)({_QUOTED})")
 
 
-@frozen
-class Place:
-    """Where an element stands in a file (bytes), and what it says there.
-
-    Attributes
-    ----------
-    start, inside, end : int
-        Where its first tag begins and ends, and where it ends itself.
-    said : mapping
-        Its attributes.
-    parts : tuple of Element
-    """
-
-    start: int
-    inside: int
-    end: int
-    said: Mapping[str, str]
-    parts: tuple[ET.Element, ...]
-
-
-def read_places(content: bytes) -> tuple[ET.Element, dict[ET.Element, Place]]:
-    """Return the root element of a file in UTF-8, and the place of each element."""
-    builder, parser, begun = ET.TreeBuilder(), expat.ParserCreate(), list[int]()
-    places: dict[ET.Element, Place] = {}
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        builder.start(tag, attributes)
-        begun.append(parser.CurrentByteIndex)
-
-    def end(tag: str) -> None:
-        element, at = builder.end(tag), begun.pop()
-        first = _TAG.match(content, at)
-        inside = close = first.end() if first else at
-        if content[inside - 2 : inside] != b"/>":
-            close = content.index(b">", parser.CurrentByteIndex) + 1
-        places[element] = Place(at, inside, close, dict(element.attrib), tuple(element))
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
+def read_elements(content: bytes) -> ET.Element:
+    """Return the root element of a file; names with prefixes stay as they are written."""
+    builder, parser = ET.TreeBuilder(), expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    parser.CharacterDataHandler = builder.data
     parser.Parse(content, True)
-    return builder.close(), places
+    return builder.close()
 
 
-def edited(content: bytes, places: Mapping[ET.Element, Place], element: ET.Element) -> str:
-    """Return the text of an element that was changed since the places in its file were read."""
-    place = places[element]
-    head = _edited_tag(content[place.start : place.inside].decode(), place.said, element)
-    margin = _margin(content, place.start)
-    inner = _margin(content, places[place.parts[0]].start) if place.parts else margin + "  "
-    text, at, old = "", place.inside, iter(place.parts)
+def edited(old: str, new: str, comment: str) -> str:
+    """Return the new text of a file in which everything that stays is written as in the old one.
 
-    def skip(to: ET.Element | None) -> str:
-        """Return what stands before a part, without the parts that are gone."""
-        nonlocal at
-        between = ""
-        for part in old:
-            gap = content[at : places[part].start].decode()
-            at = places[part].end
-            if part is to:
-                return between + gap
-            between += gap.rstrip()
-        return between
-
-    for part in element:
-        if part in places:
-            text += skip(part) + edited(content, places, part)
-        else:
-            ET.indent(part)
-            part.tail = None
-            text += f"\n{ET.tostring(part, encoding='unicode')}".replace("\n", f"\n{inner}")
-    text += skip(None)
-    if place.inside < place.end:
-        rest = content[at : place.end].decode().rpartition("</")[0]
-        return f"{head}{text}{rest}</{element.tag}>"
-    return f"{head[:-2].rstrip()}>{text}\n{margin}</{element.tag}>" if text else head
+    Tags of one element are found by their order and names; they take with them what stands before.
+    A comment is added at the head.
+    """
+    was, now = _PIECE.findall(old), _PIECE.findall(new)
+    keys = ([_key(*piece) for piece in pieces] for pieces in (was, now))
+    for i, j, size in SequenceMatcher(None, next(keys), next(keys)).get_matching_blocks():
+        for (before, tag, said), k in zip(was[i : i + size], range(j, j + size), strict=True):
+            now[k] = before, tag, _edited_tag(said, now[k][2])
+    if comment:  # two hyphens end one
+        margin = now[1][0][now[1][0].rfind("\n") :]
+        now[0] = (*now[0], f"{margin}<!-- {comment.replace('--', '– ')} -->")
+    return "".join(map("".join, now)) + (_PIECE.sub("", old) or "\n")
 
 
-def _margin(content: bytes, at: int) -> str:
-    """Return the white space before a place, if nothing else is before it in its line."""
-    before = content[content.rfind(b"\n", 0, at) + 1 : at].decode()
-    return before if before.isspace() else ""
+def _key(before: str, tag: str, said: str) -> tuple[str, ...]:
+    """Return what tells a tag from others: the text before, its own name, and its element's."""
+    names = [value for _, key, _, value in _ATTRIBUTE.findall(said) if key == "name"]
+    return re.sub(_ASIDE, "", before, flags=re.DOTALL).strip(), tag, *names
 
 
-def _edited_tag(text: str, said: Mapping[str, str], element: ET.Element) -> str:
-    """Return a tag with the attributes that an element has now; what is alike stays as written."""
+def _edited_tag(old: str, new: str) -> str:
+    """Return the end of a tag with the attributes of a new one; what is alike stays as written."""
+    said = {key: value for _, key, _, value in _ATTRIBUTE.findall(new)}
 
     def keep(found: re.Match[str]) -> str:
-        key = found[2]
-        if key not in element.attrib:
-            return ""
-        value = element.attrib[key]
-        return (
-            found[0] if _alike(value, said[key]) else f"{found[1]}{key}{found[3]}{quoteattr(value)}"
-        )
+        value = said.pop(found[2], "")
+        stays = not value or _alike(value[1:-1], found[4][1:-1])
+        return f"{found[1]}{found[2]}{found[3]}{found[4] if stays else value}" if value else ""
 
-    text = re.sub(r"\A<[^\s/>]+", f"<{element.tag}", _ATTRIBUTE.sub(keep, text))
-    new = (f" {k}={quoteattr(v)}" for k, v in element.attrib.items() if k not in said)
-    end = len(text.rstrip("/>").rstrip())
-    return text[:end] + "".join(new) + text[end:]
+    bare = old.rstrip("/>").rstrip()
+    end = old[len(bare) :] if old.endswith("/>") == new.endswith("/>") else new[-2:].lstrip('"')
+    return _ATTRIBUTE.sub(keep, bare) + "".join(f" {k}={x}" for k, x in said.items()) + end
 
 
 def _alike(text: str, other: str) -> bool:
@@ -183,8 +130,6 @@ def urdf_joint(
     top: ET.Element, name: str, kind: str, parent: str, child: str, place: Any
 ) -> ET.Element:
     """Add a joint to a URDF, at a place (pinocchio.SE3) in the frame of its parent."""
-    import pinocchio as pin  # noqa: PLC0415 - who only looks for a file does not wait for it
-
     made = ET.SubElement(top, "joint", name=name, type=kind)
     ET.SubElement(made, "parent", link=parent)
     ET.SubElement(made, "child", link=child)
@@ -241,7 +186,8 @@ def write_servos(
 ) -> None:
     """Write position servos of joints in place of what drives them.
 
-    A servo without kp becomes one of velocity; a torque offset is a bias of its own.
+    A servo without kp becomes one of velocity; one with a torque offset, which is a bias of its
+    own, a general one.
     """
     actuators = top.findall("actuator")
     names = dict(zip(joints, joints, strict=True))
@@ -252,8 +198,13 @@ def write_servos(
     place = actuators[0] if actuators else ET.SubElement(top, "actuator")
     for k, joint in enumerate(joints):
         kp, kv, off = float(servo.kp[k]), float(servo.kv[k]), offsets.get(joint, 0.0)
-        law = affine_law(kp or kv, np.array([-off, -kp, -kv]))
-        new = ET.SubElement(place, "general", law, name=names[joint], joint=joint, gear="1")
+        tag, law = "general", affine_law(kp or kv, np.array([-off, -kp, -kv]))
+        if not off:
+            tag = "position" if kp else "velocity"
+            law = {"kp": f"{kp:.17g}"} if kp else {}
+            law |= {"kv": f"{kv:.17g}"}
+        own = {"name": names[joint], "joint": joint, "gear": "1"}
+        new = ET.SubElement(place, tag, own | law)
         limits = np.array([servo.low[k], servo.high[k]]) - off
         limited = bool(np.isfinite(limits).all())
         new.set("forcelimited", "true" if limited else "false")
@@ -446,8 +397,8 @@ def edited_text(
     RobotError
         If the file has no place for them, or a body has no mass.
     """
-    content = _utf8(robot.path.read_bytes())
-    top, places = read_places(content)
+    content = robot.path.read_bytes()
+    top = read_elements(content)
     expand_includes(robot.path, top, [])
     _check_template(robot, top)
     if not robot.mjcf:
@@ -480,20 +431,12 @@ def edited_text(
             write_servos(top, robot.joints, servo, offsets)
     else:
         turn_base(top, robot.gravity)
-    if comment:  # two hyphens end one
-        top.insert(0, ET.Comment(f" {comment.replace('--', '– ')} "))
-    whole = places[top]
-    before, after = content[: whole.start], content[whole.end :]
-    return before.decode("utf-8-sig") + edited(content, places, top) + after.decode()
-
-
-def _utf8(content: bytes) -> bytes:
-    """Return the content of a file as it is, or written anew if it is in another encoding."""
-    declared = re.match(rb"\s*<\?xml[^>]*encoding\s*=\s*.([\w-]+)", content)
-    other = declared and declared[1].lower() != b"utf-8"
-    if other or content[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        content = ET.tostring(ET.fromstring(content), encoding="utf-8")
-    return content
+    old = content.decode("utf-8-sig", errors="replace")
+    if "\ufffd" in old or re.match(r"\s*<\?xml[^>]*encoding\s*=\s*.(?!utf-8)", old, re.IGNORECASE):
+        old = ""  # in another encoding: all of it is written anew
+    step = re.search(r"\n([ \t]+)<", old)
+    ET.indent(top, step[1] if step else "  ")
+    return edited(old, ET.tostring(top, "unicode").replace(" />", "/>"), comment)
 
 
 def _check_template(robot: Description, top: ET.Element) -> None:
@@ -614,7 +557,8 @@ def _write_joint(
 def _sidecar_text(robot: Description, tables: Mapping[str, Mapping[str, float]]) -> str | None:
     """Return the template's sidecar with other tables of numbers, or None if none is needed."""
     given = {} if robot.sidecar is None else tomllib.loads(robot.sidecar.read_text("utf-8-sig"))
-    gains = {} if robot.servo is None else robot.servo.by_joint(robot.joints)
+    servo = robot.servo
+    gains = servo.by_joint(robot.joints) if servo and servo.source == FOUND else {}
     new: dict[str, Any] = {key: dict(table) for key, table in tables.items()}
     new |= {"locked": dict(robot.locked)} if robot.lock_option else {}
     new |= {"base": robot.base_option} if robot.base_option is not None else {}

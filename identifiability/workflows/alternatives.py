@@ -175,7 +175,8 @@ class _Rows:
         self.parts = self.seen.X[..., None]
         g, size = self.robot.gravity, float(np.linalg.norm(self.robot.gravity))
         if size and "rigid_body" in self.structure.model.names:
-            bare = self._look(weightless(self.robot)).X
+            # Columns are linear in gravity, without which a tilt would have no parameters.
+            bare = 0.5 * (self.seen.X + self._look(self.robot.turned(-g)).X)
             axes = [self._look(self.robot.turned(a)).X - bare for a in size * np.eye(3)]
             self.parts = np.stack([bare, *(x / size for x in axes)], 3)
         same = np.arange(n), np.ones(n), np.zeros(n), np.zeros(n, bool)
@@ -300,7 +301,7 @@ class _Rows:
     @cached_property
     def _smooth(self) -> list[tuple[Array, Array]]:
         """Most of what may be missing at each joint: functions, lagging friction, inertia."""
-        some = Hysteresis.name, ActuatorInertia.name
+        some = Hysteresis.name, ActuatorInertia.name, "passive_joint_friction"
         families = [f for f in find_families(None) if f.unnamed or f.name in some]
         motions, present = [piece.motion for piece in self.seen.pieces], self.structure.present
         listed, _ = list_candidates(self.robot, families, present, motions, fixed=False)

@@ -1,18 +1,16 @@
-"""What changed between two results, or between logs, of one robot.
+"""What changed between logs of one robot.
 
 Logs are compared by the mixed model: what may differ is a group that acts in some logs alone
 (`Differences`). Logs that made the same motion are compared sample by sample, so that what the
-model gets wrong along it cancels. Results without their logs are compared by their values and the
-covariance of these, which sees less.
+model gets wrong along it cancels.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 from shlex import quote
 from typing import Any, ClassVar, Literal
 
@@ -32,25 +30,21 @@ from identifiability.estimation.differences import (
     Known,
     find_changes,
     frame_changes,
-    kind_of,
     list_changes,
     pooled_values,
     table_changes,
     tool_bodies,
 )
 from identifiability.estimation.groups import Excerpt
-from identifiability.estimation.mixed_model import Term, Terms
-from identifiability.estimation.noise import JointNoise, JointRuns
+from identifiability.estimation.noise import JointRuns
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Answer, Table
 from identifiability.foundation.engines import Engine, one_thread
-from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
+from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import shorten_paths
-from identifiability.foundation.options import OptionError, checked
+from identifiability.foundation.options import checked
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import rough_percent
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -65,11 +59,10 @@ from identifiability.regression.reduction import (
     find_ladder,
     ladder_model,
 )
-from identifiability.regression.structure import OfStructure, Structure, random_motion
+from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
-from identifiability.workflows.predict import Fit, Predicts, find_fit
 from identifiability.workflows.session import Logs, Session, list_logs
 
 # Logs of several sides as one question. What a model leaves out is a function of the motion: where
@@ -202,30 +195,6 @@ def _on_one_clock(
     return first, second
 
 
-# How small a change would be found.
-
-
-def found_from(found: Differences, terms: Terms) -> dict[str, float]:
-    """Return by which share friction of each joint must change to be found nine times in ten."""
-    model, out = found.model, dict[str, float]()
-    z = np.linspace(0.0, 20.0, 401)[:, None]
-    for group, parts, pattern in found.told.values():
-        own = [k for c in parts for k in c.columns]
-        if pattern or len(own) != 1 or kind_of(parts[0]) != "friction" or not found.level[own[0]]:
-            continue
-        beside = [t for t in terms if parts[0] not in found.told[t.key][1]]
-        solved = model.solve((*beside, Term(group, 0, np.inf, 0.0)))
-        sd = float(np.sqrt(solved.covariance[-1, -1]))
-        ratio = (model.sizes / sd) ** 2
-        rise = 0.5 * (z**2 * ratio / (1.0 + ratio) - np.log1p(ratio))
-        odds = np.log(np.mean(np.exp(rise), axis=1)) - group.price
-        needed = float(z[int(np.argmax(odds >= RULES.name)), 0])
-        # Standard deviations above what is needed at which nine of ten are found.
-        share = (needed + 1.28) * sd
-        out[group.place] = min(out.get(group.place, share), share)
-    return out
-
-
 # `Comparison`: what changed, in numbers and words.
 
 
@@ -242,37 +211,34 @@ class Comparison(OfStructure, Result):
         The robot under the unpruned model.
     submodel : Submodel
         The model.
-    kind : {"pairs", "logs", "results"}
+    kind : {"pairs", "logs"}
         What was compared.
     before, after : tuple of str
-        Logs or results on either side.
+        Logs on either side.
     pairs : tuple of (str, str)
         Logs that were compared sample by sample.
     changes : tuple of Change
         The surest first.
-    found_from : mapping
-        Share by which the friction of each joint must change to be found nine times in ten.
     hints : tuple of str
     preparation : Preparation
         How logs were asked to be turned into motion.
-    motion, torque : Motion and DifferentTorque, or None
-        Of the first log after; of results nobody measured any.
+    motion, torque : Motion and DifferentTorque
+        Of the first log after.
     """
 
     schema: ClassVar[str] = "identifiability/comparison/1"
 
     structure: Structure
     submodel: Submodel
-    kind: Literal["pairs", "logs", "results"]
+    kind: Literal["pairs", "logs"]
     before: tuple[str, ...]
     after: tuple[str, ...]
     pairs: tuple[tuple[str, str], ...]
     changes: tuple[Change, ...]
-    found_from: Mapping[str, float]
-    hints: tuple[str, ...] = ()
-    preparation: Preparation = Preparation()
-    motion: Motion | None = None
-    torque: DifferentTorque | None = None
+    hints: tuple[str, ...]
+    preparation: Preparation
+    motion: Motion
+    torque: DifferentTorque
 
     @property
     def answer(self) -> str:
@@ -280,13 +246,10 @@ class Comparison(OfStructure, Result):
         if self.changes:
             text = "; ".join([change.called for change in self.changes[:NAMED]])
             return f"{text[0].upper()}{text[1:]}."
-        # Where friction must change by more than this share everywhere, an unchanged
-        # robot is no news.
-        blind = min(self.found_from.values(), default=0.0) > 0.5
-        return sentence("comparison.how", "blind" if blind else "nothing")
+        return sentence("comparison.how", "nothing")
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return what changed, how small a change shows, whether to trust it, what next."""
+        """Return what changed, whether to trust it, what to do next."""
         every, k = shorten_paths((*self.before, *self.after)), len(self.before)
         sides = f"{listing(every[:k], 3)} and {listing(every[k:], 3)}"
         tone = "vermilion" if self.changes else "green"
@@ -295,12 +258,7 @@ class Comparison(OfStructure, Result):
         why += [sentence("comparison.how", "odds")]
         tone = "green" if self.kind == "pairs" else "amber"
         trust = Answer("May I trust it?", short, " ".join(why), tone)
-        order = sorted(self.found_from, key=self.found_from.__getitem__)
-        ends = dict.fromkeys((*order[:1], *order[-1:]))
-        told = " to ".join(f"{rough_percent(self.found_from[j])} ({j})" for j in ends)
-        short = f"Friction that changes by {told}, nine times in ten." if told else "Not known."
-        least = Answer("How small a change would have been found?", short, tone="blue")
-        return changed, least, trust, answer_next(_next_commands(self))
+        return changed, trust, answer_next(_next_commands(self))
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
@@ -323,21 +281,20 @@ class Comparison(OfStructure, Result):
             "robot": self.robot.identity,
             "model": self.submodel.name,
             **{name: getattr(self, name) for name in own},
-            **dict.fromkeys(("level", "tested", "parameters", "drift")),  # of earlier releases
+            **dict.fromkeys(("level", "tested", "parameters", "drift", "found_from")),  # of old
             "changed": bool(self.changes),
-            "found_from": dict(self.found_from),
             "changes": self.to_frame().to_dict("records"),
         }
 
 
-# `compare`: what changed between two results, or between logs of one robot.
+# `compare`: what changed between logs of one robot.
 
 
 @checked
 def compare(
     robot: RobotLike,
-    before: Logs | Fit | Predicts,
-    after: Logs | Fit | Predicts,
+    before: Logs,
+    after: Logs,
     *,
     ladder: LadderLike | None = None,
     preparation: Preparation | None = None,
@@ -346,17 +303,16 @@ def compare(
     """Find what changed: loads, friction, offsets, torque gains; of three logs also in which.
 
     Logs that made the same motion are compared sample by sample, so that what the model gets wrong
-    cancels; other logs beside what the model may lack in all of them; results by their values.
+    cancels; other logs beside what the model may lack in all of them.
 
     Parameters
     ----------
     robot : Robot, path or shipped name
-    before, after : result, path of its JSON, or log, path, DataFrame, or several logs
-        Log, with columns as for `analyze`, or result (JSON) of `analyze`, `prune` or `diagnose`:
-        two results of one model, or logs on both sides.
+    before, after : log, path, DataFrame, or several
+        With columns as for `analyze`.
     ladder : path, LadderEntry or result of `prune`, optional
         Its first model is the one that logs are compared under; by default the one beside the robot
-        file, else every base parameter, with torque offsets. Results have their own.
+        file, else every base parameter, with torque offsets.
     preparation : Preparation, optional
         How derivatives are made.
     engine : Engine, optional
@@ -364,130 +320,44 @@ def compare(
 
     Raises
     ------
-    IdentifiabilityError
-        If a result is compared with a log, or two results have different models.
     LogError
         If a log does not fit the robot, or is on both sides.
     """
-    with one_thread("blas"):
-        robot = Robot.of(robot)
-        results = is_result(before)
-        if results != is_result(after):
-            raise OptionError("A result cannot be compared with a log; give two of one kind.")
-        if results:
-            return _compare_results(robot, before, after)
-        return _compare_logs(robot, before, after, ladder, preparation, engine)
-
-
-def is_result(side: Any) -> bool:
-    """Return whether it is a result rather than logs."""
-    path = isinstance(side, (str, Path)) and str(side).lower().endswith(".json")
-    return path or isinstance(side, (Fit, Predicts))
-
-
-def _compare_results(robot: Robot, before: Any, after: Any) -> Comparison:
-    one, other = (find_fit(side, robot) for side in (before, after))
-    if one.structure.base.names != other.structure.base.names:
-        raise IdentifiabilityError(
-            f"The results have different models, '{one.submodel.name}' and "
-            f"'{other.submodel.name}': analyze both with one (--ladder model.toml)."
-        )
-    first, second = (
-        (str(side) if isinstance(side, (str, Path)) else f"the {word} result",)
-        for side, word in ((before, "first"), (after, "second"))
-    )
-    found = differences_of_results(one, other)
-    sides = {"before": first, "after": second}
-    return _conclude(one.structure, one.submodel, found, (), kind="results", pairs=(), **sides)
-
-
-def differences_of_results(one: Fit, other: Fit) -> Differences:
-    """Return what may differ between two fits, by the torque of both along random motion."""
-    structure, b = one.structure, len(one.base)
-    motion = random_motion(structure.robot, np.random.default_rng(0))
-    X = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
-    said = Dataset("random motion", motion, X @ other.base, None, (), "")
-    covariance = one.base_covariance + other.base_covariance
-    unknown = np.hstack([one.base_unknown, other.base_unknown])
-    known = Known.of(one.base, np.eye(b), covariance, unknown)
-    seen = Excerpt.of(structure.regression([said]))
-    size = np.sqrt(np.mean(seen.y**2, axis=0))
-    return Differences.of(
-        Compared.about(seen, known),
-        list_changes(structure.robot, tool_bodies(structure)),
-        (),
-        known,
-        (np.ones((1, 1)),),
-        tuple(JointNoise(np.empty(0), NEARLY**0.5 * (x or 1.0)) for x in size),
-        names=structure.base.names,
-    )
-
-
-def _compare_logs(
-    robot: Robot,
-    before: Any,
-    after: Any,
-    ladder: LadderLike | None,
-    preparation: Preparation | None,
-    engine: Engine | None,
-) -> Comparison:
-    source = find_ladder(robot, ladder, beside=True)
-    structure = Structure.of(robot, ladder_model(source.entry))
-    submodel = build_ladder(source.entry, structure)[0]
     if not list_logs(before):
         raise LogError(Finding("logs.none"))
-    session, count = Session.read_sides(structure, after, before, preparation, engine)
-    opening, logs = session.open("compared"), session.recordings.fitted
-    seen = look(structure, opening.samples, len(submodel))
-    pairs = find_pairs(robot, logs, opening.samples, count, session.how)
-    # Differences of pairs say nothing of the values themselves, which logs before tell.
-    some = seen.log >= count * bool(pairs)
-    base = pooled_values(seen.X[some], seen.y[some], submodel.M, submodel.fixed)
-    found = find_differences(
-        structure,
-        seen,
-        tool_bodies(structure),
-        pairs,
-        Known.nothing(submodel.M[:, : 0 if pairs else None], base),
-        count,
-        len(logs),
-    )
-    paths = given_paths(logs)
-    return _conclude(
-        structure,
-        submodel,
-        found,
-        [s.name for s in opening.samples],
-        kind="pairs" if pairs else "logs",
-        before=paths[count:],
-        after=paths[:count],
-        pairs=tuple((paths[p.at[1]], paths[p.at[0]]) for p in pairs),
-        hints=opening.hints,
-        motion=opening.samples[0].motion,
-        preparation=preparation or Preparation(),
-    )
-
-
-def _conclude(
-    structure: Structure, submodel: Submodel, found: Differences, logs: Sequence[str], **said: Any
-) -> Comparison:
-    """Return what logs of some names, or results, differ by; all else is `said` as it is."""
-    terms = found.model.search()
-    return Comparison(
-        structure=structure,
-        submodel=submodel,
-        changes=find_changes(found, terms, logs),
-        found_from=found_from(found, terms),
-        torque=found.along(terms) if "motion" in said else None,
-        **said,
-    )
+    with one_thread("blas"):
+        robot = Robot.of(robot)
+        source = find_ladder(robot, ladder, beside=True)
+        structure = Structure.of(robot, ladder_model(source.entry))
+        submodel = build_ladder(source.entry, structure)[0]
+        session, count = Session.read_sides(structure, after, before, preparation, engine)
+        opening, logs = session.open("compared"), session.recordings.fitted
+        seen = look(structure, opening.samples, len(submodel))
+        pairs = find_pairs(robot, logs, opening.samples, count, session.how)
+        # Differences of pairs say nothing of the values themselves, which logs before tell.
+        some = seen.log >= count * bool(pairs)
+        base = pooled_values(seen.X[some], seen.y[some], submodel.M, submodel.fixed)
+        known = Known.nothing(submodel.M[:, : 0 if pairs else None], base)
+        bodies = tool_bodies(structure)
+        found = find_differences(structure, seen, bodies, pairs, known, count, len(logs))
+        terms, paths = found.model.search(), given_paths(logs)
+        return Comparison(
+            structure=structure,
+            submodel=submodel,
+            kind="pairs" if pairs else "logs",
+            before=paths[count:],
+            after=paths[:count],
+            pairs=tuple((paths[p.at[1]], paths[p.at[0]]) for p in pairs),
+            changes=find_changes(found, terms, [s.name for s in opening.samples]),
+            hints=opening.hints,
+            preparation=preparation or Preparation(),
+            motion=opening.samples[0].motion,
+            torque=found.along(terms),
+        )
 
 
 def _next_commands(result: Comparison) -> list[tuple[str, str]]:
     robot = source_name(result.robot)
-    if result.kind == "results":
-        again = f"identifiability compare {robot} before.csv after.csv --report changed.html"
-        return [("Log the same motion before and after, and compare these logs:", again)]
     sides, how = (result.before, result.after), result.preparation
     before, after = (name_logs(result.robot, paths, how=how) for paths in sides)
     loads = [c.place for c in result.changes if c.kind == "load"]

@@ -7,7 +7,6 @@ are read, prepared, and whether robot file, limits and physics contradict them.
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, field, replace
 from shlex import quote
@@ -69,9 +68,6 @@ from identifiability.workflows.session import (
 
 
 Role = Literal["actuated", "floats", "passive", "coupled", "locked", "left out"]
-
-#: Names of joints that most robots do not move while they are identified.
-_GRIPPER = re.compile(r"finger|gripper|grip|jaw|knuckle|claw", re.IGNORECASE)
 
 
 @frozen
@@ -182,10 +178,6 @@ def find_needs(robot: Robot) -> tuple[Need, ...]:
         table = [f"{json.dumps(name)} = {x:.6g}" for name, x in robot.home_table.items()]
         whole = len(table) == len(robot.tree.joints)
         needs.append(Need(robot.describe_assembly(), "\n".join(["[home]", *table] * whole)))
-    grippers = [j for j in robot.joints if _GRIPPER.search(j)]
-    if grippers and len(grippers) < len(robot.joints):
-        line = f"locked = {json.dumps(grippers)}"
-        needs.append(Need(phrase("needs", "gripper", joints=grippers), line))
     if not robot.mjcf and read_sidecar(robot.sidecar).actuated is None:
         line = f"actuated = {json.dumps(robot.joints)}"
         needs.append(Need(phrase("needs", "actuated"), line))

@@ -55,8 +55,8 @@ from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import Point, body_of, ten_parameters
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
-from identifiability.workflows.compare import find_differences, find_pairs, is_result, look
-from identifiability.workflows.predict import FitLike, find_fit, state_missing
+from identifiability.workflows.compare import find_differences, find_pairs, look
+from identifiability.workflows.predict import FitLike, Predicts, find_fit, state_missing
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Logs, Session, list_logs
 
@@ -500,7 +500,8 @@ def payload(
         robot = Robot.of(robot)
         if (mass is None and centre is not None) or (centre is None and inertia is not None):
             raise OptionError("Moments of a load need its centre, and this its mass (--mass).")
-        empty = [] if is_result(result) else list_logs(cast("Logs", result))
+        of_result = isinstance(result, Predicts) or str(result).lower().endswith(".json")
+        empty = [] if of_result else list_logs(cast("Logs", result))
         if empty and mass is None:
             raise OptionError(
                 "Logs without the load stand for a result only where its mass is known: give the "

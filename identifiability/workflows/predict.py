@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, cast
 
 import numpy as np
 import pandas as pd
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 
 from identifiability.effects.base import settle_gravity
 from identifiability.effects.vocabulary import complete_values
@@ -255,18 +255,6 @@ class RobotEntry(Entry):
     name: str
     locked: dict[str, float] = {}
 
-    def check_locked(self, robot: Robot, path: str | Path) -> None:
-        """Refuse a robot of which other joints are locked than when the result was made.
-
-        Raises
-        ------
-        IdentifiabilityError
-        """
-        if self.locked.keys() != robot.locked.keys():
-            was = [f"{n} = {at:g}" for n, at in self.locked.items()] or ["nothing"]
-            now = [*robot.locked] or ["nothing"]
-            raise IdentifiabilityError(Finding("result.locked", path, was=was, now=now))
-
 
 # `Fit`: what a result keeps of its model: values, their covariance, how torque scatters.
 #
@@ -359,8 +347,6 @@ class Fit(Predicts):
         takes what it leaves out as known. The latter are directions that the motion never showed.
     origin : str
         Name of the file that it was read from (reports tell no paths of a machine).
-    errors : (float, float) or None
-        ε_RA on the fitted logs of the nearest real robot, and of what an MJCF alone holds of it.
     missing : tuple of str
         Functions of a joint's motion or load that the result says are missing.
     """
@@ -373,7 +359,6 @@ class Fit(Predicts):
     base_covariance: Array
     base_unknown: Array
     origin: str = "result.json"
-    errors: tuple[float, float] | None = None
     missing: tuple[str, ...] = ()
 
     @property
@@ -485,10 +470,15 @@ class GravityEntry(Entry):
 class RealEntry(Entry):
     """The nearest real robot, and how much it errs."""
 
-    parameters: dict[str, float] = Field(default={})
+    parameters: dict[str, float] = {}
+    shapes: dict[str, float] = {}
     gravity: GravityEntry | None = None
     error_ra: float | None = None
-    error_ra_files: dict[str, float | None] = Field(default={})
+    error_ra_files: dict[str, float | None] = {}
+    error_joints: tuple[dict[str, Any], ...] = ()
+    cad_prior: float = 0.0
+    certificate: str = ""
+    reason: str = ""
 
 
 class RolloutEntry(Entry):
@@ -497,7 +487,7 @@ class RolloutEntry(Entry):
     statement: str
     logs: tuple[str, ...]
     delays: tuple[float, ...]
-    gains: dict[str, dict[str, float]] = Field(default_factory=dict)
+    gains: dict[str, dict[str, float]] = {}
 
     def settle(self, servo: Servo, joints: Sequence[str]) -> Servo:
         """Return servos with the gains that logs told."""
@@ -544,12 +534,9 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
         If the file is no such result, keeps no fitted model, or is about another robot.
     """
     robot = Robot.of(robot)
-    content = read_document(path, ResultEntry, "JSON", "result", IdentifiabilityError)
-    if content.nothing:
-        raise IdentifiabilityError(Finding("result.nothing", path, why=content.nothing))
+    content = _read_result(path, robot, "predicted")
     if content.fit is None:
         raise IdentifiabilityError(Finding("result.unfitted", path))
-    content.robot.check_locked(robot, path)
     entry, where = content.fit, f"{path} is about '{content.robot.name}'"
     structure = Structure.of(robot, Model.of(*(entry.model.effects or ())))
     try:
@@ -560,7 +547,6 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
         raise _other_robot(where, robot, "its parameters are not those of this robot.")
     submodel = submodel.ordered(entry.names)  # what is tied stands where its first member stood
     k, n, b = len(submodel), len(robot.joints), len(structure.base)
-    real, alone = content.physical.error_ra, content.physical.error_ra_files.get("mjcf")
     try:
         return Fit(
             structure=structure,
@@ -575,11 +561,52 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
             base_covariance=np.reshape(entry.base_covariance, (b, b)),
             base_unknown=np.array(entry.base_unknown, float).reshape(b, -1 if b else 0),
             origin=str(path),
-            errors=None if real is None or alone is None else (real, alone),
             missing=content.missing,
         )
     except ValueError:
         raise IdentifiabilityError(Finding("result.tables", where)) from None
+
+
+def _read_result(path: str | Path, robot: Robot, done: str) -> ResultEntry:
+    content = read_document(path, ResultEntry, "JSON", "result", IdentifiabilityError)
+    if content.nothing:
+        raise IdentifiabilityError(Finding("result.nothing", path, why=content.nothing, done=done))
+    if content.robot.locked.keys() != robot.locked.keys():
+        was = [f"{n} = {at:g}" for n, at in content.robot.locked.items()] or ["nothing"]
+        now = [*robot.locked] or ["nothing"]
+        raise IdentifiabilityError(Finding("result.locked", path, was=was, now=now))
+    return content
+
+
+def read_real(
+    path: str | Path, robot: Robot, done: str
+) -> tuple[ResultEntry, Robot, dict[str, float]]:
+    """Read the nearest real robot of a result: with servos and gravity as found, and its values.
+
+    Parameters
+    ----------
+    path : path
+    robot : Robot
+    done : str
+        What is done with it, as a participle.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the file is no such result, or has no real robot.
+    """
+    content = _read_result(path, robot, done)
+    physical, found = content.physical, content.rollout
+    given = physical.parameters
+    if not given:
+        why = physical.reason or physical.certificate
+        raise IdentifiabilityError(f"{path} holds no real robot to be {done}. {why}".rstrip())
+    if robot.servo is not None and found is not None:
+        robot = replace(robot, servo=found.settle(robot.servo, robot.joints))
+    if physical.gravity is not None:
+        given = {n: v for n, v in given.items() if n.rpartition(".")[0] != BASE}
+        robot = robot.turned(np.array(physical.gravity.direction))
+    return content, *settle_gravity(robot, given)
 
 
 def _other_robot(where: str, robot: Robot, why: str) -> IdentifiabilityError:
@@ -667,8 +694,8 @@ def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:
 
 # `PositionPrediction`: how robots move as logged commands, or torques, make them.
 #
-# What is judged is the error of positions, over whole logs, in which drift adds up, and over
-# windows that begin with what was measured.
+# What is judged is the error of positions: by commands over whole logs; by torque over windows
+# that begin with what was measured, as all that is wrong with it adds up.
 
 
 #: After how long a motion begins anew with what was measured, in windows [s].
@@ -689,9 +716,9 @@ class Simulated:
         Whether they were found, as nothing states them.
     q : tuple of (N, n) [rad or m]
         Positions along each log, by torque begun anew at every window; NaN where they diverged.
-    errors, window_errors : (n,) [rad or m]
-        Of positions (rms) over whole logs, without the beginning, in which the speed of the start
-        is forgotten, and over windows of a second; NaN where they diverged.
+    errors : (n,) [rad or m]
+        Of positions (rms), without the beginning of logs, in which the speed of the start is
+        forgotten; NaN where they diverged.
     """
 
     name: str
@@ -699,7 +726,6 @@ class Simulated:
     found: bool
     q: tuple[Array, ...]
     errors: Array
-    window_errors: Array
 
 
 @frozen(kw_only=True)
@@ -736,15 +762,8 @@ class PositionPrediction(Result):
     @property
     def totals(self) -> Array:
         """Error of each run over these joints (rms), (runs,)."""
-        return self._over_joints([run.errors for run in self.runs])
-
-    @property
-    def window_totals(self) -> Array:
-        """The same over windows of a second."""
-        return self._over_joints([run.window_errors for run in self.runs])
-
-    def _over_joints(self, errors: list[Array]) -> Array:
-        return np.asarray(np.sqrt(np.mean(np.array(errors)[:, self.alike] ** 2, axis=1)))
+        errors = np.array([run.errors for run in self.runs])
+        return np.asarray(np.sqrt(np.mean(errors[:, self.alike] ** 2, axis=1)))
 
     def answers(self) -> tuple[Answer, ...]:
         """Return by how much positions err, and what moved the robots, and when."""
@@ -756,11 +775,10 @@ class PositionPrediction(Result):
         return (frame_table(frame, "Each joint by itself [mrad or mm]", digits=3),)
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row a joint: errors over whole logs and windows, of each robot [rad or m]."""
+        """Return one row a joint: the error of each robot [rad or m]."""
         frame = pd.DataFrame({"joint": list(self.robot.joints)})
         for run in self.runs:
             frame[f"error of {run.name}"] = run.errors
-            frame[f"{WINDOW:g} s windows of {run.name}"] = run.window_errors
         return frame
 
     def write(self, path: str | Path) -> Path:
@@ -782,12 +800,11 @@ class PositionPrediction(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the answer in its documented JSON schema."""
         rollouts = []
-        totals = self.totals.tolist(), self.window_totals.tolist()
-        for run, whole, short in zip(self.runs, *totals, strict=True):
-            errors = {"error": run.errors, "error_windows": run.window_errors}
-            joints = pd.DataFrame(errors, self.robot.joints).to_dict("index")
+        for run, error in zip(self.runs, self.totals.tolist(), strict=True):
+            joints = pd.DataFrame({"error": run.errors}, self.robot.joints).to_dict("index")
             found = {"robot": run.name, "delays": list(run.delays), "delays_found": run.found}
-            rollouts.append({**found, "error": whole, "error_windows": short, "joints": joints})
+            found["error_windows"] = None  # of earlier releases
+            rollouts.append({**found, "error": error, "joints": joints})
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
@@ -802,17 +819,14 @@ class PositionPrediction(Result):
 
 
 def _position_error(result: PositionPrediction) -> Answer:
-    whole, short, unit = 1e3 * result.totals, 1e3 * result.window_totals, result.unit
-    # Where torque moves a robot all that is wrong with it adds up.
-    totals = whole if any(map(has_commands, result.logs)) else short
+    totals, unit = 1e3 * result.totals, result.unit
     told = " → ".join(f"{x:.3g} {unit}" if np.isfinite(x) else "it diverges" for x in totals)
-    said = [
-        f"{run.name}: {x:.3g} {unit} over whole logs, {w:.3g} over windows of {WINDOW:g} s."
-        for run, x, w in zip(result.runs, whole, short, strict=True)
-    ]
+    windows = f"windows of {WINDOW:g} s that begin with what was measured"
+    over = "whole logs" if any(map(has_commands, result.logs)) else windows
+    text = f"{' → '.join(run.name for run in result.runs)}: over {over} (rms)."
     tone = "blue" if len(totals) == 1 else "green" if totals[1] < totals[0] else "amber"
     question = "By how much do positions err?"
-    return Answer(question, f"{told[0].upper()}{told[1:]}.", " ".join(said), tone)
+    return Answer(question, f"{told[0].upper()}{told[1:]}.", text, tone)
 
 
 def _driven(result: PositionPrediction) -> Answer:
@@ -883,7 +897,8 @@ class Moved:
     def to_dict(self) -> dict[str, Any]:
         """Return it as JSON has it."""
         robot, (file, own) = self.found.robot, self.found.totals.tolist()
-        gains = {} if robot.servo is None else robot.servo.by_joint(robot.joints)
+        servo = robot.servo
+        gains = servo.by_joint(robot.joints) if servo and servo.source == FOUND else {}
         return {
             "statement": self.statement,
             "logs": [log.name for log in self.found.logs],
@@ -944,7 +959,11 @@ def predict(
         if other is None and not (isinstance(result, Predicts) or str(result).endswith(".json")):
             other = Robot.load(cast("str", result))
         if other is None:
-            runs.append(_moved_by(robot, result))
+            fitted: Any = result
+            if not isinstance(result, (str, Path)):
+                fitted = fitted.to_json(new_place("fitted", ".json"))
+            _, own, values = read_real(fitted, robot, "moved")
+            runs.append((own, Path(fitted).name, complete_values(own, values, keep=False)))
         elif other.joints != robot.joints:
             told = {"own": [*other.joints], "path": robot.path, "joints": [*robot.joints]}
             raise RobotError(Finding("robots.joints", other.path, **told))
@@ -961,54 +980,30 @@ def _file_name(robot: Robot) -> str:
     return path.name if path.stem != "robot" else f"{robot.name}/{path.name}"
 
 
-def _moved_by(robot: Robot, result: Any) -> tuple[Robot, str, dict[str, float]]:
-    """Return the robot of a result as a simulator has it: its servos, its name, its values.
-
-    Raises
-    ------
-    IdentifiabilityError
-    """
-    path = result if isinstance(result, (str, Path)) else None
-    path = path or result.to_json(new_place("fitted", ".json"))
-    content = read_document(path, ResultEntry, "JSON", "result", IdentifiabilityError)
-    content.robot.check_locked(robot, path)
-    given = content.physical.parameters
-    if not given:
-        raise IdentifiabilityError(f"{path} holds no real robot to move; give another result.")
-    if robot.servo is not None and content.rollout is not None:
-        robot = replace(robot, servo=content.rollout.settle(robot.servo, robot.joints))
-    if content.physical.gravity is not None:
-        given = {n: v for n, v in given.items() if n.rpartition(".")[0] != BASE}
-        robot = robot.turned(np.array(content.physical.gravity.direction))
-    robot, given = settle_gravity(robot, given)
-    return robot, Path(path).name, complete_values(robot, given, keep=False)
-
-
 def _move(robot: Robot, name: str, values: Mapping[str, float], logs: Sequence[Log]) -> Simulated:
     """Return a robot with some values as logs move it."""
     from identifiability.estimation.rollouts import roll_late  # noqa: PLC0415 - MuJoCo
     from identifiability.simulation.rollout import CommandedRobot, forgotten  # noqa: PLC0415
 
     motors = Servo.of_torque(len(robot.joints))
-    late, whole, apart, short = list[float](), list[Array](), list[Array](), list[Array]()
+    late, found, apart = list[float](), list[Array](), list[Array]()
     for log in logs:
-        step = signals.sampling_step(log.t)
         if has_commands(log):
-            machine, driven = CommandedRobot(robot, values), log
+            machine, stop = CommandedRobot(robot, values), len(log)
             delay, q = roll_late(machine, log, machine.servo.delay)
-            late.append(delay)
-        else:  # what was measured acts from half a step before until half a step after it
-            machine, delay = CommandedRobot(robot, values, motors), -0.5 * step
-            driven = replace(log, q_ref=None, dq_ref=None, tau_ff=log.tau)
-            q = machine.roll(driven, delay=delay)[0]
-            late.append(0.0)
-        rows = max(2, round(WINDOW / step))
-        windows = [(a, a + rows) for a in range(0, len(log) - rows + 1, rows)] or [(0, len(log))]
-        anew = machine.roll(driven, delay=delay, windows=windows)[0]
-        first, last = forgotten(log), windows[-1][1]
-        whole.append(q if has_commands(log) else anew)
-        apart.append((q - log.q)[first:])
-        short.append((anew - log.q)[first:last])
-    errors, each = (np.sqrt(np.mean(np.concatenate(x) ** 2, axis=0)) for x in (apart, short))
-    found = robot.servo is not None and robot.servo.delay is None and any(map(has_commands, logs))
-    return Simulated(name, tuple(late), found, tuple(whole), errors, each)
+        else:
+            machine, delay = CommandedRobot(robot, values, motors), 0.0
+            step = signals.sampling_step(log.t)
+            rows = max(2, round(WINDOW / step))
+            windows = [(a, a + rows) for a in range(0, len(log) - rows + 1, rows)]
+            windows = windows or [(0, len(log))]
+            driven, stop = replace(log, q_ref=None, dq_ref=None, tau_ff=log.tau), windows[-1][1]
+            # What was measured acts from half a step before until half a step after it.
+            q = machine.roll(driven, delay=-0.5 * step, windows=windows)[0]
+        late.append(delay)
+        found.append(q)
+        apart.append((q - log.q)[forgotten(log) : stop])
+    errors = np.sqrt(np.mean(np.concatenate(apart) ** 2, axis=0))
+    unknown = robot.servo is not None and robot.servo.delay is None
+    sought = unknown and any(map(has_commands, logs))
+    return Simulated(name, tuple(late), sought, tuple(found), errors)

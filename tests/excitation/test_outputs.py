@@ -72,8 +72,8 @@ def test_the_report_is_whole_and_states_the_answer(which, request, tmp_path):
     result = request.getfixturevalue(which)
     text = result.write_report(tmp_path / "report.html").read_text()
     assert text.rstrip().endswith("</html>")
-    assert "What it is worth" in text
-    assert text.count("<svg") == 3  # the robot, and gains twice
+    assert "The motion" in text
+    assert text.count("<svg") == 2  # the robot, and what it gains
     assert text.count("data-trace=") == 3 * len(result.limits.joints)
 
 

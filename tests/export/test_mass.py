@@ -22,9 +22,6 @@ def test_a_robot_of_which_the_logs_say_little_weighs_as_its_file_says(log, tmp_p
     found = result.chosen.physical.parameters()
     assert 25.248 / 3 < total_mass(result.robot, found) < 3 * 25.248
     assert "weighs" not in result.statement
-    line = result.mass_statement
-    assert line.startswith(f"The nearest real robot weighs {total_mass(result.robot, found):.4g} ")
-    assert "that of the robot file 25.25 kg" in line
     rows = result.to_dict()["physical"]["masses"]
     assert [row["body"] for row in rows] == list(result.robot.bodies)
     masses = [found[f"{b}.m"] for b in result.robot.bodies]
@@ -50,7 +47,6 @@ def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, tm
     assert answer.short.startswith(f"{total}. ")
     assert answer.text.lower().startswith(why)
     assert trust.short == "With care."
-    assert "far from the file's are" in result.mass_statement
     light = analyze("3-rps", log, ladder=FULL, replicates=50, cad_prior=1.0)
     assert "weighs" not in light.statement
     assert total_mass(light.robot, light.chosen.physical.parameters()) < 3 * 25.248

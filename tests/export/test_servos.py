@@ -18,7 +18,7 @@ from identifiability import Robot, analyze
 from identifiability.cli import app
 from identifiability.foundation.errors import RobotError
 from identifiability.physical.fitted_model import physical_set
-from identifiability.workflows.export import draw_robots, export
+from identifiability.workflows.export import draw_robots, export, write_parameters
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "studies"))
@@ -52,6 +52,18 @@ def made(tmp_path_factory):
         frames.append(servos.record(robot, TRUTH, commands, seconds, how, rng))
     result = analyze(robot, frames[0], frames[1], quick=True)
     return robot, frames, result, result.to_json(folder / "result.json")
+
+
+def test_a_servo_is_written_as_a_plain_one_unless_it_has_an_offset(made, tmp_path):
+    robot = made[0]
+    written = write_parameters(robot, {"elbow.off": 0.3}, tmp_path / "arm.xml").robot
+    tags = dict(
+        re.findall(r'<(position|velocity|general) name="\w+" joint="(\w+)"', written.read_text())
+    )
+    assert tags == {"position": "shoulder", "general": "elbow"}
+    again = Robot.load(written)
+    np.testing.assert_array_equal([again.servo.kp, again.servo.kv], [[1200, 300], [50, 8]])
+    assert again.nominal["elbow.off"] == pytest.approx(0.3)
 
 
 def test_the_rollout_error_of_unseen_motion_is_stated(made):
@@ -127,7 +139,7 @@ def test_a_configuration_for_isaac_lab_holds_what_was_fitted(made):
 def test_every_draw_is_possible_and_loads_back(made):
     robot, _, _, path = made
     drawn = draw_robots(robot, path, 200)
-    assert drawn.values.shape == (200, len(drawn.names))
+    assert drawn.values.shape == (200, len(drawn.structure.columns))
     assert physical_set(drawn.structure).contains(drawn.values).all()
     np.testing.assert_array_equal(drawn.values, draw_robots(robot, path, 200).values)
     table = drawn.write(path.with_name("draws.csv"))[0]
@@ -166,7 +178,7 @@ def joint_share(fit, structure, count, rng, size=256):
         assert region.contains(phi[None])[0]
         base = structure.G @ phi + root @ rng.standard_normal(len(root))
         own = replace(fit, values=np.linalg.pinv(fit.submodel.M) @ (base - fit.submodel.fixed))
-        drawn = draw_robots(structure.robot, own, size, seed=k, prior=0.2).base
+        drawn = draw_robots(structure.robot, own, size, seed=k, prior=0.2).values @ structure.G.T
         turn = np.linalg.inv(np.linalg.cholesky(np.cov(drawn.T)))
         far = ((drawn - drawn.mean(0)) @ turn.T) ** 2
         true = (turn @ (structure.G @ phi - drawn.mean(0))) ** 2

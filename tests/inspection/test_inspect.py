@@ -54,7 +54,6 @@ def test_every_joint_has_its_part_and_the_columns_follow_from_it(gripper):
     assert found.joints[2].remark == "follows finger1"
     assert found.columns == ("t", "lift.q", "lift.tau", "finger1.q", "finger1.tau")
     assert (found.joints[0].low, found.joints[0].high) == (-1.0, 1.0)
-    assert found.needs[0].line == 'locked = ["finger1"]'
     locked = inspect(Robot.load(gripper, lock=["finger1=0.02"]))
     assert {j.name: j.remark for j in locked.joints if j.role == "locked"} == {
         "finger1": "held at 0.02", "finger2": "held at -0.03"}  # fmt: skip

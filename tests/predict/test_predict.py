@@ -216,7 +216,7 @@ def test_torque_moves_the_robot_as_it_moved(without_noise):
     name = f"{right.bodies[-1]}.m"
     heavy = right.with_values({name: 1.2 * right.nominal[name]})
     found = predict(right, heavy, log, forward=True)
-    true, wrong = found.window_totals
+    true, wrong = found.totals
     assert true < 0.02  # of a torque that was sampled
     assert wrong > 5 * true
     assert found.answers()[1].short == "The measured torque."

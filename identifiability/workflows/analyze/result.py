@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 import pandas as pd
 
-from identifiability.effects import FAMILIES
-from identifiability.effects.vocabulary import every_parameter, file_kinds, values_in_file
+from identifiability.effects.vocabulary import file_kinds
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import Folds
 from identifiability.estimation.fit import Fit
@@ -42,6 +41,7 @@ from identifiability.foundation.options import check_choice
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import (
     LEVEL,
+    NONE,
     REACH,
     digits,
     error_text,
@@ -51,10 +51,10 @@ from identifiability.foundation.rounding import (
     percent_text,
     stated_text,
 )
-from identifiability.foundation.rules import RuleTable, Tolerance
+from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
-from identifiability.physical.cad_prior import real_robot_dict, state_mass, state_masses
+from identifiability.physical.cad_prior import real_robot_dict, state_mass
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.rules import Thresholds as Believable
@@ -291,8 +291,6 @@ class Laddered(OfStructure, Result, predict.Predicts):
         About the base parameters, on the fitted logs.
     selected : int
         The model to use.
-    everywhere : Prediction or None
-        By the values to use along unseen motion, where joints stand, too; None where none does.
     source : LadderSource or None
         Where the models came from.
     settings : mapping
@@ -313,7 +311,6 @@ class Laddered(OfStructure, Result, predict.Predicts):
     models: tuple[ModelResult, ...]
     information: Information
     selected: int
-    everywhere: Prediction | None
     source: LadderSource | None = None
     settings: Mapping[str, Any]
     nothing: str
@@ -469,11 +466,6 @@ class Laddered(OfStructure, Result, predict.Predicts):
         return told | {"error_ra_validation_files": files}
 
     @property
-    def mass_statement(self) -> str:
-        """What the nearest real robot and its bodies weigh beside the robot file's, in a line."""
-        return state_masses(self.robot, self.real_robot["parameters"])
-
-    @property
     def mass_warning(self) -> str:
         """What is wrong with the total mass of the nearest real robot; empty if nothing is."""
         real = self.real_robot
@@ -505,7 +497,25 @@ class Laddered(OfStructure, Result, predict.Predicts):
             parts = [f"{a.short} {a.text}".rstrip() for a in told]
         parts += [] if tilt is None else [f"In this model gravity {tilt.text}."]
         parts += [] if self.moved is None else [self.moved.statement]
-        return " ".join(filter(None, (self.mass_warning, *parts, *self.hints)))
+        return " ".join(filter(None, (self.mass_warning, self.weight, *parts, *self.hints)))
+
+    @property
+    def weight(self) -> str:
+        """What a robot that floats weighs by its logs, beside its file; nothing of others.
+
+        The mass of all its bodies is one of its base parameters: gravity acts on the whole of it.
+        """
+        structure = self.structure
+        if self.robot.base is None or self.nothing:
+            return ""
+        masses = np.array([p.kind == "m" for p in structure.parameters], float)
+        pairs = zip(structure.base.names, structure.G, strict=True)
+        total = [name for name, row in pairs if np.allclose(row, masses, atol=1e-6)]
+        for v in self.full.verdicts:
+            if v.name in total and np.isfinite(half := REACH * v.sigma_label):
+                told = {"title": self.robot.title, "file": float(structure.nominal @ masses)}
+                return sentence("decision.weight", value=v.value, half=half, **told)
+        return ""
 
     def _answer_quality(self) -> Answer:
         """Return how well the values to use predict, and beside it what that leaves out."""
@@ -517,39 +527,28 @@ class Laddered(OfStructure, Result, predict.Predicts):
 
     @property
     def left_out(self) -> dict[str, float]:
-        """Share of unseen rows without weight, and ε_RA over all rows and of raw torque."""
-        p, every = self.held_out, self.everywhere or self.held_out
-        share = 1.0 - p.sums.rows.sum() / max(every.sums.rows.sum(), 1)
-        errors = every.relative_error()[0], p.relative_error(raw=True)[0]
-        return dict(zip(("rows", "all_rows", "raw"), map(float, (share, *errors)), strict=True))
+        """Share of unseen rows without weight, and ε_RA of raw torque."""
+        surveys = [s.survey for s in self.validation or self.samples]
+        every = sum(s.outputs * len(s.rows) for s in surveys)
+        share = 1.0 - sum(s.rows.sum() for s in surveys) / every
+        return {"rows": float(share), "raw": float(self.held_out.relative_error(raw=True)[0])}
 
     def _beside(self) -> str:
         """Return what the error leaves out: rows without weight, and what a low-pass took."""
         left, error, told = self.left_out, self.chosen.error_ra_validation, []
         if left["rows"] > 0:
-            share, every = percent(left["rows"], 2), percent(left["all_rows"])
-            told.append(sentence("decision.left", "rows", share=share, error=every))
+            told.append(sentence("decision.left", "rows", share=percent(left["rows"], 2)))
         if np.isfinite(left["raw"]) and not np.isclose(left["raw"], error, rtol=1e-6):
             told.append(sentence("decision.left", "raw", error=percent(left["raw"])))
         return " ".join(told)
 
     def _in_file(self) -> str:
-        """Return what a plain robot file errs by in a simulator, and what it lacks."""
-        real, error = self.real_robot, self.chosen.error_ra_validation
-        alone, given = real["error_ra_validation_files"], real["parameters"]
+        """Return what a plain robot file errs by in a simulator; `export` says what it lacks."""
         kind = file_kinds(self.robot)[0]
-        if not np.isfinite(alone[kind]):
+        alone = self.real_robot["error_ra_validation_files"][kind]
+        if not np.isfinite(alone):
             return ""
-        held, titles = values_in_file(self.robot, given, kind), dict[str, list[str]]()
-        every = every_parameter(self.robot, real["shapes"])
-        for name in (n for n, x in given.items() if x != held[n]):
-            title = FAMILIES[every[name].group].title if name in every else name
-            titles.setdefault(title, []).append(name)
-        told = sentence("decision.left", "file", kind=kind.upper(), error=percent(alone[kind]))
-        if titles and alone[kind] > (1 + DIFFERS) * error:
-            names = [f"{title} ({listing(own, NAMED)})" for title, own in titles.items()]
-            told += sentence("decision.left", "lacks", names=listing(names, NAMED))
-        return f"{told}."
+        return sentence("decision.left", "file", kind=kind.upper(), error=percent(alone))
 
     def _reduced(self) -> str:
         """Return which values to use are no parameter's own, and what they stand for."""
@@ -627,7 +626,7 @@ class Laddered(OfStructure, Result, predict.Predicts):
             "errors": {
                 "joints": joints.drop(columns="of").to_dict("records"),
                 "logs": logs[own].rename(columns={"joint": "log"}).to_dict("records"),
-                "left_out": self.left_out,
+                "left_out": {**self.left_out, "all_rows": None},  # of earlier releases
             },
             "parameters": used.rows(),
             "full_parameters": self.full.rows(),
@@ -651,10 +650,6 @@ class Laddered(OfStructure, Result, predict.Predicts):
             "estimator": used.estimate.estimator.name,
             "provenance": self.provenance,
         }
-
-
-#: From which share on a robot file's error is another than that of the values to use.
-DIFFERS: Tolerance = 0.05
 
 
 # What logs say of each other.
@@ -902,6 +897,7 @@ def parameter_table(analysis: Laddered, result: ModelResult) -> Table:
         Column("σ robust", percent_text, "sigma_robust_percent", detail=True),
         Column("σ label", percent_text, "sigma_label_percent"),
         Column("σ bootstrap", percent_text, drawn, detail=True),
+        Column("σ is of", get=_terms_cell, detail=True),
         Column("used", "number", in_model, detail=not any(result.meanings)),
         Column("robot file", "number", lambda v: stated_text(stated[v.name], v.sigma_robust)),
         Column("share of torque", "bar", share),
@@ -933,6 +929,16 @@ def file_table(analysis: Analysis) -> Table:
     )
     caption = f"Which numbers of the robot file may I believe? {', '.join(counts)}."
     return Table.of(caption, columns, frame.itertuples(index=False))
+
+
+def _terms_cell(v: Verdict) -> Cell:
+    """Return the shares that terms have of the variance of a label, the largest first."""
+    total = v.sigma_label**2
+    if not 0 < total < np.inf:
+        return Cell(NONE, 0.0)
+    order = [term for term in sorted(v.terms, key=lambda term: -v.terms[term]) if v.terms[term]]
+    each = [f"{term} {percent(v.terms[term] ** 2 / total, 2)}" for term in order[:NAMED]]
+    return Cell(", ".join(each), v.terms[order[0]] ** 2 / total)
 
 
 def label_note(v: Any) -> str:

@@ -479,35 +479,6 @@ def say_of_fit(session: Session, samples: Sequence[Dataset], result: ModelResult
     return [*filter(None, (moved, compare_logs(samples, result)))]
 
 
-def predict_everywhere(
-    session: Session, rows: Weighed, own: Settled, which: int, turns: Folds | None
-) -> Prediction | None:
-    """Return torque along unseen motion where joints stand, too; None where none does.
-
-    Parameters
-    ----------
-    session : Session
-    rows : Weighed
-    own : Settled
-    which : int
-        Of its accounts.
-    turns : Folds or None
-        Which fold's predicts a sample; of no account where logs are held out.
-    """
-    opening, known = rows.opening, session.recordings
-    samples = opening.validation or opening.samples
-    logs = known.held_out if opening.validation else known.fitted
-    stand = any((s.survey.rows < s.survey.outputs).any() for s in samples)
-    hidden = opening.robot.base is not None or any(x.unmeasured is not None for x in logs)
-    if hidden or not stand:
-        return None
-    regression = replace(opening.unseen or opening.regression, dwelling=True)
-    turns = None if opening.validation else turns
-    values = own.values[None] if turns is None else own.turned
-    task = Task(values[:, :, [which]], turns, kept=False)
-    return predict_all(regression, [task], engine=session.engine)[0]
-
-
 # The whole way from logs to the answer.
 
 
@@ -664,7 +635,7 @@ def _conclude(
     hints += () if session.recordings.commanded else say_band(getattr(session.how, "band", None))
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest
         hints += say_of_fit(session, opening.samples, results[at])
-    used, full = int(results[at].physical_used), settled[0].model.submodel
+    full = settled[0].model.submodel
     return Analysis(
         structure=opening.structure,
         samples=opening.samples,
@@ -674,7 +645,6 @@ def _conclude(
         folds=folds,
         models=results,
         selected=at,
-        everywhere=predict_everywhere(session, rows, settled[at], used, folds),
         settings=settings,
         alternative=opening.alternative,
         nothing=nothing,

@@ -59,24 +59,14 @@ class Draws:
     share: float
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Of the parameters."""
-        return self.structure.columns
-
-    @property
-    def base(self) -> Array:
-        """Base parameters of each draw, (N, b)."""
-        return np.asarray(self.values @ self.structure.G.T)
-
-    @property
     def robots(self) -> Iterator[dict[str, float]]:
         """Parameters by name, of each draw."""
         for row in self.values:
-            yield dict(zip(self.names, row.tolist(), strict=True))
+            yield dict(zip(self.structure.columns, row.tolist(), strict=True))
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a draw, one column a standard parameter [SI]."""
-        return pd.DataFrame(self.values, columns=list(self.names))
+        return pd.DataFrame(self.values, columns=list(self.structure.columns))
 
     def write(self, path: str | Path) -> tuple[Path, ...]:
         """Write a table (.csv, .parquet), or a robot file a draw, ``fitted-001.xml`` ….
@@ -139,11 +129,9 @@ def draw_robots(
     """
     robot = Robot.of(robot)
     fit = result if isinstance(result, Fit) else read_fit(result, robot)
-    share = prior
-    if share is None:
-        # Share of their size by which bodies differ from the file's, where logs hold no
-        # torque.
-        share = robot.said.prior_relative if robot.servo is None else 0.2
+    # Share of their size by which bodies differ from the file's, where logs hold no torque.
+    usual = robot.said.prior_relative if robot.servo is None else 0.2
+    share = usual if prior is None else prior
     if not share > 0:
         raise IdentifiabilityError(
             f"Bodies within a share of {share:g} of the file's are the file's; give a positive one."

@@ -119,5 +119,6 @@ def _halves(robot: Robot, axis: Axis, parts: Any, home: float, q: Array, v: Arra
 
 def _rounded(x: Array, y: Array) -> tuple[list[float], ...]:
     """Return a table; what is the same everywhere as its ends alone."""
+    # Values that are all the same but for rounding.
     rows = [0, -1] if np.ptp(y) < 1e-12 else slice(None)
     return tuple([float(f"{value:.6g}") for value in each[rows]] for each in (x, y))

@@ -5,14 +5,12 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
-from difflib import unified_diff
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from pydantic import Field
 
 from identifiability.effects import FAMILIES
 from identifiability.effects.base import settle_gravity
@@ -28,10 +26,10 @@ from identifiability.effects.vocabulary import (
     stated_numbers,
 )
 from identifiability.estimation.prediction import predict
-from identifiability.foundation.documents import read_document, toml_text
+from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import BASE, GROUPED_KINDS, INERTIAL_KINDS
+from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.foundation.options import ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
 from identifiability.foundation.rounding import percent
@@ -46,38 +44,24 @@ from identifiability.robot.servo import state_delay
 from identifiability.robot.table import write_converted
 from identifiability.robot.write import write_robot
 from identifiability.workflows.export.snippet import write_snippet
-from identifiability.workflows.predict import FitEntry, RealEntry, ResultEntry, state_missing
+from identifiability.workflows.predict import (
+    FitEntry,
+    RealEntry,
+    ResultEntry,
+    read_real,
+    state_missing,
+)
 from identifiability.workflows.session import Logs, Session, list_logs
 
-# What is exported of a result: its JSON, checked against the robot.
 
-
-class PhysicalEntry(RealEntry):
-    """The nearest real robot."""
-
-    shapes: dict[str, float] = Field(default={})
-    error_joints: tuple[dict[str, Any], ...] = ()
-    cad_prior: float = 0.0
-    certificate: str = ""
-    sentence: str = ""
-    reason: str = ""
-
-
-class Result(ResultEntry):
-    """The part of a result that is exported."""
-
-    physical: PhysicalEntry
-
-
-def check_result(robot: Robot, path: Path, content: Result, known: set[str]) -> None:
-    """Refuse a result of another robot, or one without a whole real robot.
+def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]) -> None:
+    """Refuse a result of another robot, or of a part of one.
 
     Raises
     ------
     IdentifiabilityError
     """
     given = content.physical.parameters
-    content.robot.check_locked(robot, path)
     for name, value in given.items():
         none = name.endswith(".m") and 0 < abs(value) < SMALLEST
         if none or not abs(value) < LARGEST:
@@ -91,10 +75,6 @@ def check_result(robot: Robot, path: Path, content: Result, known: set[str]) -> 
                 f"{robot.name} does not have{near_match(name, known)} Give the robot that the "
                 "result was made with."
             )
-    if not given:
-        entry = content.physical
-        why = entry.reason or entry.certificate or entry.sentence
-        raise IdentifiabilityError(f"{path} holds no real robot to export. {why}".rstrip())
     weigh = {body: robot.nominal[f"{body}.m"] for body in robot.bodies}
     # A body with less than this share of the robot's mass weighs nothing: some formats want a
     # number.
@@ -119,7 +99,7 @@ def check_result(robot: Robot, path: Path, content: Result, known: set[str]) -> 
 
 
 def write_parameters_json(
-    robot: Robot, given: Mapping[str, float], physical: PhysicalEntry, out: Path
+    robot: Robot, given: Mapping[str, float], physical: RealEntry, out: Path
 ) -> Path:
     """Write names, values and units of the real robot, and each body as it is usually stated."""
     known = every_parameter(robot, physical.shapes)
@@ -216,48 +196,31 @@ def write_parameters(
     Raises
     ------
     RobotError
-        If a parameter is of nothing that the robot has, the format cannot hold the robot or a body
-        has no mass.
+        If the format cannot hold the robot or a body has no mass.
     OutputError
         If the files cannot be written, or the sidecar's name is taken by something else.
     """
     path = Path(path)
     robot, parameters = settle_gravity(robot, parameters)
+    shapes = robot.shapes if shapes is None else shapes
+    reference = robot.reference if reference is None else reference
     if path.suffix.lower() in (".xml", ".urdf") and (path.suffix.lower() == ".urdf") == robot.mjcf:
         with temporary_folder() as folder:  # the same robot in the other format is the template
             beside = Path(folder) / f"{path.stem}{path.suffix.lower()}"
             write_converted(robot, beside)
             there = replace(Robot.load(beside), rest=robot.rest, servo=robot.servo)
             converted = there.turned(robot.gravity)
-            shapes = robot.shapes if shapes is None else shapes
-            reference = robot.reference if reference is None else reference
+            more: Any = {"shapes": shapes, "reference": reference, "comment": comment}
             whole = complete_values(robot, parameters, keep=keep)
-            return write_parameters(
-                converted,
-                whole,
-                path,
-                keep=False,
-                shapes=shapes,
-                reference=reference,
-                comment=comment,
-            )
-    motors = () if robot.transmission is None else robot.transmission.motors
-    known = (*robot.bodies, *robot.dofs, *motors, *robot.combinations, BASE)
-    for name in parameters:
-        owner = name.rpartition(".")[0]
-        if owner not in known:
-            raise RobotError(
-                f"'{name}' is of no body, joint, motor or axis of {robot.name}"
-                f"{near_match(owner, known)}"
-            )
+            return write_parameters(converted, whole, path, keep=False, **more)
     whole = settle_asymmetry(robot, complete_values(robot, parameters, keep=keep))
     robot, values = settle_springs(robot, whole)
     alone = read_back(robot, values)
     nominal = {n: v for n, v in values.items() if v != alone.get(n, 0.0)}
     tables = {
         "nominal": nominal,
-        "shapes": robot.shapes if shapes is None else shapes,
-        "reference": robot.reference if reference is None else reference,
+        "shapes": shapes,
+        "reference": reference,
         "rest": {} if robot.mjcf else _rests(robot, values),
     }
     bodies = {b: np.array([values[f"{b}.{kind}"] for kind in INERTIAL_KINDS]) for b in robot.bodies}
@@ -267,45 +230,6 @@ def write_parameters(
     summed = {f"{joint}.{part}" for joint in robot.tree.single for part in parts}
     lost = tuple(name for name in nominal if name not in summed)  # the file has a rotor's sum
     return Written(Path(path), sidecar, lost)
-
-
-def write_patch(
-    robot: Robot, parameters: Mapping[str, float], path: FilePath, **how: Any
-) -> Written:
-    """Write what changes in a robot's own file and its sidecar as a unified diff.
-
-    Parameters
-    ----------
-    robot, parameters
-        As of `write_parameters`.
-    path : str or Path
-        Of the diff, which ``patch -p1`` applies in the folder of the robot file.
-    **how
-        As of `write_parameters`.
-
-    Raises
-    ------
-    RobotError, OutputError
-        As of `write_parameters`.
-    """
-    with temporary_folder() as folder:
-        made = write_parameters(robot, parameters, Path(folder) / robot.path.name, **how)
-        pairs = (robot.path, made.robot), (robot.sidecar, made.sidecar)
-        text = "".join(_difference(own, new) for own, new in pairs if new is not None)
-    return replace(made, robot=write_text(path, text), sidecar=None)
-
-
-def _difference(own: Path | None, new: Path) -> str:
-    """Return a unified diff of two files, the first of which need not be there."""
-    old, changed = (
-        [] if path is None else path.read_bytes().decode("utf-8").splitlines(keepends=True)
-        for path in (own, new)
-    )
-    names = "/dev/null" if own is None else f"a/{own.name}", f"b/{(own or new).name}"
-    lines = unified_diff(old, changed, *names)
-    return "".join(
-        line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines
-    )
 
 
 def _rests(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
@@ -324,7 +248,6 @@ ENDINGS: dict[Format, str] = {
     "urdf": ".urdf",
     "json": ".json",
     "isaaclab": ".py",
-    "patch": ".patch",
 }
 
 
@@ -376,12 +299,8 @@ class Exported:
                 "sidecar, which simulators do not read."
             )
         if self.snippet is not None:
-            left = [effect for effect in self.beside if effect not in self.added]
-            end = f"; {listing(left, 4)} is in neither" if left else ""
-            if not left and self.error_ra is not None:
-                end = f", and both together err by {percent(self.error_ra)}"
             added = listing(self.added, 4)
-            parts.append(f"In MuJoCo {self.snippet.name} adds {added} to it{end}.")
+            parts.append(f"In MuJoCo {self.snippet.name} adds {added} to it.")
         if self.error_ra is not None and self.error_ra_file is not None:
             parts.append(
                 f"On the fitted logs the real robot errs by {percent(self.error_ra)}, and what "
@@ -411,9 +330,8 @@ def export(
         JSON of `analyze`, `prune` or `diagnose`.
     out : path
         ``.xml`` for MJCF, ``.urdf`` for URDF, from either kind of file; ``.json`` for the
-        parameters alone; ``.py`` for a configuration of actuators (isaaclab); ``.patch`` for what
-        changes in the robot's own file and sidecar, as a unified diff.
-    form : {"mjcf", "urdf", "json", "isaaclab", "patch"}, optional
+        parameters alone; ``.py`` for a configuration of actuators (isaaclab).
+    form : {"mjcf", "urdf", "json", "isaaclab"}, optional
         What to write; by default what the ending says. From an MJCF comes a URDF as well, and the
         other way round, without geometry; isaaclab is a configuration of actuators for robots with
         servos.
@@ -429,24 +347,11 @@ def export(
         If the file is no result, one of another robot, or has no masses; if a robot file errs more
         than the one that it comes from.
     """
-    robot = Robot.of(robot)
-    content = read_document(result, Result, "JSON", "result", IdentifiabilityError)
-    if content.nothing:
-        raise IdentifiabilityError(
-            f"Nothing can be exported, because {content.nothing} ({result}); give a result of "
-            "other logs."
-        )
-    physical, own = content.physical, robot
-    if robot.servo is not None and content.rollout is not None:
-        robot = replace(robot, servo=content.rollout.settle(robot.servo, robot.joints))
-    shapes = physical.shapes
+    own = Robot.of(robot)
+    content, robot, given = read_real(result, own, "exported")
+    physical, shapes = content.physical, content.physical.shapes
     effect_of = {n: FAMILIES[p.group] for n, p in every_parameter(robot, shapes).items()}
     check_result(robot, Path(result), content, {*effect_of, *robot.nominal})
-    given = dict(physical.parameters)
-    if physical.gravity is not None:
-        given = {n: v for n, v in given.items() if n.rpartition(".")[0] != BASE}
-        robot = robot.turned(np.array(physical.gravity.direction))
-    robot, given = settle_gravity(robot, given)
     given |= _as_stated(robot, given)
     loaded = any(value and n in effect_of and effect_of[n].loaded for n, value in given.items())
     wanted, unseen, snippet, added = _find_format(Path(out), form), None, None, list[str]()
@@ -457,8 +362,7 @@ def export(
     elif wanted == "isaaclab":
         write_isaaclab(robot, given, content, Path(out))
     else:
-        patch = wanted == "patch"
-        kind = file_kinds(robot)[0] if patch else "urdf" if wanted == "urdf" else "mjcf"
+        kind = wanted
         alone = physical.error_ra_files.get(kind)
         what: dict[str, Any] = {
             "keep": False,
@@ -468,15 +372,14 @@ def export(
         }
         if list_logs(validate):
             with temporary_folder() as folder:
-                name = robot.path.name if patch else Path(out).name
-                tried = write_parameters(robot, given, Path(folder) / name, **what)
+                tried = write_parameters(robot, given, Path(folder) / Path(out).name, **what)
                 unseen = judge_files(own, tried, validate, content.fit)
             if unseen.written > unseen.before and not force:
                 raise IdentifiabilityError(
                     f"{unseen.text} So {Path(out).name} would be worse than the file that it comes "
                     "from: export to .json, or write it all the same with --force."
                 )
-        written = (write_patch if patch else write_parameters)(robot, given, out, **what)
+        written = write_parameters(robot, given, out, **what)
         if written.sidecar is not None:
             read = partial(_reread, own, written.robot, written.sidecar)
             place = written.robot.with_name(f"{written.robot.stem}_torque.py")
@@ -510,7 +413,7 @@ def _as_stated(robot: Robot, given: Mapping[str, float]) -> dict[str, float]:
     return out
 
 
-def _notes(robot: Robot, content: Result, kind: Kind | None, name: str) -> tuple[str, ...]:
+def _notes(robot: Robot, content: ResultEntry, kind: Kind | None, name: str) -> tuple[str, ...]:
     """Return what else a user has to know of a file that was written."""
     said = [] if content.rollout is None else [content.rollout.statement]
     if robot.tilt is not None:
@@ -621,7 +524,7 @@ def _reread(robot: Robot, path: Path, sidecar: Path | None, *, alone: bool) -> R
 # What a simulator has to know of servos beside their gains.
 
 
-def state_servos(robot: Robot, content: Result) -> str:
+def state_servos(robot: Robot, content: ResultEntry) -> str:
     """Return what an exported robot file says of its servos; nothing where it has none."""
     servo, moved = robot.servo, content.rollout
     if servo is None or moved is None:
@@ -656,7 +559,9 @@ SERVOS = DelayedPDActuatorCfg(
 '''
 
 
-def write_isaaclab(robot: Robot, given: Mapping[str, float], content: Result, out: Path) -> Path:
+def write_isaaclab(
+    robot: Robot, given: Mapping[str, float], content: ResultEntry, out: Path
+) -> Path:
     """Write the servos as a configuration of actuators for Isaac Lab.
 
     Raises
@@ -707,8 +612,5 @@ def _find_format(out: Path, form: Format | None) -> Format:
     ------
     OutputError
     """
-    if form is not None:
-        check_ending(out, ENDINGS[form])
-        return form
-    check_ending(out, *dict.fromkeys(ENDINGS.values()))
-    return next(name for name, ending in ENDINGS.items() if ending == out.suffix.lower())
+    check_ending(out, *([ENDINGS[form]] if form else ENDINGS.values()))
+    return next(name for name, end in ENDINGS.items() if end == out.suffix.lower())

@@ -30,6 +30,7 @@ from identifiability.foundation.options import (
     checked,
     settle_count,
 )
+from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import find_signal
@@ -52,7 +53,6 @@ from identifiability.workflows.analyze.workflow import (
     Settled,
     SharedErrors,
     decide_model,
-    predict_everywhere,
     say_band,
     say_of_fit,
     settle_robot,
@@ -189,7 +189,7 @@ def prune(
                 session=session,
                 progress=share(say, "measuring errors", 0.5, 1.0),
             )
-        hints = _hint(session, rows, contradicted, measured["models"][selected])
+        hints = _hint(session, rows, contradicted, measured["models"], selected)
         return Ladder(
             structure=session.structure,
             samples=opening.samples,
@@ -219,7 +219,11 @@ def prune(
 
 
 def _hint(
-    session: Session, rows: Weighed, contradicted: str, chosen: PrunedModel
+    session: Session,
+    rows: Weighed,
+    contradicted: str,
+    models: Sequence[PrunedModel],
+    selected: int,
 ) -> tuple[str, ...]:
     """Return what seems to be wrong with robot file, logs and their cut-off."""
     opening = rows.opening
@@ -227,10 +231,24 @@ def _hint(
     return (
         *other,  # under which all is said
         contradicted,
+        _state_foreign(models[0]) if opening.validation else "",
         rows.burst,
         *(hint for hint in opening.hints if hint not in other),
         *(() if session.recordings.commanded else say_band(getattr(session.how, "band", None))),
-        *say_of_fit(session, opening.samples, chosen),
+        *say_of_fit(session, opening.samples, models[selected]),
+    )
+
+
+def _state_foreign(full: PrunedModel) -> str:
+    """Return that logs held out look like those of another robot, in one sentence."""
+    error, own = full.error_ra_validation, full.error_ra_unseen
+    constant = full.unseen.constant_error()
+    if not error > max(constant, 2.0 * own):
+        return ""
+    return (
+        f"The unpruned model predicts the logs held out worse ({percent(error)}) than a constant "
+        f"torque would ({percent(constant)}), and unseen stretches of the fitted ones to "
+        f"{percent(own)}: are they of the same robot, with the same units and signs?"
     )
 
 
@@ -396,7 +414,4 @@ def measure_models(
         models = [pruned.withdraw(nothing) for pruned in models]
     else:
         models[chosen], hint = tell_with_file(model, result, within)
-    used = int(result.physical_used)
-    everywhere = predict_everywhere(session, rows, settled, used, turns)
-    fields = {"models": tuple(models), "everywhere": everywhere, "nothing": nothing}
-    return {**fields, "missing": missing}, hint
+    return {"models": tuple(models), "nothing": nothing, "missing": missing}, hint
