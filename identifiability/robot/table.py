@@ -14,7 +14,7 @@ A table is a TOML file; angles are in rad, or as it says in ``angles``, lengths 
     joint = "shoulder"        # without one the link is fixed
     type = "prismatic"        # default: revolute
     a = 0.4318
-    alpha = -90
+    alpha = -90               # "-pi/2" is always in rad
     d = 0.15
     theta = 0                 # the joint's position adds to it (to d of a prismatic one)
     range = [-2.8, 2.8]       # [rad or m]
@@ -32,6 +32,7 @@ A modified frame is that of the URDF link. A standard one lies behind the joint:
 from __future__ import annotations
 
 import math
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -39,7 +40,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import pinocchio as pin
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
 
 from identifiability.foundation.documents import Span, first_problem, read_document, toml_text
 from identifiability.foundation.errors import RobotError, listing, near_match
@@ -93,6 +94,26 @@ class Table(_Strict):
     gravity: Triple = (0.0, 0.0, -9.81)
     links: list[Row] = Field(min_length=1)
     sidecar: Sidecar = Sidecar()
+
+    @field_validator("links", mode="before")
+    @classmethod
+    def _angles(cls, links: Any, stated: ValidationInfo) -> Any:
+        """Take angles such as ``-pi/2``, which are always in rad."""
+        one = 180.0 if stated.data.get("angles") == "deg" else math.pi
+        texts = [
+            (row, key)
+            for row in (links if isinstance(links, list) else ())
+            for key in ("alpha", "theta")
+            if isinstance(row, dict) and isinstance(row.get(key), str)
+        ]
+        for row, key in texts:
+            found = re.fullmatch(r"([+-]?)(\d*\.?\d*) ?\*? ?(?:pi|π)(?: ?/ ?(\d+))?", row[key])
+            if not found:
+                raise ValueError(
+                    f"'{row[key][:60]}' is no part of pi, such as -pi/2, and no number"
+                )
+            row[key] = float(f"{found[1]}{found[2] or 1}") * one / float(found[3] or 1)
+        return links
 
     @property
     def unit(self) -> float:

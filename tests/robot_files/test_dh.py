@@ -153,7 +153,7 @@ def arm(**row):
     ("table", "sentence"),
     [
         ({"links": [{"name": "a"}]}, "The table: 'convention': field required"),
-        (arm(alpha="pi/x"), "'links.1.alpha': "),
+        (arm(alpha="pi/x"), "'links': 'pi/x' is no part of pi"),
         (arm(parent="aa"), "the link 'b' hangs on 'aa', which is no link above it, did you mean"),
         (arm(name="a"), "two of its links or joints are called 'a'"),
         (arm(joint="j"), "two of its links or joints are called 'j'"),
@@ -180,3 +180,10 @@ def test_a_new_study_holds_the_robot_of_a_table(tmp_path):
     robot = Robot.load(tmp_path / "mine/robot.urdf")
     assert (robot.joints, robot.guessed) == (("j", "k"), ("a",))
     assert (tmp_path / "mine/template.csv").is_file()
+
+
+def test_angles_in_parts_of_pi_are_in_rad_whatever_the_unit_of_numbers(tmp_path):
+    number, text = (tmp_path / f"{name}.urdf" for name in ("number", "text"))
+    write_table(arm(alpha=-90.0) | {"angles": "deg"}, number)
+    write_table(arm(alpha="-pi/2") | {"angles": "deg"}, text)
+    assert number.read_text() == text.read_text()
