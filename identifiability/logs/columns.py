@@ -1,6 +1,6 @@
 """Which column of a table is what: its joint and channel, and what makes SI units of it.
 
-By names, by numbers (``q1`` … ``q6``, ``position[0]``, ``qpos[7]``), or as the user maps them.
+By names, by numbers (``q1`` … ``q6``, ``position[0]``), or as the user maps them.
 Units are those that the log states, else what the sidecar says; torque columns may hold currents or
 torques of motors, times any unit or dates. What is missing is said with the remedy ready to copy.
 """
@@ -162,8 +162,7 @@ def _guess(names: Mapping[str, str], known: Conventions) -> list[Column]:
     joints = (*known.motors, *known.joints, *known.locked)
     if not known.joints:
         joints = tuple({split_unit(n)[0].rpartition(".")[0]: 0 for n in names.values()})
-    entries = find_entries(names, known)
-    guesses = [entries[c] if c in entries else guess_column(c, n, joints) for c, n in names.items()]
+    guesses = [guess_column(c, n, joints) for c, n in names.items()]
     return [g for g in guesses if g is not None and (known.joints or g.literal)]
 
 
@@ -246,7 +245,7 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
     kind = "current" if column.current else column.kind
     if unit is not None:
         unit.check(kind, name, source)
-        return replace(column, unit=unit, factor=column.gear * unit.factor)
+        return replace(column, unit=unit, factor=unit.factor)
     unread = unread_unit(name, (*known.motors, *known.joints))
     if unread and name not in dict(known.columns.rules):
         example = next(u for u, (what, _) in UNITS.items() if what == DIMENSIONS[kind][0])
@@ -259,7 +258,7 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
             f"say in which one {column.name} is given, as in --map '{name}={column.name} "
             f"[{example}]', or {gain if column.kind == 'tau' else 'correct the header'}."
         )
-    factor, offset = column.gear, 0.0
+    factor, offset = 1.0, 0.0
     if kind in ANGULAR and column.joint in known.scales:
         factor, zero = known.scales[column.joint]
         offset = -zero / factor if kind in ("q", "q_ref") else 0.0
@@ -329,9 +328,6 @@ def _tell(
             for c in own
             if not c.literal
         ],
-        "values were multiplied by the gears of the file: {}": [
-            f"'{c.source}' by {c.gear:.6g}" for c in own if c.gear != 1.0
-        ],
         "columns of {}, which the robot does not drive, were left out": [
             *dict.fromkeys(_owner(n) for n in left if _owner(n) not in wanted)
         ],
@@ -342,48 +338,7 @@ def _tell(
     return [text.format(listing(found, 4)) for text, found in told.items() if found]
 
 
-# Columns that tell their joint by a number: ``q1`` … ``q6``, ``position[0]``, ``qpos[7]``.
-
-
-#: Arrays of MuJoCo; of several with torques the first that is there is taken.
-ARRAYS = ("qpos", "qvel", "qacc", "qfrc_actuator", "actuator_force", "ctrl")
-_ENTRY = re.compile(rf"(.*?)[./_ ]*(?<![A-Za-z])({'|'.join(ARRAYS)})[./_ ]*(.*)")
-_BEFORE = {"data", "d", "mjdata", "mj", "sim", "state", "log"}
-
-
-def find_entries(names: Mapping[str, str], known: Conventions) -> dict[str, Column | None]:
-    """Return the columns that are called as MuJoCo calls its arrays, and what they are; or None.
-
-    Parameters
-    ----------
-    names : mapping of str to str
-        Columns and what they are renamed to.
-    known : Conventions
-    """
-    found: dict[str, tuple[str, str]] = {}
-    for column, name in names.items():
-        match = _ENTRY.fullmatch(split_unit(name)[0]) if known.entries else None
-        if match:
-            before = "" if _BEFORE.issuperset(words_of(match[1])) else match[1]
-            found[column] = match[2], before.rpartition("/")[2] or match[3].strip("[]() ")
-    out: dict[str, Column | None] = {}
-    for column, (array, key) in found.items():
-        keys = {k for a, k in found.values() if a == array}
-        own = known.entries.get(array, {})
-        from_one = "0" not in keys and "1" in keys and all(k.isdecimal() for k in keys)
-        entry = own.get(str(int(key) - 1) if from_one else key)
-        joint, _, kind = entry.column.rpartition(".") if entry else ("", "", "")
-        unit = split_unit(names[column])[1]
-        out[column] = None
-        if entry:
-            given = Column(column, kind, joint, -1, unit, gear=entry.factor)
-            out[column] = replace(given, low=entry.low, high=entry.high)
-    used = {}  # the first array that states a torque
-    for column, (array, _) in found.items():
-        guess = out[column]
-        if guess is not None and guess.kind == "tau":
-            used[column] = ARRAYS.index(array)
-    return {c: g for c, g in out.items() if c not in used or used[c] == min(used.values())}
+# Columns that tell their joint by a number: ``q1`` … ``q6``, ``position[0]``.
 
 
 def settle_numbers(
