@@ -51,9 +51,6 @@ DEGREE = math.pi / 180
 _CHANNEL_LAST = re.compile(r"(?P<joint>.+?)(?P<between>[._\- ]+)(?P<kind>[A-Za-z]+)")
 _CHANNELS_SAY = {*KINDS, *COMMANDED, "ff"}
 
-#: What sentences call what every joint needs.
-_WORDS = {"q": "position", "tau": "torque"}
-
 
 @frozen
 class Naming:
@@ -460,12 +457,8 @@ def settle_commands(
         return False
     if known.servo is not None and not any(c.kind in COMMANDS for c in taken.values()):
         joints = next((j for j in lost.values() if j), known.joints)
-        raise LogError(
-            f"{source} has no torque, and no commands of {listing(joints)}; give what was measured "
-            f"of every joint, '{joints[0]}.tau', or the positions that its servo was told, "
-            f"'{joints[0]}.cmd'{propose_locks(joints, known.joints)}. Of its columns "
-            f"{listing(list(names))} say which these are, as in --map 'OLD={joints[0]}.cmd'."
-        )
+        missing = [f"{j}.cmd" for j in joints]
+        raise LogError(tell_missing(source, missing, known.joints, list(names.values())))
     told = [repr(c.source) for c in taken.values() if c.kind in ("q_ref", "dq_ref")]
     if told and known.servo is None:
         what = _NO_SERVO if known.base is None else _NO_STAND.format(body=known.base.body)
@@ -505,54 +498,27 @@ def _refuse_missing(
     if "t" not in taken:
         likely = [n for n in free if n.casefold().startswith("time")]
         raise LogError(Finding("columns.time", source, columns=every, first=[*likely, "OLD"][0]))
-    has = list(dict.fromkeys(c.joint for c in taken.values() if c.kind in ("q", "tau")))
-    missing = [j for j in known.joints if j not in has]
-    strange = [j for j in dict.fromkeys(map(_stranger, free)) if j and j not in own]
-    of = f"no columns for the actuated joint{'s' if len(missing) > 1 else ''} {listing(missing)}"
-    if missing and strange:
-        pairs = list(zip(strange, missing, strict=False))
-        if has:  # others are of another device, unless they are spelt nearly alike
-            pairs = [(s, m) for m in missing for s in strange if nearest(m, [s]) is not None]
-        maps = listing([f"--map '{old}={new}'" for old, new in pairs], between=" ")
-        left = [m for m in missing if m not in {new for _, new in pairs}]
-        raise LogError(
-            f"{source} has {of}, but for {listing(strange)}, which the robot does not have"
-            f"{f'; if these are they, add {maps}' if pairs else ''}"
-            f"{propose_locks(left, known.joints)}."
-        )
-    for joint in (j for j in has if j not in known.locked):
-        lacking = [kind for kind in _WORDS if f"{joint}.{kind}" not in taken]
-        for kind in lacking:
-            name = f"{joint}.{kind}"
-            unlike = free and nearest(name, free) is None
-            told = f" If it is one of {listing(free, 4)}, add --map 'OLD={name}'." if unlike else ""
-            raise LogError(
-                f"{source} has columns of '{joint}' but no {_WORDS[kind]} column '{name}'"
-                f"{near_match(name, free)} Every actuated joint needs both.{told}"
-            )
-    if not has:
-        raise LogError(Finding("columns.none", source, columns=every))
-    told = " or '<joint>.cmd'" if known.servo else ""
-    locks = propose_locks(missing, known.joints) or f". It has the columns {every}"
-    raise LogError(Finding("columns.missing", source, what=of, command=told, remedy=locks))
+    has = [*dict.fromkeys(c.joint for c in measured.values() if c.kind in ("q", "tau"))]
+    wanted = known.motors if {*has} & {*known.motors} else known.joints or has or ["<joint>"]
+    missing = [n for j in wanted for n in (f"{j}.q", f"{j}.tau") if n not in taken]
+    raise LogError(tell_missing(source, missing, wanted, free or [*names.values()]))
 
 
-def _stranger(name: str) -> str:
-    """Return the joint that a column of positions or torques says it is of, or nothing."""
-    cut = re.match(r"(.*?)[._/ ]*([A-Za-z]+)$", name)
-    guess = guess_column(name, f"{cut[2]}1", ()) if cut else None
-    told = cut is not None and guess is not None and guess.kind in ("q", "tau")
-    return cut[1].rpartition("/")[2] if cut and told else ""
-
-
-def propose_locks(missing: Sequence[str], wanted: Sequence[str]) -> str:
-    """Return what to write where joints that a log does not have stand still, or nothing."""
-    if len(missing) in (0, len(wanted)):  # of all foreign names are likelier
-        return ""
-    they, line = ("it does", "it") if len(missing) == 1 else ("they do", "them")
-    options = " ".join(f"--lock {name}" for name in missing)
-    names = ", ".join(f'"{name}"' for name in missing)
-    return f". If {they} not move, lock {line}: {options}, or locked = [{names}] in the sidecar"
+def tell_missing(
+    source: str, missing: Sequence[str], wanted: Sequence[str], free: Sequence[str]
+) -> Finding:
+    """Return what to say of columns that are missing, of some of the joints that are wanted."""
+    joints = list(dict.fromkeys(map(_owner, missing)))
+    locks = "".join(f" --lock {j}" for j in joints)  # where all miss some, their names are others
+    return Finding(
+        "columns.missing",
+        source,
+        missing=listing(missing, 4),
+        near=near_match(missing[0], free),
+        others=listing(dict.fromkeys(_owner(n) or n for n in free)),
+        first=missing[0] if len(missing) < 2 * len(joints) else joints[0],
+        locks=f" Lock what does not move:{locks}." if len(joints) < len(wanted) else "",
+    )
 
 
 def _owner(name: str) -> str:

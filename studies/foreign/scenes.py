@@ -85,7 +85,7 @@ SCENES = [
         beside(CUP, behind=True), lambda s: re.sub('(qpos="[^"]*)"', r'\1 1 0 1 1 0 0 0"', s))),
     _case("a door behind a five-bar", table(plain), scene=beside(DOOR, behind=True),
           robot="five-bar"),
-    _case("actuator_force", table(arrays), "no torque column 'shoulder.tau'"),
+    _case("actuator_force", table(arrays), "no column shoulder.tau"),
     _case("qpos behind a cup", table(lambda f: arrays(f, 7)), "numbers its joints otherwise",
           scene=beside(CUP)),
     _case("torque before the gears of the file", table(lambda f: f.assign(
