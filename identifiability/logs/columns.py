@@ -458,7 +458,7 @@ def settle_commands(
     if known.servo is not None and not any(c.kind in COMMANDS for c in taken.values()):
         joints = next((j for j in lost.values() if j), known.joints)
         missing = [f"{j}.cmd" for j in joints]
-        raise LogError(tell_missing(source, missing, known.joints, list(names.values())))
+        raise LogError(tell_missing(source, missing, known.joints, _free(names, taken)))
     told = [repr(c.source) for c in taken.values() if c.kind in ("q_ref", "dq_ref")]
     if told and known.servo is None:
         what = _NO_SERVO if known.base is None else _NO_STAND.format(body=known.base.body)
@@ -501,7 +501,7 @@ def _refuse_missing(
     has = [*dict.fromkeys(c.joint for c in measured.values() if c.kind in ("q", "tau"))]
     wanted = known.motors if {*has} & {*known.motors} else known.joints or has or ["<joint>"]
     missing = [n for j in wanted for n in (f"{j}.q", f"{j}.tau") if n not in taken]
-    raise LogError(tell_missing(source, missing, wanted, free or [*names.values()]))
+    raise LogError(tell_missing(source, missing, wanted, free))
 
 
 def tell_missing(
@@ -510,14 +510,15 @@ def tell_missing(
     """Return what to say of columns that are missing, of some of the joints that are wanted."""
     joints = list(dict.fromkeys(map(_owner, missing)))
     locks = "".join(f" --lock {j}" for j in joints)  # where all miss some, their names are others
+    others = listing(dict.fromkeys(_owner(n) or n for n in free))
+    first = missing[0] if len(missing) < 2 * len(joints) else joints[0]
     return Finding(
         "columns.missing",
         source,
         missing=listing(missing, 4),
         near=near_match(missing[0], free),
-        others=listing(dict.fromkeys(_owner(n) or n for n in free)),
-        first=missing[0] if len(missing) < 2 * len(joints) else joints[0],
         locks=f" Lock what does not move:{locks}." if len(joints) < len(wanted) else "",
+        maps=f" If one of {others} is it, add --map 'OLD={first}'." if free else "",
     )
 
 

@@ -336,7 +336,7 @@ class Log:
         missing = [f"{j}.{kind}" for j in wanted if j not in self.joints for kind in ("q", "tau")]
         if missing:
             others = [name for name in self.joints if name not in (*joints, *motors)]
-            raise LogError(tell_missing(self.name, missing, wanted, others or self.joints))
+            raise LogError(tell_missing(self.name, missing, wanted, others))
         if tuple(wanted) == self.joints:
             return self
         order = [self.joints.index(j) for j in wanted]
