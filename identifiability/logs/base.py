@@ -1,9 +1,9 @@
 """How a base that floats moved, from whatever a log has of it: what an ideal sensor there reads.
 
-An inertial sensor (`base.acc.x` … `base.gyro.z`), or a pose (`base.x`, `base.qw` …, MuJoCo's
-``qpos[0:7]``, odometry), which is differentiated, become one record: proper acceleration and
-angular velocity along the axes of the base, where up is, which contacts are closed, and what
-pushes on the robot as far as it was measured.
+An inertial sensor (`base.acc.x` … `base.gyro.z`), or a pose (`base.x`, `base.qw` …, odometry),
+which is differentiated, become one record: proper acceleration and angular velocity along the axes
+of the base, where up is, which contacts are closed, and what pushes on the robot as far as it was
+measured.
 """
 
 from __future__ import annotations
@@ -31,9 +31,6 @@ _KINDS = {
     word: kind for kind in ("acc", "gyro", "pos", "quat") for word in words_for(f"base.{kind}")
 } | {"": "pos"}
 
-#: Entries of MuJoCo's ``qpos`` that are the pose of a base.
-_POSE = ("pos.x", "pos.y", "pos.z", "quat.w", "quat.x", "quat.y", "quat.z")
-
 #: Where parts of a record are: proper acceleration, angular velocity, up; contacts follow.
 ACC, GYRO, UP, AFTER = slice(0, 3), slice(3, 6), slice(6, 9), 9
 
@@ -60,10 +57,6 @@ def find_base(columns: Sequence[str], base: Base, renames: Renames) -> dict[str,
 
 def _key(name: str, base: Base) -> str:
     """Return what a column says of the base, as `find_base` has it; empty if nothing."""
-    entry = re.fullmatch(r"(?:.*[./_ ])?qpos[\[(_. ]*(\d+)[\])]*", name)
-    if entry and base.at is not None:
-        k = int(entry[1]) - base.at[0]
-        return _POSE[k] if 0 <= k < len(_POSE) else ""
     parts = [p for p in re.split(r"[\[\]()./ ]+", name) if p]
     owners = {*OWNERS, base.body.lower(), base.title.lower()}
     at = [k for k, p in enumerate(parts) if p.lower() in owners]

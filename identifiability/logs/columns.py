@@ -1,6 +1,6 @@
 """Which column of a table is what: its joint and channel, and what makes SI units of it.
 
-By names, by numbers (``q1`` … ``q6``, ``position[0]``, ``qpos[7]``), or as the user maps them.
+By names, by numbers (``q1`` … ``q6``, ``position[0]``), or as the user maps them.
 Units are those that the log states, else what the sidecar says; torque columns may hold currents or
 torques of motors, times any unit or dates. What is missing is said with the remedy ready to copy.
 """
@@ -50,9 +50,6 @@ DEGREE = math.pi / 180
 #: A joint's name and a word for its channel.
 _CHANNEL_LAST = re.compile(r"(?P<joint>.+?)(?P<between>[._\- ]+)(?P<kind>[A-Za-z]+)")
 _CHANNELS_SAY = {*KINDS, *COMMANDED, "ff"}
-
-#: What sentences call what every joint needs.
-_WORDS = {"q": "position", "tau": "torque"}
 
 
 @frozen
@@ -162,8 +159,7 @@ def _guess(names: Mapping[str, str], known: Conventions) -> list[Column]:
     joints = (*known.motors, *known.joints, *known.locked)
     if not known.joints:
         joints = tuple({split_unit(n)[0].rpartition(".")[0]: 0 for n in names.values()})
-    entries = find_entries(names, known)
-    guesses = [entries[c] if c in entries else guess_column(c, n, joints) for c, n in names.items()]
+    guesses = [guess_column(c, n, joints) for c, n in names.items()]
     return [g for g in guesses if g is not None and (known.joints or g.literal)]
 
 
@@ -246,7 +242,7 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
     kind = "current" if column.current else column.kind
     if unit is not None:
         unit.check(kind, name, source)
-        return replace(column, unit=unit, factor=column.gear * unit.factor)
+        return replace(column, unit=unit, factor=unit.factor)
     unread = unread_unit(name, (*known.motors, *known.joints))
     if unread and name not in dict(known.columns.rules):
         example = next(u for u, (what, _) in UNITS.items() if what == DIMENSIONS[kind][0])
@@ -259,7 +255,7 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
             f"say in which one {column.name} is given, as in --map '{name}={column.name} "
             f"[{example}]', or {gain if column.kind == 'tau' else 'correct the header'}."
         )
-    factor, offset = column.gear, 0.0
+    factor, offset = 1.0, 0.0
     if kind in ANGULAR and column.joint in known.scales:
         factor, zero = known.scales[column.joint]
         offset = -zero / factor if kind in ("q", "q_ref") else 0.0
@@ -329,9 +325,6 @@ def _tell(
             for c in own
             if not c.literal
         ],
-        "values were multiplied by the gears of the file: {}": [
-            f"'{c.source}' by {c.gear:.6g}" for c in own if c.gear != 1.0
-        ],
         "columns of {}, which the robot does not drive, were left out": [
             *dict.fromkeys(_owner(n) for n in left if _owner(n) not in wanted)
         ],
@@ -342,48 +335,7 @@ def _tell(
     return [text.format(listing(found, 4)) for text, found in told.items() if found]
 
 
-# Columns that tell their joint by a number: ``q1`` … ``q6``, ``position[0]``, ``qpos[7]``.
-
-
-#: Arrays of MuJoCo; of several with torques the first that is there is taken.
-ARRAYS = ("qpos", "qvel", "qacc", "qfrc_actuator", "actuator_force", "ctrl")
-_ENTRY = re.compile(rf"(.*?)[./_ ]*(?<![A-Za-z])({'|'.join(ARRAYS)})[./_ ]*(.*)")
-_BEFORE = {"data", "d", "mjdata", "mj", "sim", "state", "log"}
-
-
-def find_entries(names: Mapping[str, str], known: Conventions) -> dict[str, Column | None]:
-    """Return the columns that are called as MuJoCo calls its arrays, and what they are; or None.
-
-    Parameters
-    ----------
-    names : mapping of str to str
-        Columns and what they are renamed to.
-    known : Conventions
-    """
-    found: dict[str, tuple[str, str]] = {}
-    for column, name in names.items():
-        match = _ENTRY.fullmatch(split_unit(name)[0]) if known.entries else None
-        if match:
-            before = "" if _BEFORE.issuperset(words_of(match[1])) else match[1]
-            found[column] = match[2], before.rpartition("/")[2] or match[3].strip("[]() ")
-    out: dict[str, Column | None] = {}
-    for column, (array, key) in found.items():
-        keys = {k for a, k in found.values() if a == array}
-        own = known.entries.get(array, {})
-        from_one = "0" not in keys and "1" in keys and all(k.isdecimal() for k in keys)
-        entry = own.get(str(int(key) - 1) if from_one else key)
-        joint, _, kind = entry.column.rpartition(".") if entry else ("", "", "")
-        unit = split_unit(names[column])[1]
-        out[column] = None
-        if entry:
-            given = Column(column, kind, joint, -1, unit, gear=entry.factor)
-            out[column] = replace(given, low=entry.low, high=entry.high)
-    used = {}  # the first array that states a torque
-    for column, (array, _) in found.items():
-        guess = out[column]
-        if guess is not None and guess.kind == "tau":
-            used[column] = ARRAYS.index(array)
-    return {c: g for c, g in out.items() if c not in used or used[c] == min(used.values())}
+# Columns that tell their joint by a number: ``q1`` … ``q6``, ``position[0]``.
 
 
 def settle_numbers(
@@ -505,12 +457,8 @@ def settle_commands(
         return False
     if known.servo is not None and not any(c.kind in COMMANDS for c in taken.values()):
         joints = next((j for j in lost.values() if j), known.joints)
-        raise LogError(
-            f"{source} has no torque, and no commands of {listing(joints)}; give what was measured "
-            f"of every joint, '{joints[0]}.tau', or the positions that its servo was told, "
-            f"'{joints[0]}.cmd'{propose_locks(joints, known.joints)}. Of its columns "
-            f"{listing(list(names))} say which these are, as in --map 'OLD={joints[0]}.cmd'."
-        )
+        missing = [f"{j}.cmd" for j in joints]
+        raise LogError(tell_missing(source, missing, known.joints, _free(names, taken)))
     told = [repr(c.source) for c in taken.values() if c.kind in ("q_ref", "dq_ref")]
     if told and known.servo is None:
         what = _NO_SERVO if known.base is None else _NO_STAND.format(body=known.base.body)
@@ -550,54 +498,28 @@ def _refuse_missing(
     if "t" not in taken:
         likely = [n for n in free if n.casefold().startswith("time")]
         raise LogError(Finding("columns.time", source, columns=every, first=[*likely, "OLD"][0]))
-    has = list(dict.fromkeys(c.joint for c in taken.values() if c.kind in ("q", "tau")))
-    missing = [j for j in known.joints if j not in has]
-    strange = [j for j in dict.fromkeys(map(_stranger, free)) if j and j not in own]
-    of = f"no columns for the actuated joint{'s' if len(missing) > 1 else ''} {listing(missing)}"
-    if missing and strange:
-        pairs = list(zip(strange, missing, strict=False))
-        if has:  # others are of another device, unless they are spelt nearly alike
-            pairs = [(s, m) for m in missing for s in strange if nearest(m, [s]) is not None]
-        maps = listing([f"--map '{old}={new}'" for old, new in pairs], between=" ")
-        left = [m for m in missing if m not in {new for _, new in pairs}]
-        raise LogError(
-            f"{source} has {of}, but for {listing(strange)}, which the robot does not have"
-            f"{f'; if these are they, add {maps}' if pairs else ''}"
-            f"{propose_locks(left, known.joints)}."
-        )
-    for joint in (j for j in has if j not in known.locked):
-        lacking = [kind for kind in _WORDS if f"{joint}.{kind}" not in taken]
-        for kind in lacking:
-            name = f"{joint}.{kind}"
-            unlike = free and nearest(name, free) is None
-            told = f" If it is one of {listing(free, 4)}, add --map 'OLD={name}'." if unlike else ""
-            raise LogError(
-                f"{source} has columns of '{joint}' but no {_WORDS[kind]} column '{name}'"
-                f"{near_match(name, free)} Every actuated joint needs both.{told}"
-            )
-    if not has:
-        raise LogError(Finding("columns.none", source, columns=every))
-    told = " or '<joint>.cmd'" if known.servo else ""
-    locks = propose_locks(missing, known.joints) or f". It has the columns {every}"
-    raise LogError(Finding("columns.missing", source, what=of, command=told, remedy=locks))
+    has = [*dict.fromkeys(c.joint for c in measured.values() if c.kind in ("q", "tau"))]
+    wanted = known.motors if {*has} & {*known.motors} else known.joints or has or ["<joint>"]
+    missing = [n for j in wanted for n in (f"{j}.q", f"{j}.tau") if n not in taken]
+    raise LogError(tell_missing(source, missing, wanted, free))
 
 
-def _stranger(name: str) -> str:
-    """Return the joint that a column of positions or torques says it is of, or nothing."""
-    cut = re.match(r"(.*?)[._/ ]*([A-Za-z]+)$", name)
-    guess = guess_column(name, f"{cut[2]}1", ()) if cut else None
-    told = cut is not None and guess is not None and guess.kind in ("q", "tau")
-    return cut[1].rpartition("/")[2] if cut and told else ""
-
-
-def propose_locks(missing: Sequence[str], wanted: Sequence[str]) -> str:
-    """Return what to write where joints that a log does not have stand still, or nothing."""
-    if len(missing) in (0, len(wanted)):  # of all foreign names are likelier
-        return ""
-    they, line = ("it does", "it") if len(missing) == 1 else ("they do", "them")
-    options = " ".join(f"--lock {name}" for name in missing)
-    names = ", ".join(f'"{name}"' for name in missing)
-    return f". If {they} not move, lock {line}: {options}, or locked = [{names}] in the sidecar"
+def tell_missing(
+    source: str, missing: Sequence[str], wanted: Sequence[str], free: Sequence[str]
+) -> Finding:
+    """Return what to say of columns that are missing, of some of the joints that are wanted."""
+    joints = list(dict.fromkeys(map(_owner, missing)))
+    locks = "".join(f" --lock {j}" for j in joints)  # where all miss some, their names are others
+    others = listing(dict.fromkeys(_owner(n) or n for n in free))
+    first = missing[0] if len(missing) < 2 * len(joints) else joints[0]
+    return Finding(
+        "columns.missing",
+        source,
+        missing=listing(missing, 4),
+        near=near_match(missing[0], free),
+        locks=f" Lock what does not move:{locks}." if len(joints) < len(wanted) else "",
+        maps=f" If one of {others} is it, add --map 'OLD={first}'." if free else "",
+    )
 
 
 def _owner(name: str) -> str:

@@ -11,7 +11,6 @@ from dataclasses import field
 from identifiability.foundation.names import Renames
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
-from identifiability.robot.description import Entry
 from identifiability.robot.floating import Base
 from identifiability.robot.servo import Servo
 from identifiability.robot.sidecar import MeasuredTorque
@@ -39,8 +38,6 @@ class Conventions:
         Joints and motors whose angles and rates are in degrees: ``angles`` and ``--set angles``.
     motion_alone : bool
         Take a log without any torque: motion is all that is needed of it.
-    entries : mapping
-        Of arrays that MuJoCo keeps, by array, then index or name.
     locked : mapping
         Joint that does not move to where it is held [rad or m].
     servo : Servo or None
@@ -59,7 +56,6 @@ class Conventions:
     torque: MeasuredTorque = MeasuredTorque()
     degrees: tuple[str, ...] = ()
     motion_alone: bool = False
-    entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
     locked: Mapping[str, float] = field(default_factory=dict)
     servo: Servo | None = None
     commands: bool = False
@@ -81,7 +77,6 @@ class Conventions:
             time_unit=robot.time_unit,
             torque=robot.torque,
             degrees=degrees,
-            entries=robot.entries,
             locked=robot.locked,
             servo=robot.servo,
             base=robot.base,

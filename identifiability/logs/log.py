@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array, numbered, shorten_paths
 from identifiability.foundation.options import Expected, FilePath, Names, check_option, checked
@@ -27,7 +27,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.base import read_base
 from identifiability.logs.checks import CHANNELS, COMMANDS, Clock
-from identifiability.logs.columns import propose_locks
+from identifiability.logs.columns import tell_missing
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.containers import stack_arrays
@@ -333,15 +333,10 @@ class Log:
         if self.joints == numbered(len(joints)):  # arrays, in the robot's order
             return replace(self, joints=tuple(joints))
         wanted = motors if motors and all(m in self.joints for m in motors) else joints
-        missing = [j for j in wanted if j not in self.joints]
+        missing = [f"{j}.{kind}" for j in wanted if j not in self.joints for kind in ("q", "tau")]
         if missing:
             others = [name for name in self.joints if name not in (*joints, *motors)]
-            has = f", but for {listing(others)}, which the robot does not have" if others else ""
-            raise LogError(
-                f"{self.name} has no columns for the actuated joint"
-                f"{'s' if len(missing) > 1 else ''} {listing(missing)}{has}; every actuated joint "
-                f"needs '<joint>.q' and '<joint>.tau'{propose_locks(missing, wanted)}."
-            )
+            raise LogError(tell_missing(self.name, missing, wanted, others))
         if tuple(wanted) == self.joints:
             return self
         order = [self.joints.index(j) for j in wanted]

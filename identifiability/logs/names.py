@@ -16,8 +16,6 @@ import re
 from collections.abc import Sequence
 from functools import cache
 
-import numpy as np
-
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -107,7 +105,6 @@ RULES = tuple(
         ("setpoint action actions ctrl set goal planned nominal soll consigne", "wanted"),
         ("ff feedforward", "tau_ff"),
         ("joint joints dof dofs j axis axes state states robot arm actual act measured", "silent"),
-        ("actuator", "silent"),
         ("meas mes msr feedback fbk field data log value values achse axe ist wert a m", "silent"),
         ("policy controller servo motor motors output pd", "silent of commands"),
         ("acc accel accelerometer acceleration linear_acceleration a", "base.acc"),
@@ -274,14 +271,10 @@ class Column:
         Whether it is called as it is here.
     current : bool
         Whether it is the current of a motor, in the place of a torque.
-    gear : float
-        What the robot file makes of it, where MuJoCo keeps it under this name.
     factor, offset : float
         From its values, less the offset, to SI units.
     dates : int or None
         Of times that are dates, the first one [ns since 1970]; None for numbers.
-    low, high : float
-        Of its values, beyond which they act no further.
     """
 
     source: str
@@ -291,12 +284,9 @@ class Column:
     unit: Unit | None = None
     literal: bool = False
     current: bool = False
-    gear: float = 1.0
     factor: float = 1.0
     offset: float = 0.0
     dates: int | None = None
-    low: float = -np.inf
-    high: float = np.inf
 
     @property
     def name(self) -> str:
@@ -306,8 +296,6 @@ class Column:
     def scale(self, values: Array) -> Array:
         """Return values of the table, (N,), in SI units."""
         values = values - self.offset if self.offset else values
-        if self.low > -np.inf or self.high < np.inf:
-            values = np.clip(values, self.low, self.high)
         return values if self.factor == 1.0 else values * self.factor
 
 

@@ -575,9 +575,7 @@ def _measured_torque(extra: Sidecar, stated: Stated) -> MeasuredTorque:
     said = extra.torque
     if said.side != "motor" or said.ratio is not None:
         return said
-    forces = stated.entries.get("actuator_force", {}).values()
-    ratio = {entry.column.removesuffix(".tau"): entry.factor for entry in forces}
-    return said.model_copy(update={"ratio": ratio})
+    return said.model_copy(update={"ratio": dict(stated.gears)})
 
 
 def _scales(path: Path, extra: Sidecar, lines: Sequence[str]) -> dict[str, tuple[float, float]]:

@@ -228,26 +228,6 @@ class Cable:
     points: tuple[Point, ...]
 
 
-@frozen
-class Entry:
-    """An entry of an array that MuJoCo keeps.
-
-    Attributes
-    ----------
-    column : str
-        Of a log: ``<joint>.q`` …
-    factor : float
-        What its values are multiplied by.
-    low, high : float
-        Beyond which they act no further.
-    """
-
-    column: str
-    factor: float = 1.0
-    low: float = -np.inf
-    high: float = np.inf
-
-
 @frozen(kw_only=True)
 class Stated:
     """What a robot file states.
@@ -284,8 +264,8 @@ class Stated:
         Bodies of a scene that no actuated joint reaches, at which what is left out begins.
     meshes : tuple of Path
         From which an MJCF takes inertias.
-    entries : mapping
-        Of arrays that MuJoCo keeps, by array, then index or name.
+    gears : mapping
+        Joint to gear, of joints at which one actuator acts.
     servos : mapping
         Of joints, by name: kp, kv, and least and largest torque, (4,).
     offsets : mapping
@@ -316,7 +296,7 @@ class Stated:
     cables: tuple[Cable, ...] = ()
     outside: tuple[str, ...] = ()
     meshes: tuple[Path, ...] = ()
-    entries: Mapping[str, Mapping[str, Entry]] = default(default_factory=dict)
+    gears: Mapping[str, float] = default(default_factory=dict)
     servos: Mapping[str, Array] = default(default_factory=dict)
     offsets: Mapping[str, float] = default(default_factory=dict)
     base: Base | None = None

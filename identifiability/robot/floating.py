@@ -124,8 +124,6 @@ class Base:
     contacts : tuple of Contact
     wrenches : tuple of Wrench
     imu : Imu
-    at : (int, int) or None
-        Where MuJoCo keeps its pose and twist, in ``qpos`` and ``qvel``.
     servo : Servo or None
         Of the joints that motors drive, in the robot's order.
     """
@@ -136,7 +134,6 @@ class Base:
     contacts: tuple[Contact, ...] = ()
     wrenches: tuple[Wrench, ...] = ()
     imu: Imu = Imu()
-    at: tuple[int, int] | None = None
     servo: Servo | None = None
 
     @property

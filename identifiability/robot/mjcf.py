@@ -23,7 +23,7 @@ from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot.assembly import settle_locks
-from identifiability.robot.description import FIELDS, Cable, Coupling, Entry, Loop, Stated
+from identifiability.robot.description import FIELDS, Cable, Coupling, Loop, Stated
 from identifiability.robot.floating import BASE_JOINTS, SIX, Base
 from identifiability.robot.kinematics import WORLD, Joint, Point, Tree, read_tree, weld
 from identifiability.robot.locate import check_files, file_text, read_markup
@@ -189,10 +189,10 @@ def _name_all(spec: Any) -> None:
         settle(tendon, f"tendon{k}")
 
 
-# Scenes: which bodies of an MJCF are the robot's, and where MuJoCo keeps numbers of its joints.
+# Scenes: which bodies of an MJCF are the robot's.
 #
-# Files made for simulation hold tables, doors and cups beside the robot, and logs of it are often
-# MuJoCo's own arrays. What no actuated joint reaches has no share in the robot's torque.
+# Files made for simulation hold tables, doors and cups beside the robot. What no actuated joint
+# reaches has no share in its torque.
 
 
 _ON_JOINT = (int(_TRN.mjTRN_JOINT), int(_TRN.mjTRN_JOINTINPARENT))
@@ -297,31 +297,6 @@ def find_floating(
     return str(m.joint(joint).name)
 
 
-def read_entries(m: Any) -> dict[str, dict[str, Entry]]:
-    """Return which entries of MuJoCo's arrays are about which joint, by array, then index or name.
-
-    ``actuator_force`` is before the gear and ``qfrc_actuator`` behind it; ``ctrl`` is the force of
-    a plain motor, and the position that a servo shall hold.
-    """
-    found: dict[str, dict[str, Entry]] = defaultdict(dict)
-    joints = [m.joint(int(j)) for j in np.flatnonzero(np.isin(m.jnt_type, (HINGE, SLIDE)))]
-    for x in joints:
-        kinds = {"qpos": "q", "qvel": "dq", "qacc": "ddq", "qfrc_actuator": "tau"}
-        for word, kind in kinds.items():
-            at = x.qposadr if word == "qpos" else x.dofadr
-            found[word] |= dict.fromkeys((str(at[0]), x.name), Entry(f"{x.name}.{kind}"))
-    actuators = read_actuators(m)
-    motors = Counter(a.joint for a in actuators)
-    for k, a in enumerate(actuators):
-        if a.joint not in {x.name for x in joints} or not a.factor or motors[a.joint] > 1:
-            continue  # of several at one joint the sum is what moves it
-        keys = {str(k), m.actuator(k).name, a.joint} - {""}
-        found["actuator_force"] |= dict.fromkeys(keys, Entry(f"{a.joint}.tau", a.factor))
-        if a.entry is not None:
-            found["ctrl"] |= dict.fromkeys(keys, a.entry)
-    return dict(found)
-
-
 @frozen
 class Actuator:
     """An actuator: along ``Σ cᵢ qᵢ`` it pulls by ``gear (gain ctrl + b₀ + b₁ length + b₂ speed)``.
@@ -378,18 +353,6 @@ class Actuator:
         """Torque that its command has too much, as a constant one acts against it [N·m or N]."""
         return -self.factor * float(self.bias[0])
 
-    @property
-    def entry(self) -> Entry | None:
-        """What ``ctrl`` is, of a motor or servo that drives one joint."""
-        low, high = map(float, self.command)
-        if self.law in ("q_ref", "dq_ref"):
-            return Entry(f"{self.joint}.{self.law}", 1.0 / self.factor, low, high)
-        if not self.law:
-            return None
-        ends = np.sort((self.force - self.bias[0]) / self.gain).tolist()
-        own = max(low, ends[0]), min(high, ends[1])
-        return Entry(f"{self.joint}.tau", self.factor * self.gain, *own)
-
 
 def read_actuators(m: Any) -> list[Actuator]:
     """Return the actuators of a compiled MJCF, in its order."""
@@ -429,6 +392,12 @@ def _law(m: Any, a: int) -> str:
     if gain > 0 and stiff == -gain:
         return "q_ref"
     return "dq_ref" if gain > 0 and not stiff and damp == -gain else ""
+
+
+def find_gears(actuators: Sequence[Actuator]) -> dict[str, float]:
+    """Return the gears of joints at which one actuator acts; of several the sum is what acts."""
+    count = Counter(a.joint for a in actuators)
+    return {a.joint: a.factor for a in actuators if a.joint and a.factor and count[a.joint] == 1}
 
 
 def find_offsets(actuators: Sequence[Actuator]) -> dict[str, float]:
@@ -635,7 +604,7 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
             f'{path} has no free joint, and its sidecar says base = "floating"; give the body that '
             "floats a <freejoint/>."
         )
-    entries, meshes = read_entries(scene), mesh_files(path, spec)
+    meshes = mesh_files(path, spec)
     with refused(path):
         if outside or fixed or floating is not None:
             m = read_spec(path, outside, fixed=fixed, floating=floating).compile()
@@ -656,9 +625,7 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
     gravity, base = np.zeros(3) if still else np.array(m.opt.gravity), None
     model.gravity.linear = gravity
     if floating is not None:  # the proper acceleration is known, of which gravity is a part
-        x = scene.joint(floating)
-        at = int(x.qposadr[0]), int(x.dofadr[0])
-        base, model.gravity.linear = Base("", floating, gravity, at=at), np.zeros(3)
+        base, model.gravity.linear = Base("", floating, gravity), np.zeros(3)
     forces, rests, combinations = read_forces(path, m, actuators, locked)
     acting = [t for t in range(m.ntendon) if straight(m, t) and m.tendon(t).name in forces]
     through = [[m.site(int(m.wrap_objid[w])) for w in tendon_parts(m, t)] for t in acting]
@@ -686,7 +653,7 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
         cables=tuple(cables),
         outside=outside,
         meshes=meshes,
-        entries=entries,
+        gears=find_gears(actuators),
         servos=find_servos(actuators),
         offsets=find_offsets(actuators),
         base=base,

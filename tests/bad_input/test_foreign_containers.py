@@ -89,7 +89,7 @@ def test_npz_and_mat_are_read_and_said(arrays, known, tmp_path, refused):
     same(log, arrays)
     assert log.notes == ()
     out = refused("analyze", "two-link", path.with_suffix(".npz"), "--map", "shoulder=x")
-    assert "no columns for the actuated joint" in out
+    assert "no column shoulder.q, shoulder.tau" in out
 
 
 def test_containers_without_a_log_are_refused_by_name(arrays, known, tmp_path):

@@ -32,10 +32,10 @@ def test_what_is_no_table_is_refused(content, sentence, write):
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"elbow.tau": "elbow.tua"}, "no torque column 'elbow.tau', did you mean 'elbow.tua'?"),
-        ({"elbow": "elbwo"}, "elbwo, which the robot does not have; if these are they, add --map"),
+        ({"elbow.tau": "elbow.tua"}, "no column elbow.tau, did you mean 'elbow.tua'?"),
+        ({"elbow": "elbwo"}, "did you mean 'elbwo.q'? Every actuated joint"),
         ({"shoulder.dq": "elbow.q"}, "has the column 'elbow.q' more than once"),
-        ({"elbow.q": "note"}, "of 'elbow' but no position column 'elbow.q'. Every actuated joint"),
+        ({"elbow.q": "note"}, "has no column elbow.q. Every actuated joint needs position"),
     ],
 )
 def test_wrong_columns_are_named_with_the_near_match(change, sentence, refuses, arm):

@@ -13,7 +13,7 @@ SAMPLE = (
     "mN·m, a two-link arm",
     "compensated, two-link",
     "German, Windows-1252, velocities",
-    "actuator_force behind a door",
+    "actuator_force",
 )
 
 

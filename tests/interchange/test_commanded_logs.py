@@ -1,4 +1,4 @@
-"""Logs of commands in the forms in which others keep them: LeRobot, ROS 2, MuJoCo."""
+"""Logs of commands in the forms in which others keep them: LeRobot, ROS 2."""
 
 from __future__ import annotations
 
@@ -241,24 +241,6 @@ def test_effort_goes_before_commands_and_a_bag_without_either_is_refused(ros, ar
     said = refused(arm, write(tmp_path / "b", alone))
     assert "have no effort" in said
     assert "or commands beside position" in said
-
-
-# MuJoCo.
-
-
-def test_a_recording_of_mujoco_is_a_log_of_commands(arm, frame, tmp_path):
-    plain = read(arm, frame)
-    arrays = {"time": plain.t, "qpos": plain.q, "qvel": 0 * plain.q, "ctrl": plain.q_ref}
-    np.savez(tmp_path / "run.npz", **arrays)
-    flat = {"time": plain.t} | {
-        f"{name}[{k}]": arrays[name][:, k] for name in ("qpos", "qvel", "ctrl") for k in range(6)
-    }
-    pd.DataFrame(flat).to_csv(tmp_path / "run.csv", index=False)
-    pd.DataFrame(flat).to_parquet(tmp_path / "run.parquet", index=False)
-    for path in sorted(tmp_path.glob("run.*")):
-        log = read(arm, path)
-        np.testing.assert_allclose(log.q_ref, plain.q_ref, atol=1e-12)
-        assert log.commanded
 
 
 # Words.

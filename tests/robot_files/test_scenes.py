@@ -1,15 +1,11 @@
 """Scenes: what no actuated joint reaches is left out, and MuJoCo's own arrays are read by it."""
 
-import mujoco
 import numpy as np
-import pandas as pd
 import pytest
 from made_robots import LINKS, MOTORS, arm
 
 from identifiability.effects.nominal import rigid_torque
 from identifiability.foundation.errors import RobotError
-from identifiability.logs import Log
-from identifiability.logs.conventions import Conventions
 from identifiability.robot import complete_motion
 from identifiability.simulation.mujoco_robot import MujocoRobot
 from identifiability.workflows.inspect import inspect
@@ -83,47 +79,7 @@ def test_without_actuators_only_what_cannot_be_driven_is_left_out(load_text):
     assert robot.joints == ("hinge", "turn", "shoulder", "elbow")
 
 
-@pytest.fixture(scope="module")
-def arrays():
-    """What MuJoCo keeps while the motors push the arm about, columns by array and index."""
-    text = scene().replace("<worldbody>", '<option timestep="0.002"/><worldbody>', 1)
-    m = mujoco.MjModel.from_xml_string(text)
-    d, rows = mujoco.MjData(m), []
-    words = ("qpos", "qvel", "qacc", "qfrc_actuator", "actuator_force", "ctrl")
-    for k in range(200):
-        d.ctrl[:] = 3 * np.sin(0.05 * k), 6 * np.cos(0.03 * k)  # the second beyond its range
-        mujoco.mj_step(m, d)
-        mujoco.mj_forward(m, d)
-        rows.append([d.time, *(x for w in words for x in getattr(d, w))])
-    names = ["time", *(f"{w}[{k}]" for w in words for k in range(len(getattr(d, w))))]
-    return pd.DataFrame(rows, columns=names)
-
-
-def without(frame, *words):
-    return frame.drop(columns=[c for c in frame if c.partition("[")[0] in words])
-
-
-@pytest.mark.parametrize(
-    "made",
-    [
-        lambda f: f,
-        lambda f: without(f, "qfrc_actuator", "actuator_force"),
-        lambda f: f.rename(columns=lambda c: f"data.{c}" if "[" in c else c),
-        lambda f: without(f, "qfrc_actuator").rename(
-            columns={"qpos[9]": "shoulder.qpos", "actuator_force[0]": "actuator_force/m1"}
-        ),
-    ],
-)
-def test_arrays_of_mujoco_are_read_by_the_file_s_addresses_and_gears(made, arrays, load_text):
-    log = Log.from_frame(made(arrays), "log", Conventions.of(load_text(scene())))
-    for channel, word, first in (("q", "qpos", 9), ("dq", "qvel", 8), ("tau", "qfrc_actuator", 8)):
-        ours = arrays[[f"{word}[{first}]", f"{word}[{first + 1}]"]]
-        np.testing.assert_allclose(getattr(log, channel), ours, rtol=1e-12, atol=1e-12)
-
-
-def test_the_sum_of_two_motors_is_no_motor_s_force(arrays, load_text):
+def test_motors_have_the_gears_of_the_file_where_they_are_alone_at_a_joint(load_text):
+    assert load_text(scene()).gears == {"shoulder": 2.0, "elbow": -0.5}
     two = GEARED.replace("</actuator>", '<general joint="elbow"/></actuator>')
-    known = Conventions.of(load_text(scene(actuator=two)))
-    assert Log.from_frame(arrays, "log", known).joints == ("shoulder", "elbow")
-    log = Log.from_frame(without(arrays, "qfrc_actuator"), "log", known)
-    assert log.unmeasured.all(0).tolist() == [False, True]
+    assert load_text(scene(actuator=two)).gears == {"shoulder": 2.0}
