@@ -64,7 +64,7 @@ class RigidBody(Effect):
         bodies = K[:, : model.nv]
         K[:, model.nv :] = 0.0  # tendons carry none
         columns = (np.arange(10) + 10 * (np.array(robot.carriers)[:, None] - 1)).ravel()
-        every = len(columns) == 10 * (model.njoints - 1)  # a view of them costs nothing
+        every = len(robot.carriers) == model.njoints - 1  # a view of them costs nothing
         for k, (q, v, a) in enumerate(zip(*tree_motion(robot, motion), strict=True)):
             own = regressor(model, data, q, v, a)
             bodies[k] = own if every else own[:, columns]

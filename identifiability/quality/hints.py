@@ -32,10 +32,6 @@ from identifiability.robot import complete_motion
 # an alternative of the model (`workflows.alternatives`).
 
 
-#: Units of torque that people give, and how many of them make one N·m or N.
-UNITS = {"mN·m (or mN)": 1e3, "N·cm": 1e2, "N·mm": 1e3, "kN·m (or kN)": 1e-3}
-
-
 @check("unit", Does.EXPLAINS)
 def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
     """Return torque whose size contradicts the file at all joints."""
@@ -44,11 +40,7 @@ def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
     most = np.log(RULES.unit_factor)
     if not len(share) or not (np.abs(np.log(share)) > most).all():
         return []
-    middle = float(np.exp(np.median(np.log(share))))
-    names = [u for u, f in UNITS.items() if 1 / 2 < middle / f < 2]
-    name = f", as if it were in {' or '.join(names)}" if names else ""
-    alike = np.ptp(np.log(share)) < most
-    how = phrase("unit", "alike", name=name) if alike else phrase("unit", "apart")
+    how = phrase("unit", "alike" if np.ptp(np.log(share)) < most else "apart")
     multiple = " … ".join(dict.fromkeys(f"{x:.2g}" for x in (share.min(), share.max())))
     return [Finding("unit", multiple=f"{multiple} times", how=how, factors=share.tolist())]
 

@@ -49,7 +49,7 @@ _LIGHT = (TEMPLATES / "style.css").read_text(encoding="utf-8").partition("}")[0]
 COLOURS: dict[str, str] = dict(re.findall(r"--(\w+): (#[0-9a-f]{6});", _LIGHT))
 
 INK, MUTED, LINE, SURFACE = (COLOURS[name] for name in ("ink", "muted", "line", "surface"))
-BLUE, VERMILION, GREY = (COLOURS[name] for name in ("blue", "vermilion", "grey"))
+BLUE, VERMILION = (COLOURS[name] for name in ("blue", "vermilion"))
 
 #: Matplotlib's settings.
 STYLE: Any = {
@@ -367,8 +367,8 @@ def mark_of(kind: str) -> Mark:
 # Torque and motion along time.
 
 
-#: Points of a scatter, and medians along it.
-POINTS, BINS = 500, 24
+#: Points of a scatter.
+POINTS = 500
 
 #: Colour and name of the model as it was, and of the one with the named effects.
 STATES = ((VERMILION, "before"), (BLUE, "after"))
@@ -409,13 +409,6 @@ def draw_torque(
     below.locator_params(axis="y", nbins=3)
     figure.align_ylabels([above, below])
     return figure
-
-
-def medians_along(x: Array, y: Array) -> tuple[Array, Array]:
-    """Return medians of x (N,) and y (N,) in bins of as many rows each, along x."""
-    count = max(1, min(BINS, len(x) // 8))
-    parts = [p for p in np.array_split(np.argsort(x), count) if len(p)]
-    return np.array([np.median(x[p]) for p in parts]), np.array([np.median(y[p]) for p in parts])
 
 
 def spread_rows(count: int, most: int) -> np.ndarray:

@@ -32,7 +32,6 @@ A modified frame is that of the URDF link. A standard one lies behind the joint:
 from __future__ import annotations
 
 import math
-import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -59,6 +58,8 @@ BASE = "base"
 
 Distance = Annotated[float, Field(ge=-1e6, le=1e6)]
 Name = Annotated[str, Field(min_length=1)]
+#: A number in the file's unit, or a text such as ``-pi/2``.
+Angle = float | Annotated[str, Field(pattern=r"^-?\d*\.?\d* ?\*? ?pi( ?/ ?\d+)?$")]
 
 
 class _Strict(BaseModel):
@@ -73,9 +74,9 @@ class Row(_Strict):
     joint: Name | None = None
     type: Literal["revolute", "prismatic"] = "revolute"
     a: Distance = 0.0
-    alpha: float = 0.0
+    alpha: Angle = 0.0
     d: Distance = 0.0
-    theta: float = 0.0
+    theta: Angle = 0.0
     position: Triple = (0.0, 0.0, 0.0)
     rpy: Triple = (0.0, 0.0, 0.0)
     axis: Triple = (0.0, 0.0, 1.0)
@@ -95,36 +96,28 @@ class Table(_Strict):
     links: list[Row] = Field(min_length=1)
     sidecar: Sidecar = Sidecar()
 
-    @field_validator("links", mode="before")
-    @classmethod
-    def _angles(cls, links: Any, stated: ValidationInfo) -> Any:
-        """Take angles such as ``-pi/2``, which are always in rad."""
-        one = 180.0 if stated.data.get("angles") == "deg" else math.pi
-        texts = [
-            (row, key)
-            for row in (links if isinstance(links, list) else ())
-            for key in ("alpha", "theta")
-            if isinstance(row, dict) and isinstance(row.get(key), str)
-        ]
-        for row, key in texts:
-            found = re.fullmatch(r"([+-]?)(\d*\.?\d*) ?\*? ?(?:pi|π)(?: ?/ ?(\d+))?", row[key])
-            if not found:
-                raise ValueError(
-                    f"'{row[key][:60]}' is no part of pi, such as -pi/2, and no number"
-                )
-            row[key] = float(f"{found[1]}{found[2] or 1}") * one / float(found[3] or 1)
-        return links
-
     @property
     def unit(self) -> float:
         """What the file's unit of angles is [rad]."""
         return math.radians(1.0) if self.angles == "deg" else 1.0
 
+    def turn(self, angle: float | str) -> float:
+        """Return an angle of the file [rad]; a part of pi is always in rad."""
+        if not isinstance(angle, str):
+            return self.unit * angle
+        times, _, over = angle.partition("pi")
+        times = times.strip(" *")
+        return (
+            float(times if times not in ("", "-") else f"{times}1")
+            * math.pi
+            / float(over.strip(" /") or 1)
+        )
+
     def place(self, row: Row) -> pin.SE3:
         """Return the frame of a row in that of its parent, with its joint at zero."""
         if self.convention == "frames":
             return pin.SE3(pin.rpy.rpyToMatrix(*row.rpy), np.array(row.position))
-        roll, yaw = self.unit * row.alpha, self.unit * row.theta
+        roll, yaw = self.turn(row.alpha), self.turn(row.theta)
         x = pin.SE3(pin.rpy.rpyToMatrix(roll, 0.0, 0.0), np.array([row.a, 0.0, 0.0]))
         z = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([0.0, 0.0, row.d]))
         return x * z if self.convention == "modified" else z * x

@@ -52,9 +52,7 @@ def test_a_model_with_every_reduction_is_written_and_read_back_as_it_was(tmp_pat
     model = Model.of("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")
     structure = Structure.of(robot, model)
     for submodel in build_ladder(read_ladder(path), structure):
-        entry = read_ladder(path).model_copy(
-            update={"models": [model_entry(submodel, structure.base, model.texts)]}
-        )
+        entry = read_ladder(path).model_copy(update={"models": [model_entry(submodel, structure)]})
         written = tmp_path / "written.toml"
         written.write_text(ladder_text(entry, "a comment"))
         (again,) = build_ladder(read_ladder(written), structure)
