@@ -135,7 +135,7 @@ CORRECTIONS = {
 }
 
 
-def move_mounting(robot: Robot, values: Mapping[str, float], digits: int = 4) -> str:
+def move_mounting(robot: Robot, values: Mapping[str, float]) -> str:
     """Return the mounting with fitted corrections as the sidecar states it; empty without any.
 
     Parameters
@@ -143,8 +143,6 @@ def move_mounting(robot: Robot, values: Mapping[str, float], digits: int = 4) ->
     robot : Robot
     values : mapping
         Of parameters, by name.
-    digits : int
-        Of each number.
     """
     found = {
         key: np.array([values.get(f"{BASE}.{kind}", 0.0) for kind in kinds])
@@ -156,7 +154,7 @@ def move_mounting(robot: Robot, values: Mapping[str, float], digits: int = 4) ->
     turned = pin.exp3(found["rotation"]) @ imu.rotation.T
     moved = {key: x + getattr(imu, key) for key, x in found.items() if key != "rotation"}
     moved = {"rotation": pin.rpy.matrixToRpy(turned), **moved}
-    entries = [f"{k} = [{', '.join(f'{v:.{digits}g}' for v in x + 0.0)}]" for k, x in moved.items()]
+    entries = [f"{k} = [{', '.join(f'{v:.4g}' for v in x + 0.0)}]" for k, x in moved.items()]
     fit = ", ".join(f'"{key}"' for key in imu.fit or CORRECTIONS)
     return f"imu = {{{', '.join(entries)}, fit = [{fit}]}}"
 

@@ -72,19 +72,14 @@ WORDS = {"payload": "load", "torque_scale": "torque gain"}
 WEIGHT = INERTIAL_KINDS[:4]
 
 
-def list_changes(
-    robot: Robot,
-    bodies: Sequence[str],
-    families: Sequence[str] = DIFFERING,
-    loads: Sequence[tuple[str, ...]] = (WEIGHT, INERTIAL_KINDS),
-) -> tuple[Candidate, ...]:
+def list_changes(robot: Robot, bodies: Sequence[str]) -> tuple[Candidate, ...]:
     """Return what may differ between rows of a robot: a load on some bodies, and families.
 
-    A load has each of several sets of parameters, nobody knows which.
+    A load has those parameters that its weight tells, or all: nobody knows which.
     """
-    rigid = FAMILIES["rigid_body"].effect
+    rigid, loads = FAMILIES["rigid_body"].effect, (WEIGHT, INERTIAL_KINDS)
     found = [(FAMILIES["payload"], rigid, body, kinds) for body in bodies for kinds in loads]
-    for family in find_families(families):
+    for family in find_families(DIFFERING):
         for place, own in groupby(family.effect.parameters(robot), lambda p: p.owner):
             found.append((family, family.effect, place, tuple(p.kind for p in own)))
     return tuple(

@@ -155,9 +155,9 @@ def percent_text(value: float | None, count: int = 2) -> str:
     return NONE if value is None else percent(value / 100, count)
 
 
-def format_count(count: int, noun: str, plural: str = "") -> str:
+def format_count(count: int, noun: str) -> str:
     """Return ``1 sample``, ``2 samples``."""
-    return f"{count:,} {noun if count == 1 else plural or noun + 's'}".replace(",", "\u2009")
+    return f"{count:,} {noun if count == 1 else f'{noun}s'}".replace(",", "\u2009")
 
 
 def join(names: list[str] | tuple[str, ...], most: int = 6) -> str:

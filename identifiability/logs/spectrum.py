@@ -315,15 +315,15 @@ def resolution(x: Array) -> Array:
     return found
 
 
-def noise_parts(x: Array) -> tuple[Array, Array]:
-    """Return what white noise on smooth signals x (N, n) has at zero and with them, (n,) each.
+def noise_at_rest(x: Array) -> Array:
+    """Return the variance that white noise on smooth signals x (N, n) has where they are zero.
 
     Its variance is a constant and a share of the signal's square, both by weighted least
     squares on squared differences; the largest of these, at jumps and glitches, are cut.
     """
-    constant, share = np.zeros((2, x.shape[1]))
+    constant = np.zeros(x.shape[1])
     if len(x) <= ORDER:
-        return constant, share
+        return constant
     squares = np.diff(x, ORDER, axis=0) ** 2 / binom(2 * ORDER, ORDER)
     # Shares of the samples in the variance of a difference, and the quantile above which it
     # is cut.
@@ -339,5 +339,5 @@ def noise_parts(x: Array) -> tuple[Array, Array]:
             weight = 1.0 / np.maximum(fitted, 1e-4 * fitted.max())
             found = scipy.optimize.nnls(A * weight[:, None], squares[:, j] * weight)[0]
             fitted = A @ found if found.any() else fitted
-        constant[j], share[j] = found / [1.0, scale]
-    return constant, share
+        constant[j] = found[0]
+    return constant

@@ -129,9 +129,9 @@ def plain(name: str, most: int = 28) -> str:
     return name.replace("$", r"\$")
 
 
-def label_width(names: Sequence[str], most: int = 28) -> float:
-    """Return the room that row labels of at most so many letters need [px]."""
-    return 16 + 6.5 * max((len(plain(n, most)) for n in names), default=0)
+def label_width(names: Sequence[str]) -> float:
+    """Return the room that row labels need [px]."""
+    return 16 + 6.5 * max((len(plain(name)) for name in names), default=0)
 
 
 def strokes(axes: Axes, starts: Array, ends: Array, colour: str, **style: Any) -> None:

@@ -279,10 +279,10 @@ def _ahead(robot: Description, here: Closed, q: Array, steps: int = 1) -> Array:
     return robot.tree.integrate(here.q, step)
 
 
-def follow_from_home(robot: Description, q: Array, steps: int = 20) -> Closed:
-    """Walk from home to every sample on a straight line of actuated coordinates."""
+def follow_from_home(robot: Description, q: Array) -> Closed:
+    """Walk from home to every sample on a straight line of actuated coordinates, in 20 steps."""
     here = newton(robot, np.repeat(robot.home[None], len(q), 0), most=0)
-    for left in range(steps, 0, -1):
+    for left in range(20, 0, -1):
         here = newton(robot, _ahead(robot, here, q, left), most=3)
     return newton(robot, here.q)
 

@@ -33,8 +33,8 @@ from identifiability.logs.spectrum import (
     Band,
     Spectrum,
     choose_band,
+    noise_at_rest,
     noise_level,
-    noise_parts,
     spectra_of,
 )
 from identifiability.robot import Robot
@@ -82,7 +82,7 @@ class Smoothing:
         band = float(Spectrum.of(windows, dt, 1).bandwidths().max(initial=0.0))
         cutoff = min(max(RULES.cutoff_wide * band, RULES.cutoff_lowest), 0.45 / dt)
         sd = np.sqrt(2 * cutoff * dt) * level
-        at_rest = np.sqrt(np.mean([noise_parts(x)[0] for x in windows], axis=0))
+        at_rest = np.sqrt(np.mean([noise_at_rest(x) for x in windows], axis=0))
         # Noise at rest of less than this share of that in motion (rms) cannot be told
         # from none.
         at_rest[~noisy | (at_rest < 0.3 * level)] = 0.0
