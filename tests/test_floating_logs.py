@@ -166,22 +166,3 @@ def test_what_is_missing_or_no_orientation_is_said_in_one_sentence(thrown, body)
     body.path.with_suffix(".toml").write_text('[[contacts]]\nframe = "grip"\nflag = "touch"')
     with pytest.raises(LogError, match="lacks the column 'touch', which says when the contact"):
         read(Robot.load(body.path), table(thrown, **sensor(thrown)))
-
-
-WALKER = """<mujoco model="walker"><worldbody><body name="trunk"><freejoint/>
-<inertial pos="0 0 0" mass="5" diaginertia=".1 .1 .1"/>{}</body></worldbody>
-<actuator>{}</actuator></mujoco>"""
-LEG = """<body name="{0}" pos="{1} 0 0"><joint name="{0}_x" type="slide" axis="1 0 0"/>
-<joint name="{0}_y" type="slide" axis="0 1 0"/><joint name="{0}_z" type="slide" axis="0 0 1"/>
-<inertial pos="0 0 -.2" mass="1" diaginertia=".01 .01 .01"/>
-<geom name="{0}_foot" pos="0 0 -.4" size=".02" mass="0"/></body>"""
-
-
-def walker(tmp_path, contacts):
-    legs = ("left", "right")
-    motors = "".join(f'<motor joint="{leg}_{a}"/>' for leg in legs for a in "xyz")
-    text = WALKER.format("".join(LEG.format(leg, k) for k, leg in enumerate(legs)), motors)
-    path = tmp_path / "walker.xml"
-    path.write_text(text)
-    path.with_suffix(".toml").write_text(contacts)
-    return Robot.load(path)

@@ -77,7 +77,8 @@ def list_changes(robot: Robot, bodies: Sequence[str]) -> tuple[Candidate, ...]:
 
     A load has those parameters that its weight tells, or all: nobody knows which.
     """
-    rigid, loads = FAMILIES["rigid_body"].effect, (WEIGHT, INERTIAL_KINDS)
+    rigid = FAMILIES["rigid_body"].effect
+    loads: tuple[tuple[str, ...], ...] = (WEIGHT, INERTIAL_KINDS)
     found = [(FAMILIES["payload"], rigid, body, kinds) for body in bodies for kinds in loads]
     for family in find_families(DIFFERING):
         for place, own in groupby(family.effect.parameters(robot), lambda p: p.owner):

@@ -71,11 +71,6 @@ def arm(
 """
 
 
-def solid(top: str = "", after: str = "", **places: str) -> str:
-    """Return the arm with inertias from geoms."""
-    return arm(top, after, **({"in_upper": GEOM, "in_fore": GEOM, "in_hand": HANDLE} | places))
-
-
 #: The crank upright, and the angles that close the chain there.
 HOME = "1.5707963267948966 -1.26754214 -1.54996149"
 

@@ -129,10 +129,6 @@ def twice(robot, seed=0, level=1.0):
     return log, again, exact
 
 
-def positions_only(log, **changes):
-    return replace(log, dq=None, ddq=None, **changes)
-
-
 def test_a_motion_that_is_made_again_on_another_clock_is_found(robot):
     log, again, _ = twice(robot)
     # It starts 0.4123 s later in the motion, which is no whole number of steps, by its own clock.
