@@ -4,8 +4,6 @@ import re
 import tomllib
 from pathlib import Path
 
-import pytest
-
 import identifiability
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -30,11 +28,6 @@ def test_the_readme_in_an_index_has_no_relative_link_and_each_leads_to_a_file():
         base = raw if picture else f"{HOME}/blob/main/"
         assert link.startswith(base), link
         assert (ROOT / link.removeprefix(base)).exists(), link
-
-
-@pytest.mark.parametrize("line", [f"version: {identifiability.__version__}", f"code: {HOME}"])
-def test_the_citation_is_of_this_version_and_place(line):
-    assert f"{line}\n" in (ROOT / "CITATION.cff").read_text()
 
 
 def test_sentences_on_extras_name_the_distribution_and_an_extra_of_it():

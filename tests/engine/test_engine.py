@@ -23,13 +23,6 @@ def test_processes_give_the_bits_that_this_process_gives(two, work):
     assert [x.tobytes() for x in here] == [x.tobytes() for x in there]
 
 
-def test_progress_counts_the_items(two, work):
-    seen = []
-    for engine in (Serial(), two):
-        list(engine.map(work.refuse, [0, 1, 2], progress=lambda *step: seen.append(step)))
-    assert seen == [(1, 3), (2, 3), (3, 3)] * 2
-
-
 @pytest.mark.parametrize("kind", ["serial", "processes"])
 def test_the_first_error_arrives_as_itself_and_work_goes_on_afterwards(kind, two, work):
     engine = Serial() if kind == "serial" else two

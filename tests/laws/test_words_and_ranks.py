@@ -5,13 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.foundation.rounding import (
-    format_count,
-    format_measured,
-    format_number,
-    join,
-    percent_text,
-)
+from identifiability.foundation.rounding import format_measured, format_number
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.posterior.target import Prior, Target
 
@@ -43,22 +37,7 @@ def test_numbers_get_a_power_of_ten_below_1e_4_and_from_1e6_on(value, digits, sh
     assert format_number(2.0, 4, pad=True) == "2.000"
 
 
-def test_percentages_have_two_digits():
-    assert [percent_text(x) for x in (9.94, 621.2, 0.0, None)] == ["9.9 %", "620 %", "0 %", "—"]
-
-
-def test_counts_agree_with_their_noun_and_lists_say_how_many_are_left_out():
-    assert [format_count(k, "log") for k in (0, 1, 2)] == ["0 logs", "1 log", "2 logs"]
-    assert join(list("abcdef")) == "a, b, c, d, e and f"
-    assert join(list("abcdefg")) == "a, b, c, d, e and 2 more"
-
-
 # --- ranks ------------------------------------------------------------------------------------
-
-
-def test_a_half_goes_to_the_even_digit():
-    assert format_measured(1.2345, 0.035) == ("1.234", "0.035")
-    assert format_measured(1.2355, 0.035) == ("1.236", "0.035")
 
 
 # --- the posterior's coordinates --------------------------------------------------------------

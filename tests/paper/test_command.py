@@ -9,7 +9,6 @@ import pytest
 import table_1_base_parameters
 from paper_study import command
 from paper_study.result import StudyCheck
-from registry import STUDIES
 from typer.testing import CliRunner
 
 from identifiability.cli import app
@@ -56,14 +55,6 @@ def test_an_unknown_table_is_one_sentence(run):
     out = run("17")
     assert out.exit_code == 2
     assert "no study '17'" in out.stderr
-
-
-@pytest.mark.parametrize("name", [s.module for s in STUDIES if s.paper])
-def test_every_script_states_its_question(name):
-    text = (FOLDER / f"{name}.py").read_text(encoding="utf-8")
-    assert text.startswith('"""')
-    assert "?" in text.splitlines()[0]
-    assert "run_script(run)" in text
 
 
 @pytest.mark.everything  # what it runs is run above, in this process

@@ -1,11 +1,8 @@
 """Trials repeat, do not depend on processes, and disturb what they say they disturb."""
 
 import numpy as np
-import pytest
-from paper_study.monte_carlo import Case, run_trial, run_trials, stack
+from paper_study.monte_carlo import Case, run_trial
 from paper_study.result import compare
-
-from identifiability.foundation.engines import Processes
 
 CASE = Case("601", 100)
 
@@ -14,15 +11,6 @@ def test_a_trial_repeats_to_the_last_bit():
     first, again = run_trial(CASE, 7), run_trial(CASE, 7)
     assert np.array_equal(first.error_ra, again.error_ra)
     assert not np.array_equal(first.error_ra, run_trial(CASE, 8).error_ra)
-
-
-@pytest.mark.everything
-def test_two_processes_give_the_same_trials_as_one(monkeypatch):
-    alone = [run_trial(CASE, seed).error_ra for seed in range(6)]
-    monkeypatch.setattr("paper_study.monte_carlo._done", {})
-    with Processes(2) as engine:
-        shared = run_trials([CASE], 6, engine)[CASE]
-    assert np.array_equal(stack(shared, "error_ra"), np.array(alone))
 
 
 def test_a_printed_number_beyond_the_tolerance_differs_and_says_why():

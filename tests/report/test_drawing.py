@@ -73,15 +73,6 @@ def test_the_same_figure_gives_the_same_text():
     assert "date" not in once.lower()
 
 
-def test_identifiers_of_figures_on_one_page_differ():
-    first, second = (svg(f) for f in draw_all(["a", "b"])[:2])
-    ids = [set(re.findall(r'\bid="([^"]*)"', text)) for text in (first, second)]
-    assert ids[0]
-    assert not ids[0] & ids[1]
-    for text, known in zip((first, second), ids, strict=True):
-        assert set(re.findall(r"#([^\"')]*)", re.sub(r"<style>.*?</style>", "", text))) <= known
-
-
 def test_every_axis_has_a_label_with_a_unit():
     for figure in draw_all(["a", "b"]):
         lowest = figure.axes[-1]
