@@ -184,7 +184,12 @@ class Field:
         default = None if no_value else self.default
         kind = self.kind | None if default is None else self.kind
         as_typer: Any = Annotated[kind, info]
-        return Parameter(self.name, Parameter.KEYWORD_ONLY, default=default, annotation=as_typer)
+        return Parameter(
+            self.name,
+            Parameter.KEYWORD_ONLY,
+            default=default,
+            annotation=as_typer,
+        )
 
     def read(self, typed: Any) -> Any:
         """Return what was typed as the library takes it.

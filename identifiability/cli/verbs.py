@@ -49,7 +49,14 @@ def run(
         import identifiability as library  # noqa: PLC0415
 
         function = getattr(library, verb)
-        result = function(machine.load(), *given, logs, **said, **fitted, **how)
+        result = function(
+            machine.load(),
+            *given,
+            logs,
+            **said,
+            **fitted,
+            **how,
+        )
         files = [(getattr(result, write[0]), first)] if write else []
         return result, outputs.write(result, say, *files)
 
@@ -110,9 +117,20 @@ def run_demo(
     for name, rng in zip(("601", "595"), np.random.default_rng(seed).spawn(2), strict=True):
         say(f"simulating trajectory {name}", 0.0)
         motion = find_motion(robot, name, 100 if quick else None, rng)
-        log = simulate(robot, motion, noise=PAPER_NOISE, rng=rng)
+        log = simulate(
+            robot,
+            motion,
+            noise=PAPER_NOISE,
+            rng=rng,
+        )
         logs.append(replace(log, name=f"{name}.csv", path=str(folder / f"{name}.csv")))
-    return analyze(robot, logs[:1], logs[1:], seed=seed, progress=say), logs
+    return analyze(
+        robot,
+        logs[:1],
+        logs[1:],
+        seed=seed,
+        progress=say,
+    ), logs
 
 
 @Verb
@@ -171,7 +189,13 @@ def analyze(
         from identifiability.workflows.many import analyze_many  # noqa: PLC0415
 
         del said["work"], said["each"], said["out"]
-        fleet = analyze_many(each, str(out), **how, **vars(said.pop("fitted")), **said)
+        fleet = analyze_many(
+            each,
+            str(out),
+            **how,
+            **vars(said.pop("fitted")),
+            **said,
+        )
     common.print_result(fleet, fleet.files)
     if fleet.failed:
         raise Exit(1)
@@ -223,7 +247,12 @@ def diagnose(
         from identifiability.workflows.diagnose import find_next  # noqa: PLC0415
 
         with common.progress() as say:
-            found = find_next(result, limits=limits, seed=seed, progress=say)
+            found = find_next(
+                result,
+                limits=limits,
+                seed=seed,
+                progress=say,
+            )
         told.append(found.statement)
         if not found.same:
             written += common.write_all((found.to_json, motion))
@@ -307,14 +336,27 @@ def export(
 
     robot = machine.load()
     if draws is not None:
-        found = draw_robots(robot, result, draws, prior=prior, seed=seed)
+        found = draw_robots(
+            robot,
+            result,
+            draws,
+            prior=prior,
+            seed=seed,
+        )
         written = found.write(out)
         typer.echo(found.statement)
         typer.echo(f"{written[0]}" + (f" … {written[-1].name}" if len(written) > 1 else ""))
         return
     if prior is not None:
         raise kinds.OptionError(Finding("prior.draws"))
-    exported = run(robot, result, out, "patch" if patch else form, validate=validate, force=force)
+    exported = run(
+        robot,
+        result,
+        out,
+        "patch" if patch else form,
+        validate=validate,
+        force=force,
+    )
     for text in filter(None, (exported.mass, exported.statement)):
         typer.echo(text)
     for text in unused_ladder(robot):
@@ -359,7 +401,12 @@ def compare(
 
         say("reading logs", 0.0)
         sides = [before, *more_before], [after, *more_after]
-        found = find(machine.load(), *sides, preparation=derived.preparation(), ladder=ladder)
+        found = find(
+            machine.load(),
+            *sides,
+            preparation=derived.preparation(),
+            ladder=ladder,
+        )
         written = outputs.write(found, say)
     common.print_result(found, written)
 
@@ -388,7 +435,14 @@ def simulate(
 
     robot, rng = machine.load(), np.random.default_rng(seed)
     move = find_motion(robot, motion, samples, rng)
-    make = partial(run, robot, move, noise=noise, hide=hide, derivatives=derivatives)
+    make = partial(
+        run,
+        robot,
+        move,
+        noise=noise,
+        hide=hide,
+        derivatives=derivatives,
+    )
     log = make(laws=effect_laws(), rng=rng)
     log.write(out)
     missing = left_out(robot)
@@ -446,7 +500,12 @@ def excite(
         from identifiability.workflows.excite import excite as run  # noqa: PLC0415
 
         json = out.suffix.lower() == ".json"
-        result = run(machine.load(), **own, **how, **vars(searched))
+        result = run(
+            machine.load(),
+            **own,
+            **how,
+            **vars(searched),
+        )
         play = partial(result.write_motion, rate=rate, periods=played.periods)
         outputs = options.Outputs(report)
         written = outputs.write(result, say, (result.to_json if json else play, out))

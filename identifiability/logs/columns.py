@@ -122,7 +122,13 @@ def name_columns(
     for kind, other in (("q", BARE), ("tau", "current")):
         if not any(g.kind == kind for g in measured):
             measured = [
-                replace(g, kind=kind, current=kind == "tau") if g.kind == other else g
+                replace(
+                    g,
+                    kind=kind,
+                    current=kind == "tau",
+                )
+                if g.kind == other
+                else g
                 for g in measured
             ]
     literal = [g for g in measured if g.literal]
@@ -242,7 +248,11 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
     kind = "current" if column.current else column.kind
     if unit is not None:
         unit.check(kind, name, source)
-        return replace(column, unit=unit, factor=unit.factor)
+        return replace(
+            column,
+            unit=unit,
+            factor=unit.factor,
+        )
     unread = unread_unit(name, (*known.motors, *known.joints))
     if unread and name not in dict(known.columns.rules):
         example = next(u for u, (what, _) in UNITS.items() if what == DIMENSIONS[kind][0])
@@ -261,7 +271,11 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
         offset = -zero / factor if kind in ("q", "q_ref") else 0.0
     elif kind in ANGULAR and column.joint in known.degrees:
         factor = DEGREE
-    return replace(column, factor=factor, offset=offset)
+    return replace(
+        column,
+        factor=factor,
+        offset=offset,
+    )
 
 
 def _settle_torque(
@@ -278,10 +292,24 @@ def _settle_torque(
     given = {c.joint: c for c in columns if c.kind == "tau" and c.joint in joints}
     unknown = [j for j, c in given.items() if c.current and torque.at("gain", j) is None]
     if unknown:
-        raise LogError(Finding("columns.gain", source, joints=[*unknown], first=unknown[0]))
+        raise LogError(
+            Finding(
+                "columns.gain",
+                source,
+                joints=[*unknown],
+                first=unknown[0],
+            )
+        )
     loose = [j for j in given if j not in known.motors and torque.at("ratio", j) is None]
     if torque.side == "motor" and loose:
-        raise LogError(Finding("columns.ratio", source, joints=[*loose], first=loose[0]))
+        raise LogError(
+            Finding(
+                "columns.ratio",
+                source,
+                joints=[*loose],
+                first=loose[0],
+            )
+        )
     factors = {j: torque.factor(j) for j in given}
     currents = any(c.current for c in given.values())
     changed = {j: f for j, f in factors.items() if f != 1.0 or given[j].current}
@@ -497,7 +525,14 @@ def _refuse_missing(
     every = listing(list(names.values()))
     if "t" not in taken:
         likely = [n for n in free if n.casefold().startswith("time")]
-        raise LogError(Finding("columns.time", source, columns=every, first=[*likely, "OLD"][0]))
+        raise LogError(
+            Finding(
+                "columns.time",
+                source,
+                columns=every,
+                first=[*likely, "OLD"][0],
+            )
+        )
     has = [*dict.fromkeys(c.joint for c in measured.values() if c.kind in ("q", "tau"))]
     wanted = known.motors if {*has} & {*known.motors} else known.joints or has or ["<joint>"]
     missing = [n for j in wanted for n in (f"{j}.q", f"{j}.tau") if n not in taken]
@@ -582,7 +617,15 @@ def settle_time(naming: Naming, first: pd.DataFrame, source: str, known: Convent
         day = f"{np.datetime64(start, 'ns').astype('datetime64[s]')}".replace("T", " ")
         what = "are durations" if given.dtype.kind == "m" else f"are dates, from {day} on"
         note = f"the times {what}, and were read in seconds from the first"
-        return _with(naming, replace(time, dates=start, factor=1.0), note)
+        return _with(
+            naming,
+            replace(
+                time,
+                dates=start,
+                factor=1.0,
+            ),
+            note,
+        )
     t = to_floats(given)[:SHOWN] if given.dtype.kind not in "cb" else np.empty(0)
     if len(t) < 3 or not np.isfinite(t).all() or not np.median(np.diff(t)) > 0:
         return naming  # what is wrong with them is said by others
@@ -594,7 +637,15 @@ def settle_time(naming: Naming, first: pd.DataFrame, source: str, known: Convent
     offset = float(t[0]) if RULES.epoch[0] < t[0] * factor < RULES.epoch[1] else 0.0
     if offset:
         notes.append("the times count from 1970, and were read from the first on")
-    return _with(naming, replace(time, factor=factor, offset=offset), *notes)
+    return _with(
+        naming,
+        replace(
+            time,
+            factor=factor,
+            offset=offset,
+        ),
+        *notes,
+    )
 
 
 def start_of(naming: Naming) -> float | None:
@@ -628,7 +679,12 @@ def as_dates(given: pd.Series, start: int) -> pd.Series | None:
             return None
         texts = given.str.strip().str.replace(r"(?<=:\d\d),(?=\d+$)", ".", regex=True)
         texts = texts.str.replace(_POINTED, _as_iso, regex=True)
-        times = pd.to_datetime(texts, format="ISO8601", errors="coerce", utc=True)
+        times = pd.to_datetime(
+            texts,
+            format="ISO8601",
+            errors="coerce",
+            utc=True,
+        )
         if times.isna().all() and texts.str.fullmatch(_OF_A_DAY).all():
             times = pd.to_timedelta(texts)
     if times.isna().any():
@@ -654,7 +710,11 @@ def as_times(given: pd.Series, time: Column) -> pd.Series:
 
 def _with(naming: Naming, time: Column, *notes: str) -> Naming:
     columns = tuple(time if c.name == "t" else c for c in naming.columns)
-    return replace(naming, columns=columns, notes=(*naming.notes, *notes))
+    return replace(
+        naming,
+        columns=columns,
+        notes=(*naming.notes, *notes),
+    )
 
 
 def _find_unit(t: Array, source: str) -> tuple[str, str]:
@@ -677,4 +737,11 @@ def _find_unit(t: Array, source: str) -> tuple[str, str]:
     if len(fits) == 1:
         why = f"for they rise by {step:.6g} from sample to sample: {each[0]}"
         return fits[0], f"{why} (--set time_unit=s if they are seconds)"
-    raise LogError(Finding("clock.unit", source, step=step, units=" or ".join(each)))
+    raise LogError(
+        Finding(
+            "clock.unit",
+            source,
+            step=step,
+            units=" or ".join(each),
+        )
+    )

@@ -134,7 +134,12 @@ class Contradiction:
         """It in half a sentence."""
         explained = 100 * max(self.explained, 0.0)
         told = {"joint": self.joint, "kind": self.kind, "of": self.of, "slope": self.slope}
-        return phrase("contradictions", "one", explained=explained, **told)
+        return phrase(
+            "contradictions",
+            "one",
+            explained=explained,
+            **told,
+        )
 
     @property
     def in_unit(self) -> bool:

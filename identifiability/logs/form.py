@@ -122,11 +122,25 @@ def find_form(text: str, encoding: str) -> Form:
     marks = (m for line in lines for m in COMMENTS if line.lstrip().startswith(m))
     form = Form(encoding=encoding, comment=next(marks, ""))
     pairs = [(s, d) for s in SEPARATORS for d in ".," if not s == d == ","]
-    tried = (_try(replace(form, separator=s, decimal=d), lines) for s, d in pairs)
+    tried = (
+        _try(
+            replace(
+                form,
+                separator=s,
+                decimal=d,
+            ),
+            lines,
+        )
+        for s, d in pairs
+    )
     found = [f for f in tried if f is not None]
     if not found:  # no table of numbers: read as it stands
         at, header = next(form.rows(lines), (0, []))
-        return replace(form, columns=tuple(header), lines=at + 1)
+        return replace(
+            form,
+            columns=tuple(header),
+            lines=at + 1,
+        )
     return max(found, key=lambda f: (len(f.columns), f.decimal == "."))
 
 
@@ -134,7 +148,11 @@ def _try(form: Form, lines: Sequence[str]) -> Form | None:
     """Return the form with header and units, if the lines are a table in it."""
     rows = list(form.rows(lines))
     counts = Counter(len(row) for _, row in rows)
-    width = max(counts, key=lambda n: (counts[n], n), default=0)
+    width = max(
+        counts,
+        key=lambda n: (counts[n], n),
+        default=0,
+    )
     numbers = [sum(map(form.is_number, row)) for _, row in rows]
     of_data = (
         k
@@ -162,7 +180,12 @@ def _try(form: Form, lines: Sequence[str]) -> Form | None:
     if form.decimal == "," and not commas:
         return None
     above = first - bool(units) - bool(full)
-    form = replace(form, columns=tuple(columns), units=units, lines=rows[first][0])
+    form = replace(
+        form,
+        columns=tuple(columns),
+        units=units,
+        lines=rows[first][0],
+    )
     return replace(form, notes=tuple(_notes(form, above)))
 
 

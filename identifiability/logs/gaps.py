@@ -71,7 +71,15 @@ class StaleRule:
     @property
     def note(self) -> str:
         """What was found and done, for the report; nothing if nothing was."""
-        found = [phrase("repeated", "part", name=NAMES[c], share=s) for c, s in self.share.items()]
+        found = [
+            phrase(
+                "repeated",
+                "part",
+                name=NAMES[c],
+                share=s,
+            )
+            for c, s in self.share.items()
+        ]
         return Finding("repeated", channels=", ".join(found)) if found else ""
 
 

@@ -145,7 +145,11 @@ class Log:
         reading = Reading(str(path), conventions or Conventions())
         log = _read_log(reading, read_pieces(Path(path), reading.known))
         (name,) = shorten_paths([str(path)])
-        return replace(log, name=name, path=str(path))
+        return replace(
+            log,
+            name=name,
+            path=str(path),
+        )
 
     @staticmethod
     def from_frame(
@@ -212,7 +216,11 @@ class Log:
 
     def rows(self, start: int, stop: int, name: str = "") -> Log:
         """Return the samples [start, stop) as a log, of the same name by default."""
-        return self.each(lambda x: x[start:stop], t=self.t[start:stop], name=name or self.name)
+        return self.each(
+            lambda x: x[start:stop],
+            t=self.t[start:stop],
+            name=name or self.name,
+        )
 
     def windows(self) -> list[tuple[int, Log]]:
         """Return stretches on which what holds for all of it is decided, and where each begins."""
@@ -394,11 +402,25 @@ def check_held_out(train: Sequence[Log], held_out: Sequence[Log]) -> None:
     for k, s in enumerate(train):
         for other in train[:k]:
             if s.sha256 and _same(s, other):
-                raise LogError(Finding("twice.fitted", "", log=s.name, other=other.name))
+                raise LogError(
+                    Finding(
+                        "twice.fitted",
+                        "",
+                        log=s.name,
+                        other=other.name,
+                    )
+                )
     for s in held_out:
         for other in train:
             if _same(s, other):
-                raise LogError(Finding("twice.held", "", log=s.name, other=other.name))
+                raise LogError(
+                    Finding(
+                        "twice.held",
+                        "",
+                        log=s.name,
+                        other=other.name,
+                    )
+                )
 
 
 def _same(one: Log, other: Log) -> bool:

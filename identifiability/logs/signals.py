@@ -107,7 +107,12 @@ def lowpass(x: Array, dt: float, cutoff: float) -> Array:
     """
     pad = min(len(x) - 1, int(3 / (cutoff * dt)))
     sections = scipy.signal.butter(4, 2 * cutoff * dt, output="sos")
-    filtered: Array = scipy.signal.sosfiltfilt(sections, x, axis=0, padlen=pad)
+    filtered: Array = scipy.signal.sosfiltfilt(
+        sections,
+        x,
+        axis=0,
+        padlen=pad,
+    )
     return filtered
 
 

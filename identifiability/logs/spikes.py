@@ -69,7 +69,11 @@ def find_spikes(x: Array) -> list[Spike]:
     stops = [*range(BLOCK, len(x) - BLOCK - REACH + 1, BLOCK), len(x)]
     for a, b in pairwise([0, *stops]):
         low = max(0, a - REACH)
-        near = _find(x[low : b + REACH], first=a == 0, last=b == len(x))
+        near = _find(
+            x[low : b + REACH],
+            first=a == 0,
+            last=b == len(x),
+        )
         found += [replace(s, row=low + s.row) for s in near if a <= low + s.row < b]
         forget()
     return found

@@ -199,7 +199,12 @@ def _projection(model: FittedModel, cad_weight: float) -> Projection:
         if check_body(possible[columns], name):
             possible[columns] = 0.0
     prior = CadPrior(bodies, cad_weight) if cad_weight and region.names else None
-    return Projection(model.region, reference=possible, prior=prior, fixed=model.fixed)
+    return Projection(
+        model.region,
+        reference=possible,
+        prior=prior,
+        fixed=model.fixed,
+    )
 
 
 def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult:
@@ -220,7 +225,12 @@ def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult
     sentence = f"{unsure} {replaced}".rstrip()
     value = model.to_x @ nearest.phi
     return replace(
-        found, nearest=nearest, value=value, base=base[0], in_files=base[1:], sentence=sentence
+        found,
+        nearest=nearest,
+        value=value,
+        base=base[0],
+        in_files=base[1:],
+        sentence=sentence,
     )
 
 

@@ -291,7 +291,11 @@ class LeastSquares:
         tau = float(np.linalg.norm(estimate.estimator.loss(information, estimate)[:, -1]))
         rss = max(float(estimate.weights @ estimate.rss), (1e-9 * tau) ** 2)
         dof = max(information.rows / estimate.memory - len(estimate.kept), 1.0)
-        return replace(LeastSquares.of_fit(information, estimate), rss_min=rss, dof=dof)
+        return replace(
+            LeastSquares.of_fit(information, estimate),
+            rss_min=rss,
+            dof=dof,
+        )
 
     def through(self, to_x: Array) -> LeastSquares:
         """Return the problem in other parameters phi, of which these are ``to_x (p, q) phi``."""
@@ -299,7 +303,11 @@ class LeastSquares:
 
     def beside(self, rows: Array, aim: Array) -> LeastSquares:
         """Return the problem with further squares ``rows (m, p) phi − aim (m,)`` [torque]."""
-        return replace(self, R=np.vstack([self.R, rows]), z=np.concatenate([self.z, aim]))
+        return replace(
+            self,
+            R=np.vstack([self.R, rows]),
+            z=np.concatenate([self.z, aim]),
+        )
 
     @property
     def variance(self) -> float:

@@ -38,9 +38,29 @@ def _find_silent(log: Log) -> list[Finding]:
         return []
     gone = dict(zip(log.joints, log.unmeasured.sum(0).tolist(), strict=True))
     lost = {j: n for j, n in gone.items() if n}
-    where = [phrase("silent", "one", joint=j, rows=n, all=len(log)) for j, n in lost.items()]
+    where = [
+        phrase(
+            "silent",
+            "one",
+            joint=j,
+            rows=n,
+            all=len(log),
+        )
+        for j, n in lost.items()
+    ]
     told = {"rows": max(lost.values(), default=0), "columns": [f"{j}.tau" for j in lost]}
-    return [Finding("silent", log.name, where=where, **told)] if lost else []
+    return (
+        [
+            Finding(
+                "silent",
+                log.name,
+                where=where,
+                **told,
+            )
+        ]
+        if lost
+        else []
+    )
 
 
 # What stands still while the robot moves: a sensor or a logger hangs there.
@@ -77,7 +97,15 @@ def drop_stuck(log: Log) -> tuple[Log, list[Finding]]:
         runs.append((k, a, b))
         stands = {"joint": log.joints[k], "value": float(log.tau[a, k]), "first": a + 1, "last": b}
         where, columns = [phrase("stuck", "stands", **stands)], [f"{log.joints[k]}.tau"]
-        found.append(Finding("stuck", log.name, where=where, rows=b - a, columns=columns))
+        found.append(
+            Finding(
+                "stuck",
+                log.name,
+                where=where,
+                rows=b - a,
+                columns=columns,
+            )
+        )
     return (log.changed(partial(_silence, runs=runs)) if runs else log), found
 
 
@@ -116,7 +144,14 @@ def _drop_hung(log: Log) -> tuple[Log, list[Finding]]:
         return log, []
     where = [f"{a + 2}–{b} (from t = {log.t[a]:.6g} s)" for a, b in runs]
     rows = int(gone.sum())
-    found = Finding("hung", log.name, where=where, rows=rows, all=len(log), columns=("all",))
+    found = Finding(
+        "hung",
+        log.name,
+        where=where,
+        rows=rows,
+        all=len(log),
+        columns=("all",),
+    )
     return log.each(lambda c: c[~gone], t=log.t[~gone]), [found]
 
 
@@ -147,7 +182,13 @@ def unwrap_log(log: Log) -> tuple[Log, list[Finding]]:
         return log, []
     rows = sum(len(w.rows) for w in wraps.values())
     where = [f"'{j}.q' at {len(w.rows)} rows" for j, w in wraps.items()]
-    said = Finding("wraps", log.name, where=where, columns=[f"{j}.q" for j in wraps], rows=rows)
+    said = Finding(
+        "wraps",
+        log.name,
+        where=where,
+        columns=[f"{j}.q" for j in wraps],
+        rows=rows,
+    )
     return log.changed(partial(_undo, found=found)), [said]
 
 
@@ -184,13 +225,20 @@ def _state_wrong(log: Log, wrong: Mapping[str, list[Spike]]) -> Finding:
     found = sorted((s.row, name, s) for name, spikes in wrong.items() for s in spikes)
     where = [
         phrase("spikes", "value", row=row + 1, t=float(log.t[row]), column=name,
-               value=s.value, instead=s.instead)
+               value=s.value, instead=s.instead,)
         for row, name, s in found[:LISTED]
     ]  # fmt: skip
     more = f"; and {len(found) - LISTED} more" if len(found) > LISTED else ""
     where_all = "; ".join(where)
     columns = tuple(wrong)
-    return Finding("spikes", log.name, rows=len(found), where=where_all, more=more, columns=columns)
+    return Finding(
+        "spikes",
+        log.name,
+        rows=len(found),
+        where=where_all,
+        more=more,
+        columns=columns,
+    )
 
 
 # Commands without torque, and derivatives of another motion.
@@ -218,10 +266,24 @@ def _drop_contradictions(log: Log, *, asked: bool) -> tuple[Log, list[Finding]]:
         return log, []
     where, columns = [c.text for c in wrong], [f"{c.joint}.{c.kind}" for c in wrong]
     if asked:
-        return log, [Finding("derivative", log.name, where=where, columns=columns)]
+        return log, [
+            Finding(
+                "derivative",
+                log.name,
+                where=where,
+                columns=columns,
+            )
+        ]
     # What is derived from a wrong velocity cannot be compared with anything.
     gone = ("dq", "ddq") if any(c.kind == "dq" for c in wrong) else ("ddq",)
     names = {"dq": "velocities", "ddq": "accelerations"}
     words = " and ".join(names[c] for c in gone if c in log.channels)
     told = {"channels": words, "columns": columns, "rows": len(log)}
-    return log.without(gone), [Finding("contradictions", log.name, where=where, **told)]
+    return log.without(gone), [
+        Finding(
+            "contradictions",
+            log.name,
+            where=where,
+            **told,
+        )
+    ]

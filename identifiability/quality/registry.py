@@ -130,7 +130,12 @@ class Reading:
     def having(self, every: Iterable[Log], hints: Iterable[str] = ()) -> Reading:
         """Return the same of as many other logs, with what is said of them."""
         logs, n = tuple(every), len(self.fitted)
-        return replace(self, fitted=logs[:n], held_out=logs[n:], hints=(*self.hints, *hints))
+        return replace(
+            self,
+            fitted=logs[:n],
+            held_out=logs[n:],
+            hints=(*self.hints, *hints),
+        )
 
     def each(self, mend: Callable[[Log], tuple[Log, list[Finding]]]) -> Reading:
         """Return the logs, each mended by itself."""

@@ -153,7 +153,12 @@ def section_ladder(analysis: Analysis) -> Section:
         reason = "smallest" if chosen.infeasible else "signs"
     why = sentence("analysis.why", reason, title=model_title(chosen))
     table = analysis.tables()[0]
-    return section("analysis.models", table, why=why, kind=analysis.validation_kind)
+    return section(
+        "analysis.models",
+        table,
+        why=why,
+        kind=analysis.validation_kind,
+    )
 
 
 # Torque: measured and predicted, what it is made of, and what is left.
@@ -341,7 +346,14 @@ def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
         return ()
     names = np.array(analysis.chosen.submodel.columns)[~summary.stated].tolist()
     share, limit = f"{len(names)} of {len(summary.stated)}", 100 * POSTERIOR_RULES.prior_sensitivity
-    return (note("prior-sensitive", share=share, names=join(names, ROWS), limit=limit),)
+    return (
+        note(
+            "prior-sensitive",
+            share=share,
+            names=join(names, ROWS),
+            limit=limit,
+        ),
+    )
 
 
 def posterior_table(analysis: Analysis) -> Table | None:

@@ -337,7 +337,12 @@ def fold_rows(
     )
     counts = ", ".join(f"{n} {word}" for word, n in words_of(replace(table, rows=hidden)))
     said = f"The other {len(hidden)}: {counts or rest}"
-    more = replace(table, caption="", rows=hidden, marked=None)
+    more = replace(
+        table,
+        caption="",
+        rows=hidden,
+        marked=None,
+    )
     return replace(table, caption=f"The {count} {those}", rows=shown), Fold(said, (more,))
 
 
@@ -380,7 +385,12 @@ def section(
     A text becomes a paragraph, None is left out.
     """
     kept = tuple(Prose((b,)) if isinstance(b, str) else b for b in blocks if b is not None)
-    return Section(name.rpartition(".")[2], **words(name, **holes), blocks=kept, detail=detail)
+    return Section(
+        name.rpartition(".")[2],
+        **words(name, **holes),
+        blocks=kept,
+        detail=detail,
+    )
 
 
 def picture(name: str, figure: Figure, /, **holes: Any) -> Picture:

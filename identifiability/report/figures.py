@@ -80,7 +80,12 @@ class Shown(Figure):
         with mpl.rc_context(STYLE):
             # Pixels of a figure in a notebook for each of its own, for screens that
             # are dense.
-            self.savefig(stream, format="png", dpi=72 * 2, facecolor=SURFACE)
+            self.savefig(
+                stream,
+                format="png",
+                dpi=72 * 2,
+                facecolor=SURFACE,
+            )
         width, height = (round(72 * size) for size in self.get_size_inches())
         return stream.getvalue(), {"width": width, "height": height}
 
@@ -117,7 +122,13 @@ def canvas(
         left / width, bottom / height, 1 - right / width, 1 - top / height, hspace=0.14
     )
     grid = {"height_ratios": ratios}
-    axes = figure.subplots(len(ratios), 1, sharex=True, squeeze=False, gridspec_kw=grid)
+    axes = figure.subplots(
+        len(ratios),
+        1,
+        sharex=True,
+        squeeze=False,
+        gridspec_kw=grid,
+    )
     return figure, list(axes[:, 0])
 
 
@@ -141,7 +152,14 @@ def strokes(axes: Axes, starts: Array, ends: Array, colour: str, **style: Any) -
         np.tile([Outline.MOVETO, Outline.LINETO], len(starts)),
     )
     path.should_simplify = False  # else strokes without length are dropped
-    axes.add_patch(PathPatch(path, edgecolor=colour, facecolor="none", **style))
+    axes.add_patch(
+        PathPatch(
+            path,
+            edgecolor=colour,
+            facecolor="none",
+            **style,
+        )
+    )
 
 
 def dots(
@@ -149,7 +167,15 @@ def dots(
 ) -> None:
     """Draw points as strokes without length, a tenth of the size of markers."""
     points = np.stack([x, y], 1)
-    strokes(axes, points, points, colour, linewidth=size, capstyle="round", alpha=alpha)
+    strokes(
+        axes,
+        points,
+        points,
+        colour,
+        linewidth=size,
+        capstyle="round",
+        alpha=alpha,
+    )
     axes.autoscale_view()
 
 
@@ -199,7 +225,13 @@ def svg(figure: Figure, alt: str = "") -> Markup:
     with mpl.rc_context(settings), warnings.catch_warnings():
         # The browser has glyphs that the font which text is measured with may lack.
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
-        figure.savefig(stream, format="svg", transparent=True, dpi=72, metadata=nothing)
+        figure.savefig(
+            stream,
+            format="svg",
+            transparent=True,
+            dpi=72,
+            metadata=nothing,
+        )
     text = stream.getvalue()
     body = text[text.index(">", text.index("<svg")) + 1 :].replace("</svg>", "").strip()
     body = re.sub(r"<style.*?</style>", "", body, flags=re.DOTALL)
@@ -259,7 +291,14 @@ def row_canvas(
     style = {"color": INK, "fontsize": STYLE["ytick.labelsize"], "ha": "right"}
     beside = axes.get_yaxis_transform() + ScaledTranslation(-6 / 72, 0, figure.dpi_scale_trans)
     for k, name in enumerate(names):  # as ticks they would take most of the time of a page
-        label = axes.text(0, k, plain(name), transform=beside, va="center_baseline", **style)
+        label = axes.text(
+            0,
+            k,
+            plain(name),
+            transform=beside,
+            va="center_baseline",
+            **style,
+        )
         label.set_gid(MARKED + quote(name, safe=""))  # it is not escaped in SVG
     axes.spines["left"].set_visible(False)
     axes.set_xlabel(xlabel)
@@ -271,7 +310,14 @@ def row_lines(axes: Axes, count: int) -> None:
     low, high = axes.get_xlim()
     at = np.arange(count, dtype=float)
     first, last = (np.stack([np.full(count, x), at], 1) for x in (low, high))
-    strokes(axes, first, last, LINE, linewidth=0.6, zorder=0)
+    strokes(
+        axes,
+        first,
+        last,
+        LINE,
+        linewidth=0.6,
+        zorder=0,
+    )
 
 
 def label_axes(
@@ -281,7 +327,12 @@ def label_axes(
     axes.set_xlabel(x)
     axes.set_ylabel(y)
     if title:
-        axes.set_title(plain(title, most), pad=pad, color=INK, fontweight="bold")
+        axes.set_title(
+            plain(title, most),
+            pad=pad,
+            color=INK,
+            fontweight="bold",
+        )
 
 
 def legend_above(axes: Axes, **style: Any) -> None:
@@ -294,7 +345,13 @@ def whiskers(axes: Axes, x: Array, y: Array, reach: Any, **style: Any) -> None:
     """Draw points with errors along x, by default large blue ones with caps."""
     large: Any = {"color": BLUE, "markersize": 7, "elinewidth": 2, "capsize": 3}
     shown, half = (np.where(np.isfinite(v), v, np.nan) for v in (x, reach))
-    axes.errorbar(shown, y, xerr=half, fmt="o", **large | style)
+    axes.errorbar(
+        shown,
+        y,
+        xerr=half,
+        fmt="o",
+        **large | style,
+    )
 
 
 def log_scale(axes: Axes, low: float, high: float) -> None:
@@ -396,12 +453,40 @@ def draw_torque(
     width : int [px]
     """
     figure, (above, below) = canvas(width, 330, (60, 10, 50, 38), (2.2, 1))
-    plot_line(above, t, measured, most, color=MUTED, linewidth=3, alpha=0.45, label="measured")
-    plot_line(above, t, predicted, most, color=BLUE, linewidth=1.3, label="predicted")
+    plot_line(
+        above,
+        t,
+        measured,
+        most,
+        color=MUTED,
+        linewidth=3,
+        alpha=0.45,
+        label="measured",
+    )
+    plot_line(
+        above,
+        t,
+        predicted,
+        most,
+        color=BLUE,
+        linewidth=1.3,
+        label="predicted",
+    )
     label_axes(above, "", f"torque [{unit}]" if "m" in unit else f"force [{unit}]", title, pad=26)
     legend_above(above, handlelength=1.4)
-    below.axhline(0, color=MUTED, linewidth=0.8)
-    plot_line(below, t, measured - predicted, most, color=VERMILION, linewidth=0.9)
+    below.axhline(
+        0,
+        color=MUTED,
+        linewidth=0.8,
+    )
+    plot_line(
+        below,
+        t,
+        measured - predicted,
+        most,
+        color=VERMILION,
+        linewidth=0.9,
+    )
     label_axes(below, "time [s]", f"residual [{unit}]")
     if len(t) > 1 and t[-1] > t[0]:
         below.set_xlim(float(t[0]), float(t[-1]))
@@ -438,7 +523,13 @@ def draw_curve(
     low, high = learned - REACH * spread, learned + REACH * spread
     band: Any = {"color": BLUE, "alpha": 0.2, "linewidth": 0, "label": "95 %"}
     axes.fill_between(x[order], low, high, **band)
-    axes.plot(x[order], learned, color=BLUE, linewidth=1.2, label="learned")
+    axes.plot(
+        x[order],
+        learned,
+        color=BLUE,
+        linewidth=1.2,
+        label="learned",
+    )
     legend_above(axes, handlelength=1.4)
     label_axes(axes, *labels, title, pad=26)
     return figure
@@ -457,8 +548,21 @@ def draw_forward(t: Array, before: Array, after: Array) -> Figure:
     figure, (axes,) = canvas(640, 260, (60, 20, 50, 38))
     for share, (colour, label) in zip((before, after), STATES, strict=True):
         low, middle, high = 100 * np.quantile(share, [0.25, 0.5, 0.75], axis=0)
-        axes.fill_between(t, low, high, color=colour, alpha=0.18, linewidth=0)
-        axes.plot(t, middle, color=colour, linewidth=1.8, label=label)
+        axes.fill_between(
+            t,
+            low,
+            high,
+            color=colour,
+            alpha=0.18,
+            linewidth=0,
+        )
+        axes.plot(
+            t,
+            middle,
+            color=colour,
+            linewidth=1.8,
+            label=label,
+        )
     legend_above(axes, handlelength=1.4)
     axes.set_xlim(0, float(t[-1]))
     axes.set_ylim(bottom=0)
@@ -493,14 +597,38 @@ def draw_ladder(
     band: Any = {"color": BLUE, "alpha": 0.16, "linewidth": 0, "label": "± SE"}
     half = np.nan_to_num(spread)
     axes.fill_between(sizes, unseen - half, unseen + half, **band)
-    axes.plot(sizes, unseen, "o-", color=BLUE, markersize=5, label="unseen motion")
+    axes.plot(
+        sizes,
+        unseen,
+        "o-",
+        color=BLUE,
+        markersize=5,
+        label="unseen motion",
+    )
     hollow: Any = {"color": MUTED, "fillstyle": "none", "markersize": 4, "linewidth": 1}
-    axes.plot(sizes, fitted, "o-", label="fitted motion", **hollow)
+    axes.plot(
+        sizes,
+        fitted,
+        "o-",
+        label="fitted motion",
+        **hollow,
+    )
     chosen = float(sizes[selected])
-    axes.axvline(chosen, color=BLUE, label=f"use {chosen:.0f}", **DASHED)
+    axes.axvline(
+        chosen,
+        color=BLUE,
+        label=f"use {chosen:.0f}",
+        **DASHED,
+    )
     if least != selected:
         ring: Any = {"color": COLOURS["amber"], "markersize": 9, "fillstyle": "none"}
-        axes.plot(sizes[least], unseen[least], "o", label="best density", **ring)
+        axes.plot(
+            sizes[least],
+            unseen[least],
+            "o",
+            label="best density",
+            **ring,
+        )
     shown = np.concatenate([unseen[: selected + 1], fitted[: selected + 1]])
     shown = shown[np.isfinite(shown)]
     if len(shown) and shown.max() > 0:
@@ -508,7 +636,13 @@ def draw_ladder(
         # show the choice.
         axes.set_ylim(0.8 * float(shown.min()), 1.4 * float(shown.max()))
     axes.set_xlim(float(sizes.max()) + 0.8, float(sizes.min()) - 0.8)
-    legend_above(axes, loc="upper left", ncols=5, bbox_to_anchor=(0, 1.14), borderaxespad=0)
+    legend_above(
+        axes,
+        loc="upper left",
+        ncols=5,
+        bbox_to_anchor=(0, 1.14),
+        borderaxespad=0,
+    )
     label_axes(axes, "number of parameters [–]", "relative torque error [%]")
     return figure
 
@@ -553,7 +687,13 @@ def draw_precision(
     # Relative standard deviations above this are drawn at the edge [%].
     high = float(np.clip(known.max(initial=limit) * 2.2, 10 * limit, 1e4))
     log_scale(axes, low, high)
-    axes.axvspan(low, limit, color=BLUE, alpha=0.06, linewidth=0)
+    axes.axvspan(
+        low,
+        limit,
+        color=BLUE,
+        alpha=0.06,
+        linewidth=0,
+    )
     row_lines(axes, len(order))
     for kind in dict.fromkeys(verdicts):
         mark = mark_of(kind)
@@ -563,14 +703,38 @@ def draw_precision(
             np.clip(np.nan_to_num(x[order[rows]], nan=np.inf), low, high) for x in (white, label)
         )
         strokes(axes, np.stack([start, rows], 1), np.stack([end, rows], 1), colour, linewidth=1.2)
-        axes.plot(start, rows, "|", color=colour, markersize=8, markeredgewidth=1.2)
+        axes.plot(
+            start,
+            rows,
+            "|",
+            color=colour,
+            markersize=8,
+            markeredgewidth=1.2,
+        )
         shape = {"fillstyle": mark.fill, "markerfacecoloralt": SURFACE}
         for own, marker in ((end < high, mark.marker), (end >= high, ">")):
             style: Any = {"marker": marker, "clip_on": False, **shape}
-            axes.plot(end[own], rows[own], linestyle="none", color=colour, markersize=7, **style)
-    axes.axvline(limit, color=INK, linewidth=1, label=f"limit {limit:g} % (label)")
+            axes.plot(
+                end[own],
+                rows[own],
+                linestyle="none",
+                color=colour,
+                markersize=7,
+                **style,
+            )
+    axes.axvline(
+        limit,
+        color=INK,
+        linewidth=1,
+        label=f"limit {limit:g} % (label)",
+    )
     if low < paper_limit < high:
-        axes.axvline(paper_limit, color=MUTED, label="10 × least (white)", **DASHED)
+        axes.axvline(
+            paper_limit,
+            color=MUTED,
+            label="10 × least (white)",
+            **DASHED,
+        )
     legend_above(axes)
     return figure
 
@@ -610,18 +774,40 @@ def draw_confusion(names: Sequence[str], correlation: Array) -> Figure:
     figure, (axes,) = canvas(left + side + 16, side + left + 24, (left, 16, 24, left))
     axes.set_xlim(-0.5, k - 0.5)
     axes.set_ylim(k - 0.5, -0.5)
-    axes.set_xticks(range(k), [plain(n) for n in names], rotation=90, color=INK)
+    axes.set_xticks(
+        range(k),
+        [plain(n) for n in names],
+        rotation=90,
+        color=INK,
+    )
     axes.set_yticks(range(k), [plain(n) for n in names], color=INK)
     axes.grid(visible=False)
     for at in range(k):
-        axes.axhline(at, color=LINE, linewidth=0.5, zorder=0)
-        axes.axvline(at, color=LINE, linewidth=0.5, zorder=0)
+        axes.axhline(
+            at,
+            color=LINE,
+            linewidth=0.5,
+            zorder=0,
+        )
+        axes.axvline(
+            at,
+            color=LINE,
+            linewidth=0.5,
+            zorder=0,
+        )
     rows, columns = np.nonzero(~np.eye(k, dtype=bool))
     rho = np.nan_to_num(correlation[rows, columns])
     for sign, colour in ((1.0, BLUE), (-1.0, VERMILION)):
         own = (sign * rho) > 0.1
         size = (0.86 * CELL) ** 2 * np.abs(rho[own])
-        axes.scatter(columns[own], rows[own], s=size, c=colour, marker="s", linewidths=0)
+        axes.scatter(
+            columns[own],
+            rows[own],
+            s=size,
+            c=colour,
+            marker="s",
+            linewidths=0,
+        )
     return figure
 
 
@@ -638,8 +824,17 @@ def draw_intervals(
     xlabel : str
     line : float
     """
-    figure, axes = row_canvas(names, row=26, top=14, xlabel=xlabel)
+    figure, axes = row_canvas(
+        names,
+        row=26,
+        top=14,
+        xlabel=xlabel,
+    )
     whiskers(axes, values, np.arange(len(names), dtype=float), halves)
-    axes.axvline(line, color=INK, **DASHED)
+    axes.axvline(
+        line,
+        color=INK,
+        **DASHED,
+    )
     row_lines(axes, len(names))
     return figure

@@ -500,7 +500,16 @@ def payload_moving(result: Load) -> Moving | None:
     load = Point(robot.links[body].last, centre / mass)
     lines = {"measured": torque.measured, "by the load": torque.explained}
     motion, t = result.motion, torque.t
-    return move_with_torque(robot, motion, t, torque.explained, lines, log, how="load", load=load)
+    return move_with_torque(
+        robot,
+        motion,
+        t,
+        torque.explained,
+        lines,
+        log,
+        how="load",
+        load=load,
+    )
 
 
 def payload_sections(result: Load) -> list[Section | None]:
@@ -577,7 +586,11 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
     masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
     real = ladder.chosen.physical
     settings = {key: ladder.settings[key] for key in ("method", "seed")}
-    text = words("pruning.how", effects=", ".join(ladder.effects), **settings)
+    text = words(
+        "pruning.how",
+        effects=", ".join(ladder.effects),
+        **settings,
+    )
     some = not ladder.nothing
     every = f"All {format_count(len(ladder.models), 'model')} of the path"
     path = Fold(every, (ladder.tables()[0],))

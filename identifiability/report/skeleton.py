@@ -161,7 +161,12 @@ def move_with_torque(
         t[:end],
         {"measured": ("grey", motion.q[rows])},
         lambda at: [] if residual is None else [[missed[k] for k in at]],
-        sentence("moving", how, log=log, joint=name),
+        sentence(
+            "moving",
+            how,
+            log=log,
+            joint=name,
+        ),
         load,
     )
     if moving is None:

@@ -89,7 +89,12 @@ def compile_forward(
         for joint, coefficient in weights.items():
             tendon.wrap_joint(joint, coefficient)
     for name in (cable.name for cable in robot.cables):
-        spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON, **_MOTOR)
+        spec.add_actuator(
+            name=name,
+            target=name,
+            trntype=mujoco.mjtTrn.mjTRN_TENDON,
+            **_MOTOR,
+        )
     if servo is not None:
         for k, joint in enumerate(robot.joints):
             _add_servo(spec, joint, servo, k)
@@ -121,7 +126,13 @@ def _add_couplings(spec: Any, robot: Robot) -> None:
         if c.joint not in present:
             kind = {"type": mujoco.mjtEq.mjEQ_JOINT, "objtype": mujoco.mjtObj.mjOBJ_JOINT}
             own, of = f"coupling of {c.joint}", next(iter(c.terms), "")
-            spec.add_equality(name=own, name1=c.joint, name2=of, active=True, **kind)
+            spec.add_equality(
+                name=own,
+                name1=c.joint,
+                name2=of,
+                active=True,
+                **kind,
+            )
 
 
 def _set_couplings(model: Any, robot: Robot) -> None:
@@ -144,9 +155,18 @@ def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
         "biastype": mujoco.mjtBias.mjBIAS_AFFINE,
         "biasprm": [0, -kp, -kv, *[0] * 7],
         "forcelimited": True,
-        "forcerange": np.nan_to_num([servo.low[k], servo.high[k]], posinf=LARGEST, neginf=-LARGEST),
+        "forcerange": np.nan_to_num(
+            [servo.low[k], servo.high[k]],
+            posinf=LARGEST,
+            neginf=-LARGEST,
+        ),
     }
-    spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT, **options)
+    spec.add_actuator(
+        name=joint,
+        target=joint,
+        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        **options,
+    )
 
 
 # Forward simulation: many short stretches of motion from measured states, by MuJoCo.

@@ -217,7 +217,12 @@ def random_trajectory(
     most = np.where(np.isfinite(most), most, usual["a"])
     sin, cos = rng.standard_normal((2, n, harmonics))
     shape = Trajectory(
-        name="random", period=period, samples=samples, offset=np.zeros(n), sin=sin, cos=cos
+        name="random",
+        period=period,
+        samples=samples,
+        offset=np.zeros(n),
+        sin=sin,
+        cos=cos,
     )
     q, dq, ddq = shape.motion(shape.times())
     room = 0.95 * (high - low) / np.maximum(np.ptp(q, axis=0), 1e-12)
@@ -225,7 +230,12 @@ def random_trajectory(
     scale = np.min([room, faster, harder], axis=0)
     middle = 0.5 * (low + high) - scale * 0.5 * (q.max(0) + q.min(0))
     grown = scale[:, None]
-    return replace(shape, offset=middle, sin=grown * sin, cos=grown * cos)
+    return replace(
+        shape,
+        offset=middle,
+        sin=grown * sin,
+        cos=grown * cos,
+    )
 
 
 def find_motion(
@@ -351,7 +361,11 @@ def _write_mcap(path: Path, store: Any, topic: str, messages: Sequence[tuple[int
 
     with temporary_folder() as folder:
         bag = Path(folder) / "bag"
-        with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        with Writer(
+            bag,
+            version=9,
+            storage_plugin=StoragePlugin.MCAP,
+        ) as writer:
             kind = messages[0][1].__msgtype__
             connection = writer.add_connection(topic, kind, typestore=store)
             for at, message in messages:

@@ -62,7 +62,12 @@ def robot_spec(robot: Robot, *, balance: str = "false", shapes: bool = False) ->
         for name, (body, point) in zip(names, ends, strict=True):
             spec.body(body).add_site(name=name, pos=list(point))
         kind = {"type": _EQ.mjEQ_CONNECT, "objtype": mujoco.mjtObj.mjOBJ_SITE}
-        spec.add_equality(name1=names[0], name2=names[1], active=True, **kind)
+        spec.add_equality(
+            name1=names[0],
+            name2=names[1],
+            active=True,
+            **kind,
+        )
     return spec
 
 
@@ -76,7 +81,11 @@ def compile_robot(robot: Robot, spec: Any) -> Any:
     RobotError
     """
     for cable in robot.cables:
-        spec.add_equality(type=_EQ.mjEQ_TENDON, name1=cable.name, active=False)
+        spec.add_equality(
+            type=_EQ.mjEQ_TENDON,
+            name1=cable.name,
+            active=False,
+        )
     with refused(robot.path):
         model = spec.compile()
     if robot.upright is not None or robot.base is not None:
@@ -92,7 +101,11 @@ def compile_shapes(robot: Robot, reach: float) -> Any:
     RobotError
         If a shape cannot be read, such as a mesh that is not there.
     """
-    spec = robot_spec(robot, balance="true", shapes=True)
+    spec = robot_spec(
+        robot,
+        balance="true",
+        shapes=True,
+    )
     # Bodies without shapes weigh nothing here, which is nobody's concern.
     spec.compiler.boundmass, spec.compiler.boundinertia = 1e-6, 1e-9
     for geom in spec.geoms:
@@ -123,7 +136,12 @@ def bare_urdf(root: ET.Element, balance: str, *, shapes: bool = False) -> str:
     for old in root.findall("mujoco"):
         root.remove(old)
     options = ET.SubElement(root, "mujoco")
-    ET.SubElement(options, "compiler", fusestatic="false", balanceinertia=balance)
+    ET.SubElement(
+        options,
+        "compiler",
+        fusestatic="false",
+        balanceinertia=balance,
+    )
     return ET.tostring(root, encoding="unicode")
 
 

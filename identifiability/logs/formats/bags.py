@@ -156,7 +156,14 @@ def _choose_topic(path: Path, reader: Any, wanted: str) -> str:
     if not wanted:
         first = {topic: next(_messages(reader, topic, JOINT_STATE), None) for topic in found}
         told = [t for t, x in first.items() if x and np.isfinite(x[1].effort).any()]
-        raise LogError(Finding("bag.several", path, topics=[*found], first=(told or found)[0]))
+        raise LogError(
+            Finding(
+                "bag.several",
+                path,
+                topics=[*found],
+                first=(told or found)[0],
+            )
+        )
     raise _no_topic(path, "joint states", wanted, found)
 
 

@@ -84,7 +84,13 @@ def read_sheet(path: Path, _: Conventions) -> Whole:
     import pandas as pd  # noqa: PLC0415
 
     try:
-        sheets = pd.read_excel(path, sheet_name=None, header=None, dtype=object, engine="openpyxl")
+        sheets = pd.read_excel(
+            path,
+            sheet_name=None,
+            header=None,
+            dtype=object,
+            engine="openpyxl",
+        )
     except ImportError:
         raise LogError(Finding("arrays.excel", path)) from None
     cut = {str(k): x.dropna(how="all").dropna(axis=1, how="all") for k, x in sheets.items()}
@@ -93,14 +99,22 @@ def read_sheet(path: Path, _: Conventions) -> Whole:
         raise LogError(f"{path} has no sheet that holds anything.")
     name, sheet = next(iter(filled.items()))
     lines = sheet.map(lambda cell: " ".join(cell.split()) if isinstance(cell, str) else cell)
-    text = lines.to_csv(index=False, header=False, lineterminator="\n")
+    text = lines.to_csv(
+        index=False,
+        header=False,
+        lineterminator="\n",
+    )
     form = find_form(text, "utf-8")
     rows = sheet.iloc[form.lines :].reset_index(drop=True).set_axis(list(form.columns), axis=1)
     others = [other for other in filled if other != name]
     notes = form.notes
     if others:
         notes = (*notes, f"only its sheet '{name}' was read, not {listing(others, 4)}")
-    form = Form(columns=form.columns, units=form.units, notes=notes)
+    form = Form(
+        columns=form.columns,
+        units=form.units,
+        notes=notes,
+    )
     return rows.infer_objects(), form, hash_files(path)
 
 
@@ -147,7 +161,14 @@ def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:
     kinds = {g.kind for k in columns if (g := guess_column(k, k, names))}
     if not {"q", "tau"} <= kinds and lost:
         shapes = [f"{k} {_shape(flat[k])}" for k in lost]
-        raise LogError(Finding("arrays.sizes", source, length=length, arrays=[*shapes]))
+        raise LogError(
+            Finding(
+                "arrays.sizes",
+                source,
+                length=length,
+                arrays=[*shapes],
+            )
+        )
     return pd.DataFrame(columns)
 
 

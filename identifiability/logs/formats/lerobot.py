@@ -105,7 +105,14 @@ def read_episode(path: str | Path) -> pd.DataFrame:
     folder, _ = split_episodes(path)
     episodes = list_episodes(path)
     if len(episodes) > 1:
-        raise LogError(Finding("dataset.several", path, count=len(episodes), name=folder.name))
+        raise LogError(
+            Finding(
+                "dataset.several",
+                path,
+                count=len(episodes),
+                name=folder.name,
+            )
+        )
     number = int(split_episodes(episodes[0])[1])
     info = _read_info(folder)
     # In v2 each has a file of its own: else a thousand files are opened a thousand times.

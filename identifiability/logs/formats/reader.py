@@ -146,7 +146,14 @@ def check_text(path: Path, start: str) -> None:
         raise LogError(f"{path} is Parquet by its content; name it so: {path.stem}.parquet.")
     if "\0" in start:
         kind = f"a {path.suffix} file" if path.suffix else "a file without an ending"
-        raise LogError(Finding("file.kind", path, kind=kind, read=READ))
+        raise LogError(
+            Finding(
+                "file.kind",
+                path,
+                kind=kind,
+                read=READ,
+            )
+        )
 
 
 def list_files(place: Path) -> list[Path]:

@@ -275,7 +275,15 @@ class Dataset:
     def beside(self) -> Dataset | None:
         """The samples along the second record of the motion."""
         other = self.instrument
-        return None if other is None else replace(self, motion=other, instrument=None)
+        return (
+            None
+            if other is None
+            else replace(
+                self,
+                motion=other,
+                instrument=None,
+            )
+        )
 
     @cached_property
     def outputs(self) -> int:
@@ -319,8 +327,23 @@ class Dataset:
             raw, where = p.raw, p.moves
             total, rows = total + p.torque.sum(0), rows + where.sum(0)
             # As measured: what is low-passed changes beside rows that are no data.
-            low = raw.min(0, initial=np.inf, where=where)
-            ends.append(np.stack([low, raw.max(0, initial=-np.inf, where=where)]))
+            low = raw.min(
+                0,
+                initial=np.inf,
+                where=where,
+            )
+            ends.append(
+                np.stack(
+                    [
+                        low,
+                        raw.max(
+                            0,
+                            initial=-np.inf,
+                            where=where,
+                        ),
+                    ]
+                )
+            )
         low, high = np.stack(ends, 1)
         ranges = [find_range(x) for x in (m.actuated_q, m.actuated_v, m.actuated_a)]
         start, stop = (m.t[0], m.t[-1]) if len(m) else (np.nan, np.nan)
@@ -353,7 +376,13 @@ class Dataset:
         """Return some of the samples."""
         other = None if self.instrument is None else self.instrument[rows]
         motion, tau, weight = self.motion[rows], self.tau[rows], self.weight[rows]
-        return replace(self, motion=motion, tau=tau, weight=weight, instrument=other)
+        return replace(
+            self,
+            motion=motion,
+            tau=tau,
+            weight=weight,
+            instrument=other,
+        )
 
     def thin(self, step: int) -> Dataset:
         """Return every `step`-th sample, without decimation."""
@@ -378,20 +407,48 @@ class Dataset:
             first = ", ".join(str(k + 1) for k in m.dropped[:LISTED])
             first += " …" if len(m.dropped) > LISTED else ""
             notes.append(
-                Finding("unclosed", self.name, rows=len(m.dropped), all=total, where=first)
+                Finding(
+                    "unclosed",
+                    self.name,
+                    rows=len(m.dropped),
+                    all=total,
+                    where=first,
+                )
             )
         if m.singular:
             at = {"first": int(m.near_singular[0]) + 1, "condition": m.condition}
-            notes.append(Finding("singular", self.name, rows=m.singular, **at))
+            notes.append(
+                Finding(
+                    "singular",
+                    self.name,
+                    rows=m.singular,
+                    **at,
+                )
+            )
         if self.lost:
-            notes.append(Finding("beside_gaps", self.name, rows=self.lost, all=total))
+            notes.append(
+                Finding(
+                    "beside_gaps",
+                    self.name,
+                    rows=self.lost,
+                    all=total,
+                )
+            )
         rest = dict(zip(joints, (s.outputs - s.rows).tolist(), strict=True))
         rest = {j: k for j, k in rest.items() if k > 0}
         if rest:
             where = ", ".join(f"{j} {percent(k / s.outputs)}" for j, k in rest.items())
             columns = tuple(f"{j}.tau" for j in rest)
             rows = sum(rest.values())
-            notes.append(Finding("standing", self.name, rows=rows, columns=columns, where=where))
+            notes.append(
+                Finding(
+                    "standing",
+                    self.name,
+                    rows=rows,
+                    columns=columns,
+                    where=where,
+                )
+            )
         return notes
 
 
@@ -436,7 +493,11 @@ def _prepare_rows(rows: tuple[Log, int, Rows], robot: Robot, plan: Plan) -> Data
         motion, tau = motion[left], tau[left]
         dwells = None if dwells is None else dwells[left]
     indices = ("kept", "dropped", "near_singular")
-    motion = replace(motion, **{k: getattr(motion, k) + own[0] for k in indices}, start=log.start)
+    motion = replace(
+        motion,
+        **{k: getattr(motion, k) + own[0] for k in indices},
+        start=log.start,
+    )
     return Dataset(
         log.name,
         motion,
@@ -501,7 +562,13 @@ def join_motions(motions: Sequence[Motion]) -> Motion:
     joined: dict[str, Any] = {name: np.concatenate([own[name] for own in rows]) for name in known}
     joined.setdefault("smooth_v", None)
     condition = max(m.condition for m in motions)
-    return replace(first, **joined, condition=condition, dropped=none, near_singular=none)
+    return replace(
+        first,
+        **joined,
+        condition=condition,
+        dropped=none,
+        near_singular=none,
+    )
 
 
 def check_left(name: str, left: int, total: int, notes: Sequence[str]) -> None:
@@ -556,7 +623,11 @@ def prepare_log(
     for a, b in divide_rows(total, max(PIECE, MARGINS * reach)):
         low = max(0, a - reach)
         rows.append((log.rows(low, min(total, b + reach)), low, (a, b)))
-    work = partial(_prepare_rows, robot=robot, plan=plan)
+    work = partial(
+        _prepare_rows,
+        robot=robot,
+        plan=plan,
+    )
     done = (engine if engine and log.long else Serial()).map(work, rows, progress=progress)
     found = _join(done)
     notes = [*plan.notes, *found.describe(robot.joints, total)]
@@ -572,7 +643,15 @@ def prepare_log(
         found = replace(found, decimation=plan.decimation)
     if plan.decimation is not None:
         what = {"factor": plan.factor, "rate": 1.0 / (plan.step * plan.factor)}
-        notes.append(Finding("decimated", log.name, rows=len(log), columns=("all",), **what))
+        notes.append(
+            Finding(
+                "decimated",
+                log.name,
+                rows=len(log),
+                columns=("all",),
+                **what,
+            )
+        )
     return replace(found, notes=tuple(notes))
 
 
@@ -591,5 +670,14 @@ def _join(parts: Iterator[Dataset]) -> Dataset:
     for name in ("dropped", "near_singular"):
         found[name] = np.concatenate([getattr(part.motion, name) for part in aside])
     condition = max(part.motion.condition for part in aside)
-    motion = replace(none, **found, condition=condition)
-    return replace(first, motion=motion, lost=sum(part.lost for part in aside), **own)
+    motion = replace(
+        none,
+        **found,
+        condition=condition,
+    )
+    return replace(
+        first,
+        motion=motion,
+        lost=sum(part.lost for part in aside),
+        **own,
+    )

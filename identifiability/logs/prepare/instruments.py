@@ -65,7 +65,11 @@ def add_instrument(
         return None
     # Both have one sign: what is left of an expected sign depends on neither.
     motion = replace(motion, smooth_v=samples.motion.smooth_v)
-    return replace(samples, instrument=motion, notes=(*samples.notes, note))
+    return replace(
+        samples,
+        instrument=motion,
+        notes=(*samples.notes, note),
+    )
 
 
 def _find_record(log: Log, samples: Dataset, *, always: bool) -> SecondRecord | None:
@@ -216,7 +220,11 @@ def noise_again(log: Log, rng: np.random.Generator) -> Log:
         return np.asarray(x + _noise(x, log.t) * rng.standard_normal(x.shape))
 
     dq = None if log.dq is None else more(log.dq)
-    return replace(log, q=more(log.q), dq=dq)
+    return replace(
+        log,
+        q=more(log.q),
+        dq=dq,
+    )
 
 
 def _noise(x: Array, t: Array) -> Array:

@@ -226,7 +226,16 @@ class Stays:
         rule, stays, reversals = replace(self.rule(rare), beside=0), 0, 0
         for v in self.speeds:
             dwells = rule.find(v)[:, ~self.never]
-            stays += int((np.diff(dwells, axis=0, prepend=False) & dwells).sum())
+            stays += int(
+                (
+                    np.diff(
+                        dwells,
+                        axis=0,
+                        prepend=False,
+                    )
+                    & dwells
+                ).sum()
+            )
             reversals += int((_reversals(v)[:, ~self.never] & ~dwells).sum())
         return stays, stays + reversals
 
@@ -432,11 +441,28 @@ def joint_log(robot: Robot, log: Log) -> Log:
         return None if x is None else gear.joint_rate(x)
 
     q_ref = None if log.q_ref is None else gear.joint_side(log.q_ref, log.tau)[0]
-    log = replace(log, joints=robot.motor_joints, tau=tau, q_ref=q_ref)
+    log = replace(
+        log,
+        joints=robot.motor_joints,
+        tau=tau,
+        q_ref=q_ref,
+    )
     if log.unmeasured is not None:  # torque of a joint is what all its motors give
         log = replace(log, unmeasured=log.unmeasured @ (gear.coupling != 0))
-    log = replace(log, dq_ref=rate(log.dq_ref), tau_ff=None)
-    return _on_base(robot, replace(log, q=q, dq=rate(log.dq), ddq=rate(log.ddq)))
+    log = replace(
+        log,
+        dq_ref=rate(log.dq_ref),
+        tau_ff=None,
+    )
+    return _on_base(
+        robot,
+        replace(
+            log,
+            q=q,
+            dq=rate(log.dq),
+            ddq=rate(log.ddq),
+        ),
+    )
 
 
 def _on_base(robot: Robot, log: Log) -> Log:
@@ -532,14 +558,26 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
     notes, hints, split = [*plan.notes], uneven, np.isin(gaps.rows + 1, grid.breaks)
     if len(grid.after) and plan.cutoff is not None:
         longest = float(gaps.length[~split].max())
-        notes.append(Finding("bridged", gaps.name, rows=int(grid.lost.sum()), longest=longest))
+        notes.append(
+            Finding(
+                "bridged",
+                gaps.name,
+                rows=int(grid.lost.sum()),
+                longest=longest,
+            )
+        )
     if len(grid.breaks):
         hints.append(
             f"{gaps.name} lacks samples for {gaps.tell(split)}: it was taken as "
             f"{len(grid.breaks) + 1} stretches, and nothing was computed from one to the next."
         )
         notes.append(Finding("split", gaps.name, parts=len(grid.breaks) + 1))
-    return replace(plan, grid=grid, notes=tuple(notes), hints=tuple(hints))
+    return replace(
+        plan,
+        grid=grid,
+        notes=tuple(notes),
+        hints=tuple(hints),
+    )
 
 
 # How a log is turned into motion: what is asked for, and the plan that is made of it once.
@@ -699,7 +737,11 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
             "(compensated): what gravity tells of masses is the file's"
         )
     own = 1 if plan.band is None else max(1, int(0.5 / (plan.band * plan.step)))
-    plan = replace(plan, factor=own if how.decimate is None else how.decimate, stale=stale)
+    plan = replace(
+        plan,
+        factor=own if how.decimate is None else how.decimate,
+        stale=stale,
+    )
     dwells = None
     if not how.keep_rest:
         stays = Stays.of(plan, windows, raw.origins)
@@ -707,7 +749,11 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
         stands = ever_stand([stays]) if stands is None else stands
         # What friction does as a joint turns, a rollout does, too, and calibrated torque lacks.
         dwells = stays.rule().masking(stands and not of_commands(log))
-    return replace(plan, dwells=dwells, notes=(*plan.notes, *notes))
+    return replace(
+        plan,
+        dwells=dwells,
+        notes=(*plan.notes, *notes),
+    )
 
 
 def _plan_motion(log: Log, raw: Windows, how: Preparation) -> Plan:
@@ -750,4 +796,10 @@ def _plan_filter(log: Log, gaps: Gaps, plan: Plan, how: Preparation) -> Plan:
         f"velocity and acceleration are derivatives of the {source} after a zero-phase "
         f"4th-order Butterworth low-pass at {cutoff:.3g} Hz{kept}{reason}{jitter}"
     )
-    return replace(plan, step=dt, cutoff=cutoff, band=outputs, notes=(note,))
+    return replace(
+        plan,
+        step=dt,
+        cutoff=cutoff,
+        band=outputs,
+        notes=(note,),
+    )

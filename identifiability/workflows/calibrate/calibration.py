@@ -93,7 +93,12 @@ def measure_false_names(
     """
     robot, logs = analysis.robot, in_memory(analysis.recordings.fitted)
     how: Any = analysis.settings["preparation"]
-    judge = partial(diagnose, robot, preparation=how, quick=True)
+    judge = partial(
+        diagnose,
+        robot,
+        preparation=how,
+        quick=True,
+    )
     found = judge(logs, model=analysis.effects, seed=seed)
     samples = [prepare_log(robot, x, replace(how, decimate=1)) for x in logs]
     moves = [s.weight > 0 for s in samples]

@@ -339,6 +339,12 @@ def search(
             before = np.inf
             while before - found[-1][0] > STUCK:
                 before, x = found[-1]
-                minimize(look, x, jac=True, method="BFGS", options={"gtol": 1e-4})
+                minimize(
+                    look,
+                    x,
+                    jac=True,
+                    method="BFGS",
+                    options={"gtol": 1e-4},
+                )
     found.sort(key=lambda pair: pair[0])
     return Search(tuple(found), draws, costs, DRAWS + spent)

@@ -114,7 +114,11 @@ class WhitenedRegression:
         partitions = [partition for _, partition in path]
         rows = [before.rows_to(after) for before, after in pairwise(partitions)]
         fixed = np.concatenate([np.empty((0, len(self.inverse))), *rows]) @ self.inverse
-        fixed /= np.linalg.norm(fixed, axis=1, keepdims=True)
+        fixed /= np.linalg.norm(
+            fixed,
+            axis=1,
+            keepdims=True,
+        )
         turn = np.linalg.qr(fixed.T, mode="complete")[0][:, ::-1]
         free = np.array([len(partition) for partition in partitions])
         delta = self.refits.along(turn, free)
@@ -269,7 +273,12 @@ class Remaining:
         off = (U.T @ (rows @ self.values))[free] / s[free]
         along = self.X @ Vt[free].T
         values, X = self.values - along @ off, self.X - along @ Vt[free]
-        return replace(self, partition=partition, values=values, X=X), float(off @ off)
+        return replace(
+            self,
+            partition=partition,
+            values=values,
+            X=X,
+        ), float(off @ off)
 
     def cost(self, move: Move) -> float:
         """Return the rise of the estimator's loss per parameter that a move takes away."""

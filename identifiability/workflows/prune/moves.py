@@ -167,7 +167,11 @@ class Partition:
 
     def submodel(self, start: Submodel, name: str) -> Submodel:
         """Return the starting model with these moves made."""
-        submodel = replace(start, name=name, description="").without(self.zeroed())
+        submodel = replace(
+            start,
+            name=name,
+            description="",
+        ).without(self.zeroed())
         for common, members in self.ties().items():
             submodel = submodel.tied(common, members)
         return submodel
@@ -387,7 +391,15 @@ def merge_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     """Return the merges of a joint's two Coulomb levels."""
     pairs = ((f"{joint}.Fc+", f"{joint}.Fc-") for joint in structure.robot.joints)
     why = "Friction of the same size in both directions"
-    return [Move(Kind.MERGE, tie=(p,), why=why) for p in pairs if set(p) <= set(columns)]
+    return [
+        Move(
+            Kind.MERGE,
+            tie=(p,),
+            why=why,
+        )
+        for p in pairs
+        if set(p) <= set(columns)
+    ]
 
 
 def declared_moves(robot: Robot, columns: Sequence[str]) -> list[Move]:
@@ -396,7 +408,11 @@ def declared_moves(robot: Robot, columns: Sequence[str]) -> list[Move]:
     sets = (members for tie in robot.ties for members in tie.values())
     where = robot.sidecar.name if robot.sidecar is not None else "the sidecar"
     return [
-        Move(Kind.TIE, tie=(tuple(s),), why=f"{where} declares them equal")
+        Move(
+            Kind.TIE,
+            tie=(tuple(s),),
+            why=f"{where} declares them equal",
+        )
         for s in sets
         if set(s) <= known and len(s) > 1
     ]
@@ -444,7 +460,13 @@ def tie_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
         left = [k for k in left if k not in equal]
         names = tuple(structure.base.names[k] for k in equal)
         if len(names) > 1 and set(names) <= known:
-            moves.append(Move(Kind.TIE, tie=(names,), why="Their chains have equal joints"))
+            moves.append(
+                Move(
+                    Kind.TIE,
+                    tie=(names,),
+                    why="Their chains have equal joints",
+                )
+            )
     return moves
 
 

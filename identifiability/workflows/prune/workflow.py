@@ -375,7 +375,12 @@ def measure_models(
     along = [Task(np.column_stack([values, settled.values])[None], kept=False)]
     both = np.concatenate([rests, settled.turned], axis=2)
     tasks = [*along, Task(both, turns, kept=False)]
-    fitted, crossed = predict_all(opening.regression, tasks, engine=engine, progress=progress)
+    fitted, crossed = predict_all(
+        opening.regression,
+        tasks,
+        engine=engine,
+        progress=progress,
+    )
     unseen = crossed
     if opening.unseen is not None:
         (unseen,) = predict_all(opening.unseen, along, engine=engine)
