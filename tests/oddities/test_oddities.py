@@ -19,13 +19,12 @@ def test_a_good_log_is_not_spoken_of(say, good):
     assert say(*good) == ()
 
 
-@pytest.mark.parametrize(("factor", "unit"), [(1000.0, "mN·m"), (1e-3, "kN·m"), (0.02, "")])
-def test_torque_in_another_unit(say, good, factor, unit):
+@pytest.mark.parametrize("factor", [1000.0, 1e-3, 0.02])
+def test_torque_in_another_unit(say, good, factor):
     structure, log = good
     (hint,) = say(structure, replace(log, tau=factor * log.tau))
     assert "what the robot file asks for" in hint
     assert "at all joints alike" in hint
-    assert unit in hint
     guess = replace(structure.robot, guessed=structure.robot.bodies)  # of which nothing follows
     assert say(Structure.of(guess, MODEL), replace(log, tau=factor * log.tau)) == ()
 
