@@ -16,11 +16,13 @@ from identifiability.estimation.differences import (
 from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.noise import JointRuns
 from identifiability.foundation.values import frozen
+from identifiability.regression.columns import number
 
 N, LOGS, NOISE = 300, 3, 0.05
 ASKED = np.array([[0.0, 0.0, 1.0]])
 ROBOT = Robot.load("two-link")
-CHANGES = list_changes(ROBOT, ["link2"], ("coulomb_friction", "torque_offset"))
+ASKED_OF = ("payload", "coulomb_friction", "torque_offset")
+CHANGES = number([c for c in list_changes(ROBOT, ["link2"]) if c.family.name in ASKED_OF])
 NAMES = ("a", "b", "shoulder.Fc", "elbow.Fc")
 FREE = Known.nothing(np.eye(4), np.array([0.0, 0.0, 2.0, 2.0]))
 FRICTION, OFFSET = "coulomb_friction, 0", "torque_offset, 0"
