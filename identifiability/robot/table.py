@@ -59,7 +59,10 @@ BASE = "base"
 Distance = Annotated[float, Field(ge=-1e6, le=1e6)]
 Name = Annotated[str, Field(min_length=1)]
 #: A number in the file's unit, or a text such as ``-pi/2``.
-Angle = float | Annotated[str, Field(pattern=r"^-?\d*\.?\d* ?\*? ?pi( ?/ ?\d+)?$")]
+Angle = (
+    float
+    | Annotated[str, Field(pattern=r"^-?(\d{1,9}(\.\d{1,9})?)? ?\*? ?pi( ?/ ?[1-9]\d{0,8})?$")]
+)
 
 
 class _Strict(BaseModel):

@@ -300,7 +300,7 @@ class _Rows:
 
     @cached_property
     def _smooth(self) -> list[tuple[Array, Array]]:
-        """Most of what may be missing at each joint: functions, lagging friction, inertia."""
+        """Most of what may be missing at each joint: functions, inertia, friction of two kinds."""
         some = Hysteresis.name, ActuatorInertia.name, "passive_joint_friction"
         families = [f for f in find_families(None) if f.unnamed or f.name in some]
         motions, present = [piece.motion for piece in self.seen.pieces], self.structure.present

@@ -153,7 +153,7 @@ def arm(**row):
     ("table", "sentence"),
     [
         ({"links": [{"name": "a"}]}, "The table: 'convention': field required"),
-        (arm(alpha="pi/x"), "'links.1.alpha"),
+        (arm(alpha="pi/0"), "'links.1.alpha"),
         (arm(parent="aa"), "the link 'b' hangs on 'aa', which is no link above it, did you mean"),
         (arm(name="a"), "two of its links or joints are called 'a'"),
         (arm(joint="j"), "two of its links or joints are called 'j'"),
