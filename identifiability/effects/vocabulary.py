@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from typing import Literal
@@ -134,6 +134,25 @@ def settle_asymmetry(robot: Robot, values: Mapping[str, float]) -> dict[str, flo
 
 def _home(robot: Robot, joint: str) -> float:
     return float(robot.dof_position(robot.home[None], joint)[0])
+
+
+def by_effect(
+    robot: Robot, names: Iterable[str], shapes: Mapping[str, float] | None = None
+) -> dict[str, tuple[str, ...]]:
+    """Return parameters by the titles of the effects that have them; others by themselves.
+
+    Parameters
+    ----------
+    robot : Robot
+    names : iterable of str
+    shapes : mapping, optional
+        As in `every_parameter`.
+    """
+    every, out = every_parameter(robot, shapes), dict[str, tuple[str, ...]]()
+    for name in names:
+        title = FAMILIES[every[name].group].title if name in every else name
+        out[title] = (*out.get(title, ()), name)
+    return out
 
 
 def complete_values(

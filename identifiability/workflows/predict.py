@@ -470,7 +470,7 @@ class GravityEntry(Entry):
 class RealEntry(Entry):
     """The nearest real robot, and how much it errs."""
 
-    parameters: dict[str, float] = {}
+    parameters: dict[str, Value] = {}
     shapes: dict[str, float] = {}
     gravity: GravityEntry | None = None
     error_ra: float | None = None

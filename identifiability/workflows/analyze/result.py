@@ -17,10 +17,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 import pandas as pd
 
-from identifiability.effects import FAMILIES
-from identifiability.effects.vocabulary import every_parameter, file_kinds, values_in_file
+from identifiability.effects.vocabulary import by_effect, file_kinds, values_in_file
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.evidence import Folds
 from identifiability.estimation.fit import Fit
 from identifiability.estimation.groups import Alternatives
 from identifiability.estimation.prediction import (
@@ -63,7 +61,6 @@ from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource, Submodel
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows import commands, predict
-from identifiability.workflows.alternatives import Alternative
 from identifiability.workflows.analyze.belief import Belief, belief_dict, build_datatree
 from identifiability.workflows.answers import (
     SIGMA,
@@ -347,9 +344,11 @@ class Laddered(OfStructure, Result, predict.Predicts):
         return sentence("decision.physics", "used" if self.chosen.physical_used else "free")
 
     @property
-    @abstractmethod
     def validation_kind(self) -> str:
         """What the error on unseen motion was measured on."""
+        if self.validation:
+            return "held-out logs: " + ", ".join(s.name for s in self.validation)
+        return "cross-validation over stretches, or logs, that the fits had not seen"
 
     @abstractmethod
     def _answer_use(self) -> Answer:
@@ -554,11 +553,8 @@ class Laddered(OfStructure, Result, predict.Predicts):
         kind = file_kinds(self.robot)[0]
         if not np.isfinite(alone[kind]):
             return ""
-        held, titles = values_in_file(self.robot, given, kind), dict[str, list[str]]()
-        every = every_parameter(self.robot, real["shapes"])
-        for name in (n for n, x in given.items() if x != held[n]):
-            title = FAMILIES[every[name].group].title if name in every else name
-            titles.setdefault(title, []).append(name)
+        held = values_in_file(self.robot, given, kind)
+        titles = by_effect(self.robot, (n for n in given if given[n] != held[n]), real["shapes"])
         told = sentence("decision.left", "file", kind=kind.upper(), error=percent(alone[kind]))
         if titles and alone[kind] > (1 + DIFFERS) * error:
             names = [f"{title} ({listing(own, NAMED)})" for title, own in titles.items()]
@@ -707,17 +703,11 @@ class Analysis(Laddered):
         physically feasible ones first.
     belief : Belief or None
         Posterior of the selected model, where it was asked for.
-    folds : Folds
-        What is predicted from the rest of the fitted logs.
-    alternative : Alternative or None
-        Of the model, under which logs were read and all is said.
     """
 
     schema: ClassVar[str] = "identifiability/analysis/1"
 
-    folds: Folds
     belief: Belief | None = None
-    alternative: Alternative | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
@@ -768,16 +758,6 @@ class Analysis(Laddered):
             If there is none, or no package to hold it.
         """
         return build_datatree(self.belief, self.chosen.submodel, self.provenance)
-
-    @property
-    def validation_kind(self) -> str:
-        """What the error on unseen motion was measured on."""
-        if self.validation:
-            return "held-out logs: " + ", ".join(s.name for s in self.validation)
-        logs = len(self.samples)
-        if logs > 1 and self.folds.count == logs:
-            return "cross-validation, one log left out at a time"
-        return f"cross-validation over stretches of the {'log' if logs == 1 else 'logs'}"
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
@@ -912,8 +892,6 @@ def parameter_table(analysis: Laddered, result: ModelResult) -> Table:
         VALUE,
         SIGMA,
         UNIT,
-        Column("σ white", percent_text, "sigma_percent", detail=True),
-        Column("σ robust", percent_text, "sigma_robust_percent", detail=True),
         Column("σ label", percent_text, "sigma_label_percent"),
         Column("σ bootstrap", percent_text, drawn, detail=True),
         Column("σ is of", get=_terms_cell, detail=True),

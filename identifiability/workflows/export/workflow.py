@@ -18,6 +18,7 @@ from identifiability.effects.base import settle_gravity
 from identifiability.effects.nominal import reference_values
 from identifiability.effects.vocabulary import (
     Kind,
+    by_effect,
     complete_values,
     every_parameter,
     file_kinds,
@@ -40,7 +41,7 @@ from identifiability.physical.pseudo_inertia import check_body
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.robot.locate import LARGEST, SMALLEST
+from identifiability.robot.locate import SMALLEST
 from identifiability.robot.servo import state_delay
 from identifiability.robot.table import write_converted
 from identifiability.robot.write import write_robot
@@ -63,13 +64,7 @@ def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]
     IdentifiabilityError
     """
     given = content.physical.parameters
-    for name, value in given.items():
-        none = name.endswith(".m") and 0 < abs(value) < SMALLEST
-        if none or not abs(value) < LARGEST:
-            raise IdentifiabilityError(
-                f"{path}: '{name}' = {value:g} is no number of a robot in SI units; make the "
-                "result anew."
-            )
+    for name in given:
         if name not in known:
             raise IdentifiabilityError(
                 f"{path} is about '{content.robot.name}' and has the parameter '{name}', which "
@@ -80,7 +75,7 @@ def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]
     # A body with less than this share of the robot's mass weighs nothing: some formats want a
     # number.
     heavy = [body for body, mass in weigh.items() if mass > 1e-9 * sum(weigh.values())]
-    missing = [body for body in heavy if f"{body}.m" not in given]
+    missing = [body for body in heavy if not abs(given.get(f"{body}.m", 0.0)) > SMALLEST]
     if missing:
         raise IdentifiabilityError(
             f"{path} has no mass of {listing(missing)}, and a robot file needs one of every body: "
@@ -90,10 +85,7 @@ def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]
     for body in robot.bodies:
         wrong = check_body(np.array([whole[f"{body}.{kind}"] for kind in GROUPED_KINDS]), body)
         if wrong:
-            raise IdentifiabilityError(
-                f"{path}: {wrong} It was found with the other values kept: make the result "
-                "without --fixed."
-            )
+            raise IdentifiabilityError(f"{path}: {wrong}")
 
 
 # The real robot of a result as plain JSON, for programs of one's own.
@@ -105,8 +97,11 @@ def write_parameters_json(
     """Write names, values and units of the real robot, and each body as it is usually stated."""
     known = every_parameter(robot, physical.shapes)
     whole = complete_values(robot, given, keep=False)
-    bodies = {b: _state_body([whole[f"{b}.{kind}"] for kind in INERTIAL_KINDS])
-              for b in robot.bodies}  # fmt: skip
+    bodies = dict[str, dict[str, object]]()
+    for body in robot.bodies:
+        theta = np.array([whole[f"{body}.{kind}"] for kind in INERTIAL_KINDS])
+        own = pin.Inertia.FromDynamicParameters(theta)  # inertia about the centre, in joint axes
+        bodies[body] = {"mass": own.mass, "centre": own.lever, "inertia": own.inertia}
     told = {
         "schema": "identifiability/robot/1",
         "robot": robot.identity,
@@ -120,12 +115,6 @@ def write_parameters_json(
         "error_joints": [{k: e.get(k) for k in ("joint", "error")} for e in physical.error_joints],
     }
     return write_json(out, told)
-
-
-def _state_body(theta: list[float]) -> dict[str, object]:
-    """Return mass [kg], centre [m] and inertia about it [kg·m²], in the frame of the joint."""
-    own = pin.Inertia.FromDynamicParameters(np.array(theta))
-    return {"mass": own.mass, "centre": own.lever, "inertia": own.inertia}
 
 
 # Write a robot file with other parameters, in the robot's own format or in the other one.
@@ -355,10 +344,10 @@ def export(
         return _write_patch(own, result, Path(out), validate=validate, force=force)
     content, robot, given = read_real(result, own, "exported")
     physical, shapes = content.physical, content.physical.shapes
-    effect_of = {n: FAMILIES[p.group] for n, p in every_parameter(robot, shapes).items()}
-    check_result(robot, Path(result), content, {*effect_of, *robot.nominal})
+    known = every_parameter(robot, shapes)
+    check_result(robot, Path(result), content, {*known, *robot.nominal})
     given |= _as_stated(robot, given)
-    loaded = any(value and n in effect_of and effect_of[n].loaded for n, value in given.items())
+    loaded = any(x and n in known and FAMILIES[known[n].group].loaded for n, x in given.items())
     unseen, snippet, added = None, None, list[str]()
     alone, written = physical.error_ra, Written(Path(out), None, ())
     kind: Kind | None = None
@@ -389,15 +378,12 @@ def export(
             read = partial(_reread, own, written.robot, written.sidecar)
             place = written.robot.with_name(f"{written.robot.stem}_torque.py")
             snippet, added = write_snippet(read(alone=False), read(alone=True), place)
-    beside: dict[str, list[str]] = {}
-    for name in written.beside:
-        if name in effect_of or name[:-1] not in written.beside:  # else one way of both
-            title = effect_of[name].title if name in effect_of else name
-            beside.setdefault(title, []).append(name)
+    # A level of one direction, where no effect has it, is part of that of both.
+    beside = (n for n in written.beside if n in known or n[:-1] not in written.beside)
     return Exported(
         robot=written.robot,
         sidecar=written.sidecar,
-        beside={title: tuple(names) for title, names in beside.items()},
+        beside=by_effect(robot, beside, shapes),
         error_ra=physical.error_ra,
         error_ra_file=alone,
         unseen=unseen,

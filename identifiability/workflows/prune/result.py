@@ -160,8 +160,7 @@ class Ladder(Laddered):
     @property
     def validation_kind(self) -> str:
         """What the error on unseen motion was measured on, and that of the unpruned model."""
-        kind = "validation logs" if self.validation else "stretches that the fits had not seen"
-        return f"{kind} ({error_text(self.full.error_ra_validation)} unpruned)"
+        return f"{super().validation_kind} ({error_text(self.full.error_ra_validation)} unpruned)"
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
