@@ -76,7 +76,7 @@ def test_all_draws_belong_to_a_real_robot(analysis):
     chosen, structure = analysis.chosen, analysis.structure
     region = physical_set(structure)
     model = fitted(analysis, chosen)
-    data, prior = model.data, state_prior(model)
+    data, prior = model.data, state_prior(structure, model.data)
     start = project(data, region, margin=START_MARGIN, reference=structure.nominal).phi
     draws = sample_posterior(
         Target(data, prior, region), start, np.random.default_rng(0), draws=10, walkers=4, warmup=5
@@ -118,8 +118,9 @@ def test_a_prior_that_the_user_states_moves_the_posterior(arm, tmp_path):
 def test_a_prior_that_cannot_be_is_refused_with_a_sentence(arm, tmp_path, prior, sentence):
     robot = Robot.load("two-link", sidecar(tmp_path, prior))
     full = arm.full
+    model = fitted(arm, full, robot)
     with pytest.raises(RobotError, match=sentence):
-        state_prior(fitted(arm, full, robot))
+        state_prior(model.structure, model.data)
     belief = believe(arm, full, {"walkers": 2, "draws": 4, "warmup": 1}, robot)
     assert belief.physical is None
     assert not belief.standard

@@ -11,6 +11,7 @@ from dataclasses import field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from identifiability.estimation.estimator import Estimate, Estimator
@@ -296,6 +297,28 @@ class LeastSquares:
             rss_min=rss,
             dof=dof,
         )
+
+    @staticmethod
+    def of_normal(mean: Array, covariance: Array, unknown: Array) -> LeastSquares:
+        """Return what a normal distribution says, in units of its standard deviations.
+
+        Parameters
+        ----------
+        mean : (p,)
+        covariance : (p, p)
+        unknown : (p, d)
+            Directions of which it says nothing.
+        """
+        C = np.where(np.isfinite(covariance), covariance, 0.0)
+        scale = np.sqrt(np.diag(C))
+        scale = np.where(scale > 0, scale, 1.0)
+        hidden = scipy.linalg.orth(unknown / scale[:, None])
+        shown = scipy.linalg.null_space(hidden.T) if hidden.size else np.eye(len(C))
+        variance, axes = np.linalg.eigh(shown.T @ (C / np.outer(scale, scale)) @ shown)
+        # A direction with less than this share of the largest variance is known.
+        sd = np.sqrt(np.maximum(variance, 1e-14 * max(variance.max(initial=0.0), 1.0)))
+        rows = ((shown @ axes) / sd).T / scale
+        return LeastSquares(rows, rows @ mean, 1e-12, 1.0)
 
     def through(self, to_x: Array) -> LeastSquares:
         """Return the problem in other parameters phi, of which these are ``to_x (p, q) phi``."""

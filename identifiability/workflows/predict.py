@@ -34,6 +34,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.tables import write_table
+from identifiability.physical.fitted_model import LeastSquares
 from identifiability.regression.reduction import (
     LadderEntry,
     ModelEntry,
@@ -385,6 +386,12 @@ class Fit(Predicts):
     def base(self) -> Array:
         """Values of the base parameters, (b,)."""
         return self.submodel.expand(self.values)
+
+    @property
+    def of_standard(self) -> LeastSquares:
+        """What it says of standard parameters, in units of its standard deviations."""
+        told = self.base, self.base_covariance, self.base_unknown
+        return LeastSquares.of_normal(*told).through(self.structure.G)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter: name, value, standard deviation, unit."""

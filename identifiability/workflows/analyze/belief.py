@@ -278,7 +278,7 @@ def form_belief(
         Within which bodies are the file's, 0 for the sidecar's.
     """
     try:
-        prior = state_prior(model, share)
+        prior = state_prior(model.structure, model.data, share)
         physical, standard, root = _sample_physical(model, prior, rng, effort, progress)
     except (ValueError, IdentifiabilityError) as error:
         return Belief(None, {}, str(error))
@@ -287,8 +287,22 @@ def form_belief(
     return Belief(physical, standard, "", prior_sd, data_sd)
 
 
-def state_prior(model: FittedModel, share: float = 0.0) -> Prior:
+def widest(data: LeastSquares) -> Array:
+    """Return the sd of parameters of which nothing is known: by each ten times the torque."""
+    reach, size = np.linalg.norm(data.R, axis=0), 10.0 * float(np.linalg.norm(data.z))
+    return np.where(reach > 0, size / np.where(reach > 0, reach, 1.0), 1.0)
+
+
+def state_prior(structure: Structure, data: LeastSquares, share: float = 0.0) -> Prior:
     """Return the prior: around the robot file, widened or narrowed by what the sidecar states.
+
+    Parameters
+    ----------
+    structure : Structure
+    data : LeastSquares
+        What logs say of its standard parameters.
+    share : float
+        Within which bodies are the file's, 0 for the sidecar's.
 
     Raises
     ------
@@ -297,31 +311,12 @@ def state_prior(model: FittedModel, share: float = 0.0) -> Prior:
     IdentifiabilityError
         If the robot file states a body that cannot exist, with its name.
     """
-    structure, data = model.structure, model.data
-    robot = structure.robot
+    robot, names = structure.robot, structure.columns
     impossible = find_impossible_bodies(robot)
     if impossible:
         raise IdentifiabilityError(f"{robot.path}: {impossible}")
-    reach = np.linalg.norm(data.R, axis=0)
-    size = float(np.linalg.norm(data.z))
-    # A parameter without a nominal value gets a prior sd that makes this many times the
-    # torque.
-    floor = np.where(reach > 0, 10.0 * size / np.where(reach > 0, reach, 1.0), 1.0)
-    prior = Prior.around(
-        structure.nominal, structure.inertial, share or robot.said.prior_relative, floor
-    )
-    return add_stated(structure, prior)
-
-
-def add_stated(structure: Structure, prior: Prior) -> Prior:
-    """Return a prior with what the sidecar states of bodies and of parameters.
-
-    Raises
-    ------
-    RobotError
-        As `state_prior`.
-    """
-    robot, names = structure.robot, structure.columns
+    share = share or robot.said.prior_relative
+    prior = Prior.around(structure.nominal, structure.inertial, share, widest(data))
     mean, sd = np.array(prior.mean), np.array(prior.sd)
     for stem, columns in zip(structure.bodies, structure.inertial, strict=True):
         own = robot.said.prior_share.get(stem.removesuffix("."))
@@ -345,6 +340,19 @@ def add_stated(structure: Structure, prior: Prior) -> Prior:
     return Prior(mean, sd)
 
 
+def start_inside(target: Target, nominal: Array) -> Array:
+    """Return a point inside of what is possible, (p,), near to what the data say.
+
+    The projection ends on the edge of signs, or by rounding outside.
+    """
+    options = {"margin": START_MARGIN, "reference": nominal, "fixed": target.fixed}
+    start = np.array(project(target.data, target.region, **options).phi)
+    signed = target.region.signed
+    # Distance of that point from the edge of a sign, in prior standard deviations.
+    start[signed] = np.maximum(start[signed], 1e-4 * target.prior.sd[signed])
+    return start
+
+
 def _sample_physical(
     model: FittedModel,
     prior: Prior,
@@ -362,12 +370,7 @@ def _sample_physical(
     own = LeastSquares.likelihood(model.information, model.estimate).through(model.to_x)
     data = own.beside(*model.left_out)
     target = Target(data, prior, region, fixed=fixed)
-    options = {"margin": START_MARGIN, "reference": structure.nominal, "fixed": fixed}
-    start = np.array(project(data, region, **options).phi)
-    # The start must lie inside: the projection ends on the edge of signs, or by rounding outside.
-    signed = region.signed
-    # Distance of that point from the edge of a sign, in prior standard deviations.
-    start[signed] = np.maximum(start[signed], 1e-4 * prior.sd[signed])
+    start = start_inside(target, structure.nominal)
     columns, to_x = structure.columns, model.to_x
     moving = np.flatnonzero(~(fixed or Fixed.none(target.size)).parameters)  # others are not asked
     names = [columns[k] for k in moving]

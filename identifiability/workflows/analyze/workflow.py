@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
-import scipy
 
 from identifiability.effects.base import move_mounting
 from identifiability.estimation.estimate import (
@@ -28,7 +27,7 @@ from identifiability.estimation.evidence import Evidence, Folds, HeldOut, Score,
 from identifiability.estimation.fit import Fit, find_left_out
 from identifiability.estimation.groups import Alternatives
 from identifiability.estimation.noise import Noise
-from identifiability.estimation.prediction import Prediction, Task, predict, predict_all, widening
+from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Flag, Verdict, judge, narrow
 from identifiability.foundation.engines import Engine, one_thread
@@ -51,7 +50,7 @@ from identifiability.physical.feasibility import (
     choose_prior,
     find_nearest,
 )
-from identifiability.physical.fitted_model import FittedModel, LeastSquares
+from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import (
     LadderLike,
@@ -63,7 +62,13 @@ from identifiability.regression.reduction import (
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.belief import Belief, form_belief, refine_verdicts
-from identifiability.workflows.analyze.result import Analysis, ModelResult, compare_logs, doubt
+from identifiability.workflows.analyze.result import (
+    Analysis,
+    Laddered,
+    ModelResult,
+    compare_logs,
+    doubt,
+)
 from identifiability.workflows.session import (
     Logs,
     Progress,
@@ -222,35 +227,21 @@ class SharedErrors:
     @classmethod
     def of(cls, session: Session, rows: Weighed) -> SharedErrors:
         """Return them for samples that are fitted."""
-        opening, how, others = rows.opening, session.how, dict[str, tuple[Information, ...]]()
+        opening, how, known = rows.opening, session.how, session.recordings
 
-        def gather(samples: Sequence[Dataset]) -> Information:
-            structure = opening.structure
+        def gather(logs: Mapping[int, Log]) -> Information:
+            structure, samples = opening.structure, list(opening.samples)
+            for k, log in logs.items():
+                samples[k] = measure_again(opening.robot, log, samples[k], how)
             return with_known(gather_information(structure.regression(samples)), structure.known)
 
-        delay = []
-        for logs in session.recordings.later:
-            samples = list(opening.samples)
-            for k, log in logs.items():
-                own, moved = samples[k], prepare_log(opening.robot, log, how)
-                if moved.tau.shape == own.tau.shape:
-                    samples[k] = replace(own, tau=moved.tau)
-            delay.append(gather(samples))
-        if delay:
-            others["delay"] = tuple(delay)
-        band = getattr(how, "band", None)
+        asked, band = {"delay": known.later, "bias": ()}, getattr(how, "band", None)
         loud = band is not None and band.noise > LOG_RULES.small
-        if loud and not (rows.estimator.instruments or session.recordings.commanded):
-            pairs = zip(session.recordings.fitted, opening.samples, strict=True)
-            noisier = [
-                own
-                if own.long
-                else measure_again(
-                    opening.robot, noise_again(log, np.random.default_rng(0)), own, how
-                )
-                for log, own in pairs
-            ]
-            others["bias"] = (gather(noisier),)
+        if loud and not (rows.estimator.instruments or known.commanded):
+            short = {k: log for k, log in enumerate(known.fitted) if not log.long}
+            noisier = {k: noise_again(x, np.random.default_rng(0)) for k, x in short.items()}
+            asked["bias"] = (noisier,)
+        others = {name: tuple(map(gather, each)) for name, each in asked.items() if each}
         return cls(rows.alike, others, rows.estimator)
 
     def move(self, submodel: Submodel) -> dict[str, Array]:
@@ -267,10 +258,10 @@ class SharedErrors:
 
 
 def measure_again(robot: Robot, log: Log, own: Dataset, how: Preparation) -> Dataset:
-    """Return samples along their motion as a log measures it again, if that keeps the same rows."""
+    """Return motion and torque as a log measures them again, if that keeps the same rows."""
     moved = prepare_log(robot, log, how)
     alike = np.array_equal(moved.motion.kept, own.motion.kept)
-    return replace(own, motion=moved.motion) if alike else own
+    return replace(own, motion=moved.motion, tau=moved.tau) if alike else own
 
 
 # What is judged of each.
@@ -364,47 +355,45 @@ def assess_ladder(
     return tuple(results)
 
 
-Judged = TypeVar("Judged", bound=ModelResult)
+Answered = TypeVar("Answered", bound=Laddered)
 
 
-def tell_with_file(model: FittedModel, result: Judged, share: float) -> tuple[Judged, str]:
-    """Return a result whose verdicts say what the file's bodies add, and what logs say of these.
+def tell_with_file(found: Answered, share: float) -> Answered:
+    """Return an answer whose verdicts say what the file's bodies add, and what logs say of these.
 
     What logs determine stays; what they leave open may be narrowed by bodies within a share of the
     file's.
 
     Parameters
     ----------
-    model : FittedModel
-    result : ModelResult
+    found : Laddered
     share : float
         0 for none.
     """
-    robot, fit, rules = model.structure.robot, model.estimate, Thresholds()
-    if not (share or robot.prior or robot.said.prior_share) or not fit.kept:
-        return result, ""
-    data = LeastSquares.likelihood(model.information, fit)
-    noise = max(widening(model.information, fit, result.fit), 1.0) * data.variance
-    # What all samples share lies along directions of its own; the rest is noise of every row.
-    along = data.R @ result.fit.together.T
-    L = np.linalg.cholesky(noise * np.eye(len(data.R)) + along @ along.T)
-    rows, aim = (scipy.linalg.solve_triangular(L, x, lower=True) for x in (data.R, data.z))
-    outside, rest = (x / np.sqrt(noise) for x in model.left_out)
-    A, b = np.vstack([rows @ model.to_x, outside]), np.concatenate([aim, rest])
-    try:
-        both = combine_with_file(model.structure, A, b, model.to_x, share)
-    except ValueError:  # bodies that no prior can be around are said elsewhere
-        return result, ""
-    verdicts = list(result.verdicts)
-    for k, (v, mean, sd) in enumerate(zip(verdicts, both.mean, both.sd, strict=True)):
-        if v.open and sd**2 < rules.constraint_variance * v.sigma_robust**2:
-            low, high = float(mean - REACH * sd), float(mean + REACH * sd)
-            text = (
-                f"Who believes {both.words} is left with {low:.3g} … {high:.3g} (95 %); the file "
-                "narrows it, not the log."
-            )
-            verdicts[k] = narrow(v, Flag.BY_PRIOR, text, (low, high))
-    return replace(result, verdicts=tuple(verdicts)), both.hint
+    structure, rules = found.structure, Thresholds()
+    stated = structure.robot.prior or structure.robot.said.prior_share
+    if found.nothing or not (share or stated):
+        return found
+    data, models, hint = found.fit.of_standard, list[Any](), ""
+    for model in found.models:
+        to_x = np.linalg.pinv(model.submodel.M)
+        try:
+            both = combine_with_file(structure, data.R, data.z, to_x @ structure.G, share)
+        except ValueError:  # bodies that no prior can be around are said elsewhere
+            return found
+        verdicts, hint = list(model.verdicts), both.hint
+        means = both.mean - to_x @ model.submodel.fixed
+        for k, (v, mean, sd) in enumerate(zip(verdicts, means, both.sd, strict=True)):
+            if v.open and sd**2 < rules.constraint_variance * v.sigma_robust**2:
+                low, high = float(mean - REACH * sd), float(mean + REACH * sd)
+                text = (
+                    f"Who believes {both.words} is left with {low:.3g} … {high:.3g} (95 %); the "
+                    "file narrows it, not the log."
+                )
+                verdicts[k] = narrow(v, Flag.BY_PRIOR, text, (low, high))
+        models.append(replace(model, verdicts=tuple(verdicts)))
+    hints = tuple(filter(None, (*found.hints, hint)))
+    return replace(found, models=tuple(models), hints=hints)
 
 
 def _aliases(fit: Estimate) -> tuple[str, ...]:
@@ -610,7 +599,7 @@ def analyze(
                 "preparation": preparation or Preparation(),
             }
             found = _conclude(session, rows, submodels, streams[1], settings)
-        found = replace(found, source=source)
+        found = tell_with_file(replace(found, source=source), share_)
         return believe(found, streams[2], say, share_) if posterior else found
 
 
@@ -654,13 +643,8 @@ def _conclude(
     given = rng, settings["replicates"], missing, late
     results = assess_ladder(settled, fitted, unseen, judged, *given)
     at = select_model(results, near)
-    both = [
-        tell_with_file(own.model, one, settings["prior"])
-        for own, one in zip(settled, results, strict=True)
-    ]
-    results, contradicted = tuple(one for one, _ in both), both[at][1]
     results, nothing = doubt(opening.misread, results, at)
-    hints = [*opening.hints, rows.burst, contradicted, short]
+    hints = [*opening.hints, rows.burst, short]
     hints += () if session.recordings.commanded else say_band(getattr(session.how, "band", None))
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest
         hints += say_of_fit(session, opening.samples, results[at])

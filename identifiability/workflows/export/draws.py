@@ -14,31 +14,25 @@ from typing import Annotated
 
 import numpy as np
 import pandas as pd
-import scipy
 
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, FilePath, NotNegative, Seed, checked
 from identifiability.foundation.output import check_ending
 from identifiability.foundation.rounding import percent
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.tables import PARQUET, write_table
 from identifiability.physical.fitted_model import LeastSquares, physical_set
-from identifiability.physical.project import project
 from identifiability.posterior.ensemble import ENSEMBLES, sample_posterior
 from identifiability.posterior.target import Prior, Target
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.analyze.belief import add_stated
+from identifiability.workflows.analyze.belief import start_inside, state_prior, widest
 from identifiability.workflows.export.workflow import save_robot
 from identifiability.workflows.predict import Fit, read_fit
 
 #: Steps of the sampler: before the first draw, and from one that is kept to the next.
 WARMUP, APART, WALKERS = 12, 3, 16
-
-#: Margin inside the physical set at which it begins.
-MARGIN: Tolerance = 1e-3
 
 
 @frozen(kw_only=True)
@@ -137,14 +131,11 @@ def draw_robots(
             f"Bodies within a share of {share:g} of the file's are the file's; give a positive one."
         )
     structure = fit.structure
-    data = _told(fit)
+    data = fit.of_standard
     region = physical_set(structure)
     try:
-        around = _prior(structure, data, share)
-        start = np.array(project(data, region, margin=MARGIN, reference=structure.nominal).phi)
-        signed = region.signed
-        start[signed] = np.maximum(start[signed], 1e-4 * around.sd[signed])
-        target = Target(data, around, region, variance=1.0)
+        target = Target(data, _prior(structure, data, share), region, variance=1.0)
+        start = start_inside(target, structure.nominal)
         each = -(-count // (ENSEMBLES * WALKERS))
         found = sample_posterior(
             target,
@@ -161,27 +152,9 @@ def draw_robots(
     return Draws(structure=structure, values=kept[order], share=share)
 
 
-def _told(fit: Fit) -> LeastSquares:
-    """Return what a fit says of standard parameters, in units of its standard deviations."""
-    C = np.where(np.isfinite(fit.base_covariance), fit.base_covariance, 0.0)
-    scale = np.sqrt(np.diag(C))
-    scale = np.where(scale > 0, scale, 1.0)
-    hidden = scipy.linalg.orth(fit.base_unknown / scale[:, None])
-    shown = scipy.linalg.null_space(hidden.T) if hidden.size else np.eye(len(C))
-    variance, axes = np.linalg.eigh(shown.T @ (C / np.outer(scale, scale)) @ shown)
-    # A direction with less than this share of the largest variance is known.
-    sd = np.sqrt(np.maximum(variance, 1e-14 * max(variance.max(), 1.0)))
-    rows = ((shown @ axes) / sd).T / scale
-    return LeastSquares(rows @ fit.structure.G, rows @ fit.base, 1e-12, 1.0)
-
-
 def _prior(structure: Structure, data: LeastSquares, share: float) -> Prior:
     """Return bodies within a share of the file's, and what is hardly a prior of all else."""
-    reach = np.linalg.norm(data.R, axis=0)
-    # Joints' numbers are as free as torque of so many times its size makes them.
-    wide = 10.0 * np.linalg.norm(data.z) / np.where(reach > 0, reach, np.inf)
-    wide = np.where(wide > 0, wide, 1.0)
-    prior = add_stated(structure, Prior.around(structure.nominal, structure.inertial, share, wide))
+    prior = state_prior(structure, data, share)
     known = np.isin(structure.columns, list(structure.robot.prior))
     known[structure.inertial] = True
-    return Prior(prior.mean, np.where(known, prior.sd, np.maximum(prior.sd, wide)))
+    return Prior(prior.mean, np.where(known, prior.sd, np.maximum(prior.sd, widest(data))))

@@ -179,19 +179,18 @@ def prune(
             )
             selected, settled = _choose(question, search, cad_prior)
             search, selected, thinned = thin_path(search, selected)
-            measured, contradicted = measure_models(
+            measured = measure_models(
                 question,
                 search,
                 selected,
                 settled,
-                within=share_,
                 replicates=draws,
                 rng=streams[2],
                 session=session,
                 progress=share(say, "measuring errors", 0.5, 1.0),
             )
-        hints = _hint(session, rows, contradicted, measured["models"], selected)
-        return Ladder(
+        hints = _hint(session, rows, measured["models"], selected)
+        found = Ladder(
             structure=session.structure,
             samples=opening.samples,
             validation=opening.validation,
@@ -217,12 +216,12 @@ def prune(
             },
             **measured,
         )
+        return tell_with_file(found, share_)
 
 
 def _hint(
     session: Session,
     rows: Weighed,
-    contradicted: str,
     models: Sequence[PrunedModel],
     selected: int,
 ) -> tuple[str, ...]:
@@ -231,7 +230,6 @@ def _hint(
     other = of_key(opening.hints, "alternative")
     return (
         *other,  # under which all is said
-        contradicted,
         _state_foreign(models[0]) if opening.validation else "",
         rows.burst,
         *(hint for hint in opening.hints if hint not in other),
@@ -339,15 +337,14 @@ def measure_models(
     chosen: int,
     settled: Settled,
     *,
-    within: float,
     replicates: int,
     rng: np.random.Generator,
     session: Session,
     progress: Steps,
-) -> tuple[dict[str, Any], str]:
+) -> dict[str, Any]:
     """Fit every model of a path and say how it predicts, going through the logs once.
 
-    Returned are fields of a `Ladder`, and what the logs say of the file's bodies.
+    Returned are fields of a `Ladder`.
 
     Parameters
     ----------
@@ -357,8 +354,6 @@ def measure_models(
         The step to use.
     settled : Settled
         Its fit, and its nearest real robot.
-    within : float
-        Share within which bodies are the file's, 0 for none.
     replicates : int
         Of the bootstrap.
     rng : numpy.random.Generator
@@ -413,14 +408,11 @@ def measure_models(
                 weight=float(weights[k]),
             )
         )
-    model, result = question.recall(*fits[chosen]), models[chosen]
+    result = models[chosen]
     better = len(result) and result.error_ra_unseen < crossed.constant_error()
-    nothing, hint = opening.misread or (result.contradicted if better else WORSE), ""
-    if nothing:
-        models = [pruned.withdraw(nothing) for pruned in models]
-    else:
-        models[chosen], hint = tell_with_file(model, result, within)
+    nothing = opening.misread or (result.contradicted if better else WORSE)
+    models = [pruned.withdraw(nothing) for pruned in models] if nothing else models
     used = int(result.physical_used)
     everywhere = predict_everywhere(session, rows, settled, used, turns)
     fields = {"models": tuple(models), "everywhere": everywhere, "nothing": nothing}
-    return {**fields, "missing": missing}, hint
+    return {**fields, "missing": missing}

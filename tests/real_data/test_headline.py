@@ -1,0 +1,17 @@
+"""Both errors of a headline on logs of real robots: other engines evaluate the written files."""
+
+import pytest
+
+from identifiability import analyze
+
+from ..export.test_headline import assert_both_errors
+
+CASES = ["KUKA 1 → 3", "TX40 1 → 2", "UR10 1 → 2", "KR300 A, C → B"]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_both_errors_on_a_real_log_are_found_by_other_engines(name, study, data, tmp_path):
+    folder = data("kuka_lwr4").parent
+    cases = study("real_logs").find_cases(folder, tmp_path)
+    robot, fitted, unseen = next(rest for case, *rest in cases if case == name)
+    assert_both_errors(robot, analyze(robot, fitted, unseen, replicates=0), tmp_path)
