@@ -359,6 +359,7 @@ class Prediction:
         predicted: Array,
         log: np.ndarray,
         data: np.ndarray | None = None,
+        raw: Array | None = None,
     ) -> Prediction:
         """Return the prediction of some samples that are all held, at zero velocity.
 
@@ -370,6 +371,8 @@ class Prediction:
         log : (N,) int
         data : (N, n) bool, optional
             Where torque is data; everywhere by default.
+        raw : (N, n) [N·m or N], optional
+            Torque as it was measured; `tau` by default.
         """
         data = np.ones(tau.shape, bool) if data is None else data
         counts = [int((log == k).sum()) for k in range(len(t))]
@@ -379,9 +382,9 @@ class Prediction:
         layout = Layout.of(counts, torque, ~is_constant(low, high), rows)
         parts = ((k, *(x[log == k] for x in (tau, predicted, data))) for k in range(len(t)))
         sums = reduce(add, (ErrorSums.of(layout, *part) for part in parts))
-        return Prediction(
-            len(tau), sums, sums, tuple(t), tau, predicted, log, np.zeros_like(tau), data
-        )
+        also = sums if raw is None else Prediction.of(t, raw, predicted, log, data).sums
+        still = np.zeros_like(tau)
+        return Prediction(len(tau), sums, also, tuple(t), tau, predicted, log, still, data)
 
     @property
     def samples(self) -> int:
@@ -451,6 +454,14 @@ class Prediction:
         squares: Array = (self.raw if raw else self.sums).squares.sum(0)
         rms: Array = np.sqrt(squares / np.maximum(self.sums.rows.sum(0), 1)[:, None])
         return rms
+
+    def by_joint(self, of: str = "") -> dict[str, Array]:
+        """Return errors of the first model by joint, low-passed and raw, as columns of a table."""
+        out: dict[str, Array] = {}
+        for which, raw in (("", False), ("_raw", True)):
+            out[f"error{which}{of}"] = self.joint_error(raw=raw)[:, 0]
+            out[f"rms{which}{of}"] = self.joint_rms(raw=raw)[:, 0]
+        return out
 
     def surely_better(self, one: int, other: int) -> bool:
         """Return whether a model errs less than another by more than one standard error.

@@ -106,7 +106,7 @@ def section_parameters(analysis: Analysis) -> Section:
     """Return the parameters of the selected model, those that are known first."""
     chosen = analysis.chosen
     figure = picture("precision", plot.precision(analysis), model=chosen.name)
-    tables = fold_verdicts(parameter_table(analysis, chosen), chosen.verdicts)
+    tables = fold_verdicts(parameter_table(chosen), chosen.verdicts)
     described = f" ({chosen.submodel.description})" if chosen.submodel.description else ""
     size = format_count(len(chosen.submodel), "parameter")
     return section(

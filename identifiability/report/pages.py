@@ -609,7 +609,7 @@ def section_survivors(ladder: Ladder) -> Section:
     from identifiability.report.analysis import fold_verdicts  # noqa: PLC0415
     from identifiability.workflows.analyze.result import parameter_table  # noqa: PLC0415
 
-    table, size = parameter_table(ladder, ladder.chosen), len(ladder.chosen)
+    table, size = parameter_table(ladder.chosen), len(ladder.chosen)
     tables = fold_verdicts(table, ladder.verdicts)
     said = format_count(size, "parameter")
     return section("pruning.survivors", *tables, *ladder.tables()[1:], size=said)

@@ -55,14 +55,15 @@ def count_joints(robot: Robot) -> str:
     return " · ".join([*said, *(["floating base"] if robot.base is not None else [])])
 
 
-#: Error on unseen motion, of how much torque varies, up to which it is called so; a rule of thumb.
-WORDS_OF = ("very-good", "good", "fair", "poor", "useless")
+#: What an error on unseen motion is called, the smallest first, and the colour of that.
+TONES = {"very-good": "green", "good": "green", "fair": "amber"}
+TONES |= dict.fromkeys(("poor", "useless"), "vermilion")
 
 
 def grade_of(error: float) -> str:
     """Return the name of the grade of an error on unseen motion."""
     limits = (*RULES.grades, math.inf)
-    return next(w for limit, w in zip(limits, WORDS_OF, strict=True) if error <= limit)
+    return next(w for limit, w in zip(limits, TONES, strict=True) if error <= limit)
 
 
 #: What every table of judged parameters shows of a `Verdict`.
@@ -76,12 +77,6 @@ UNIT = Column("unit", get="unit")
 
 
 VERDICT = Column("verdict", "badge", lambda v: Cell(v.word, v.word, v.reason, v.look), quiet=True)
-
-
-def tone_of(error: float) -> str:
-    """Return the colour of an error on unseen motion."""
-    tones = {"very-good": "green", "good": "green", "fair": "amber"}
-    return tones.get(grade_of(error), "vermilion")
 
 
 def after_mass(answer: Answer, warning: str) -> Answer:
@@ -135,7 +130,7 @@ def answer_quality(
         said = [f"Worst joint, over its own variation: {joints[worst]} {error_text(each[worst])}."]
     short = sentence("decision.grades", grade, error=error_text(error))
     text = " ".join([sentence("decision.uses", grade), *said, more]).rstrip()
-    return Answer(question, short, text, tone_of(error))
+    return Answer(question, short, text, TONES[grade])
 
 
 def answer_trust(

@@ -51,7 +51,7 @@ from identifiability.robot.sidecar import Value
 from identifiability.workflows.answers import answer_next, answer_quality, with_hints
 from identifiability.workflows.commands import EXPORT, given_paths, name_logs, source_name
 from identifiability.workflows.rules import RULES
-from identifiability.workflows.session import Logs, Session, in_memory, read_recordings
+from identifiability.workflows.session import Logs, Recordings, Session, in_memory, read_recordings
 
 
 def state_missing(functions: Sequence[str]) -> tuple[str, ...]:
@@ -120,24 +120,21 @@ class TorquePrediction(Result):
         return self.fit.robot
 
     @cached_property
-    def errors(self) -> tuple[Prediction, Prediction]:
-        """Errors of low-passed and of raw torque where it is known."""
+    def errors(self) -> Prediction:
+        """Errors where torque is known."""
         times = [self.t[self.log == k] for k in range(len(self.logs))]
-        found = self.predicted[:, :, None], self.log, self.known
-        low, raw = (
-            Prediction.of(times, np.nan_to_num(tau), *found) for tau in (self.tau, self.raw)
-        )
-        return low, raw
+        tau, raw = map(np.nan_to_num, (self.tau, self.raw))
+        return Prediction.of(times, tau, self.predicted[:, :, None], self.log, self.known, raw)
 
     @property
     def error_ra(self) -> float:
         """ε_RA of low-passed torque; nan where none was measured."""
-        return float(self.errors[0].relative_error()[0])
+        return float(self.errors.relative_error()[0])
 
     @property
     def error_ra_raw(self) -> float:
         """The same of raw torque."""
-        return float(self.errors[1].relative_error()[0])
+        return float(self.errors.relative_error(raw=True)[0])
 
     @property
     def inside(self) -> Array:
@@ -202,10 +199,10 @@ class TorquePrediction(Result):
     def error_frame(self) -> pd.DataFrame:
         """Return one row a joint: its error over its own scale, in N or N·m, and inside what."""
         columns: dict[str, Any] = {"joint": self.robot.joints, "unit": self.robot.torque_units}
-        for name, part in zip(("", "_raw"), self.errors, strict=True):
-            rms = np.where(self.known.any(0), part.joint_rms()[:, 0], np.nan)
-            columns |= {f"error{name}": part.joint_error()[:, 0], f"rms{name}": rms}
-        return pd.DataFrame({**columns, "inside": self.inside, "unknown": self.unknown})
+        columns |= self.errors.by_joint() | {"inside": self.inside, "unknown": self.unknown}
+        frame = pd.DataFrame(columns)
+        frame.loc[~self.known.any(0), ["rms", "rms_raw"]] = np.nan
+        return frame
 
     def to_dict(self) -> dict[str, Any]:
         """Return errors and shares in the documented JSON schema; samples go to `write`."""
@@ -219,7 +216,7 @@ class TorquePrediction(Result):
             "error_ra_raw": self.error_ra_raw,
             "joints": self.error_frame().to_dict("records"),
             "logs": [
-                {"log": name, "error": float(self.errors[0].relative_error(k)[0])}
+                {"log": name, "error": float(self.errors.relative_error(k)[0])}
                 for k, name in enumerate(self.logs)
             ],
             "preparation": {name: list(notes) for name, notes in self.notes.items()},
@@ -471,7 +468,6 @@ class GravityEntry(Entry):
     """Where gravity points, if not as the robot file says."""
 
     direction: tuple[float, float, float]
-    degrees: float
 
 
 class RealEntry(Entry):
@@ -620,18 +616,17 @@ def _other_robot(where: str, robot: Robot, why: str) -> IdentifiabilityError:
     return IdentifiabilityError(Finding("result.other", where, robot=robot.name, why=why))
 
 
-def settled(given: object, samples: Sequence[Dataset]) -> Preparation:
+def settled(given: Preparation, samples: Sequence[Dataset]) -> Preparation:
     """Return a preparation with the low-pass that was chosen for some logs."""
-    known = given if isinstance(given, Preparation) else Preparation()
     own = next(({"cutoff": s.cutoff, "outputs": s.band} for s in samples if s.cutoff), {})
-    return Preparation(**{f.name: getattr(known, f.name) for f in fields(Preparation)} | own)
+    return Preparation(**{f.name: getattr(given, f.name) for f in fields(Preparation)} | own)
 
 
 # `find_fit`: the fitted model of a result, however the result is given.
 
 
 FitLike = Annotated[
-    Fit | Predicts | str | Path,
+    Predicts | str | Path,
     Expected("a result of analyze, prune or diagnose, or the path of its JSON"),
 ]
 
@@ -646,7 +641,7 @@ def find_fit(result: FitLike, robot: Robot) -> Fit:
     """
     if isinstance(result, (str, Path)):
         return read_fit(result, robot)
-    fit = result if isinstance(result, Fit) else result.fit
+    fit = result.fit
     if fit.robot.joints != robot.joints or fit.robot.bodies != robot.bodies:
         where = f"The result is about {fit.robot.name}"
         raise OptionError(str(_other_robot(where, robot, "it has other joints.")))
@@ -746,6 +741,8 @@ class PositionPrediction(Result):
     runs : tuple of Simulated
         The robot of the file, and that of the result.
     hints : tuple of str
+    unseen : bool
+        Whether no log was fitted.
     """
 
     schema: ClassVar[str] = "identifiability/rollout/1"
@@ -754,6 +751,7 @@ class PositionPrediction(Result):
     logs: tuple[Log, ...]
     runs: tuple[Simulated, ...]
     hints: tuple[str, ...] = ()
+    unseen: bool = True
 
     @cached_property
     def alike(self) -> np.ndarray:
@@ -824,6 +822,33 @@ class PositionPrediction(Result):
             "rollouts": rollouts,
         }
 
+    @property
+    def told(self) -> str:
+        """The errors of the file's and of the fitted robot, as their result says them."""
+        file, own = (
+            f"errs by {1e3 * x:.3g} {self.unit} (rms)" if np.isfinite(x) else "diverges"
+            for x in self.totals
+        )
+        logs, of = listing([log.name for log in self.logs], 3), "not fitted" * self.unseen
+        return (
+            f"Moved by the commands of {logs} ({of or 'fitted'}), the fitted robot {own}, the "
+            f"file's {file}."
+        )
+
+    def to_rollout(self) -> dict[str, Any]:
+        """Return it as the JSON of the fitted robot's result has it."""
+        servo, (file, own) = self.robot.servo, self.totals.tolist()
+        gains = servo.by_joint(self.robot.joints) if servo and servo.source == FOUND else {}
+        return {
+            "statement": self.told,
+            "logs": [log.name for log in self.logs],
+            "unseen": self.unseen,
+            "delays": list(self.runs[1].delays),
+            "error": own if np.isfinite(own) else None,
+            "error_file": file if np.isfinite(file) else None,
+            **({"gains": gains} if gains else {}),
+        }
+
 
 def _position_error(result: PositionPrediction) -> Answer:
     totals, unit = 1e3 * result.totals, result.unit
@@ -847,81 +872,41 @@ def _driven(result: PositionPrediction) -> Answer:
     return Answer("When do commands act?", "; ".join(told), text, "blue")
 
 
-@frozen
-class Moved:
-    """How far rollouts of a fitted robot are off, beside those of the file's.
+def move_fitted(
+    robot: Robot, values: Mapping[str, float], logs: Recordings
+) -> PositionPrediction | None:
+    """Return how the robot of the file and the fitted one move by commands of unseen logs.
 
-    Attributes
+    By those of fitted ones where no other log has commands; None where no log has any, or the robot
+    cannot be rolled out.
+
+    Parameters
     ----------
-    found : PositionPrediction
-        Of both, along logs of commands.
-    unseen : bool
-        Whether none of them was fitted.
+    robot : Robot
+        With the file's values.
+    values : mapping
+        The fitted standard parameters by name.
+    logs : Recordings
     """
-
-    found: PositionPrediction
-    unseen: bool
-
-    @staticmethod
-    def of(
-        robot: Robot, values: Mapping[str, float], fitted: Sequence[Log], held_out: Sequence[Log]
-    ) -> Moved | None:
-        """Return it on unseen logs of commands, or else on fitted ones.
-
-        None where there is no such log, or the robot cannot be rolled out.
-
-        Parameters
-        ----------
-        robot : Robot
-            With the file's values.
-        values : mapping
-            The fitted standard parameters by name.
-        fitted, held_out : sequence of Log
-        """
-        sides = [
-            [x.select(robot.joints) for x in own if of_commands(x)] for own in (held_out, fitted)
-        ]
-        logs = sides[0] or sides[1]
-        if not (logs and values):
-            return None
-        try:
-            runs = tuple(_move(robot, "", own, logs) for own in ({}, values))
-        except RobotError:
-            return None
-        return Moved(PositionPrediction(robot=robot, logs=tuple(logs), runs=runs), bool(sides[0]))
-
-    @property
-    def statement(self) -> str:
-        """The errors in one sentence."""
-        file, own = (
-            f"errs by {1e3 * x:.3g} {self.found.unit} (rms)" if np.isfinite(x) else "diverges"
-            for x in self.found.totals
-        )
-        logs = listing([log.name for log in self.found.logs], 3)
-        of = "not fitted" if self.unseen else "fitted"
-        return f"Moved by the commands of {logs} ({of}), the fitted robot {own}, the file's {file}."
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as JSON has it."""
-        robot, (file, own) = self.found.robot, self.found.totals.tolist()
-        servo = robot.servo
-        gains = servo.by_joint(robot.joints) if servo and servo.source == FOUND else {}
-        return {
-            "statement": self.statement,
-            "logs": [log.name for log in self.found.logs],
-            "unseen": self.unseen,
-            "delays": list(self.found.runs[1].delays),
-            "error": own if np.isfinite(own) else None,
-            "error_file": file if np.isfinite(file) else None,
-            **({"gains": gains} if gains else {}),
-        }
+    unseen, fitted = (
+        tuple(x.select(robot.joints) for x in own if of_commands(x))
+        for own in (logs.held_out, logs.fitted)
+    )
+    own = unseen or fitted
+    if not (own and values):
+        return None
+    try:
+        runs = tuple(_move(robot, "", given, own) for given in ({}, values))
+    except RobotError:
+        return None
+    return PositionPrediction(robot=robot, logs=own, runs=runs, unseen=bool(unseen))
 
 
 @checked
 def predict(
     robot: RobotLike,
     result: Annotated[
-        Fit | Predicts | Robot | str | Path,
+        Predicts | Robot | str | Path,
         Expected("a result of analyze, prune or diagnose, or the path of its JSON"),
     ],
     logs: Logs,

@@ -43,7 +43,7 @@ from identifiability.foundation.engines import (
     Steps,
     find_version,
 )
-from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import Expected, OptionError
@@ -216,7 +216,11 @@ def read_recordings(
     train, held_out = named[: len(train)], named[len(train) :]
     check_held_out(train, held_out)
     whole, n = share_clock([*train, *held_out]), len(train)
-    torque = _torque_of(known.servo) if learns and known.servo is not None else None
+    torque = None
+    if learns and known.servo is not None:
+        from identifiability.workflows.commanded import give_torque  # noqa: PLC0415 - MuJoCo
+
+        torque = partial(give_torque, servo=known.servo)
     mended = mend(Reading(tuple(whole[:n]), tuple(whole[n:]), how, torque))
     every = (*mended.fitted, *mended.held_out)
     alone = [x.name for x in every if of_commands(x)]
@@ -224,8 +228,11 @@ def read_recordings(
         raise LogError(Finding("logs.commands", names=alone))
     if learns:
         _refuse_silent(train)
-    read = tuple((log.name, "; ".join(log.notes)) for log in (*train, *held_out) if log.notes)
-    return Recordings(mended.fitted, mended.held_out, (*state_reading(read), *mended.hints))
+    alike: dict[str, list[str]] = {}
+    for log in (*train, *held_out):
+        alike.setdefault("; ".join(log.notes), []).append(log.name)
+    read = (Finding("reading", names=names, text=how) for how, names in alike.items() if how)
+    return Recordings(mended.fitted, mended.held_out, (*read, *mended.hints))
 
 
 def _told_apart(logs: list[Log]) -> list[Log]:
@@ -235,13 +242,6 @@ def _told_apart(logs: list[Log]) -> list[Log]:
         replace(log, name=name) if [log.name] == shorten_paths([log.path]) else log
         for log, name in zip(logs, short, strict=True)
     ]
-
-
-def _torque_of(servo: Servo) -> Callable[[list[Log]], list[Log]]:
-    """Return what makes torque of the commands of logs that have none of their own."""
-    from identifiability.workflows.commanded import give_torque  # noqa: PLC0415 - MuJoCo
-
-    return partial(give_torque, servo=servo)
 
 
 def _refuse_silent(logs: Sequence[Log]) -> None:
@@ -264,23 +264,6 @@ def _refuse_silent(logs: Sequence[Log]) -> None:
         locks = " ".join(f"--lock {joint}={at:.4g}" for joint, at in silent.items())
         names = [log.name for log in known]
         raise LogError(Finding("logs.unmeasured", names=names, joints=[*silent], locks=locks))
-
-
-def state_reading(read: Sequence[tuple[str, str]]) -> list[Finding]:
-    """Return how logs were read otherwise than literally, in one sentence: what is alike once.
-
-    Parameters
-    ----------
-    read : sequence of (name, how)
-    """
-    alike: dict[str, list[str]] = {}
-    for name, how in read:
-        alike.setdefault(how, []).append(name)
-    texts = [f"{listing(names, 4)}: {how}" for how, names in alike.items()]
-    if len(alike) == 1:
-        texts = list(alike)
-    names = [name for name, _ in read]
-    return [Finding("reading", names=names, text="; ".join(texts))] if read else []
 
 
 InMemory = TypeVar("InMemory", Log, Dataset)
@@ -393,10 +376,6 @@ class Opening(OfStructure):
     def silence(self) -> str:
         """Why the fitted logs have nothing to explain, for after "because"; nothing if they do."""
         return explain_silence([s.survey for s in self.samples])
-
-
-def _say(text: str) -> Finding:
-    return Finding("alternative", text=text)
 
 
 def find_missing(opening: Opening) -> Alternatives:
@@ -531,7 +510,8 @@ class Session:
         read = replace(given, fitted=fitted, held_out=held_out)
         session = replace(self, structure=other.structure(self.structure), recordings=read)
         opening = session.open(done, prepare, seek=False)
-        hints = (_say(other.statement), _say(SO), *opening.hints)
+        said = (Finding("alternative", text=text) for text in (other.statement, SO))
+        hints = (*said, *opening.hints)
         return session, replace(opening, alternative=other, hints=hints)
 
     def open(
@@ -570,7 +550,7 @@ class Session:
         other = find_alternative(looked) if seek else None
         odd = find_oddities(looked, explained=other is not None)
         other = None if odd.misread else other  # of positions that are misread the torque is none
-        said = () if other is None else (_say(other.statement),)
+        said = () if other is None else (Finding("alternative", text=other.statement),)
         return replace(
             opening,
             alternative=other,

@@ -390,12 +390,9 @@ class Laddered(OfStructure, Result, predict.Predicts):
         return state_provenance(self.robot, logs, options["seed"], self.source, options)
 
     @cached_property
-    def moved(self) -> predict.Moved | None:
+    def moved(self) -> predict.PositionPrediction | None:
         """How far rollouts of the nearest real robot are off, of logs of commands."""
-        logs = self.recordings
-        return predict.Moved.of(
-            self.robot, self.real_robot["parameters"], logs.fitted, logs.held_out
-        )
+        return predict.move_fitted(self.robot, self.real_robot["parameters"], self.recordings)
 
     @cached_property
     def fit(self) -> predict.Fit:
@@ -422,7 +419,7 @@ class Laddered(OfStructure, Result, predict.Predicts):
             submodel=used.real or used.submodel,
             values=used.recommended,
             spread=measure_spread(part, used.estimate, used.fit, own, unseen),
-            preparation=predict.settled(self.settings.get("preparation"), self.samples),
+            preparation=predict.settled(self.settings["preparation"], self.samples),
             base_covariance=M @ covariance @ M.T + self.late.T @ self.late,
             base_unknown=M @ unknown,
             missing=self.missing.functions,
@@ -442,10 +439,7 @@ class Laddered(OfStructure, Result, predict.Predicts):
         """
         robot = self.robot
         joints: dict[str, Any] = {"of": "joint", "name": robot.joints, "unit": robot.torque_units}
-        for name, p in (("", self.fitted), ("_validation", self.held_out)):
-            for which, raw in (("", False), ("_raw", True)):
-                joints[f"error{which}{name}"] = p.joint_error(raw=raw)[:, 0]
-                joints[f"rms{which}{name}"] = p.joint_rms(raw=raw)[:, 0]
+        joints |= self.fitted.by_joint() | self.held_out.by_joint("_validation")
         held, known = [np.nan] * len(self.validation), len(self.samples)
         fitted = [self.fitted.relative_error(k)[0] for k in range(known)]
         unseen = [self.held_out.relative_error(k)[0] for k in range(len(held) or known)]
@@ -499,7 +493,7 @@ class Laddered(OfStructure, Result, predict.Predicts):
             told = self._answer_use(), self._answer_quality(), self._answer_trust()
             parts = [f"{a.short} {a.text}".rstrip() for a in told]
         parts += [] if tilt is None else [f"In this model gravity {tilt.text}."]
-        parts += [] if self.moved is None else [self.moved.statement]
+        parts += [] if self.moved is None else [self.moved.told]
         return " ".join(filter(None, (self.mass_warning, self.weight, *parts, *self.hints)))
 
     @property
@@ -652,7 +646,7 @@ class Laddered(OfStructure, Result, predict.Predicts):
                 "used": used.physical_used,
                 **real,
             },
-            **({} if self.moved is None else {"rollout": self.moved.to_dict()}),
+            **({} if self.moved is None else {"rollout": self.moved.to_rollout()}),
             "hints": list(self.hints),
             "preparation": {
                 s.path or s.name: list(s.notes) for s in (*self.samples, *self.validation)
@@ -767,7 +761,7 @@ class Analysis(Laddered):
     def tables(self) -> tuple[Table, ...]:
         """Return the models, the errors by joint and by log, the parameters of the model to use."""
         models = Table.of("", LADDER, self.models, marked=self.selected)
-        return (models, *error_tables(self), parameter_table(self, self.chosen), file_table(self))
+        return (models, *error_tables(self), parameter_table(self.chosen), file_table(self))
 
     def _answer_use(self) -> Answer:
         chosen, base = self.chosen, self.base
@@ -817,7 +811,8 @@ def found_cell(model: ModelResult) -> Cell:
     return Cell("not judged" if model.unjudged else str(found), found)
 
 
-def _possible_cell(m: ModelResult) -> Cell:
+def possible_cell(m: ModelResult) -> Cell:
+    """Return whether a real robot has the values of a model, and how much the nearest errs."""
     near = f"nearest real robot: {error_text(m.unseen_by(1))}"
     if m.feasible:
         return Cell("yes", 2.0, badge="pass")
@@ -835,7 +830,7 @@ LADDER = with_hints(
     Column("10× rule", "number", "paper_identified", detail=True),
     Column("error, fitted", error_text, "error_ra"),
     Column("error, unseen", error_text, "error_ra_validation"),
-    Column("real robot", "badge", _possible_cell),
+    Column("real robot", "badge", possible_cell),
 )
 
 
@@ -870,10 +865,9 @@ JOINTS = with_hints(
 LOGS = (Column("log", get="name"), Column("samples", "number", "samples"), *ERRORS)
 
 
-def parameter_table(analysis: Laddered, result: ModelResult) -> Table:
+def parameter_table(result: ModelResult) -> Table:
     """Return one row for each parameter of a model, filtered by verdict."""
     most = max((v.share for v in result.verdicts if np.isfinite(v.share)), default=0.0)
-    stated = dict(zip(result.submodel.columns, stated_values(analysis, result), strict=True))
     values = zip(result.recommended.tolist(), result.meanings, strict=True)
     used = dict(zip(result.submodel.columns, values, strict=True))
 
@@ -896,7 +890,6 @@ def parameter_table(analysis: Laddered, result: ModelResult) -> Table:
         Column("σ bootstrap", percent_text, drawn, detail=True),
         Column("σ is of", get=_terms_cell, detail=True),
         Column("used", "number", in_model, detail=not any(result.meanings)),
-        Column("robot file", "number", lambda v: stated_text(stated[v.name], v.sigma_robust)),
         Column("share of torque", "bar", share),
         Column("10× rule", get=lambda v: "✓" if v.paper_rule else "–", detail=True),
         VERDICT,

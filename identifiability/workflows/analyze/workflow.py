@@ -32,7 +32,7 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Flag, Verdict, judge, narrow
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import LogError, ModelError, listing
-from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import NotNegative, Replicates, Seed, checked, settle_count
@@ -439,20 +439,16 @@ def select_model(results: Sequence[ModelResult], near: np.ndarray) -> int:
 
 def say_band(band: Band | None) -> tuple[str, ...]:
     """Return what to say of a cut-off: it cuts into the motion, or much noise is below it."""
-    said = []
+    said = list[Finding]()
     if band is not None and band.cutoff < 2.0 * band.bandwidth:
         least = 0.5 * LOG_RULES.cutoff_wide * band.bandwidth
-        part = "higher" if least <= LOG_RULES.cutoff_highest * band.rate else "faster"
         numbers = {"least": least, "rate": least / LOG_RULES.cutoff_highest}
-        remedy = phrase("cutoff_low", part, **numbers)
         reach = {"cutoff": band.cutoff, "bandwidth": band.bandwidth}
-        said.append(Finding("cutoff_low", whose=["the logs"], remedy=remedy, **reach))
+        said.append(Finding("cutoff_low", whose=["the logs"], **numbers, **reach))
     # On one period of a motion intervals hold up to three tenths.
     if band is not None and band.noise > 0.2:
-        low = band.limit < band.cutoff
-        lower = phrase("cutoff_noisy", "lower", limit=band.limit) if low else ""
-        share = min(band.noise, 1.0)
-        said.append(Finding("cutoff_noisy", lower=lower, cutoff=band.cutoff, share=share))
+        found = {"cutoff": band.cutoff, "share": min(band.noise, 1.0)}
+        said.append(Finding("cutoff_noisy", limit=min(band.limit, band.cutoff), **found))
     return tuple(said)
 
 

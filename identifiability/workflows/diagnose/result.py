@@ -46,7 +46,13 @@ from identifiability.workflows.commands import (
 )
 from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
 from identifiability.workflows.diagnose.problem import Discrepancy, Setting, fit_structure
-from identifiability.workflows.predict import Fit, Moved, Predicts, settled
+from identifiability.workflows.predict import (
+    Fit,
+    PositionPrediction,
+    Predicts,
+    move_fitted,
+    settled,
+)
 from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 
 if TYPE_CHECKING:
@@ -258,7 +264,7 @@ class Diagnosis(Result, Setting, Predicts):
         Base parameters of the model with the named effects.
     model : Model
         The base model with the named effects.
-    moved : Moved or None
+    moved : PositionPrediction or None
         How far rollouts of the nearest real robot are off, of logs of commands.
     forward : ForwardGap or None
         Forward simulation before and after, where it was made.
@@ -291,7 +297,7 @@ class Diagnosis(Result, Setting, Predicts):
     nothing: str = ""
     alternative: str = ""
     provenance: Mapping[str, str] = field(default_factory=dict)
-    moved: Moved | None = None
+    moved: PositionPrediction | None = None
 
     @property
     def robot(self) -> Robot:
@@ -339,8 +345,8 @@ class Diagnosis(Result, Setting, Predicts):
         """Return the diagnosis with how far rollouts are off, where logs are of commands."""
         if not logs.commanded:
             return self
-        moved = Moved.of(self.robot, self.physical["parameters"], logs.fitted, logs.held_out)
-        said = () if moved is None else (moved.statement,)
+        moved = move_fitted(self.robot, self.physical["parameters"], logs)
+        said = () if moved is None else (moved.told,)
         return replace(self, moved=moved, hints=(*said, *self.hints))
 
     def write_model(self, path: str | Path) -> Path:
@@ -462,7 +468,7 @@ class Diagnosis(Result, Setting, Predicts):
             "real_robot": None,  # for one release
             "forward": None if self.forward is None else _forward_row(self.forward),
             "fit": self.fit.to_dict(),
-            **({} if self.moved is None else {"rollout": self.moved.to_dict()}),
+            **({} if self.moved is None else {"rollout": self.moved.to_rollout()}),
             "unexplained": {
                 "statement": self.unexplained,
                 "rms": {x.joint: x.rms for x in self.discrepancies},

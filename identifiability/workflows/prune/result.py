@@ -27,7 +27,13 @@ from identifiability.regression.reduction import (
     ladder_text,
     model_entry,
 )
-from identifiability.workflows.analyze.result import Laddered, ModelResult, error_tables, found_cell
+from identifiability.workflows.analyze.result import (
+    Laddered,
+    ModelResult,
+    error_tables,
+    found_cell,
+    possible_cell,
+)
 from identifiability.workflows.answers import note, with_hints
 from identifiability.workflows.prune.elimination import Refusal, Step
 
@@ -237,12 +243,6 @@ def _worst_cell(r: PrunedModel) -> Cell:
     return Cell(percent_text(r.worst_sigma_percent), r.worst_sigma_percent, condition)
 
 
-def _signs_cell(r: PrunedModel) -> Cell:
-    wrong = ", ".join(r.infeasible[:4]) + (" …" if len(r.infeasible) > 4 else "")
-    text, word = ("possible", "pass") if r.feasible else ("impossible", "differs")
-    return Cell(text, None, wrong, word)
-
-
 MOVES = with_hints(
     "moves",
     Column("move", "text", _move_cell),
@@ -253,5 +253,5 @@ MOVES = with_hints(
     Column("density [nats]", digits(3), "density"),
     Column("weight", digits(2), "weight", detail=True),
     Column("worst σ%", "number", _worst_cell),
-    Column("signs", "badge", _signs_cell),
+    Column("real robot", "badge", possible_cell),
 )
