@@ -1,4 +1,4 @@
-"""What is shown of a result: its page, found by its schema, and its piece of a notebook."""
+"""What is shown of a result: its page, found by its schema, its piece of a notebook, its draws."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ from dataclasses import fields, replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import TYPE_CHECKING, Any, get_type_hints
 
+import numpy as np
 import pandas as pd
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from identifiability.foundation.answers import Column, Table, frame_table
+from identifiability.foundation.errors import ModelError
 from identifiability.foundation.output import check_ending, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import format_count, superscript
@@ -36,6 +38,11 @@ from identifiability.report.blocks import (
 )
 from identifiability.report.figures import TEMPLATES, mark_of
 from identifiability.workflows.answers import note
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+    from identifiability.workflows.analyze import Analysis
 
 # `Page`: a title, the answer, and sections, as one self-contained HTML file.
 
@@ -343,3 +350,58 @@ def _style() -> str:
     )
     narrow = ":scope { max-width: 100%; padding: 0 4px; font-size: 14px; background: none; }"
     return f"@scope (.identifiability-piece) {{\n{own}\n{narrow}\n{tidy}\n}}"
+
+
+# The posterior for ArviZ: every draw, by chain, with names and units. Needs the extra ``arviz``.
+
+
+def build_datatree(result: Analysis) -> DataTree:
+    """Return the posterior of the selected model as ArviZ reads it.
+
+    Group ``posterior`` holds ``phi`` of the model's parameters, by walker (a chain each) and draw,
+    and ``standard`` of the standard parameters that the model does not hold. The coordinate
+    ``ensemble`` says which chains started together, for `arviz_stats.rhat_nested`. Group
+    ``constant_data`` holds the units. The attribute ``trustworthy`` is 0, with the reasons beside
+    it, where the chains have not converged.
+
+    Raises
+    ------
+    ModelError
+        If there is no such posterior, or no package to hold it.
+    """
+    try:
+        from xarray import Dataset, DataTree  # noqa: PLC0415 - an extra
+    except ImportError:
+        raise ModelError(
+            "A posterior for ArviZ needs the extra 'arviz': "
+            "pip install 'robot-identifiability[arviz]'."
+        ) from None
+    belief, submodel = result.belief, result.chosen.submodel
+    if belief is None or belief.physical is None:
+        raise ModelError("The result has no posterior; ask for it with analyze(…, posterior=True).")
+    summary = belief.physical
+    ensembles, walkers, length, _ = summary.chains.shape
+    moving = {name: x for name, x in belief.standard.items() if np.ptp(x) > 0}
+    every = {
+        "parameter": ("phi", list(submodel.columns), summary.chains),
+        "standard_parameter": ("standard", list(moving), np.stack(list(moving.values()), axis=-1)),
+    }
+    along: dict[str, Any] = {of: names for of, (_, names, _) in every.items()}
+    units = Dataset(
+        {"unit": ("parameter", list(submodel.units))}, {"parameter": along["parameter"]}
+    )
+    along["chain"], along["draw"] = np.arange(ensembles * walkers), np.arange(length)
+    along["ensemble"] = ("chain", np.repeat(np.arange(ensembles), walkers))
+    draws = {  # walkers of all ensembles as chains: (E, K, N, m) → (E K, N, m)
+        name: (("chain", "draw", of), x.reshape(-1, *x.shape[2:]))
+        for of, (name, _, x) in every.items()
+    }
+    tree = DataTree.from_dict({"posterior": Dataset(draws, along), "constant_data": units})
+    tree.attrs = {  # strings and numbers, which NetCDF can hold
+        **result.provenance,
+        "model": submodel.name,
+        "posterior": "physical",
+        "trustworthy": int(summary.trustworthy),
+        "reasons": " ".join(summary.convergence.reasons),
+    }
+    return tree

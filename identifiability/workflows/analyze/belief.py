@@ -1,25 +1,20 @@
 """What is believed of the parameters after the data, and that bodies can exist.
 
-A posterior of one model is sampled; ArviZ gets every draw.
+A posterior of one model is sampled.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Flag, Verdict, narrow
-from identifiability.foundation.errors import (
-    IdentifiabilityError,
-    ModelError,
-    RobotError,
-    near_match,
-)
+from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -37,13 +32,8 @@ from identifiability.posterior.ensemble import Posterior, sample_posterior
 from identifiability.posterior.exact import Progress
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.target import Prior, Target
-from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
 from identifiability.workflows.answers import sentence
-
-if TYPE_CHECKING:
-    from xarray import DataTree
-
 
 # What is believed of the parameters after the data: a normal prior per standard parameter,
 # restricted to bodies that can exist and friction that brakes. Residuals are correlated, so the
@@ -181,79 +171,6 @@ def belief_dict(names: Sequence[str], belief: Belief | None) -> dict[str, Any] |
     return out | {"physical": told}
 
 
-# The posterior for ArviZ: every draw, by chain, with names and units. Needs the extra ``arviz``.
-
-
-PARAMETER, STANDARD = "parameter", "standard_parameter"
-
-
-def build_datatree(
-    belief: Belief | None,
-    submodel: Submodel,
-    attributes: Mapping[str, str] | None = None,
-) -> DataTree:
-    """Return the posterior of a model as ArviZ reads it.
-
-    Group ``posterior`` holds ``phi`` of the model's parameters, by walker (a chain each) and draw,
-    and ``standard`` of the standard parameters that the model does not hold. The coordinate
-    ``ensemble`` says which chains started together, for `arviz_stats.rhat_nested`. Group
-    ``constant_data`` holds the units. The attribute ``trustworthy`` is 0, with the reasons beside
-    it, where the chains have not converged.
-
-    Parameters
-    ----------
-    belief : Belief or None
-    submodel : Submodel
-        The model that the belief is about.
-    attributes : mapping of str, optional
-        Further attributes, such as versions and seeds.
-
-    Raises
-    ------
-    ModelError
-        If there is no such posterior, or no package to hold it.
-    """
-    try:
-        from xarray import Dataset, DataTree  # noqa: PLC0415 - an extra
-    except ImportError:
-        raise ModelError(
-            "A posterior for ArviZ needs the extra 'arviz': "
-            "pip install 'robot-identifiability[arviz]'."
-        ) from None
-    if belief is None or belief.physical is None:
-        raise ModelError("The result has no posterior; ask for it with analyze(…, posterior=True).")
-    summary = belief.physical
-    ensembles, walkers, length, _ = summary.chains.shape
-    along: dict[str, Any] = {
-        "chain": np.arange(ensembles * walkers),
-        "draw": np.arange(length),
-        "ensemble": ("chain", np.repeat(np.arange(ensembles), walkers)),
-        PARAMETER: list(submodel.columns),
-    }
-    moving = {name: x for name, x in belief.standard.items() if np.ptp(x) > 0}
-    standard = np.stack(list(moving.values()), axis=-1)
-    draws = {
-        "phi": _walkers(summary.chains, PARAMETER),
-        "standard": _walkers(standard, STANDARD),
-    }
-    along[STANDARD] = list(moving)
-    units = Dataset({"unit": (PARAMETER, list(submodel.units))}, {PARAMETER: along[PARAMETER]})
-    tree = DataTree.from_dict({"posterior": Dataset(draws, along), "constant_data": units})
-    tree.attrs = {  # strings and numbers, which NetCDF can hold
-        **(attributes or {}),
-        "model": submodel.name,
-        "posterior": "physical",
-        "trustworthy": int(summary.trustworthy),
-        "reasons": " ".join(summary.convergence.reasons),
-    }
-    return tree
-
-
-def _walkers(chains: Array, of: str) -> tuple[tuple[str, ...], Array]:
-    """Walkers of all ensembles as chains: (E, K, N, m) → (E K, N, m)."""
-    return ("chain", "draw", of), chains.reshape(-1, *chains.shape[2:])
-
-
 # Sample what is believed, and where each parameter comes from.
 
 
@@ -279,12 +196,9 @@ def form_belief(
     """
     try:
         prior = state_prior(model.structure, model.data, share)
-        physical, standard, root = _sample_physical(model, prior, rng, effort, progress)
+        return _sample_physical(model, prior, rng, effort, progress)
     except (ValueError, IdentifiabilityError) as error:
         return Belief(None, {}, str(error))
-    wide = np.where(np.isfinite(prior.sd), prior.sd, 0.0)
-    prior_sd, data_sd = (np.linalg.norm(model.to_x @ x, axis=1) for x in (np.diag(wide), root))
-    return Belief(physical, standard, "", prior_sd, data_sd)
 
 
 def widest(data: LeastSquares) -> Array:
@@ -359,12 +273,11 @@ def _sample_physical(
     rng: np.random.Generator,
     effort: Mapping[str, int],
     progress: Progress | None,
-) -> tuple[Summary, dict[str, Array], Array]:
+) -> Belief:
     """Sample the standard parameters on the cone and look at them through the model.
 
     What the model leaves out, holds or ties is so in every draw; what bodies cannot do without
-    counts as error in full, as in the nearest real robot. Returned last is a root of the covariance
-    with data and prior, without the constraints.
+    counts as error in full, as in the nearest real robot.
     """
     structure, region, fixed = model.structure, model.region, model.fixed
     own = LeastSquares.likelihood(model.information, model.estimate).through(model.to_x)
@@ -389,4 +302,6 @@ def _sample_physical(
     interval = believed_interval(draws, model.submodel.nonnegative, moved * sd)
     summary = Summary(draws.mean(0), sd, interval, chains, moved, judge(posterior))
     each = np.moveaxis(posterior.draws, -1, 0)
-    return summary, dict(zip(columns, each, strict=True)), target.root
+    wide = np.diag(np.where(np.isfinite(prior.sd), prior.sd, 0.0))
+    sds = (np.linalg.norm(to_x @ root, axis=1) for root in (wide, target.root))
+    return Belief(summary, dict(zip(columns, each, strict=True)), "", *sds)

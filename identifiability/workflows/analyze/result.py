@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import cached_property
 from statistics import NormalDist
 from textwrap import shorten
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import pandas as pd
@@ -31,6 +31,7 @@ from identifiability.estimation.prediction import (
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of, withdraw
+from identifiability.foundation import handed
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.findings import of_key
@@ -61,7 +62,7 @@ from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource, Submodel
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows import commands, predict
-from identifiability.workflows.analyze.belief import Belief, belief_dict, build_datatree
+from identifiability.workflows.analyze.belief import Belief, belief_dict
 from identifiability.workflows.answers import (
     SIGMA,
     UNIT,
@@ -77,9 +78,6 @@ from identifiability.workflows.answers import (
     with_hints,
 )
 from identifiability.workflows.session import Recordings, state_provenance
-
-if TYPE_CHECKING:
-    from xarray import DataTree
 
 #: Parameters and logs that a sentence names.
 NAMED = 3
@@ -743,7 +741,7 @@ class Analysis(Laddered):
         rows.sort(key=lambda r: (order.index(r["logs"]), -np.nan_to_num(r["sigmas"])))
         return pd.DataFrame(rows, columns=["name", "label", "unit", "file", *FOUND, "logs"])
 
-    def to_arviz(self) -> DataTree:
+    def to_arviz(self) -> Any:
         """Return the posterior of the selected model for ArviZ; needs the extra ``arviz``.
 
         Raises
@@ -751,7 +749,7 @@ class Analysis(Laddered):
         ModelError
             If there is none, or no package to hold it.
         """
-        return build_datatree(self.belief, self.chosen.submodel, self.provenance)
+        return handed("build_datatree")(self)
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
