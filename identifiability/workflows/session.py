@@ -127,12 +127,8 @@ class Recordings:
             tuple(moved(x, servo, servo, by) if of_commands(x) else x for x in logs)
             for logs in (self.fitted, self.held_out)
         )
-        said = phrase("commands", "later", by=1e3 * by)
-        own = of_key(self.hints, "commands")
-        hints = tuple(
-            Finding("commands", text=f"{h} {said}") if h in own else h for h in self.hints
-        )
-        return replace(self, fitted=fitted, held_out=held_out, hints=hints)
+        said = Finding("commands", text=phrase("commands", "later", by=1e3 * by))
+        return replace(self, fitted=fitted, held_out=held_out, hints=(*self.hints, said))
 
 
 @contextmanager
@@ -252,18 +248,16 @@ def _refuse_silent(logs: Sequence[Log]) -> None:
     LogError
         With what locks each where it stands, as a gripper's fingers should be.
     """
-    known = list(logs)
     gone = [log.unmeasured for log in logs if log.unmeasured is not None]
-    if len(gone) < len(logs) or len({log.joints for log in known}) > 1:
+    if len(gone) < len(logs) or len({log.joints for log in logs}) > 1:
         return
-    q, lost = np.concatenate([log.q for log in known]), np.concatenate(gone).all(0)
-    stays = np.ptp(q, axis=0) <= LOG_RULES.small
-    at = dict(zip(known[0].joints, np.median(q, axis=0), strict=True))
-    silent = {j: at[j] for j, none in zip(at, lost & stays, strict=True) if none}
-    if 0 < len(silent) < len(known[0].joints):
-        locks = " ".join(f"--lock {joint}={at:.4g}" for joint, at in silent.items())
-        names = [log.name for log in known]
-        raise LogError(Finding("logs.unmeasured", names=names, joints=[*silent], locks=locks))
+    q, lost = np.concatenate([log.q for log in logs]), np.concatenate(gone).all(0)
+    stays = lost & (np.ptp(q, axis=0) <= LOG_RULES.small)
+    if 0 < stays.sum() < len(stays):
+        at = zip(np.array(logs[0].joints)[stays], np.median(q, axis=0)[stays], strict=True)
+        silent = {str(joint): f"--lock {joint}={x:.4g}" for joint, x in at}
+        told = {"names": [log.name for log in logs], "joints": [*silent]}
+        raise LogError(Finding("logs.unmeasured", **told, locks=" ".join(silent.values())))
 
 
 InMemory = TypeVar("InMemory", Log, Dataset)

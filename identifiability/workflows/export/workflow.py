@@ -72,10 +72,9 @@ def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]
                 "result was made with."
             )
     weigh = {body: robot.nominal[f"{body}.m"] for body in robot.bodies}
-    # A body with less than this share of the robot's mass weighs nothing: some formats want a
-    # number.
-    heavy = [body for body, mass in weigh.items() if mass > 1e-9 * sum(weigh.values())]
-    missing = [body for body in heavy if not abs(given.get(f"{body}.m", 0.0)) > SMALLEST]
+    # A body with less than this share of the robot's mass weighs nothing: formats want a number.
+    least, found = 1e-9 * sum(weigh.values()), {b: given.get(f"{b}.m", 0.0) for b in weigh}
+    missing = [b for b in weigh if weigh[b] > least and not abs(found[b]) > SMALLEST]
     if missing:
         raise IdentifiabilityError(
             f"{path} has no mass of {listing(missing)}, and a robot file needs one of every body: "
@@ -593,16 +592,10 @@ def write_isaaclab(
         "stiffness": servo.kp,
         "damping": servo.kv,
         "effort_limit": np.where(np.isfinite(limits), limits, np.nan),
-        **{
-            word: np.array([given.get(f"{j}.{kind}", 0.0) for j in robot.joints])
-            for word, kind in (
-                ("armature", robot.inertia_parts[0]),
-                ("friction", "Fc"),
-                ("viscous_friction", "Fv"),
-                ("dynamic_friction", "Fc"),
-            )
-        },
     }
+    kinds = {"armature": robot.inertia_parts[0], "friction": "Fc", "viscous_friction": "Fv"}
+    for word, kind in (kinds | {"dynamic_friction": "Fc"}).items():
+        columns[word] = np.array([given.get(f"{j}.{kind}", 0.0) for j in robot.joints])
     rows = []
     for word, values in columns.items():
         pairs = zip(robot.joints, values.tolist(), strict=True)
