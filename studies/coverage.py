@@ -172,9 +172,8 @@ def judge_log(
 ) -> list[Outcome]:
     """Return a new log of the robot, fitted and judged by every model."""
     samples = prepare_log(clean.robot, simulate_log(clean.robot, level, rng))
-    regression = clean.structure.regression([samples])
-    information = gather_information(regression)
-    experiments = [Experiment.of(regression, submodel) for submodel in submodels]
+    information = gather_information(clean.structure.regression([samples]))
+    experiments = [Experiment.of(clean.structure, [samples], submodel) for submodel in submodels]
     return [e.judge(information, e.tau, e.W, rng) for e in experiments]
 
 
@@ -224,7 +223,7 @@ def measure_noises(trials: int, seed: int) -> pd.DataFrame:
             motion = shipped_trajectory(robot, "601")
         log = simulate(robot, PrescribedMotion.of(motion), noise=Noise(torque=0.05), rng=rng)
         found = analyze(robot, log, replicates=0)
-        e = Experiment.of(found.structure.regression(found.samples), found.full.submodel)
+        e = Experiment.of(found.structure, found.samples, found.full.submodel)
         truth = found.full.estimate.value
         exact = e.W @ e.submodel.expand(truth)
         size = np.sqrt(np.mean((e.tau - exact) ** 2, axis=0))

@@ -100,12 +100,12 @@ class Subject:
         log = simulate(robot, motion, noise=Noise(torque=0.05), rng=np.random.default_rng(seed))
         self.analysis = analyze(robot, log, replicates=0, seed=seed)
         self.full = self.analysis.full
-        regression = self.analysis.structure.regression(self.analysis.samples)
-        self.experiment = Experiment.of(regression, self.full.submodel)
+        structure, samples = self.analysis.structure, self.analysis.samples
+        self.experiment = Experiment.of(structure, samples, self.full.submodel)
         stated = self.analysis.structure.nominal_base - self.full.submodel.fixed
         self.truth = np.linalg.lstsq(self.full.submodel.M, stated, rcond=None)[0]
         self.sd = np.sqrt(self.full.estimate.variance)
-        self.base = np.concatenate([W for _, _, W, _ in regression.chunks()])
+        self.base = self.experiment.W
 
     def observe(self, first: float, others: float, rng: np.random.Generator) -> Array:
         """Return the torque of one log."""

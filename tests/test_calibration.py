@@ -43,19 +43,23 @@ def red(analysis):
 
 def test_a_repetition_is_asked_what_is_left_out_as_the_logs_are(analysis):
     result = next(m for m in analysis.models if m.name == "Model 4")
-    experiment = replace(
-        Experiment.of(analysis.structure.regression(analysis.samples), result.submodel),
-        method=result.estimate.estimator,
-        structure=analysis.structure,
-    )
-    whole = analysis.information
-    found = experiment.judge(whole, experiment.tau, experiment.W, np.random.default_rng(0))
+    method = result.estimate.estimator
+    e = Experiment.of(analysis.structure, analysis.samples, result.submodel, method=method)
+    found = e.judge(analysis.information, e.tau, e.W, np.random.default_rng(0))
+    np.testing.assert_array_equal(found.paper, result.estimate.paper_rule)
+    assert found.judged
     np.testing.assert_allclose(found.value, result.estimate.value, rtol=1e-6)
     # No repetition seeks its nearest real robot, or asks what may be missing.
     alone = {k: x for k, x in result.fit.terms.items() if k not in ("prior", "alternatives")}
     omitted, alone = alone["omitted"], np.linalg.norm(list(alone.values()), axis=0)
     assert np.median(omitted / alone) > 0.3
     np.testing.assert_allclose(found.robust, alone, rtol=0.15)
+    short = replace(e, **{name: getattr(e, name)[:14] for name in ("W", "tau", "log", "moves")})
+    found = short.judge(
+        short.gather(short.tau, short.W), short.tau, short.W, np.random.default_rng(0)
+    )
+    assert not found.judged
+    assert not found.identifiable.any()
 
 
 def test_robust_intervals_hold_the_truth_where_white_ones_do_not(analysis, red):

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.estimate import Method, find_estimator, fit_whole, settle_noise
-from identifiability.estimation.estimator import forbidden_signs
-from identifiability.estimation.fit import Fit, body_scatter, find_left_out
+from identifiability.estimation.fit import body_scatter
+from identifiability.estimation.groups import NO_ALTERNATIVES
 from identifiability.estimation.noise import JointRuns, Noise, Runs, find_runs, fit_residual_noise
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class, judge
+from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import LEVEL, REACH, Share, clustered_share, each_share
@@ -27,6 +27,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.instruments import add_instrument, noise_again
+from identifiability.physical.fitted_model import FittedModel
 from identifiability.physical.pseudo_inertia import BASIS, natural_scale, scale_matrix, to_matrix
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
@@ -35,7 +36,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.result import ModelResult
-from identifiability.workflows.analyze.workflow import measure_again
+from identifiability.workflows.analyze.workflow import decide_model, measure_again
 from identifiability.workflows.session import in_memory
 
 # Simulated experiments with known truth, fitted and judged; and what many of them come to.
@@ -77,10 +78,10 @@ class Experiment:
     log : (N,) int
     moves : (N, n) bool
         Where torque is data: joints do not dwell; elsewhere columns and torque are zero.
-    method, thresholds, replicates
+    structure : Structure
+        What is behind the columns: intervals know what the model leaves out.
+    method, replicates
         As in `analyze`.
-    structure : Structure or None
-        What is behind the columns: with it intervals know what the model leaves out.
     """
 
     submodel: Submodel
@@ -89,16 +90,19 @@ class Experiment:
     tau: Array
     log: np.ndarray
     moves: np.ndarray
+    structure: Structure
     method: Method = "wls"
-    thresholds: Thresholds = Thresholds()
     replicates: int = 200
-    structure: Structure | None = None
 
     @staticmethod
-    def of(regression: Regression, submodel: Submodel, **how: Any) -> Experiment:
-        """Return the experiment of a regression under a model; the rest says how it is judged."""
+    def of(
+        structure: Structure, samples: Sequence[Dataset], submodel: Submodel, **how: Any
+    ) -> Experiment:
+        """Return the experiment of samples under a model; the rest says how it is judged."""
+        regression = structure.regression(samples)
         chunks = [c for part in regression.parts(whole=True) for c in part.chunks()]
         return Experiment(
+            structure=structure,
             submodel=submodel,
             names=tuple(p.name for p in regression.parameters),
             W=base_columns(regression)[0],
@@ -124,29 +128,19 @@ class Experiment:
 
     def judge(self, whole: Information, tau: Array, W: Array, rng: np.random.Generator) -> Outcome:
         """Fit and judge one outcome; the arguments are those of `gather`, and what it returned."""
-        submodel, rules = self.submodel, self.thresholds
-        information = submodel.reduce(whole)
         method = settle_noise(find_estimator(self.method), whole)
-        fit = method.fit(information)
-        left = tau - W @ submodel.fixed
-        known = Fit.of(information, fit, rng, self.replicates)
-        if self.structure is not None:
-            full = fit_whole(method, whole)
-            known = replace(
-                known, left_out=find_left_out(self.structure, submodel, whole, fit, full)
-            )
-        torque, aliases = float(np.sqrt(np.mean(left**2))), ("",) * len(submodel)
-        forbidden = forbidden_signs(information, fit, submodel.nonnegative)
-        about = submodel.labels, submodel.units, torque, aliases, forbidden
-        verdicts = judge(known, *about, rules=rules)
+        model = FittedModel.of(self.structure, self.submodel, whole, method)
+        torque = float(np.sqrt(np.mean((tau - W @ self.submodel.fixed) ** 2)))
+        asked = rng, self.replicates, fit_whole(method, whole), NO_ALTERNATIVES
+        known, verdicts, _ = decide_model(model, torque, *asked)
         ends = np.array([v.interval95 for v in verdicts]).reshape(-1, 2)
         return Outcome(
-            value=fit.value,
-            white=fit.sigma,
+            value=model.estimate.value,
+            white=model.estimate.sigma,
             robust=(ends[:, 1] - ends[:, 0]) / (2 * REACH),
             identifiable=np.array([v.verdict is Class.IDENTIFIABLE for v in verdicts]),
-            paper=fit.paper_rule,
-            judged=not all(known.why_unjudged(rules)),
+            paper=model.estimate.paper_rule,
+            judged=not all(known.why_unjudged(Thresholds())),
         )
 
 
@@ -370,22 +364,17 @@ class World:
         LogError
         """
         samples, logs = in_memory(analysis.samples), in_memory(analysis.recordings.fitted)
-        asked: Any = analysis.settings["preparation"]
+        given: Any = analysis.settings["preparation"]
         how = [
-            asked if s.cutoff is None else replace(asked, cutoff=s.cutoff, outputs=s.band)
+            given if s.cutoff is None else replace(given, cutoff=s.cutoff, outputs=s.band)
             for s in samples
         ]
         # The true motion is as prepared; the signs of its speeds are those of the motion itself.
         true = [
             replace(s, motion=replace(s.motion, smooth_v=None), instrument=None) for s in samples
         ]
-        experiment = Experiment.of(
-            analysis.structure.regression(true),
-            result.submodel,
-            method=result.estimate.estimator,
-            replicates=refits,
-            structure=analysis.structure,
-        )
+        asked = {"method": result.estimate.estimator, "replicates": refits}
+        experiment = Experiment.of(analysis.structure, true, result.submodel, **asked)
         W, tau, moves, runs = experiment.W, experiment.tau, experiment.moves, find_runs(samples)
         noise = fit_residual_noise(tau, W, JointRuns.of(runs, moves))
         robots = TrueRobots.of(analysis.structure, result)
