@@ -98,7 +98,7 @@ def judge(robot: Robot, out: Ladder) -> dict[str, Any]:
         "rigid": [c for c in chosen.columns if c not in SLIDERS],
         "nine": set(chosen.columns) >= SLIDERS,
         "exact": set(chosen.columns) == MODEL_4,
-        "feasible": out.feasible,
+        "feasible": out.chosen.feasible,
         "as good": change <= 1e-12,
         "plain": plain,
         "torn": sum(a != b for a, b in pairs),
@@ -216,7 +216,7 @@ def question_5(data: Path) -> dict[str, Any]:
         "held-out error, pruned and unpruned": [
             out.chosen.error_ra_unseen, out.full.error_ra_unseen,
         ],
-        "a real robot can have the values": out.feasible,
+        "a real robot can have the values": out.chosen.feasible,
         "weight among the models of the path": out.chosen.weight,
     }  # fmt: skip
 

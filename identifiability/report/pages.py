@@ -610,7 +610,7 @@ def section_survivors(ladder: Ladder) -> Section:
     from identifiability.workflows.analyze.result import parameter_table  # noqa: PLC0415
 
     table, size = parameter_table(ladder.chosen), len(ladder.chosen)
-    tables = fold_verdicts(table, ladder.verdicts)
+    tables = fold_verdicts(table, ladder.chosen.verdicts)
     said = format_count(size, "parameter")
     return section("pruning.survivors", *tables, *ladder.tables()[1:], size=said)
 

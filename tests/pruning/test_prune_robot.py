@@ -20,15 +20,15 @@ MODEL_4 = SLIDERS | {"platform.mx", "leg2_upper.m", "leg3_upper.m"}
 
 def test_the_3rps_ends_at_the_papers_smallest_model_without_knowing_it(pruned):
     assert set(pruned.chosen.columns) == MODEL_4
-    assert pruned.feasible
-    sure = [v.verdict is Class.IDENTIFIABLE for v in pruned.verdicts]
+    assert pruned.chosen.feasible
+    sure = [v.verdict is Class.IDENTIFIABLE for v in pruned.chosen.verdicts]
     assert sum(sure) >= len(sure) - 1  # what may be missing may put one in doubt
 
 
 def test_a_model_that_no_real_robot_can_have_gives_way_where_real_robots_predict_alike(simulated):
     """Its inertia of the platform is worth eight nats, and real bodies have as much without it."""
     out = prune("3-rps", simulated("3-rps", "601", 1), replicates=0)
-    assert out.feasible
+    assert out.chosen.feasible
     assert set(out.chosen.columns) == MODEL_4
     at = out.selected
     assert out.models[at].density < out.models[at - 1].density - LEVELS.nats
@@ -163,4 +163,4 @@ def test_weights_of_all_models_add_up(pruned):
     assert sum(r.weight for r in pruned.models) == pytest.approx(1.0)
     submodels = [r for r in pruned.models if r.weight > 0]
     assert max(submodels, key=lambda r: r.density).density == 0.0
-    assert all(v.sigma_label >= v.sigma_robust > 0 for v in pruned.verdicts)
+    assert all(v.sigma_label >= v.sigma_robust > 0 for v in pruned.chosen.verdicts)

@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import cached_property
 from statistics import NormalDist
 from textwrap import shorten
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -268,8 +268,11 @@ class ModelResult:
 # What analyze and prune answer alike about the model to use of a ladder.
 
 
+Model = TypeVar("Model", bound=ModelResult)
+
+
 @frozen(kw_only=True)
-class Laddered(OfStructure, Result, predict.Predicts):
+class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     """A ladder of models, of which one is to be used.
 
     Attributes
@@ -306,7 +309,7 @@ class Laddered(OfStructure, Result, predict.Predicts):
     validation: tuple[Dataset, ...]
     hints: tuple[str, ...]
     recordings: Recordings
-    models: tuple[ModelResult, ...]
+    models: tuple[Model, ...]
     information: Information
     selected: int
     everywhere: Prediction | None
@@ -317,12 +320,12 @@ class Laddered(OfStructure, Result, predict.Predicts):
     late: Array
 
     @property
-    def chosen(self) -> ModelResult:
+    def chosen(self) -> Model:
         """The model to use."""
         return self.models[self.selected]
 
     @property
-    def full(self) -> ModelResult:
+    def full(self) -> Model:
         """The unpruned model."""
         return self.models[0]
 
@@ -685,7 +688,7 @@ def compare_logs(samples: Sequence[Dataset], result: ModelResult) -> str:
 
 
 @frozen(kw_only=True)
-class Analysis(Laddered):
+class Analysis(Laddered[ModelResult]):
     """The answer. `to_frame`, `to_json` and `write_report` give it away.
 
     Attributes
@@ -832,7 +835,7 @@ LADDER = with_hints(
 )
 
 
-def error_tables(result: Laddered) -> tuple[Table, ...]:
+def error_tables(result: Laddered[Any]) -> tuple[Table, ...]:
     """Return the errors of the model to use by joint and, where there are several, by log."""
     errors, samples = result.error_frame(), (*result.samples, *result.validation)
     joints = errors[errors["of"] == "joint"].iloc[loaded_joints(result.held_out.rms)]
@@ -934,7 +937,7 @@ def label_note(v: Any) -> str:
     return shorten(v.label, 64, placeholder=" …") if " " in v.label else ""
 
 
-def stated_values(analysis: Laddered, result: ModelResult) -> list[float | None]:
+def stated_values(analysis: Laddered[Any], result: ModelResult) -> list[float | None]:
     """Return what this fit would find on the robot of the file, None where it states nothing.
 
     A value that stands for more than its label is compared with what the file's robot would show.

@@ -355,7 +355,7 @@ def assess_ladder(
     return tuple(results)
 
 
-Answered = TypeVar("Answered", bound=Laddered)
+Answered = TypeVar("Answered", bound=Laddered[Any])
 
 
 def tell_with_file(found: Answered, share: float) -> Answered:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class, Verdict
+from identifiability.estimation.verdict import Class
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.output import write_text
@@ -119,12 +119,11 @@ class PrunedModel(ModelResult):
 
 
 @frozen(kw_only=True)
-class Ladder(Laddered):
+class Ladder(Laddered[PrunedModel]):
     """The answer of `prune`. `to_frame`, `to_json`, `write_report`, `write_model` give it away.
 
     Attributes
     ----------
-    models : tuple of PrunedModel
     start : Submodel
         The model that pruning started from.
     least : int
@@ -137,31 +136,10 @@ class Ladder(Laddered):
 
     schema: ClassVar[str] = "identifiability/pruning/1"
 
-    models: tuple[PrunedModel, ...]
     start: Submodel
     least: int
     refused: tuple[Refusal, ...]
     source: LadderSource
-
-    @property
-    def chosen(self) -> PrunedModel:
-        """The model to use."""
-        return self.models[self.selected]
-
-    @property
-    def full(self) -> PrunedModel:
-        """The unpruned model."""
-        return self.models[0]
-
-    @property
-    def verdicts(self) -> tuple[Verdict, ...]:
-        """Verdicts on the parameters of the model to use."""
-        return self.chosen.verdicts
-
-    @property
-    def feasible(self) -> bool:
-        """Whether a real robot can have the values of the model to use."""
-        return self.chosen.feasible
 
     @property
     def validation_kind(self) -> str:
@@ -225,7 +203,7 @@ class Ladder(Laddered):
             missing = self.missing.statement
             told.append(f"That holds only if nothing is missing: {missing}: diagnose.")
         text = " ".join(filter(None, (*told, self._reduced(), self._physics)))
-        return Answer(question, short, text, "green" if self.feasible else "amber")
+        return Answer(question, short, text, "green" if chosen.feasible else "amber")
 
     def _notes(self) -> Iterator[Note]:
         yield from super()._notes()

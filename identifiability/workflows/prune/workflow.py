@@ -30,7 +30,6 @@ from identifiability.foundation.options import (
     checked,
     settle_count,
 )
-from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import find_signal
@@ -230,24 +229,10 @@ def _hint(
     other = of_key(opening.hints, "alternative")
     return (
         *other,  # under which all is said
-        _state_foreign(models[0]) if opening.validation else "",
         rows.burst,
         *(hint for hint in opening.hints if hint not in other),
         *(() if session.recordings.commanded else say_band(getattr(session.how, "band", None))),
         *say_of_fit(session, opening.samples, models[selected]),
-    )
-
-
-def _state_foreign(full: PrunedModel) -> str:
-    """Return that logs held out look like those of another robot, in one sentence."""
-    error, own = full.error_ra_validation, full.error_ra_unseen
-    constant = full.unseen.constant_error()
-    if not error > max(constant, 2.0 * own):
-        return ""
-    return (
-        f"The unpruned model predicts the logs held out worse ({percent(error)}) than a constant "
-        f"torque would ({percent(constant)}), and unseen stretches of the fitted ones to "
-        f"{percent(own)}: are they of the same robot, with the same units and signs?"
     )
 
 
@@ -386,7 +371,8 @@ def measure_models(
     torque = float(np.sqrt(np.mean(fitted.rms**2)))
     for k, (step, known) in enumerate(zip(steps, fits, strict=True)):
         model, real = question.recall(*known), settled.robot if k == chosen else None
-        own = rng, replicates, question.full, missing, question.shared
+        draws = replicates if k in (0, chosen) else 0  # models of the way are told by σ alone
+        own = rng, draws, question.full, missing, question.shared
         fit, verdicts, infeasible = decide_model(model, torque, *own, real=real)
         judged = Evidence.of(step.score, best)
         at = range(len(steps), len(steps) + 4) if k == chosen else [k]
