@@ -714,8 +714,6 @@ class Simulated:
         Of its file, or of the result.
     delays : tuple of float [s]
         With which the commands of each log acted; zero where torque moved it.
-    found : bool
-        Whether they were found, as nothing states them.
     q : tuple of (N, n) [rad or m]
         Positions along each log, by torque begun anew at every window; NaN where they diverged.
     errors : (n,) [rad or m]
@@ -725,7 +723,6 @@ class Simulated:
 
     name: str
     delays: tuple[float, ...]
-    found: bool
     q: tuple[Array, ...]
     errors: Array
 
@@ -807,8 +804,8 @@ class PositionPrediction(Result):
         rollouts = []
         for run, error in zip(self.runs, self.totals.tolist(), strict=True):
             joints = pd.DataFrame({"error": run.errors}, self.robot.joints).to_dict("index")
-            found = {"robot": run.name, "delays": list(run.delays), "delays_found": run.found}
-            found["error_windows"] = None  # of earlier releases
+            found: dict[str, Any] = {"robot": run.name, "delays": list(run.delays)}
+            found |= dict.fromkeys(("delays_found", "error_windows"))  # of earlier releases
             rollouts.append({**found, "error": error, "joints": joints})
         return {
             "schema": self.schema,
@@ -867,8 +864,7 @@ def _driven(result: PositionPrediction) -> Answer:
         text = "What a model errs by in torque moves it ever farther: windows tell more than logs."
         return Answer("What moves the robots?", "The measured torque.", text, "blue")
     told = (f"{r.name}: {state_delay(np.array(r.delays)[at])}" for r in result.runs)
-    found = any(run.found for run in result.runs)
-    text = "Found from these logs: with it positions err least." if found else "As it is stated."
+    text = "As the sidecar states it, or else so that positions err least."
     return Answer("When do commands act?", "; ".join(told), text, "blue")
 
 
@@ -996,6 +992,4 @@ def _move(robot: Robot, name: str, values: Mapping[str, float], logs: Sequence[L
         found.append(q)
         apart.append((q - log.q)[forgotten(log) : stop])
     errors = np.sqrt(np.mean(np.concatenate(apart) ** 2, axis=0))
-    unknown = robot.servo is not None and robot.servo.delay is None
-    sought = unknown and any(map(has_commands, logs))
-    return Simulated(name, tuple(late), sought, tuple(found), errors)
+    return Simulated(name, tuple(late), tuple(found), errors)
