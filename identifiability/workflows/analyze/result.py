@@ -678,9 +678,9 @@ def compare_logs(samples: Sequence[Dataset], result: ModelResult) -> str:
         return ""
     names = listing([samples[k].name for k in motions.which], NAMED)
     order = [k for k in np.argsort(motions.p) if motions.moved[k]]
-    ends = [(columns[k], motions.values[:, k].min(), motions.values[:, k].max()) for k in order]
-    far = listing([f"{name} ({low:.3g} to {high:.3g})" for name, low, high in ends], NAMED)
-    return sentence("decision.disagree", names=names, far=far)
+    each = zip(order, motions.values.T[order], strict=True)
+    far = [f"{columns[k]} ({x.min():.3g} to {x.max():.3g})" for k, x in each]
+    return sentence("decision.disagree", names=names, far=listing(far, NAMED))
 
 
 # `Analysis`: the answer to which parameters the logs determine; a table, JSON or a report.
