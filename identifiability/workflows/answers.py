@@ -151,21 +151,16 @@ def answer_trust(
     question = "May I trust it?"
     if doubt:
         return Answer(question, f"No: {doubt}", "", "vermilion")
-    grave = [n.title.rstrip(".") for n in notes if n.level == "warning"]
+    grave = dict.fromkeys(n.title.rstrip(".") for n in notes if n.level == "warning")
     found_text = f"{found} of {format_count(size, 'value')} are identifiable"
+    listed = "; ".join(f"“{g}”" for g in grave)
+    read = f"{found_text}. Read below: {listed}." if grave else f"{found_text}."
     if missing:
-        more = "".join(f" Read below: “{g}”." for g in dict.fromkeys(grave))
-        short = f"Only if nothing is missing, and {missing}."
-        return Answer(question, short, f"{found_text}.{more}", "amber")
-    if not grave:
-        return Answer(
-            question,
-            "Yes, within its intervals.",
-            f"{found_text}; nothing was found that speaks against it.",
-            "green",
-        )
-    seen = "; ".join(f"“{g}”" for g in dict.fromkeys(grave))
-    return Answer(question, "With care.", f"{found_text}. Read below: {seen}.", "amber")
+        return Answer(question, f"Only if nothing is missing, and {missing}.", read, "amber")
+    if grave:
+        return Answer(question, "With care.", read, "amber")
+    text = f"{found_text}; nothing was found that speaks against it."
+    return Answer(question, "Yes, within its intervals.", text, "green")
 
 
 def level_table() -> Table:
