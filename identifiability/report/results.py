@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 
 from identifiability.foundation.answers import Column, Table, frame_table
 from identifiability.foundation.errors import ModelError
+from identifiability.foundation.names import Array
 from identifiability.foundation.output import check_ending, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import format_count, superscript
@@ -376,26 +377,29 @@ def build_datatree(result: Analysis) -> DataTree:
             "A posterior for ArviZ needs the extra 'arviz': "
             "pip install 'robot-identifiability[arviz]'."
         ) from None
-    belief, submodel = result.belief, result.chosen.submodel
+    belief = result.belief
+    submodel = result.chosen.submodel
     if belief is None or belief.physical is None:
         raise ModelError("The result has no posterior; ask for it with analyze(…, posterior=True).")
     summary = belief.physical
     ensembles, walkers, length, _ = summary.chains.shape
     moving = {name: x for name, x in belief.standard.items() if np.ptp(x) > 0}
-    every = {
-        "parameter": ("phi", list(submodel.columns), summary.chains),
-        "standard_parameter": ("standard", list(moving), np.stack(list(moving.values()), axis=-1)),
+    standard = np.stack(list(moving.values()), axis=-1)
+    along: dict[str, Any] = {
+        "chain": np.arange(ensembles * walkers),
+        "draw": np.arange(length),
+        "ensemble": ("chain", np.repeat(np.arange(ensembles), walkers)),
+        "parameter": list(submodel.columns),
+        "standard_parameter": list(moving),
     }
-    along: dict[str, Any] = {of: names for of, (_, names, _) in every.items()}
+    draws = {
+        "phi": _walkers(summary.chains, "parameter"),
+        "standard": _walkers(standard, "standard_parameter"),
+    }
     units = Dataset(
-        {"unit": ("parameter", list(submodel.units))}, {"parameter": along["parameter"]}
+        {"unit": ("parameter", list(submodel.units))},
+        {"parameter": along["parameter"]},
     )
-    along["chain"], along["draw"] = np.arange(ensembles * walkers), np.arange(length)
-    along["ensemble"] = ("chain", np.repeat(np.arange(ensembles), walkers))
-    draws = {  # walkers of all ensembles as chains: (E, K, N, m) → (E K, N, m)
-        name: (("chain", "draw", of), x.reshape(-1, *x.shape[2:]))
-        for of, (name, _, x) in every.items()
-    }
     tree = DataTree.from_dict({"posterior": Dataset(draws, along), "constant_data": units})
     tree.attrs = {  # strings and numbers, which NetCDF can hold
         **result.provenance,
@@ -405,3 +409,8 @@ def build_datatree(result: Analysis) -> DataTree:
         "reasons": " ".join(summary.convergence.reasons),
     }
     return tree
+
+
+def _walkers(chains: Array, of: str) -> tuple[tuple[str, ...], Array]:
+    """Walkers of all ensembles as chains: (E, K, N, m) → (E K, N, m)."""
+    return ("chain", "draw", of), chains.reshape(-1, *chains.shape[2:])

@@ -826,11 +826,9 @@ class PositionPrediction(Result):
             f"errs by {1e3 * x:.3g} {self.unit} (rms)" if np.isfinite(x) else "diverges"
             for x in self.totals
         )
-        logs, of = listing([log.name for log in self.logs], 3), "not fitted" * self.unseen
-        return (
-            f"Moved by the commands of {logs} ({of or 'fitted'}), the fitted robot {own}, the "
-            f"file's {file}."
-        )
+        logs = listing([log.name for log in self.logs], 3)
+        of = "not fitted" if self.unseen else "fitted"
+        return f"Moved by the commands of {logs} ({of}), the fitted robot {own}, the file's {file}."
 
     def to_rollout(self) -> dict[str, Any]:
         """Return it as the JSON of the fitted robot's result has it."""

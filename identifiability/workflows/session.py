@@ -209,9 +209,10 @@ def read_recordings(
     if not train:
         raise LogError(Finding("logs.none"))
     named = _told_apart([*train, *held_out])
-    train, held_out = named[: len(train)], named[len(train) :]
+    n = len(train)
+    train, held_out = named[:n], named[n:]
     check_held_out(train, held_out)
-    whole, n = share_clock([*train, *held_out]), len(train)
+    whole = share_clock([*train, *held_out])
     torque = None
     if learns and known.servo is not None:
         from identifiability.workflows.commanded import give_torque  # noqa: PLC0415 - MuJoCo

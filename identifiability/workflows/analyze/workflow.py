@@ -235,7 +235,8 @@ class SharedErrors:
                 samples[k] = measure_again(opening.robot, log, samples[k], how)
             return with_known(gather_information(structure.regression(samples)), structure.known)
 
-        asked, band = {"delay": known.later, "bias": ()}, getattr(how, "band", None)
+        asked = {"delay": known.later, "bias": ()}
+        band = getattr(how, "band", None)
         loud = band is not None and band.noise > LOG_RULES.small
         if loud and not (rows.estimator.instruments or known.commanded):
             short = {k: log for k, log in enumerate(known.fitted) if not log.long}
@@ -374,7 +375,8 @@ def tell_with_file(found: Answered, share: float) -> Answered:
     stated = structure.robot.prior or structure.robot.said.prior_share
     if found.nothing or not (share or stated):
         return found
-    data, models, hint = found.fit.of_standard, list[Any](), ""
+    data = found.fit.of_standard
+    models, hint = list[Any](), ""
     for model in found.models:
         to_x = np.linalg.pinv(model.submodel.M)
         try:

@@ -73,7 +73,8 @@ def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]
             )
     weigh = {body: robot.nominal[f"{body}.m"] for body in robot.bodies}
     # A body with less than this share of the robot's mass weighs nothing: formats want a number.
-    least, found = 1e-9 * sum(weigh.values()), {b: given.get(f"{b}.m", 0.0) for b in weigh}
+    least = 1e-9 * sum(weigh.values())
+    found = {b: given.get(f"{b}.m", 0.0) for b in weigh}
     missing = [b for b in weigh if weigh[b] > least and not abs(found[b]) > SMALLEST]
     if missing:
         raise IdentifiabilityError(

@@ -365,7 +365,8 @@ def measure_models(
     if opening.unseen is not None:
         (unseen,) = predict_all(opening.unseen, along, engine=engine)
     missing = find_missing(opening)
-    weights, first = np.zeros(len(steps)), first_allowed(steps)
+    weights = np.zeros(len(steps))
+    first = first_allowed(steps)
     weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
     best, models = steps[best_step(steps)].score, list[PrunedModel]()
     torque = float(np.sqrt(np.mean(fitted.rms**2)))
@@ -399,6 +400,9 @@ def measure_models(
     nothing = opening.misread or (result.contradicted if better else WORSE)
     models = [pruned.withdraw(nothing) for pruned in models] if nothing else models
     used = int(result.physical_used)
-    everywhere = predict_everywhere(session, rows, settled, used, turns)
-    fields = {"models": tuple(models), "everywhere": everywhere, "nothing": nothing}
-    return {**fields, "missing": missing}
+    return {
+        "models": tuple(models),
+        "everywhere": predict_everywhere(session, rows, settled, used, turns),
+        "nothing": nothing,
+        "missing": missing,
+    }
