@@ -454,12 +454,6 @@ class Regression:
                 start += one.outputs
         return out
 
-    def thin(self, step: int) -> Regression:
-        """Return the regression of every `step`-th sample, without decimation."""
-        samples = tuple(s.thin(step) for s in self.samples)
-        others = self.instruments and tuple(s.thin(step) for s in self.instruments)
-        return replace(self, samples=samples, instruments=others)
-
     @cached_property
     def _kept(self) -> list[list[Chunk] | None]:
         """Where chunks of each log are kept; None if they take too much memory."""
