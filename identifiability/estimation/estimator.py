@@ -10,10 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.special import chdtri, polygamma
 
 from identifiability.estimation.noise import Noise
-from identifiability.estimation.rules import RULES, Thresholds
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.linalg import (
     NEARLY,
     RANK_TOLERANCE,
@@ -30,23 +29,6 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
-
-
-@frozen
-class Correction:
-    """What an estimate mends of least squares, which noise biases, and where it does not.
-
-    Attributes
-    ----------
-    least_squares : (k,)
-        Values of least squares.
-    bias : (weak, k)
-        What the root mean square of the bias moves that least squares may have in each direction
-        that stays with it, because noise drowns the motion there.
-    """
-
-    least_squares: Array
-    bias: Array
 
 
 @frozen
@@ -82,8 +64,9 @@ class Estimate:
         Integrated autocorrelation time of each actuator's noise [samples].
     estimator : Estimator
         What made it.
-    correction : Correction or None
-        What instruments changed; None for least squares.
+    bias : (weak, k) or None
+        What the root mean square of the bias moves that least squares may have in each direction
+        that stays with it, because noise drowns the motion there; None without instruments.
     """
 
     columns: tuple[str, ...]
@@ -99,7 +82,12 @@ class Estimate:
     weights: Array
     times: Array
     estimator: Estimator
-    correction: Correction | None = None
+    bias: Array | None = None
+
+    @property
+    def noise(self) -> Noise:
+        """That of the actuators."""
+        return Noise.of(self.variance, self.times)
 
     @property
     def memory(self) -> float:
@@ -339,7 +327,7 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
     taken = fit.weights * part.squares(turn).sum(1)  # of noise of variance 1
     change = np.column_stack([turn, np.append(-fit.value[list(fit.kept)], 1.0)])
     rounding = RANK_TOLERANCE**2 * part.torque
-    slow, known = fit.rss / own_rows, np.full(information.actuators, np.inf)
+    slow = fit.rss / own_rows
     for a, ((own, turned), rss) in enumerate(zip(part.of_actuators(change), fit.rss, strict=True)):
         if rss <= rounding[a]:
             continue  # what rounding left has no memory to speak of
@@ -352,33 +340,10 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
         enough = apart >= RULES.memories * scatter / rss
         summed = int(enough.argmax()) + 1 if enough.any() else B
         # The largest on the way: what a fit swallowed makes later lags negative.
-        slow[a], known[a] = ratio[:summed].max(), B / (2 * summed - 1)
+        slow[a] = ratio[:summed].max()
     variance = (fit.rss + slow * taken) / own_rows
     times = np.divide(slow, variance, out=np.ones_like(slow), where=variance > 0)
-    return Noise.of(variance, np.maximum(_share(times, known, B, N / B), 1.0))
-
-
-def _share(times: Array, known: Array, blocks: int, block: float) -> Array:
-    """Return one time for all actuators where theirs do not differ more than can be told, (n,).
-
-    Parameters
-    ----------
-    times : (n,) [samples]
-    known : (n,)
-        Independent squares of which each is made; infinite where it is certain.
-    blocks : int
-    block : float [samples]
-    """
-    open_ = np.isfinite(known) & (times > 0)
-    if open_.sum() < 2:
-        return times
-    same = float(np.average(times[open_], weights=known[open_]))
-    # How far such times would be apart: of squares so many the logarithm has this variance.
-    lags = np.ceil(max(RULES.memories * same / block - 0.5, 0.0))
-    spread = polygamma(1, 0.5 * blocks / (2.0 * lags + 1.0))
-    apart = float(np.log(times[open_]).var(ddof=0) * open_.sum() / spread)
-    different = apart > chdtri(open_.sum() - 1, Thresholds.sign_level)
-    return times if different else np.where(open_, same, times)
+    return Noise.of(variance, np.maximum(times, 1.0))
 
 
 def _sum_lags(x: Array, log: np.ndarray) -> Array:
@@ -477,7 +442,7 @@ class Estimator:
             rss=rss,
             variance=plain.variance + more,
             estimator=self,
-            correction=Correction(plain.value, wide),
+            bias=wide,
         )
 
     def _fit_plain(self, information: Information) -> Estimate:
@@ -581,7 +546,7 @@ def measure_noise(information: Information, plain: Estimate) -> Noise:
     What is large or slow at one actuator leaks into what a fit leaves of the others, so it is
     measured beside weights by variance, and once more beside those by both.
     """
-    noise = Noise.of(plain.variance, plain.times)
+    noise = plain.noise
     enough = len(information.counts) >= RULES.blocks_fewest
     for _ in range(2 if enough and plain.variance.any() else 0):
         weights = weigh(information, noise.variance * noise.times)

@@ -589,7 +589,6 @@ class Fit:
             )
         elif replicates and fit.kept:
             drawn = bootstrap(stretches, fit, rng, replicates)
-        mended = fit.correction
         return Fit(
             estimate=fit,
             column_rms=column_rms(information),
@@ -598,7 +597,7 @@ class Fit:
             bootstrap=drawn,
             note=note,
             motions=compare_motions(information, fit, fit.memory),
-            shared={} if mended is None else {"bias": mended.bias},
+            shared={} if fit.bias is None else {"bias": fit.bias},
         )
 
     @property

@@ -16,7 +16,7 @@ from identifiability.estimation.estimate import (
     settle_noise,
 )
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.estimation.evidence import Evidence, HeldOut, near_best, weigh_models
+from identifiability.estimation.evidence import Evidence, HeldOut, near_best
 from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Task, predict_all
 from identifiability.foundation.engines import Engine, Steps, one_thread
@@ -67,6 +67,7 @@ from identifiability.workflows.prune.elimination import (
     first_allowed,
     good_steps,
     thin_path,
+    weigh_models,
 )
 from identifiability.workflows.prune.moves import propose_moves
 from identifiability.workflows.prune.result import Ladder, PrunedModel
