@@ -97,14 +97,10 @@ def merge_stretches(information: Information, time: float) -> Information:
     time : float [samples]
         Autocorrelation time of the residual.
     """
-    least = min(RULES.memories * time, information.samples / RULES.stretches_fewest)
-    merged = merge_blocks(information, least)
-    fewest = min(RULES.stretches_fewest, len(information.counts))
-    while len(merged.counts) < fewest:  # logs cut stretches short
-        # By how much stretches get shorter while there are too few.
-        least *= 0.9
-        merged = merge_blocks(information, least)
-    return merged
+    logs, fewest = len(np.unique(information.log)), RULES.stretches_fewest
+    # Each log but one may cut a stretch short.
+    enough = information.samples / (fewest + logs - 0.5)
+    return merge_blocks(information, min(RULES.memories * time, enough))
 
 
 def bootstrap(

@@ -565,7 +565,7 @@ def _predict_part(
             for at in few_at_once(len(log), 4 * 8 * n * task.values.shape[2]):
                 start = chunk.start + at.start
                 predicted = task.predict(chunk.W[at], before + start)
-                data = chunk.data[at] | part.dwelling
+                data = chunk.data[at] | part.regression.dwelling
                 for which, tau in enumerate((chunk.tau[at], chunk.raw[at])):
                     sums[k][which] += ErrorSums.of(layout, chunk.log, tau, predicted, data)
                 if task.kept:

@@ -154,7 +154,7 @@ class Rows:
             SimpleNamespace(
                 remote=False,
                 is_shown=True,
-                dwelling=False,
+                regression=SimpleNamespace(dwelling=False),
                 shown=lambda k=k: self.chunks(k),
             )
             for k in range(len(self.logs))

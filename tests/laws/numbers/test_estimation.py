@@ -46,7 +46,7 @@ def test_actuators_are_weighted_by_their_own_residual_variance(rows):
     density = fit.variance * fit.times
     np.testing.assert_allclose(fit.weights, density.mean() / density, rtol=1e-9)
     # Of 20 blocks white noise's is known to 30 %.
-    assert (1.0 <= fit.times).all() and (fit.times < 1.6).all()
+    assert ((fit.times >= 1.0) & (fit.times < 1.6)).all()
     np.testing.assert_allclose(fit.variance, [0.01, 1.0], rtol=0.35)
     x, residual, flat = weighted(*rows, fit.weights)
     np.testing.assert_allclose(fit.value, x, rtol=1e-9)
