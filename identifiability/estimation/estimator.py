@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.special import polygamma
 
 from identifiability.estimation.noise import Noise
 from identifiability.estimation.rules import RULES
@@ -327,7 +328,7 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
     taken = fit.weights * part.squares(turn).sum(1)  # of noise of variance 1
     change = np.column_stack([turn, np.append(-fit.value[list(fit.kept)], 1.0)])
     rounding = RANK_TOLERANCE**2 * part.torque
-    slow = fit.rss / own_rows
+    slow, known = fit.rss / own_rows, np.full(information.actuators, np.inf)
     for a, ((own, turned), rss) in enumerate(zip(part.of_actuators(change), fit.rss, strict=True)):
         if rss <= rounding[a]:
             continue  # what rounding left has no memory to speak of
@@ -340,10 +341,29 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
         enough = apart >= RULES.memories * scatter / rss
         summed = int(enough.argmax()) + 1 if enough.any() else B
         # The largest on the way: what a fit swallowed makes later lags negative.
-        slow[a] = ratio[:summed].max()
+        slow[a], known[a] = ratio[:summed].max(), B / (2 * summed - 1)
     variance = (fit.rss + slow * taken) / own_rows
     times = np.divide(slow, variance, out=np.ones_like(slow), where=variance > 0)
-    return Noise.of(variance, np.maximum(times, 1.0))
+    return Noise.of(variance, np.maximum(_shrink(times, known), 1.0))
+
+
+def _shrink(times: Array, known: Array) -> Array:
+    """Return times (n,) as far apart as more than chance makes them [Efron & Morris 1973].
+
+    Parameters
+    ----------
+    times : (n,) [samples]
+    known : (n,)
+        Independent squares of which each is made; infinite where it is certain.
+    """
+    own = np.isfinite(known) & (times > 0)
+    if not own.any():
+        return times
+    apart, shrunk = np.log(times[own]) - np.log(times[own]).mean(), times.copy()
+    # Of the squares' mean the logarithm has this variance.
+    chance = (own.sum() - 1) * polygamma(1, 0.5 * known[own].mean())
+    shrunk[own] *= np.exp(-apart * min(chance / max(apart @ apart, TINY), 1.0))
+    return shrunk
 
 
 def _sum_lags(x: Array, log: np.ndarray) -> Array:

@@ -18,7 +18,7 @@ from identifiability.estimation.groups import LabelAlternatives
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import ROUNDOFF, sandwich, unit_coordinates
 from identifiability.foundation.names import GROUPED_KINDS, Array
-from identifiability.foundation.rounding import ENDS, LEVEL, REACH
+from identifiability.foundation.rounding import ENDS, REACH
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
@@ -57,12 +57,6 @@ class Bootstrap:
         low, high = np.quantile(self.values, ndtr([-1.0, 1.0]), axis=0)
         spread: Array = 0.5 * (high - low)
         return spread
-
-    def interval(self, level: float = LEVEL) -> Array:
-        """Return percentile intervals, (k, 2)."""
-        tail = 0.5 * (1 - level)
-        bounds: Array = np.quantile(self.values, [tail, 1 - tail], axis=0).T
-        return bounds
 
 
 def merge_blocks(information: Information, length: float) -> Information:

@@ -182,7 +182,7 @@ class _Blocks:
 def _condition(columns: np.ndarray, blocks: Array, sums: Array) -> ActuatorBlocks:
     """Return blocks in a basis in which columns have about unit length and right angles."""
     R = triangular_factor(blocks.reshape(-1, blocks.shape[2]))
-    acts = R[:, :-1].any(0)
+    acts = np.asarray(R[:, :-1].any(0))
     R = R[:, np.append(acts, True)]
     length = np.linalg.norm(R, axis=0)
     # Nothing may be divided by zero, such as a torque that is none.
@@ -266,7 +266,7 @@ class Information:
         ends = [*first[1:], len(log)]
         at = [s for a, b in zip(first, ends, strict=True) for s in range(a, b, size)]
         counts = np.diff([*at, len(log)])
-        seen = [np.flatnonzero(own) for own in wide.any(0)]
+        seen = [np.flatnonzero(own) for own in np.asarray(wide.any(0))]
         blocks = _Blocks(len(at), int(counts.max()), seen)
         moves = np.ones(tau.shape, bool) if moves is None else moves
         blocks.take((wide, tau, moves), 0, np.array(at), 0)
@@ -551,8 +551,8 @@ def _acting(regression: Regression) -> np.ndarray:
     What acts along a measured motion only is met there.
     """
     motion = random_motion(regression.robot, np.random.default_rng(0), 50)
-    W = regression.model.regressor(regression.robot, motion)
-    acts: np.ndarray = W.any(0) if regression.columns is None else W.any(0)[:, regression.columns]
+    acts = np.asarray(regression.model.regressor(regression.robot, motion).any(0))
+    acts = acts if regression.columns is None else acts[:, regression.columns]
     return acts if regression.instruments is None else np.hstack([acts, acts])
 
 
@@ -570,8 +570,8 @@ def _gather_part(
     own, before = edges[part.log], sum(map(len, edges[: part.log]))
     first = max(int(np.searchsorted(own, part.start, "right")) - 1, 0)
     count = int(np.searchsorted(own, part.start + part.samples.outputs)) - first
-    blocks, acting = _Blocks(count, longest, seen), np.False_
+    blocks, acting = _Blocks(count, longest, seen), np.zeros((len(seen), 1), bool)
     for chunk in part.chunks():
-        acting = acting | chunk.wide.any(0)
+        acting = acting | np.asarray(chunk.wide.any(0))
         blocks.take((chunk.wide, chunk.tau, chunk.data), chunk.start, own, -first)
     return before + first, blocks, acting

@@ -44,7 +44,6 @@ from identifiability.regression.reduction import (
     find_ladder,
     full_model,
     ladder_model,
-    unused_ladder,
 )
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
@@ -196,7 +195,7 @@ def prune(
             structure=session.structure,
             samples=opening.samples,
             validation=opening.validation,
-            hints=tuple(filter(None, (*hints, thinned, *unused_ladder(robot, ladder)))),
+            hints=tuple(filter(None, (*hints, thinned))),
             recordings=session.recordings,
             information=rows.information,
             start=start,
