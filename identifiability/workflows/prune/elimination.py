@@ -271,7 +271,7 @@ def _see(information: Information, full: Estimate, R: Array, tests: Information)
     weights = 1.0 / np.maximum(full.variance * full.times, least_noise(information))
     if not (full.estimator.instruments and information.instrumented):
         return tests.products(weights, one, one)
-    T = combine(information, full.weights).left.reshape(2, k, k)
+    T = combine(information, full).left.reshape(2, k, k)
     left = np.vstack([*(R[:k, :k] @ T), np.zeros((1, k))])
     both = np.hstack([left, np.vstack([np.zeros((k, k + 1)), one])])
     out = []
