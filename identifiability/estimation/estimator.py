@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.special import polygamma
+from scipy.special import chdtri, polygamma
 
 from identifiability.estimation.noise import Noise
-from identifiability.estimation.rules import RULES
+from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import (
     NEARLY,
     RANK_TOLERANCE,
@@ -341,7 +341,7 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
 
 
 def _shrink(times: Array, known: Array) -> Array:
-    """Return times (n,) as far apart as more than chance makes them [Efron & Morris 1973].
+    """Return times (n,) shrunk towards each other as far as chance may set them apart.
 
     Parameters
     ----------
@@ -350,11 +350,11 @@ def _shrink(times: Array, known: Array) -> Array:
         Independent squares of which each is made; infinite where it is certain.
     """
     own = np.isfinite(known) & (times > 0)
-    if not own.any():
+    if own.sum() < 2:
         return times
     apart, shrunk = np.log(times[own]) - np.log(times[own]).mean(), times.copy()
     # Of the squares' mean the logarithm has this variance.
-    chance = (own.sum() - 1) * polygamma(1, 0.5 * known[own].mean())
+    chance = polygamma(1, 0.5 * known[own].mean()) * chdtri(own.sum() - 1, Thresholds.sign_level)
     shrunk[own] *= np.exp(-apart * min(chance / max(apart @ apart, TINY), 1.0))
     return shrunk
 

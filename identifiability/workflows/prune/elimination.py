@@ -17,6 +17,7 @@ from dataclasses import field, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from identifiability.estimation.estimate import Method, estimate
 from identifiability.estimation.estimator import Estimate, combine
@@ -61,6 +62,23 @@ class Step:
     def density(self) -> float:
         """Predictive log density of all folds [nats]."""
         return float(self.score.density.sum())
+
+
+def nested_halves(fit: Normal, h: Array, free: np.ndarray) -> Array:
+    """Return ``L⁻¹ h`` of nested models by h (k, M) of each, (k, M).
+
+    The leading part of one triangular factor belongs to each of them.
+
+    Parameters
+    ----------
+    fit : Normal
+    h : (k, M)
+    free : (M,) int
+        How many of the first values each leaves free; the others are zero.
+    """
+    inside = np.arange(len(fit.factor))[:, None] < free
+    half = solve_triangular(fit.factor, np.where(inside, h, 0.0), lower=True)
+    return np.where(inside, half, 0.0)
 
 
 @frozen
@@ -127,7 +145,8 @@ class Refits:
             fit = Normal.ridged(A, b)
             moved = np.where(inside, 0.0, -c[:, None])
             for _ in range(2):  # the second time takes away what the ridge did to the first
-                moved += fit.leading(b[:, None] - A @ moved, free)
+                half = nested_halves(fit, b[:, None] - A @ moved, free)
+                moved += solve_triangular(fit.factor, half, lower=True, trans="T")
             out[:, f] = (turn @ moved).T
         return out
 
@@ -208,7 +227,7 @@ class WhitenedRegression:
                 before.factor @ before.factor.T + turn.T @ gram[:k, :k] @ turn, none
             )
             own = gram @ left[:, f].T
-            half = after.halves(turn.T @ own[:k], free)
+            half = nested_halves(after, turn.T @ own[:k], free)
             volume = np.log(np.diag(before.factor)) - np.log(np.diag(after.factor))
             volumes = np.append(0.0, np.cumsum(volume))[free]
             found[:, f] = volumes + 0.5 * ((half**2).sum(0) - (left[:, f].T * own).sum(0))
