@@ -351,22 +351,17 @@ class Information:
             yield part, own @ change[[*columns, self.size]]
 
     @cached_property
-    def _places(self) -> list[np.ndarray]:
-        """Where each column, and the torque, is among those of an actuator; else -1, (k + 1,)."""
-        places = [np.full(self.size + 1, -1) for _ in self.parts]
-        for place, part in zip(places, self.parts, strict=True):
-            place[[*part.columns, self.size]] = np.arange(len(part.columns) + 1)
-        return places
+    def gram(self) -> Array:
+        """Products of the columns and the torque over all rows, (k + 1, k + 1)."""
+        out = np.zeros((self.size + 1, self.size + 1))
+        for part in self.parts:
+            at = [*part.columns, self.size]
+            out[np.ix_(at, at)] += part.total
+        return out
 
     def between(self, some: np.ndarray, others: np.ndarray) -> Array:
         """Return products of some columns (a,) with others (b,) over all rows; k is the torque."""
-        out = np.zeros((len(some), len(others)))
-        for place, part in zip(self._places, self.parts, strict=True):
-            a, b = place[some], place[others]
-            here, there = np.flatnonzero(a >= 0), np.flatnonzero(b >= 0)
-            if len(here) and len(there):
-                out[np.ix_(here, there)] += part.total[np.ix_(a[here], b[there])]
-        return out
+        return self.gram[np.ix_(some, others)]
 
     def squares(self, change: Array) -> Array:
         """Return each actuator's sum of squares of ``[W τ] change``, (n,) or (n, m).
