@@ -115,13 +115,6 @@ def levinson(pacf: Array) -> tuple[list[Array], Array]:
     return predictors, shrink / shrink[-1]
 
 
-def innovation_filter(predictor: Array) -> Array:
-    """Return the filter (m + 1,) that leaves of a series what m samples before do not predict."""
-    out = np.ones(len(predictor) + 1)
-    np.negative(predictor, out=out[1:])
-    return out
-
-
 def whiten(x: Array, runs: Runs, pacf: Array) -> Array:
     """Return one-step prediction errors of x (N, …) in units of their standard deviation.
 
@@ -198,7 +191,7 @@ class LaggedProducts:
         sum of squares to be expected of white noise of unit variance in their stead.
         """
         a = np.zeros(HIGHEST_ORDER + 1)
-        a[: len(pacf) + 1] = innovation_filter(levinson(pacf)[0][-1])
+        a[0], a[1 : len(pacf) + 1] = 1.0, -levinson(pacf)[0][-1]
         order = np.arange(len(pacf)) + 1
         logdet = -self.runs * float(order @ np.log1p(-(pacf**2)))
         white = float(a**2 @ (self.rows - 2 * self.runs * np.arange(len(a))))
@@ -368,7 +361,7 @@ class Noise:
         """
         out = np.zeros((runs[-1][1], len(self.joints)))
         for j, own in enumerate(self.joints):
-            a = innovation_filter(levinson(own.pacf)[0][-1])
+            a = np.append(1.0, -levinson(own.pacf)[0][-1])
             for start, stop in runs:  # what it begins with is forgotten when it begins to count
                 e = own.sigma * rng.standard_normal(FORGOTTEN + stop - start)
                 out[start:stop, j] = scipy.signal.lfilter([1.0], a, e)[FORGOTTEN:]
