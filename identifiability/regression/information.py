@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields, replace
 from functools import cached_property, partial
 from typing import Annotated, Any
@@ -147,36 +147,39 @@ class _Blocks:
         before : int
         """
         W, tau, data = rows
-        stop = start + len(tau)
-        inside = edges[(edges > start) & (edges < stop)]
-        at = np.array([start, *inside]) - start  # where pieces of blocks begin
-        first = int(np.searchsorted(edges, start, "right")) - 1
-        own = slice(before + first, before + first + len(at))
+        row = start + np.arange(len(tau))
+        block = np.searchsorted(edges, row, "right") - 1
+        at = np.flatnonzero(np.diff(block, prepend=-1))  # where pieces of blocks begin
+        block += before
+        own = slice(block[0], block[-1] + 1)
         self.data[own] += np.add.reduceat(data, at, dtype=int)
         for a, columns in enumerate(self.seen):
-            Z = np.column_stack([W[:, a, columns], tau[:, a]])
+            Z, held = np.column_stack([W[:, a, columns], tau[:, a]]), self.held[a]
             self.sums[a][own] += np.add.reduceat(Z, at)
-            for k, piece in enumerate(np.split(Z, at[1:])):
-                self._add(a, own.start + k, piece, start - int(edges[first]) if k == 0 else 0)
-
-    def _add(self, a: int, block: int, Z: Array, place: int = 0) -> None:
-        held = self.held[a]
-        if held.shape[1] < held.shape[2]:
-            held[block, place : place + len(Z)] += Z
-        else:
-            held[block] = triangular_factor(np.vstack([held[block], Z]))
+            if held.shape[1] < held.shape[2]:
+                held[block, row - edges[block - before]] = Z
+            else:
+                _merge(held, own.start, np.split(Z, at[1:]))
 
     def add_all(self, first: int, other: _Blocks) -> None:
         """Add blocks that were gathered elsewhere, from one of these on."""
         for own, more in zip((*self.sums, self.data), (*other.sums, other.data), strict=True):
             own[first : first + len(more)] += more
-        for a, blocks in enumerate(other.held):
-            for block, Z in enumerate(blocks, first):
-                self._add(a, block, Z)
+        for held, blocks in zip(self.held, other.held, strict=True):
+            if held.shape[1] < held.shape[2]:
+                held[first : first + len(blocks)] += blocks
+            else:
+                _merge(held, first, blocks)
 
     def parts(self) -> tuple[ActuatorBlocks, ...]:
         """Return them by actuator, over the columns that act in it."""
         return tuple(map(_condition, self.seen, self.held, self.sums))
+
+
+def _merge(held: Array, first: int, blocks: Iterable[Array]) -> None:
+    """Put rows of consecutive blocks, from one on, into their factors."""
+    for k, Z in enumerate(blocks, first):
+        held[k] = triangular_factor(np.vstack([held[k], Z]))
 
 
 def _condition(columns: np.ndarray, blocks: Array, sums: Array) -> ActuatorBlocks:
