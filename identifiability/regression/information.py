@@ -364,7 +364,7 @@ class Information:
 
     def between(self, some: np.ndarray, others: np.ndarray) -> Array:
         """Return products of some columns (a,) with others (b,) over all rows; k is the torque."""
-        return self.gram[np.ix_(some, others)]
+        return np.asarray(self.gram[np.ix_(some, others)])
 
     def squares(self, change: Array) -> Array:
         """Return each actuator's sum of squares of ``[W τ] change``, (n,) or (n, m).
