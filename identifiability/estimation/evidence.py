@@ -112,15 +112,6 @@ class Folds:
         """Blocks that each fold predicts, (F, B) bool."""
         return np.asarray(self.test == np.arange(self.count)[:, None])
 
-    @staticmethod
-    def short(information: Information) -> Folds:
-        """Return folds of logs that are too short for a choice: what they err is stated only."""
-        test, count = information.log, len(information.log)
-        if not test.max(initial=0):
-            test = (np.arange(count) * min(LEVELS.fewest, count)) // count
-        train = test != np.arange(test.max() + 1)[:, None]
-        return Folds(test, train, np.cumsum(information.counts), 1.0 / max(test.max(), 1))
-
     def at(self, start: int, stop: int) -> np.ndarray:
         """Return the fold that predicts each of the samples [start, stop), (n,) int."""
         found: np.ndarray = self.test[np.searchsorted(self.ends, np.arange(start, stop), "right")]
