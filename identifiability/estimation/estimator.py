@@ -352,10 +352,10 @@ def _shrink(times: Array, known: Array) -> Array:
     own = np.isfinite(known) & (times > 0)
     if own.sum() < 2:
         return times
-    apart, shrunk = np.log(times[own]) - np.log(times[own]).mean(), times.copy()
+    apart, shrunk = np.log(times[own] / np.average(times[own], weights=known[own])), times.copy()
     # Of the squares' mean the logarithm has this variance.
     chance = polygamma(1, 0.5 * known[own].mean()) * chdtri(own.sum() - 1, Thresholds.sign_level)
-    shrunk[own] *= np.exp(-apart * min(chance / max(apart @ apart, TINY), 1.0))
+    shrunk[own] *= np.exp(-apart * min(chance / max(own.sum() * apart.var(), TINY), 1.0))
     return shrunk
 
 
