@@ -15,7 +15,7 @@ What to use when:
   logs. `HeldOut.refit` asks the estimator for its fits to each fold's rest; `score` takes
   values ``(F, k)`` that somebody else has fitted to these (`Folds.train`), over the k columns of
   the regression, so a reduced model's are ``fixed + M x``. The smallest of those that may stand for
-  the best (`near_best`) is used; weights of all are `weigh_models`.
+  the best (`near_best`) is used.
 - *A veto or a statement* on logs that are held out: ``HeldOut.of(validation, noise)`` and
   ``score(value)``: one model for all folds, and folds do not share data.
 
