@@ -179,7 +179,9 @@ class _Blocks:
 def _merge(held: Array, first: int, blocks: Iterable[Array]) -> None:
     """Put rows of consecutive blocks, from one on, into their factors."""
     for k, Z in enumerate(blocks, first):
-        held[k] = triangular_factor(np.vstack([held[k], Z]))
+        first_rows = len(Z) >= len(held[k]) and not held[k].any()
+        rows = Z if first_rows else np.vstack([held[k], Z])
+        held[k] = rows if len(rows) == len(held[k]) else triangular_factor(rows)
 
 
 def _condition(columns: np.ndarray, blocks: Array, sums: Array) -> ActuatorBlocks:
