@@ -10,9 +10,14 @@ from typer.testing import CliRunner
 
 from identifiability import analyze
 from identifiability.cli import app
-from identifiability.estimation.noise import JointRuns, Noise, fit_residual_noise
+from identifiability.estimation.noise import JointRuns, Noise
 from identifiability.foundation.rounding import REACH
-from identifiability.workflows.calibrate.world import Experiment, World, count_outcomes
+from identifiability.workflows.calibrate.world import (
+    Experiment,
+    World,
+    count_outcomes,
+    fit_residual_noise,
+)
 
 from .posterior.ranking import build_target, calibrate_posterior
 

@@ -330,7 +330,6 @@ def export(
     seed: kinds.Seed = 0,
 ) -> None:
     """Write the physically feasible parameters of a result back into the robot file."""
-    from identifiability.regression.reduction import unused_ladder  # noqa: PLC0415
     from identifiability.workflows.export import draw_robots  # noqa: PLC0415
     from identifiability.workflows.export import export as run  # noqa: PLC0415
 
@@ -359,8 +358,6 @@ def export(
     )
     for text in filter(None, (exported.mass, exported.statement)):
         typer.echo(text)
-    for text in unused_ladder(robot):
-        typer.echo(text, err=True)
     for path in filter(None, (exported.robot, exported.sidecar, exported.snippet)):
         typer.echo(f"{path}")
 

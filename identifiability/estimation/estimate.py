@@ -62,7 +62,7 @@ def settle_noise(estimator: Estimator, whole: Information) -> Estimator:
     """
     fresh = replace(estimator, noise=None)
     fit = fit_whole(replace(fresh, instruments=False), whole)
-    return fresh if fit is None else replace(fresh, noise=Noise.of(fit.variance, fit.times))
+    return fresh if fit is None else replace(fresh, noise=fit.noise)
 
 
 def fit_whole(estimator: Estimator, whole: Information) -> Estimate | None:
@@ -92,8 +92,7 @@ def with_known(information: Information, known: Array, noise: Noise | None = Non
     if not len(known):
         return replace(information, prior=None)
     if noise is None:
-        fit = Estimator().fit(information)
-        noise = Noise.of(fit.variance, fit.times)
+        noise = Estimator().fit(information).noise
     unit = np.sqrt(np.mean(noise.variance * noise.times))  # what noise of weight 1 is on average
     prior = unit * np.column_stack([known, np.zeros(len(known))])
     return replace(information, prior=prior)
@@ -212,9 +211,8 @@ def _predicts(information: Information, fits: Sequence[Estimate], weighed: Infor
         To the information, and to it with weights.
     weighed : Information
     """
-    noise = Noise.of(fits[0].variance, fits[0].times)
     try:
-        held_out = HeldOut.of(information, noise)
+        held_out = HeldOut.of(information, fits[0].noise)
     except LogError:  # too short to be asked
         return True
     train, both = held_out.folds.train.astype(float), (information, weighed)

@@ -33,23 +33,6 @@ from identifiability.regression.information import Information
 
 
 @frozen
-class Correction:
-    """What an estimate mends of least squares, which noise biases, and where it does not.
-
-    Attributes
-    ----------
-    least_squares : (k,)
-        Values of least squares.
-    bias : (weak, k)
-        What the root mean square of the bias moves that least squares may have in each direction
-        that stays with it, because noise drowns the motion there.
-    """
-
-    least_squares: Array
-    bias: Array
-
-
-@frozen
 class Estimate:
     """Parameter values with their covariance under white noise.
 
@@ -82,8 +65,9 @@ class Estimate:
         Integrated autocorrelation time of each actuator's noise [samples].
     estimator : Estimator
         What made it.
-    correction : Correction or None
-        What instruments changed; None for least squares.
+    bias : (weak, k) or None
+        What the root mean square of the bias moves that least squares may have in each direction
+        that stays with it, because noise drowns the motion there; None without instruments.
     """
 
     columns: tuple[str, ...]
@@ -99,7 +83,12 @@ class Estimate:
     weights: Array
     times: Array
     estimator: Estimator
-    correction: Correction | None = None
+    bias: Array | None = None
+
+    @property
+    def noise(self) -> Noise:
+        """That of the actuators."""
+        return Noise.of(self.variance, self.times)
 
     @property
     def memory(self) -> float:
@@ -190,40 +179,27 @@ class Combined:
     ----------
     left : (2k, k)
         Coefficients T of the instruments ``[V W] T``, with ``([V W] T)ᵀ W B = I``.
-    B, inverse : (k, k)
-        Directions of the parameters, one a column, and what parameters are in them.
-    length : (k,)
-        Lengths of the instruments, which are at right angles: 1 over the canonical correlation,
-        or 1 where the direction stays with least squares.
+    B : (k, k)
+        Directions of the parameters, one a column.
     value : (k,)
-    weak : (k,) bool
-        Directions that stay with least squares.
-    lost : (2, k)
-        What instruments would change in these, and its variance under noise of variance 1.
+    rss : (n,)
+        What they leave at each actuator.
+    scale : float
+        Variance of noise of weight 1.
+    bias : (weak, k)
+        Root mean square of the bias that least squares may have in each direction that stays with
+        it: what instruments would change, as far as noise of that variance lets it be known.
+    root : (k, k)
+        D, ``scale (DᵀD)⁻¹`` being the covariance of the values with their bias.
     """
 
     left: Array
     B: Array
-    inverse: Array
-    length: Array
     value: Array
-    weak: np.ndarray
-    lost: Array
-
-    def bias(self, scale: float) -> Array:
-        """Return the mean square bias that least squares may have in each direction, (k,).
-
-        It is what instruments would change, as far as noise of that variance lets it be known.
-        """
-        moved, variance = self.lost
-        square: Array = moved**2 + scale * variance
-        return square
-
-    def root(self, scale: float) -> Array:
-        """Return D (k, k), ``scale (DᵀD)⁻¹`` being the covariance of the values with their bias."""
-        wider = self.bias(scale) / scale if scale > 0 else 0.0
-        root: Array = self.inverse / np.sqrt(self.length**2 + wider)[:, None]
-        return root
+    rss: Array
+    scale: float
+    bias: Array
+    root: Array
 
     def moments(self, information: Information, weights: Array) -> Array:
         """Return each block's ``Ẑᵀ [W B, e]``, (B, k, k + 1)."""
@@ -239,8 +215,9 @@ class Combined:
         return np.concatenate([both, known[None]])
 
 
-def combine(information: Information, weights: Array) -> Combined:
-    """Return the instruments of independent columns and their values."""
+def combine(information: Information, plain: Estimate) -> Combined:
+    """Return the instruments of independent columns and their values, for weights of a fit."""
+    weights = plain.weights
 
     def make() -> Combined:
         k, N = information.size, max(information.samples, 1)
@@ -255,10 +232,15 @@ def combine(information: Information, weights: Array) -> Combined:
         moved = left.T @ (R[:k, 2 * k] - R[:k, k : 2 * k] @ x)
         x = x + B @ np.where(weak, 0.0, moved / share)
         lean = np.maximum(strength, 1.0 / np.sqrt(N))  # noise alone correlates by that
-        lost = np.where(weak, [moved / lean, 1.0 / lean**2 - 1.0], 0.0)
-        return Combined(T, B, Yt @ root, 1.0 / share, x, weak, lost)
+        rss = information.squares(np.append(-x, 1.0))
+        scale = replace(plain, rss=rss, rows=information.rows_each).unit
+        square = np.where(weak, (moved / lean) ** 2 + scale * (1.0 / lean**2 - 1.0), 0.0)
+        wider = np.sqrt(1.0 / share**2 + (square / scale if scale > 0 else 0.0))
+        bias = (B * np.sqrt(square))[:, weak].T
+        return Combined(T, B, x, rss, scale, bias, Yt @ root / wider[:, None])
 
-    found: Combined = information.remember(("instruments", weights.tobytes()), make)
+    key = "instruments", weights.tobytes(), plain.times.tobytes()
+    found: Combined = information.remember(key, make)
     return found
 
 
@@ -355,30 +337,26 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
         slow[a], known[a] = ratio[:summed].max(), B / (2 * summed - 1)
     variance = (fit.rss + slow * taken) / own_rows
     times = np.divide(slow, variance, out=np.ones_like(slow), where=variance > 0)
-    return Noise.of(variance, np.maximum(_share(times, known, B, N / B), 1.0))
+    return Noise.of(variance, np.maximum(_shrink(times, known), 1.0))
 
 
-def _share(times: Array, known: Array, blocks: int, block: float) -> Array:
-    """Return one time for all actuators where theirs do not differ more than can be told, (n,).
+def _shrink(times: Array, known: Array) -> Array:
+    """Return times (n,) shrunk towards each other as far as chance may set them apart.
 
     Parameters
     ----------
     times : (n,) [samples]
     known : (n,)
         Independent squares of which each is made; infinite where it is certain.
-    blocks : int
-    block : float [samples]
     """
-    open_ = np.isfinite(known) & (times > 0)
-    if open_.sum() < 2:
+    own = np.isfinite(known) & (times > 0)
+    if own.sum() < 2:
         return times
-    same = float(np.average(times[open_], weights=known[open_]))
-    # How far such times would be apart: of squares so many the logarithm has this variance.
-    lags = np.ceil(max(RULES.memories * same / block - 0.5, 0.0))
-    spread = polygamma(1, 0.5 * blocks / (2.0 * lags + 1.0))
-    apart = float(np.log(times[open_]).var(ddof=0) * open_.sum() / spread)
-    different = apart > chdtri(open_.sum() - 1, Thresholds.sign_level)
-    return times if different else np.where(open_, same, times)
+    apart, shrunk = np.log(times[own] / np.average(times[own], weights=known[own])), times.copy()
+    # Of the squares' mean the logarithm has this variance.
+    chance = polygamma(1, 0.5 * known[own].mean()) * chdtri(own.sum() - 1, Thresholds.sign_level)
+    shrunk[own] *= np.exp(-apart * min(chance / max(own.sum() * apart.var(), TINY), 1.0))
+    return shrunk
 
 
 def _sum_lags(x: Array, log: np.ndarray) -> Array:
@@ -457,27 +435,25 @@ class Estimator:
             return plain
         kept = list(plain.kept)
         part = information.select(kept)
-        found = combine(part, plain.weights)
-        rss = part.squares(np.append(-found.value, 1.0))
-        scale = replace(plain, rss=rss).unit
+        found = combine(part, plain)
         # Under independent residuals, whatever the weights know.
         Z = part.joint.factor(plain.weights / plain.times)[:, : 2 * part.size] @ found.left
-        bias = (found.B * np.sqrt(found.bias(scale)))[:, found.weak]
         value, spread = plain.value.copy(), plain.covariance.copy()
         value[kept] = found.value
-        spread[np.ix_(kept, kept)] = scale * found.B @ Z.T @ Z @ found.B.T + bias @ bias.T
+        white = found.scale * found.B @ Z.T @ Z @ found.B.T
+        spread[np.ix_(kept, kept)] = white + found.bias.T @ found.bias
         both = np.logical_and.outer(plain.determined, plain.determined)
-        wide = np.zeros((bias.shape[1], len(value)))
-        wide[:, kept] = bias.T
-        more = np.maximum(rss - plain.rss, 0.0) * len(rss) / plain.rows.sum()
+        bias = np.zeros((len(found.bias), len(value)))
+        bias[:, kept] = found.bias
+        more = np.maximum(found.rss - plain.rss, 0.0) * len(plain.rss) / plain.rows.sum()
         return replace(
             plain,
             value=value,
             covariance=np.where(both, spread, plain.covariance),
-            rss=rss,
+            rss=found.rss,
             variance=plain.variance + more,
             estimator=self,
-            correction=Correction(plain.value, wide),
+            bias=bias,
         )
 
     def _fit_plain(self, information: Information) -> Estimate:
@@ -529,7 +505,7 @@ class Estimator:
         explain never enters a difference of squares. What is known beforehand is a block more.
         """
         if self.instruments:
-            found = combine(part, fit.weights)
+            found = combine(part, fit)
             return found.value, found.B, found.moments(part, fit.weights)
         k, R = part.size, part.factor(fit.weights)
         to_x = unit_coordinates(R[:k, :k])
@@ -553,7 +529,7 @@ class Estimator:
         kept, k = list(fit.kept), information.size
         part = information.select(kept)
         F = np.zeros((k + 1, k + 1))
-        F[: len(kept), kept] = combine(part, fit.weights).root(fit.unit)
+        F[: len(kept), kept] = combine(part, fit).root
         F[:k, k] = F[:k, :k] @ fit.value
         F[k, k] = np.sqrt(fit.weights @ fit.rss)
         return triangular_factor(F)
@@ -581,7 +557,7 @@ def measure_noise(information: Information, plain: Estimate) -> Noise:
     What is large or slow at one actuator leaks into what a fit leaves of the others, so it is
     measured beside weights by variance, and once more beside those by both.
     """
-    noise = Noise.of(plain.variance, plain.times)
+    noise = plain.noise
     enough = len(information.counts) >= RULES.blocks_fewest
     for _ in range(2 if enough and plain.variance.any() else 0):
         weights = weigh(information, noise.variance * noise.times)

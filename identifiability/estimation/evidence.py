@@ -15,7 +15,7 @@ What to use when:
   logs. `HeldOut.refit` asks the estimator for its fits to each fold's rest; `score` takes
   values ``(F, k)`` that somebody else has fitted to these (`Folds.train`), over the k columns of
   the regression, so a reduced model's are ``fixed + M x``. The smallest of those that may stand for
-  the best (`near_best`) is used; weights of all are `weigh_models`.
+  the best (`near_best`) is used.
 - *A veto or a statement* on logs that are held out: ``HeldOut.of(validation, noise)`` and
   ``score(value)``: one model for all folds, and folds do not share data.
 
@@ -111,15 +111,6 @@ class Folds:
     def tested(self) -> np.ndarray:
         """Blocks that each fold predicts, (F, B) bool."""
         return np.asarray(self.test == np.arange(self.count)[:, None])
-
-    @staticmethod
-    def short(information: Information) -> Folds:
-        """Return folds of logs that are too short for a choice: what they err is stated only."""
-        test, count = information.log, len(information.log)
-        if not test.max(initial=0):
-            test = (np.arange(count) * min(LEVELS.fewest, count)) // count
-        train = test != np.arange(test.max() + 1)[:, None]
-        return Folds(test, train, np.cumsum(information.counts), 1.0 / max(test.max(), 1))
 
     def at(self, start: int, stop: int) -> np.ndarray:
         """Return the fold that predicts each of the samples [start, stop), (n,) int."""
@@ -326,75 +317,6 @@ def least_noise(information: Information) -> float:
 
 
 @frozen
-class Refits:
-    """Fits of nested models to everything (first) and to the rest of each of F folds.
-
-    Coordinates are ``y = R x`` in which the information of everything is the unit matrix.
-
-    Attributes
-    ----------
-    centre : (k,)
-        y of the fit of all columns to everything.
-    grams, right : (F + 1, k, k) and (F + 1, k)
-        ``grams (y - centre) = right`` of each fit without constraints.
-    """
-
-    centre: Array
-    grams: Array
-    right: Array
-
-    @staticmethod
-    def of(information: Information, full: Estimate, R: Array, train: np.ndarray) -> Refits:
-        """Return the fits to all blocks, and to those of each fold's rest.
-
-        Parameters
-        ----------
-        information : Information
-            About k independent columns.
-        full : Estimate
-        R : (k + 1, k + 1)
-            Its loss.
-        train : (F, B) bool
-            Blocks that each fit rests on.
-        """
-        k, member = len(R) - 1, np.vstack([np.ones(train.shape[1]), train])
-        _, to_x, both = full.estimator.equations(information, full)
-        # What was known beforehand counts in each.
-        member = np.pad(member, ((0, 0), (0, len(both) - member.shape[1])), constant_values=1.0)
-        sums = np.tensordot(member, both, 1)
-        to_y = R[:k, :k] @ to_x  # the unit matrix of least squares
-        turned = to_y @ sums[:, :, :k] @ np.linalg.inv(to_y)
-        grams = 0.5 * (turned + turned.swapaxes(1, 2))  # as the sum over all blocks is
-        return Refits(R[:k, k], grams, sums[:, :, k] @ to_y.T)
-
-    @property
-    def whole(self) -> Array:
-        """``y - centre`` of the fit of all columns to everything, (k,)."""
-        return Normal.ridged(self.grams[0], self.right[0]).value
-
-    def along(self, turn: Array, free: np.ndarray) -> Array:
-        """Return ``y - centre`` of each fit of M nested models, (M, F + 1, k).
-
-        Parameters
-        ----------
-        turn : (k, k)
-            Orthonormal; its first columns span what a model leaves free.
-        free : (M,) int
-            How many.
-        """
-        k, out = len(self.centre), np.empty((len(free), *self.right.shape))
-        inside, c = np.arange(k)[:, None] < free, turn.T @ self.centre
-        for f, (gram, right) in enumerate(zip(self.grams, self.right, strict=True)):
-            A, b = turn.T @ gram @ turn, turn.T @ right
-            fit = Normal.ridged(A, b)
-            moved = np.where(inside, 0.0, -c[:, None])
-            for _ in range(2):  # the second time takes away what the ridge did to the first
-                moved += fit.leading(b[:, None] - A @ moved, free)
-            out[:, f] = (turn @ moved).T
-        return out
-
-
-@frozen
 class Gain:
     """A gain with its standard error.
 
@@ -464,24 +386,6 @@ def _error_gain(a: Array, b: Array, ratio: float) -> Gain:
         return Gain(0.0, 0.0)
     each = 0.5 * (b / sums[1] - a / sums[0])  # what each fold does to the logarithm
     return Gain(0.5 * float(np.log(sums[1] / sums[0])), _sum_gain(each, ratio).se)
-
-
-def weigh_models(densities: Sequence[Array] | Array, rng: np.random.Generator) -> Array:
-    """Return pseudo-BMA+ weights of M models, (M,) [Yao 2018].
-
-    Softmax of the summed log densities, averaged over a Bayesian bootstrap of the folds.
-
-    Parameters
-    ----------
-    densities : (M, F) [nats]
-    rng : numpy.random.Generator
-    """
-    each = np.asarray(densities, float)
-    drawn = rng.dirichlet(np.ones(each.shape[1]), LEVELS.draws) * each.shape[1]
-    total = drawn @ each.T
-    odds = np.exp(total - total.max(1, keepdims=True))
-    weights: Array = (odds / odds.sum(1, keepdims=True)).mean(0)
-    return weights
 
 
 def near_best(scores: Sequence[Score]) -> np.ndarray:

@@ -18,7 +18,7 @@ from identifiability.estimation.groups import LabelAlternatives
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import ROUNDOFF, sandwich, unit_coordinates
 from identifiability.foundation.names import GROUPED_KINDS, Array
-from identifiability.foundation.rounding import ENDS, LEVEL, REACH
+from identifiability.foundation.rounding import ENDS, REACH
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
@@ -58,12 +58,6 @@ class Bootstrap:
         spread: Array = 0.5 * (high - low)
         return spread
 
-    def interval(self, level: float = LEVEL) -> Array:
-        """Return percentile intervals, (k, 2)."""
-        tail = 0.5 * (1 - level)
-        bounds: Array = np.quantile(self.values, [tail, 1 - tail], axis=0).T
-        return bounds
-
 
 def merge_blocks(information: Information, length: float) -> Information:
     """Return the information with blocks of at least `length` samples, none across logs.
@@ -97,14 +91,10 @@ def merge_stretches(information: Information, time: float) -> Information:
     time : float [samples]
         Autocorrelation time of the residual.
     """
-    least = min(RULES.memories * time, information.samples / RULES.stretches_fewest)
-    merged = merge_blocks(information, least)
-    fewest = min(RULES.stretches_fewest, len(information.counts))
-    while len(merged.counts) < fewest:  # logs cut stretches short
-        # By how much stretches get shorter while there are too few.
-        least *= 0.9
-        merged = merge_blocks(information, least)
-    return merged
+    logs, fewest = len(np.unique(information.log)), RULES.stretches_fewest
+    # Each log but one may cut a stretch short.
+    enough = information.samples / (fewest + logs - 0.5)
+    return merge_blocks(information, min(RULES.memories * time, enough))
 
 
 def bootstrap(
@@ -589,7 +579,6 @@ class Fit:
             )
         elif replicates and fit.kept:
             drawn = bootstrap(stretches, fit, rng, replicates)
-        mended = fit.correction
         return Fit(
             estimate=fit,
             column_rms=column_rms(information),
@@ -598,7 +587,7 @@ class Fit:
             bootstrap=drawn,
             note=note,
             motions=compare_motions(information, fit, fit.memory),
-            shared={} if mended is None else {"bias": mended.bias},
+            shared={} if fit.bias is None else {"bias": fit.bias},
         )
 
     @property

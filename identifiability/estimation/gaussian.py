@@ -71,23 +71,3 @@ class Normal:
     def evidence(self) -> float:
         """Log-likelihood of the torque, values averaged over, but for what all models share."""
         return float(0.5 * self.half @ self.half - np.log(np.diag(self.factor)).sum())
-
-    def halves(self, h: Array, free: np.ndarray) -> Array:
-        """Return ``L⁻¹ h`` of nested models by h (k, M) of each, (k, M).
-
-        The leading part of one triangular factor belongs to each of them.
-
-        Parameters
-        ----------
-        h : (k, M)
-        free : (M,) int
-            How many of the first values each leaves free; the others are zero.
-        """
-        inside = np.arange(len(self.factor))[:, None] < free
-        half = solve_triangular(self.factor, np.where(inside, h, 0.0), lower=True)
-        return np.where(inside, half, 0.0)
-
-    def leading(self, h: Array, free: np.ndarray) -> Array:
-        """Return the values of nested models by h (k, M) of each, (k, M); as `halves`."""
-        half = self.halves(h, free)
-        return np.asarray(solve_triangular(self.factor, half, lower=True, trans="T"))

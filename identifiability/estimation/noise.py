@@ -7,8 +7,6 @@ that resembles a residual.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -18,8 +16,6 @@ from identifiability.foundation.linalg import NEARLY, RANK_TOLERANCE, ROUNDOFF, 
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.logs import signals
-from identifiability.logs.prepare import Dataset
 
 # What residuals say about the noise: autocorrelation and what it does to σ.
 
@@ -119,13 +115,6 @@ def levinson(pacf: Array) -> tuple[list[Array], Array]:
     return predictors, shrink / shrink[-1]
 
 
-def innovation_filter(predictor: Array) -> Array:
-    """Return the filter (m + 1,) that leaves of a series what m samples before do not predict."""
-    out = np.ones(len(predictor) + 1)
-    np.negative(predictor, out=out[1:])
-    return out
-
-
 def whiten(x: Array, runs: Runs, pacf: Array) -> Array:
     """Return one-step prediction errors of x (N, …) in units of their standard deviation.
 
@@ -202,7 +191,7 @@ class LaggedProducts:
         sum of squares to be expected of white noise of unit variance in their stead.
         """
         a = np.zeros(HIGHEST_ORDER + 1)
-        a[: len(pacf) + 1] = innovation_filter(levinson(pacf)[0][-1])
+        a[0], a[1 : len(pacf) + 1] = 1.0, -levinson(pacf)[0][-1]
         order = np.arange(len(pacf)) + 1
         logdet = -self.runs * float(order @ np.log1p(-(pacf**2)))
         white = float(a**2 @ (self.rows - 2 * self.runs * np.arange(len(a))))
@@ -361,11 +350,6 @@ class Noise:
         unit = [JointNoise(own.pacf, 1.0) for own in self.joints]
         return np.array([own.density / own.variance for own in unit])
 
-    def scaled(self, by: Array) -> Noise:
-        """Return noise that is so many times as large at each joint, (n,)."""
-        pairs = zip(self.joints, by.tolist(), strict=True)
-        return Noise(tuple(replace(own, sigma=x * own.sigma) for own, x in pairs))
-
     def simulate(self, runs: Runs, rng: np.random.Generator) -> Array:
         """Return noise, each stretch by itself, (N, n).
 
@@ -377,7 +361,7 @@ class Noise:
         """
         out = np.zeros((runs[-1][1], len(self.joints)))
         for j, own in enumerate(self.joints):
-            a = innovation_filter(levinson(own.pacf)[0][-1])
+            a = np.append(1.0, -levinson(own.pacf)[0][-1])
             for start, stop in runs:  # what it begins with is forgotten when it begins to count
                 e = own.sigma * rng.standard_normal(FORGOTTEN + stop - start)
                 out[start:stop, j] = scipy.signal.lfilter([1.0], a, e)[FORGOTTEN:]
@@ -470,34 +454,3 @@ def _settle(
     deviance, sigma = problem.profile(problem.whitened(best), prior())
     paid = price * np.sum(values < none) + len(best) * np.log(problem.rows)
     return deviance + float(paid), JointNoise(np.tanh(best), sigma)
-
-
-def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> Noise:
-    """Return the noise of torque beside the columns that are fitted to it.
-
-    A residual looks whiter and smaller than the noise was, because slow noise is swallowed by the
-    columns that are fitted: on the motion of one log a correlation of 0.97 looks like 0.75.
-
-    Parameters
-    ----------
-    tau : (N, n)
-    W : (N, n, k)
-    runs : JointRuns
-        Stretches of data without gaps.
-    """
-    pairs = zip(tau.T, runs.each, strict=True)
-    each = [rich_noise([W[:, j]], y, own) for j, (y, own) in enumerate(pairs)]
-    sure = (own.sigma if np.isfinite(own.sigma) else 0.0 for own in each)
-    return Noise(tuple(replace(own, sigma=x) for own, x in zip(each, sure, strict=True)))
-
-
-def find_runs(samples: Sequence[Dataset]) -> list[tuple[int, int]]:
-    """Return the stretches without gaps of the rows of a regression, as (start, stop)."""
-    runs: list[tuple[int, int]] = []
-    start = 0
-    for s in samples:
-        t = s.output_times()
-        breaks = np.flatnonzero(signals.has_gap(t)) + 1
-        runs += pairwise([start, *(start + breaks).tolist(), start + len(t)])
-        start += len(t)
-    return runs

@@ -17,7 +17,6 @@ from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import LEVELS, Folds
 from identifiability.estimation.fit import Fit, remembering_covariance
 from identifiability.foundation.engines import Engine, Steps
-from identifiability.foundation.linalg import few_at_once
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import ENDS, REACH
 from identifiability.foundation.values import frozen
@@ -568,20 +567,13 @@ def _predict_part(
         kept.append([(np.empty(0), tau, predicted, np.empty(0, int), tau, tau > 0)])
     for chunk in part.shown():
         before = int(layout.counts[: chunk.log].sum())
-        log = np.full(len(chunk.t), chunk.log)
+        log, data = np.full(len(chunk.t), chunk.log), chunk.data | part.regression.dwelling
         for k, task in enumerate(tasks):
-            # Of many joints and models the errors of a chunk would be hundreds of megabytes.
-            # Arrays of the size of the errors of some samples that summing them
-            # takes.
-            for at in few_at_once(len(log), 4 * 8 * n * task.values.shape[2]):
-                start = chunk.start + at.start
-                predicted = task.predict(chunk.W[at], before + start)
-                data = chunk.data[at] | part.dwelling
-                for which, tau in enumerate((chunk.tau[at], chunk.raw[at])):
-                    sums[k][which] += ErrorSums.of(layout, chunk.log, tau, predicted, data)
-                if task.kept:
-                    some = chunk.t[at], chunk.tau[at], predicted
-                    kept[k].append((*some, log[at], chunk.velocity[at], data))
+            predicted = task.predict(chunk.W, before + chunk.start)
+            for which, tau in enumerate((chunk.tau, chunk.raw)):
+                sums[k][which] += ErrorSums.of(layout, chunk.log, tau, predicted, data)
+            if task.kept:
+                kept[k].append((chunk.t, chunk.tau, predicted, log, chunk.velocity, data))
     return [((low, raw), some) for (low, raw), some in zip(sums, kept, strict=True)]
 
 

@@ -74,9 +74,6 @@ class Verdict:
         What the value is in truth, such as ``slider1.Jr + 0.02·platform.m``; empty if its label.
     projected : float or None
         Value that this fit would find on the robot of the file.
-    bias_sigma : float or None
-        Value of least squares less this one, in σ_robust: the bias by noise in the motion that
-        would have been believed. None without instruments.
     """
 
     name: str
@@ -95,7 +92,6 @@ class Verdict:
     believed: tuple[float, float] | None = None
     stands_for: str = ""
     projected: float | None = None
-    bias_sigma: float | None = None
 
     @property
     def word(self) -> str:
@@ -168,8 +164,8 @@ class Verdict:
         first = next(iter(self.flags), self.verdict)
         row["verdict_before"] = BEFORE.get(first, first.value)
         omitted, alternatives = (self.terms.get(k, 0.0) for k in ("omitted", "alternatives"))
-        row |= {"sigma_omit": omitted, "sigma_alternatives": alternatives, "sigma_models": None}
-        return row | {"sigma_doubt": alternatives}
+        row |= {"sigma_omit": omitted, "sigma_alternatives": alternatives}
+        return row | {"sigma_doubt": alternatives, "sigma_models": None, "bias_sigma": None}
 
 
 def narrow(v: Verdict, flag: Flag, text: str, ends: tuple[float, float] | None) -> Verdict:
@@ -240,7 +236,7 @@ def judge(
     paper = e.paper_rule
     terms, robust, share = fit.terms, fit.robust, fit.column_rms / max(torque, 1e-300)
     drawn = np.full(len(value), np.nan) if fit.bootstrap is None else fit.bootstrap.sd
-    out, moved = [], _bias(fit, robust)
+    out = []
     for k, name in enumerate(e.columns):
         reach = abs(value[k]) + REACH * sigma[k] if np.isfinite(sigma[k]) else 0.0
         percent = percent_of(float(sigma[k]), float(value[k]))
@@ -283,20 +279,9 @@ def judge(
                 nominal=None if nominal is None else float(nominal[k]),
                 stands_for="" if left is None else left.stands_for[k],
                 projected=None if left is None or nominal is None else float(left.projected[k]),
-                bias_sigma=moved[k],
             )
         )
     return tuple(out)
-
-
-def _bias(fit: Fit, sigma: Array) -> list[float | None]:
-    """Return what least squares adds to each value, in σ; None where it is what was done."""
-    e = fit.estimate
-    if e.correction is None:
-        return [None] * len(sigma)
-    usable = e.determined & np.isfinite(sigma) & (sigma > 0)
-    moved = (e.correction.least_squares - e.value) / np.where(usable, sigma, 1.0)
-    return [float(x) if good else None for x, good in zip(moved, usable, strict=True)]
 
 
 def _say_missing(fit: Fit, k: int, without: Verdict, percent: float) -> str:

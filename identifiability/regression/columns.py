@@ -24,9 +24,8 @@ from identifiability.robot import Motion, Robot
 Present = Collection[tuple[str, str]]
 #: Why a family is not tried where it is.
 HAS = "the model has it already"
-#: Samples that columns are computed of at a time, at least; and in units of what a decimation
-#: filter draws on beside them, so that it costs little more than the samples themselves.
-PIECE, REACHES = 4096, 12
+#: Samples that columns are computed of at a time.
+PIECE = 4096
 
 #: Torque (N,) by joint and column, where it is not zero everywhere.
 Entries = dict[tuple[int, int], Array]

@@ -5,15 +5,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields, replace
 from functools import cached_property, partial
-from itertools import pairwise
 from typing import Annotated, Any
 
 import numpy as np
 from scipy.linalg import block_diag, solve_triangular
-from scipy.linalg.blas import dtrmm
 
 from identifiability.foundation.engines import Engine, Steps
 from identifiability.foundation.linalg import NEARLY, TINY, few_at_once, triangular_factor
@@ -22,6 +20,7 @@ from identifiability.foundation.options import at_least, checked
 from identifiability.foundation.values import frozen, remember
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.regression.regression import LogPart, Regression, map_parts
+from identifiability.regression.structure import random_motion
 
 # `ActuatorBlocks`: what the rows of one actuator say, over the columns that it can see.
 #
@@ -124,27 +123,23 @@ def factor_each(grams: Array) -> Array:
 class _Blocks:
     """What is gathered of consecutive blocks.
 
-    Rows, or their products where the longest block has as many as there are columns.
+    Rows, or a triangular factor of them where the longest block has more than there are columns.
     """
 
-    def __init__(self, count: int, longest: int, widths: Sequence[int]) -> None:
+    def __init__(self, count: int, longest: int, seen: Sequence[np.ndarray]) -> None:
+        widths = [len(columns) + 1 for columns in seen]
+        self.seen = seen
         self.held = [np.zeros((count, min(longest, r), r)) for r in widths]
         self.sums = [np.zeros((count, r)) for r in widths]
         self.data = np.zeros((count, len(widths)), int)
 
     def take(
-        self,
-        into: Sequence[tuple[np.ndarray, Array]],
-        rows: tuple[Array, Array, np.ndarray],
-        start: int,
-        edges: np.ndarray,
-        before: int,
+        self, rows: tuple[Array, Array, np.ndarray], start: int, edges: np.ndarray, before: int
     ) -> None:
         """Add consecutive rows (W, τ, data) of a log, from the output `start` of it on.
 
         Parameters
         ----------
-        into : sequence of (columns, inverse of their basis)
         rows : (m, n, k), (m, n) and (m, n)
         start : int
         edges : (b,) int
@@ -152,71 +147,65 @@ class _Blocks:
         before : int
         """
         W, tau, data = rows
-        inside = edges[(edges > start) & (edges < start + len(tau))] - start
-        pieces = [slice(*ends) for ends in pairwise([0, *inside.tolist(), len(tau)])]
-        blocks = np.searchsorted(edges, [start + own.start for own in pieces], "right") - 1
-        places = [start + own.start - int(edges[k]) for own, k in zip(pieces, blocks, strict=True)]
-        for a, ((columns, inverse), held) in enumerate(zip(into, self.held, strict=True)):
-            x = np.column_stack([W[:, a, columns], tau[:, a]])
-            # A triangular factor takes half of a product's time.
-            Z = dtrmm(1.0, inverse, x, side=1, overwrite_b=1)
-            for own, k, place in zip(pieces, before + blocks, places, strict=True):
-                if held.shape[1] < held.shape[2]:
-                    held[k, place : place + len(Z[own])] = Z[own]
-                else:
-                    held[k] += Z[own].T @ Z[own]
-                self.sums[a][k] += Z[own].sum(0)
-                self.data[k, a] += data[own, a].sum()
+        row = start + np.arange(len(tau))
+        block = np.searchsorted(edges, row, "right") - 1
+        at = np.flatnonzero(np.diff(block, prepend=-1))  # where pieces of blocks begin
+        block += before
+        own = slice(block[0], block[-1] + 1)
+        self.data[own] += np.add.reduceat(data, at, dtype=int)
+        for a, columns in enumerate(self.seen):
+            Z, held = np.column_stack([W[:, a, columns], tau[:, a]]), self.held[a]
+            self.sums[a][own] += np.add.reduceat(Z, at)
+            if held.shape[1] < held.shape[2]:
+                held[block, row - edges[block - before]] = Z
+            else:
+                _merge(held, own.start, np.split(Z, at[1:]))
 
     def add_all(self, first: int, other: _Blocks) -> None:
         """Add blocks that were gathered elsewhere, from one of these on."""
-        pairs = zip(
-            (*self.held, *self.sums, self.data), (*other.held, *other.sums, other.data), strict=True
-        )
-        for own, more in pairs:
+        for own, more in zip((*self.sums, self.data), (*other.sums, other.data), strict=True):
             own[first : first + len(more)] += more
+        for held, blocks in zip(self.held, other.held, strict=True):
+            if held.shape[1] < held.shape[2]:
+                held[first : first + len(blocks)] += blocks
+            else:
+                _merge(held, first, blocks)
 
-    def parts(
-        self, seen: Sequence[np.ndarray], bases: Sequence[Array]
-    ) -> tuple[ActuatorBlocks, ...]:
-        """Return them by actuator, in bases of the columns that each can see."""
-        held = [x if x.shape[1] < x.shape[2] else factor_each(x) for x in self.held]
-        return tuple(map(ActuatorBlocks, seen, bases, held, self.sums))
+    def parts(self) -> tuple[ActuatorBlocks, ...]:
+        """Return them by actuator, over the columns that act in it."""
+        return tuple(map(_condition, self.seen, self.held, self.sums))
 
 
-def choose_basis(R: Array, columns: np.ndarray) -> Array:
-    """Return a basis of some columns and the torque from rows of ``[W τ]``, (v + 1, v + 1).
+def _merge(held: Array, first: int, blocks: Iterable[Array]) -> None:
+    """Put rows of consecutive blocks, from one on, into their factors."""
+    for k, Z in enumerate(blocks, first):
+        first_rows = len(Z) >= len(held[k]) and not held[k].any()
+        rows = Z if first_rows else np.vstack([held[k], Z])
+        held[k] = rows if len(rows) == len(held[k]) else triangular_factor(rows)
 
-    Upper triangular; the rows need not be all: a basis is of the right size and direction only.
 
-    Parameters
-    ----------
-    R : (m, k + 1)
-        Some of the rows, or a triangular factor of them.
-    columns : (v,) int
-    """
-    part = R[:, [*columns, R.shape[1] - 1]]
-    length = np.linalg.norm(part, axis=0)
-    # A column that never acts gets the length of a typical one: it must not divide by zero.
+def _condition(columns: np.ndarray, blocks: Array, sums: Array) -> ActuatorBlocks:
+    """Return blocks in a basis in which columns have about unit length and right angles."""
+    R = triangular_factor(blocks.reshape(-1, blocks.shape[2]))
+    acts = np.asarray(R[:, :-1].any(0))
+    R = R[:, np.append(acts, True)]
+    length = np.linalg.norm(R, axis=0)
+    # Nothing may be divided by zero, such as a torque that is none.
     length[length == 0] = float(np.median(length[length > 0])) if length.any() else 1.0
-    return triangular_factor(np.vstack([part, NEARLY * np.diag(length)]))
-
-
-def _into(seen: Sequence[np.ndarray], bases: Sequence[Array]) -> list[tuple[np.ndarray, Array]]:
-    """Return the columns that each actuator sees, and the inverse of their basis."""
-    inverses = (solve_triangular(S, np.eye(len(S))) for S in bases)
-    return list(zip(seen, inverses, strict=True))
+    basis = triangular_factor(np.vstack([R, NEARLY * np.diag(length)]))
+    inverse = np.zeros((len(acts) + 1, len(basis)))
+    inverse[np.append(acts, True)] = solve_triangular(basis, np.eye(len(basis)))
+    return ActuatorBlocks(columns[acts], basis, blocks @ inverse, sums @ inverse)
 
 
 # `Information`: all that a regression says about its parameters, independent of its length.
 #
-# The sufficient statistic of the linear model per block of time and per actuator: Gram matrices of
+# The sufficient statistic of the linear model per block of time and per actuator: factors of
 # ``[W τ]`` (or the rows themselves while they are fewer), over the columns that the actuator can
-# see and in a basis that makes them well conditioned. A basis is a triangular factor of a
-# subsample of the actuator's rows, so ``[W τ] basis⁻¹`` has columns of about unit length and right
-# angles, and nothing is lost by squaring (plain Gram matrices lose half the digits, QR of all rows
-# costs five times as much). Adding is concatenation of blocks, so chunks, files and processes are
-# one sum.
+# see and in a basis that makes them well conditioned. A basis is a triangular factor of all rows of
+# the actuator, so ``[W τ] basis⁻¹`` has columns of about unit length and right angles, and nothing
+# is lost by squaring sums over blocks (Gram matrices of the rows would lose half the digits).
+# Factors of blocks are merged, so chunks, files and processes make one.
 #
 # What to use when: `factor` is the loss of least squares for programs and posteriors, `products`
 # are for folds and resampling, ``+`` for logs and workers, `joint` for instruments.
@@ -282,13 +271,11 @@ class Information:
         ends = [*first[1:], len(log)]
         at = [s for a, b in zip(first, ends, strict=True) for s in range(a, b, size)]
         counts = np.diff([*at, len(log)])
-        seen = [np.flatnonzero(wide[:, a].any(0)) for a in range(tau.shape[1])]
-        rows = (np.column_stack([wide[:, a], tau[:, a]]) for a in range(tau.shape[1]))
-        bases = [choose_basis(x, own) for x, own in zip(rows, seen, strict=True)]
-        blocks = _Blocks(len(at), int(counts.max()), [len(S) for S in bases])
+        seen = [np.flatnonzero(own) for own in np.asarray(wide.any(0))]
+        blocks = _Blocks(len(at), int(counts.max()), seen)
         moves = np.ones(tau.shape, bool) if moves is None else moves
-        blocks.take(_into(seen, bases), (wide, tau, moves), 0, np.array(at), 0)
-        what = blocks.parts(seen, bases), counts, blocks.data, np.asarray(log)[at]
+        blocks.take((wide, tau, moves), 0, np.array(at), 0)
+        what = blocks.parts(), counts, blocks.data, np.asarray(log)[at]
         return Information(tuple(columns), *what, instruments is not None)
 
     @property
@@ -369,22 +356,17 @@ class Information:
             yield part, own @ change[[*columns, self.size]]
 
     @cached_property
-    def _places(self) -> list[np.ndarray]:
-        """Where each column, and the torque, is among those of an actuator; else -1, (k + 1,)."""
-        places = [np.full(self.size + 1, -1) for _ in self.parts]
-        for place, part in zip(places, self.parts, strict=True):
-            place[[*part.columns, self.size]] = np.arange(len(part.columns) + 1)
-        return places
+    def gram(self) -> Array:
+        """Products of the columns and the torque over all rows, (k + 1, k + 1)."""
+        out = np.zeros((self.size + 1, self.size + 1))
+        for part in self.parts:
+            at = [*part.columns, self.size]
+            out[np.ix_(at, at)] += part.total
+        return out
 
     def between(self, some: np.ndarray, others: np.ndarray) -> Array:
         """Return products of some columns (a,) with others (b,) over all rows; k is the torque."""
-        out = np.zeros((len(some), len(others)))
-        for place, part in zip(self._places, self.parts, strict=True):
-            a, b = place[some], place[others]
-            here, there = np.flatnonzero(a >= 0), np.flatnonzero(b >= 0)
-            if len(here) and len(there):
-                out[np.ix_(here, there)] += part.total[np.ix_(a[here], b[there])]
-        return out
+        return np.asarray(self.gram[np.ix_(some, others)])
 
     def squares(self, change: Array) -> Array:
         """Return each actuator's sum of squares of ``[W τ] change``, (n,) or (n, m).
@@ -545,31 +527,33 @@ def gather_information(
     progress : callable(int, int), optional
     """
     names = tuple(p.name for p in regression.parameters)
-    factors = _survey(regression)
-    room = LARGEST // (8 * max(sum(len(R) ** 2 for R in factors), 1))
+    acts = _acting(regression)
+    room = LARGEST // (8 * int(((acts.sum(1) + 1) ** 2).sum()))
     size = max(1, -(-regression.outputs // min(blocks, max(room, FEWEST))))
     edges = [_block_edges(samples, size) for samples in regression.samples]
     ends = [np.diff([*own, s.outputs]) for own, s in zip(edges, regression.samples, strict=True)]
     counts, log = np.concatenate(ends), np.repeat(np.arange(len(edges)), list(map(len, edges)))
-    while True:
-        acts = np.array([R[:, :-1].any(0) for R in factors])
-        seen = [np.flatnonzero(own) for own in acts]
-        bases = [choose_basis(R, own) for R, own in zip(factors, seen, strict=True)]
-        longest, missed = int(counts.max()), np.zeros(acts.shape)
-        every = _Blocks(len(counts), longest, [len(S) for S in bases])
-        gather = partial(
-            _gather_part, seen=seen, bases=bases, acts=acts, edges=edges, longest=longest
-        )
-        for first, own, unseen in map_parts(gather, regression.parts(), engine, progress):
-            missed += unseen
+    longest, missed = int(counts.max()), True
+    while missed:
+        every = _Blocks(len(counts), longest, [np.flatnonzero(own) for own in acts])
+        gather, found = partial(_gather_part, seen=every.seen, edges=edges, longest=longest), acts
+        for first, own, acting in map_parts(gather, regression.parts(), engine, progress):
+            found = found | acting
             every.add_all(first, own)
-        if not missed.any():
-            break
-        # In the subsample these columns did not act.
-        lengths = [np.diag(np.append(np.sqrt(squares), 0.0)) for squares in missed]
-        factors = [np.vstack(pair) for pair in zip(factors, lengths, strict=True)]
-    what = every.parts(seen, bases), counts, every.data, log
+        missed, acts = bool((found & ~acts).any()), found
+    what = every.parts(), counts, every.data, log
     return Information(names, *what, regression.instruments is not None)
+
+
+def _acting(regression: Regression) -> np.ndarray:
+    """Return which columns act in which actuator at random states of the robot, (n, k) bool.
+
+    What acts along a measured motion only is met there.
+    """
+    motion = random_motion(regression.robot, np.random.default_rng(0), 50)
+    acts = np.asarray(regression.model.regressor(regression.robot, motion).any(0))
+    acts = acts if regression.columns is None else acts[:, regression.columns]
+    return acts if regression.instruments is None else np.hstack([acts, acts])
 
 
 def _block_edges(samples: Dataset, size: int) -> Array:
@@ -580,43 +564,14 @@ def _block_edges(samples: Dataset, size: int) -> Array:
 
 
 def _gather_part(
-    part: LogPart,
-    seen: Sequence[np.ndarray],
-    bases: Sequence[Array],
-    acts: np.ndarray,
-    edges: Sequence[np.ndarray],
-    longest: int,
-) -> tuple[int, _Blocks, Array]:
-    """Return the first block of a part, its blocks, and squares of columns not `seen`."""
+    part: LogPart, seen: Sequence[np.ndarray], edges: Sequence[np.ndarray], longest: int
+) -> tuple[int, _Blocks, np.ndarray]:
+    """Return the first block of a part, its blocks, and which columns act in which actuator."""
     own, before = edges[part.log], sum(map(len, edges[: part.log]))
     first = max(int(np.searchsorted(own, part.start, "right")) - 1, 0)
     count = int(np.searchsorted(own, part.start + part.samples.outputs)) - first
-    blocks = _Blocks(count, longest, [len(S) for S in bases])
-    into, missed = _into(seen, bases), np.zeros(acts.shape)
+    blocks, acting = _Blocks(count, longest, seen), np.zeros((len(seen), 1), bool)
     for chunk in part.chunks():
-        W = chunk.wide
-        if not acts.all():
-            missed[~acts] += np.einsum("nak,nak->ak", W, W)[~acts]
-        blocks.take(into, (W, chunk.tau, chunk.data), chunk.start, own, -first)
-    return before + first, blocks, missed
-
-
-def _survey(regression: Regression) -> list[Array]:
-    """Return a factor (…, k + 1) of evenly spaced rows of each actuator.
-
-    Where not all are taken, they are so before any decimation: a basis need not be exact.
-    """
-    n = len(regression.robot.actuated)
-    width = len(regression.parameters) * (1 if regression.instruments is None else 2)
-    # Rows of the subsample that the bases are made of, at least.
-    # Samples of that subsample for every column, at least.
-    wanted = max(4096 // n, 4 * (width + 1))
-    step = max(1, sum(s.survey.kept for s in regression.samples) // wanted)
-    factors = [np.zeros((0, width + 1))] * n
-    # Of few samples these are all: their columns are kept for the pass that is to come.
-    few = regression if step == 1 else regression.thin(step)
-    for part in few.parts(whole=True):
-        for chunk in part.chunks():
-            rows = np.concatenate([chunk.wide, chunk.tau[:, :, None]], axis=2)
-            factors = [triangular_factor(np.vstack([R, rows[:, a]])) for a, R in enumerate(factors)]
-    return factors
+        acting = acting | np.asarray(chunk.wide.any(0))
+        blocks.take((chunk.wide, chunk.tau, chunk.data), chunk.start, own, -first)
+    return before + first, blocks, acting

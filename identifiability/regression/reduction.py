@@ -203,17 +203,6 @@ def free_again(model: ModelLike | None) -> tuple[str, ...]:
     )
 
 
-def unused_ladder(robot: Robot, given: object = None) -> tuple[str, ...]:
-    """Return the sentence that a ladder beside the robot was not used, if one was not."""
-    path = ladder_path(robot) if given is None else None
-    if path is None:
-        return ()
-    return (
-        f"{path.name} beside {robot.path.name} was not used: by default only analyze and calibrate "
-        "judge the models of a ladder.",
-    )
-
-
 def ladder_text(entry: LadderEntry, comment: str = "") -> str:
     """Return a ladder as the text of its file."""
     lines = [f"# {comment}"] if comment else []
@@ -236,24 +225,13 @@ def default_ladder(robot: Robot) -> LadderEntry:
 
     Springs are part of it where the robot file states some. A body alone has no joints to rub.
     """
-    if not robot.motor_joints:
-        effects = [*default_effects(robot, ["rigid_body"])]
-        alone = ModelEntry(name="full model", description="the body", effects=effects)
-        return LadderEntry(models=[alone])
-    return LadderEntry(
-        models=[
-            ModelEntry(
-                name="full model",
-                description="every base parameter, with torque offsets",
-                effects=[*default_effects(robot, DEFAULT_EFFECTS)],
-            ),
-            ModelEntry(
-                name="no torque offset",
-                description="torque is zero where nothing acts",
-                zero=["*.off"],
-            ),
-        ]
-    )
+    joints = bool(robot.motor_joints)
+    effects = default_effects(robot, DEFAULT_EFFECTS if joints else ["rigid_body"])
+    said = "every base parameter, with torque offsets" if joints else "the body"
+    full = ModelEntry(name="full model", description=said, effects=[*effects])
+    said = "torque is zero where nothing acts"
+    bare = ModelEntry(name="no torque offset", description=said, zero=["*.off"])
+    return LadderEntry(models=[full, bare] if joints else [full])
 
 
 def ladder_path(robot: Robot) -> Path | None:

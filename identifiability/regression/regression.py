@@ -287,51 +287,46 @@ class LogPart:
 
     Attributes
     ----------
-    robot : Robot
-    model : Model
-    columns : (b,) int or None
+    regression : Regression
+        Of this log or stretch alone.
     log : int
-        Which log of the regression.
+        Which log of the whole regression.
     start : int
         Output of that log at which the part begins.
-    samples, instruments : Dataset
-        In memory, or a stretch of a long one; instruments are none or as many samples.
     windows : (w, 2) int
         Outputs [start, stop) of the log that are looked at one by one.
     kept : list of Chunk or None
         Where all chunks are kept, once they were computed; None if they take too much memory.
-    dwelling : bool
-        Whether rows are computed where torque is no data, too.
     """
 
-    robot: Robot
-    model: Model
-    columns: np.ndarray | None
+    regression: Regression
     log: int
     start: int
-    samples: Dataset
-    instruments: Dataset | None
     windows: np.ndarray
     kept: list[Chunk] | None
-    dwelling: bool = False
+
+    @property
+    def samples(self) -> Dataset:
+        """The log, or the stretch."""
+        return self.regression.samples[0]
 
     @property
     def remote(self) -> bool:
         """Whether it is worth sending to another process."""
         return self.samples.own is not None
 
-    def chunks(self, size: int = CHUNK) -> Iterator[Chunk]:
+    def chunks(self) -> Iterator[Chunk]:
         """Yield its chunks, which are kept for the next time where there is room."""
         if self.kept is None:
-            yield from self._computed(size)
+            yield from self._computed()
             return
         if not self.kept:
-            self.kept[:] = self._computed(size)
+            self.kept[:] = self._computed()
         yield from self.kept
 
     def shown(self) -> Iterator[Chunk]:
         """Yield the chunks of its windows alone."""
-        every = self._computed(CHUNK, self.windows) if self.kept is None else self.chunks()
+        every = self._computed(self.windows) if self.kept is None else self.chunks()
         for chunk in every:
             yield from chunk.inside(self.windows)
 
@@ -341,11 +336,12 @@ class LogPart:
         count = self.samples.outputs
         return not count or bool(inside(self.windows, self.start, self.start + count))
 
-    def _computed(self, size: int, windows: np.ndarray | None = None) -> Iterator[Chunk]:
+    def _computed(self, windows: np.ndarray | None = None) -> Iterator[Chunk]:
         """Yield its chunks, or those that reach into windows."""
-        widths, start = self.model.widths(self.robot), self.start
-        both = [self.samples, *([] if self.instruments is None else [self.instruments])]
-        for piece, *others in zip(*(self._pieces(x, size, widths) for x in both), strict=False):
+        r, start = self.regression, self.start
+        widths = r.model.widths(r.robot)
+        both = [*r.samples, *(r.instruments or ())]
+        for piece, *others in zip(*(self._pieces(x, widths) for x in both), strict=False):
             t, first = piece.motion.t[piece.at], start
             start += len(t)
             if windows is not None and not inside(windows, first, start):
@@ -354,30 +350,24 @@ class LogPart:
             if any(V.shape != W.shape for V in instruments):
                 raise ValueError("instruments need as many samples as the log that they stand for")
             velocity, moves = piece.motion.actuated_v[piece.at], piece.moves
-            if self.dwelling:
+            if r.dwelling:
                 piece = replace(piece, weight=np.ones_like(piece.weight))  # noqa: PLW2901 - it all
             V = piece.weighed(instruments[0]) if instruments else None
             what = piece.weighed(W), piece.torque, piece.raw, t, velocity, moves, V
             yield Chunk(self.log, first, *what)
 
-    def _pieces(self, samples: Dataset, size: int, widths: Sequence[int]) -> Iterable[Piece]:
+    def _pieces(self, samples: Dataset, widths: Sequence[int]) -> Iterable[Piece]:
         """Return pieces of so many samples, or of as many as its columns allow."""
-        most, reach = most_rows((len(self.robot.actuated), sum(widths))), 1
-        if samples.decimation is not None:
-            # Beside few samples a strong filter would draw on many more, for each piece anew.
-            reach = samples.decimation.reach
-            size = min(max(size, REACHES * reach), max(size, most))
-        return samples.pieces(min(size, max(most, reach)))  # of many joints they are large
+        most = PIECE_BYTES // (8 * len(self.regression.robot.actuated) * sum(widths))
+        # Beside few samples a strong filter would draw on many more, for each piece anew.
+        reach = 1 if samples.decimation is None else samples.decimation.reach
+        return samples.pieces(min(max(CHUNK, REACHES * reach), max(most, reach)))
 
     def _regressor(self, piece: Piece, widths: Sequence[int]) -> Array:
-        W = self.model.regressor(self.robot, piece.motion, widths)
-        W = W if self.dwelling else piece.silenced(W)
-        return piece.down(W if self.columns is None else np.take(W, self.columns, axis=2))
-
-
-def most_rows(shape: tuple[int, int]) -> int:
-    """Return how many samples of so many joints and columns (n, p) a large piece has."""
-    return PIECE_BYTES // (8 * shape[0] * shape[1])
+        r = self.regression
+        W = r.model.regressor(r.robot, piece.motion, widths)
+        W = W if r.dwelling else piece.silenced(W)
+        return piece.down(W if r.columns is None else np.take(W, r.columns, axis=2))
 
 
 # `Regression`: named columns of a `Model` along measured motion, chunk by chunk.
@@ -428,10 +418,10 @@ class Regression:
         """Samples [start, stop) of each log that are looked at one by one, (w, 2) each."""
         return choose_windows([s.outputs for s in self.samples])
 
-    def chunks(self, size: int = CHUNK) -> Iterator[tuple[int, int, Array, Array]]:
+    def chunks(self) -> Iterator[tuple[int, int, Array, Array]]:
         """Yield ``(log, start, W (m, n, p), tau (m, n))`` in order of time, log by log."""
         for part in self.parts(whole=True):
-            for chunk in part.chunks(size):
+            for chunk in part.chunks():
                 yield chunk.log, chunk.start, chunk.W, chunk.tau
 
     def parts(self, *, whole: bool = False) -> list[LogPart]:
@@ -442,23 +432,16 @@ class Regression:
         whole : bool
             Do not divide any log.
         """
-        what, out = (self.robot, self.model, self.columns), []
+        out = []
         for k, samples in enumerate(self.samples):
-            other = None if self.instruments is None else self.instruments[k]
-            own = [samples] if whole else samples.divided()
-            beside = [None] * len(own) if other is None else [other] if whole else other.divided()
+            both = [samples, *(self.instruments or ())[k : k + 1]]
+            divided = ([x] if whole else x.divided() for x in both)
             start = 0
-            for one, two in zip(own, beside, strict=True):
-                rest = self.windows[k], self._kept[k], self.dwelling
-                out.append(LogPart(*what, k, start, one, two, *rest))
+            for one, *beside in zip(*divided, strict=True):
+                own = replace(self, samples=(one,), instruments=tuple(beside) or None)
+                out.append(LogPart(own, k, start, self.windows[k], self._kept[k]))
                 start += one.outputs
         return out
-
-    def thin(self, step: int) -> Regression:
-        """Return the regression of every `step`-th sample, without decimation."""
-        samples = tuple(s.thin(step) for s in self.samples)
-        others = self.instruments and tuple(s.thin(step) for s in self.instruments)
-        return replace(self, samples=samples, instruments=others)
 
     @cached_property
     def _kept(self) -> list[list[Chunk] | None]:

@@ -327,18 +327,6 @@ class Structure:
         rows = [[at[f"{stem}{kind}"] for kind in GROUPED_KINDS] for stem in self.bodies]
         return np.array(rows, int).reshape(-1, 10)
 
-    @cached_property
-    def friction(self) -> dict[str, list[tuple[tuple[int, ...], tuple[float, ...]]]]:
-        """Friction of each joint, alike in both directions: columns, and what of each is a unit."""
-        out: dict[str, list[tuple[tuple[int, ...], tuple[float, ...]]]] = {}
-        for k, p in enumerate(self.parameters):
-            if p.kind == "Fc+":
-                both = (k, self.columns.index(f"{p.owner}.Fc-"))
-                out.setdefault(p.owner, []).append((both, (1.0, 1.0)))
-            elif p.kind != "Fc-" and "friction" in p.group:
-                out.setdefault(p.owner, []).append(((k,), (1.0,)))
-        return out
-
     def regression(self, samples: Sequence[Dataset]) -> Regression:
         """Return the columns of the base parameters along measured motion.
 

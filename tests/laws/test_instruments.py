@@ -81,8 +81,11 @@ def regression(rps, paper_model, noisy_log, exact_log):
     return Regression(rps, paper_model, (noisy,), base.kept, (exact,))
 
 
-def test_chunks_with_instruments_are_the_whole_and_every_chunk_keeps_its_own(regression):
-    chunks = list(regression.parts()[0].chunks(100))
+def test_chunks_with_instruments_are_the_whole_and_every_chunk_keeps_its_own(
+    regression, monkeypatch
+):
+    monkeypatch.setattr("identifiability.regression.regression.CHUNK", 100)
+    chunks = list(regression.parts()[0].chunks())
     V, W = (np.concatenate(x) for x in zip(*((c.instruments, c.W) for c in chunks), strict=True))
     tau = np.concatenate([c.tau for c in chunks])
     assert np.abs(V - W).max() > 0

@@ -156,7 +156,7 @@ def hold_folds(information: Information, estimator: Estimator) -> tuple[HeldOut,
             "Whether values of a robot that can exist predict as well, and how strongly the robot "
             f"file's bodies pull, could not be asked: {error}"
         )
-        return HeldOut.of(information, noise, Folds.short(information)), short
+        return HeldOut.of(information, noise, Folds.of(information)), short
 
 
 def settle_robot(

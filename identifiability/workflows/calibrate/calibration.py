@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects import bring, find_families
-from identifiability.estimation.noise import JointRuns, find_runs, fit_residual_noise
+from identifiability.estimation.noise import JointRuns
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Column, Table
@@ -39,7 +39,13 @@ from identifiability.robot.closure import known_torque
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.answers import answer_next
 from identifiability.workflows.calibrate.rules import RULES
-from identifiability.workflows.calibrate.world import Cell, World, count_outcomes
+from identifiability.workflows.calibrate.world import (
+    Cell,
+    World,
+    count_outcomes,
+    find_runs,
+    fit_residual_noise,
+)
 from identifiability.workflows.commands import (
     given_paths,
     held_back,

@@ -26,13 +26,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.regression.information import gather_information
-from identifiability.regression.reduction import (
-    USUAL_EFFECTS,
-    ModelLike,
-    choose_model,
-    free_again,
-    unused_ladder,
-)
+from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choose_model, free_again
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike, complete_motion
 from identifiability.workflows.analyze.workflow import say_band
@@ -187,7 +181,7 @@ def diagnose(
             found,
             nothing="" if found.fixed else opening.misread,
             alternative="" if opening.alternative is None else opening.alternative.statement,
-            hints=(*hints, *free_again(model), *unused_ladder(robot, model)),
+            hints=(*hints, *free_again(model)),
             provenance=state_provenance(robot, used, seed, None, options),
         ).moved_by(given)
         if quick or not (forward and found.effects) or found.robot.base is not None:

@@ -25,7 +25,7 @@ from identifiability.foundation.options import (
 )
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
-from identifiability.regression.reduction import ModelLike, free_again, unused_ladder
+from identifiability.regression.reduction import ModelLike, free_again
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.excite.criteria import (
     Known,
@@ -119,7 +119,7 @@ def excite(
         bounds = find_limits(robot, limits)
         question = pose_question(robot, model, parameters, separate)
         logs, wrong = _start(question, start_from, preparation, engine)
-        hints = (*wrong, *free_again(model), *unused_ladder(robot, model))
+        hints = (*wrong, *free_again(model))
         series = Series(bounds, duration or 7.5, harmonics, at_rest)
         options = {"evaluations": evaluations, "preparation": preparation or Preparation()}
         found = find_motion(

@@ -17,18 +17,11 @@ from dataclasses import field, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from identifiability.estimation.estimate import Method, estimate
 from identifiability.estimation.estimator import Estimate, combine
-from identifiability.estimation.evidence import (
-    LEVELS,
-    Folds,
-    Gain,
-    Refits,
-    Score,
-    least_noise,
-    may_stand,
-)
+from identifiability.estimation.evidence import LEVELS, Folds, Gain, Score, least_noise, may_stand
 from identifiability.estimation.gaussian import Normal
 from identifiability.foundation.linalg import ROUNDOFF, unit_coordinates
 from identifiability.foundation.names import Array
@@ -40,7 +33,7 @@ from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
 # What nested models of one regression predict of folds, from `Information` alone.
 #
 # Every model is the full one under linear constraints (a column zero, two columns equal); its fits
-# to everything and to each fold's rest are the estimator's own (`evidence.Refits`). The
+# to everything and to each fold's rest are the estimator's own (`Refits`). The
 # coordinates are those in which the full information is the unit matrix: nothing is lost by
 # squaring. Models of a path are nested, so one triangular factor a fold fits them all.
 
@@ -69,6 +62,93 @@ class Step:
     def density(self) -> float:
         """Predictive log density of all folds [nats]."""
         return float(self.score.density.sum())
+
+
+def nested_halves(fit: Normal, h: Array, free: np.ndarray) -> Array:
+    """Return ``L⁻¹ h`` of nested models by h (k, M) of each, (k, M).
+
+    The leading part of one triangular factor belongs to each of them.
+
+    Parameters
+    ----------
+    fit : Normal
+    h : (k, M)
+    free : (M,) int
+        How many of the first values each leaves free; the others are zero.
+    """
+    inside = np.arange(len(fit.factor))[:, None] < free
+    half = solve_triangular(fit.factor, np.where(inside, h, 0.0), lower=True)
+    return np.where(inside, half, 0.0)
+
+
+@frozen
+class Refits:
+    """Fits of nested models to everything (first) and to the rest of each of F folds.
+
+    Coordinates are ``y = R x`` in which the information of everything is the unit matrix.
+
+    Attributes
+    ----------
+    centre : (k,)
+        y of the fit of all columns to everything.
+    grams, right : (F + 1, k, k) and (F + 1, k)
+        ``grams (y - centre) = right`` of each fit without constraints.
+    """
+
+    centre: Array
+    grams: Array
+    right: Array
+
+    @staticmethod
+    def of(information: Information, full: Estimate, R: Array, train: np.ndarray) -> Refits:
+        """Return the fits to all blocks, and to those of each fold's rest.
+
+        Parameters
+        ----------
+        information : Information
+            About k independent columns.
+        full : Estimate
+        R : (k + 1, k + 1)
+            Its loss.
+        train : (F, B) bool
+            Blocks that each fit rests on.
+        """
+        k, member = len(R) - 1, np.vstack([np.ones(train.shape[1]), train])
+        _, to_x, both = full.estimator.equations(information, full)
+        # What was known beforehand counts in each.
+        member = np.pad(member, ((0, 0), (0, len(both) - member.shape[1])), constant_values=1.0)
+        sums = np.tensordot(member, both, 1)
+        to_y = R[:k, :k] @ to_x  # the unit matrix of least squares
+        turned = to_y @ sums[:, :, :k] @ np.linalg.inv(to_y)
+        grams = 0.5 * (turned + turned.swapaxes(1, 2))  # as the sum over all blocks is
+        return Refits(R[:k, k], grams, sums[:, :, k] @ to_y.T)
+
+    @property
+    def whole(self) -> Array:
+        """``y - centre`` of the fit of all columns to everything, (k,)."""
+        return Normal.ridged(self.grams[0], self.right[0]).value
+
+    def along(self, turn: Array, free: np.ndarray) -> Array:
+        """Return ``y - centre`` of each fit of M nested models, (M, F + 1, k).
+
+        Parameters
+        ----------
+        turn : (k, k)
+            Orthonormal; its first columns span what a model leaves free.
+        free : (M,) int
+            How many.
+        """
+        k, out = len(self.centre), np.empty((len(free), *self.right.shape))
+        inside, c = np.arange(k)[:, None] < free, turn.T @ self.centre
+        for f, (gram, right) in enumerate(zip(self.grams, self.right, strict=True)):
+            A, b = turn.T @ gram @ turn, turn.T @ right
+            fit = Normal.ridged(A, b)
+            moved = np.where(inside, 0.0, -c[:, None])
+            for _ in range(2):  # the second time takes away what the ridge did to the first
+                half = nested_halves(fit, b[:, None] - A @ moved, free)
+                moved += solve_triangular(fit.factor, half, lower=True, trans="T")
+            out[:, f] = (turn @ moved).T
+        return out
 
 
 @frozen(kw_only=True)
@@ -147,7 +227,7 @@ class WhitenedRegression:
                 before.factor @ before.factor.T + turn.T @ gram[:k, :k] @ turn, none
             )
             own = gram @ left[:, f].T
-            half = after.halves(turn.T @ own[:k], free)
+            half = nested_halves(after, turn.T @ own[:k], free)
             volume = np.log(np.diag(before.factor)) - np.log(np.diag(after.factor))
             volumes = np.append(0.0, np.cumsum(volume))[free]
             found[:, f] = volumes + 0.5 * ((half**2).sum(0) - (left[:, f].T * own).sum(0))
@@ -210,7 +290,7 @@ def _see(information: Information, full: Estimate, R: Array, tests: Information)
     weights = 1.0 / np.maximum(full.variance * full.times, least_noise(information))
     if not (full.estimator.instruments and information.instrumented):
         return tests.products(weights, one, one)
-    T = combine(information, full.weights).left.reshape(2, k, k)
+    T = combine(information, full).left.reshape(2, k, k)
     left = np.vstack([*(R[:k, :k] @ T), np.zeros((1, k))])
     both = np.hstack([left, np.vstack([np.zeros((k, k + 1)), one])])
     out = []
@@ -461,6 +541,24 @@ def good_steps(steps: Sequence[Step]) -> list[int]:
     best = steps[best_step(steps)].score
     down = range(len(steps) - 1, first_allowed(steps) - 1, -1)
     return [k for k in down if may_stand(steps[k].score, best)]
+
+
+def weigh_models(densities: Sequence[Array] | Array, rng: np.random.Generator) -> Array:
+    """Return pseudo-BMA+ weights of M models, (M,) [Yao 2018].
+
+    Softmax of the summed log densities, averaged over a Bayesian bootstrap of the folds.
+
+    Parameters
+    ----------
+    densities : (M, F) [nats]
+    rng : numpy.random.Generator
+    """
+    each = np.asarray(densities, float)
+    drawn = rng.dirichlet(np.ones(each.shape[1]), LEVELS.draws) * each.shape[1]
+    total = drawn @ each.T
+    odds = np.exp(total - total.max(1, keepdims=True))
+    weights: Array = (odds / odds.sum(1, keepdims=True)).mean(0)
+    return weights
 
 
 #: Models up to which all are measured: each takes a time with the third power of its columns.

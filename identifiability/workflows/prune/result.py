@@ -61,7 +61,7 @@ class PrunedModel(ModelResult):
         What the model was chosen by: predictive log density of these stretches, less that of the
         best model; and the standard error.
     weight : float
-        Of the model in the mixture of all (`evidence.weigh_models`).
+        Of the model in the mixture of all (`elimination.weigh_models`).
     """
 
     step: Step

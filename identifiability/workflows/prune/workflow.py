@@ -16,7 +16,7 @@ from identifiability.estimation.estimate import (
     settle_noise,
 )
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.estimation.evidence import Evidence, HeldOut, near_best, weigh_models
+from identifiability.estimation.evidence import Evidence, HeldOut, near_best
 from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Task, predict_all
 from identifiability.foundation.engines import Engine, Steps, one_thread
@@ -43,7 +43,6 @@ from identifiability.regression.reduction import (
     find_ladder,
     full_model,
     ladder_model,
-    unused_ladder,
 )
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
@@ -66,6 +65,7 @@ from identifiability.workflows.prune.elimination import (
     first_allowed,
     good_steps,
     thin_path,
+    weigh_models,
 )
 from identifiability.workflows.prune.moves import propose_moves
 from identifiability.workflows.prune.result import Ladder, PrunedModel
@@ -193,7 +193,7 @@ def prune(
             structure=session.structure,
             samples=opening.samples,
             validation=opening.validation,
-            hints=tuple(filter(None, (*hints, thinned, *unused_ladder(robot, ladder)))),
+            hints=tuple(filter(None, (*hints, thinned))),
             recordings=session.recordings,
             information=rows.information,
             start=start,

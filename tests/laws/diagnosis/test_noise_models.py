@@ -9,11 +9,11 @@ from identifiability.estimation.noise import (
     BOUND,
     JointRuns,
     RestrictedLikelihood,
-    fit_residual_noise,
     levinson,
     span_columns,
     whiten,
 )
+from identifiability.workflows.calibrate.world import fit_residual_noise
 
 PACF = np.array([0.6, -0.3])
 RUNS = [(0, 25), (25, 29), (29, 70)]

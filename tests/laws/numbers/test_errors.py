@@ -101,13 +101,6 @@ def information(*logs, size=8):
     return W, gather(W, W @ [1.0, 2.0] + rng.normal(size=(N, 1)), size=size, logs=logs)
 
 
-def test_several_logs_are_left_out_one_by_one_and_one_in_five_stretches():
-    np.testing.assert_array_equal(Folds.short(information(16, 24)[1]).test, [0, 0, 1, 1, 1])
-    folds = Folds.short(information(160)[1]).test
-    np.testing.assert_array_equal(folds, np.repeat(np.arange(5), 4))
-    np.testing.assert_array_equal(Folds.short(information(24)[1]).test, [0, 1, 2])
-
-
 def test_what_is_left_out_of_a_fold_is_the_fold_and_nothing_else():
     _, every = information(16, 24, 16)
     rest = every.take(every.log != 1)
@@ -154,7 +147,7 @@ class Rows:
             SimpleNamespace(
                 remote=False,
                 is_shown=True,
-                dwelling=False,
+                regression=SimpleNamespace(dwelling=False),
                 shown=lambda k=k: self.chunks(k),
             )
             for k in range(len(self.logs))
