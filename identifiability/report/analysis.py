@@ -64,10 +64,14 @@ from identifiability.workflows.predict import Fit
 
 def analysis_heading(analysis: Analysis) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
-    robot, logs = analysis.robot, format_count(len(analysis.samples), "log")
-    samples = format_count(analysis.information.samples, "sample")
-    about = f"{robot.path.name} · {count_joints(robot)} · {logs} with {samples}"
-    return "Identifiability report", about
+    about = f"{count_joints(analysis.robot)} · {fitted_logs(analysis.samples)}"
+    return "Identifiability report", f"{analysis.robot.path.name} · {about}"
+
+
+def fitted_logs(samples: Sequence[Dataset]) -> str:
+    """Return how many logs were fitted, and how many rows of them were prepared."""
+    rows = sum(log.survey.kept for log in samples)
+    return f"{format_count(len(samples), 'log')} with {format_count(rows, 'row')}"
 
 
 def analysis_moving(analysis: Analysis) -> Moving | None:

@@ -569,9 +569,9 @@ def prediction_sections(result: TorquePrediction) -> list[Section]:
 
 def pruning_heading(ladder: Ladder) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
-    logs = format_count(len(ladder.samples), "log")
-    samples = format_count(ladder.information.samples, "sample")
-    return "Pruning report", f"{ladder.robot.path.name} · {logs} with {samples}"
+    from identifiability.report.analysis import fitted_logs  # noqa: PLC0415
+
+    return "Pruning report", f"{ladder.robot.path.name} · {fitted_logs(ladder.samples)}"
 
 
 def pruning_below(ladder: Ladder) -> Picture:
@@ -641,10 +641,10 @@ def rollout_heading(result: PositionPrediction) -> tuple[str, str]:
 
 def rollout_sections(result: PositionPrediction) -> list[Section | None]:
     """Return the sections of the page."""
-    return [_moving(result), _positions(result), section("rollout.joints", result.tables()[0])]
+    return [_positions(result), section("rollout.joints", result.tables()[0])]
 
 
-def _moving(result: PositionPrediction) -> Section | None:
+def rollout_moving(result: PositionPrediction) -> Moving | None:
     """Return the robots as they move along the first log, if they can be drawn."""
     log, robot = result.logs[0], result.robot
     motions = {"recording": ("grey", log.q)}
@@ -660,10 +660,8 @@ def _moving(result: PositionPrediction) -> Section | None:
             for run, own in zip(result.runs, errors, strict=True)
         ]
 
-    caption = f"The robots along {log.name}, and how far their joints are from the recording (rms)."
     poses = {name: (tone, robot.configuration(q)) for name, (tone, q) in motions.items()}
-    moving = move_skeletons(robot, log.t, poses, told, caption)
-    return None if moving is None else section("rollout.motion", moving, log=log.name)
+    return move_skeletons(robot, log.t, poses, told, sentence("rollout.motion", log=log.name))
 
 
 def _positions(result: PositionPrediction) -> Section:

@@ -25,7 +25,7 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import BASE, Array, shorten_paths
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import digits, error_text, format_count, join, percent
+from identifiability.foundation.rounding import digits, error_text, format_count, join
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -156,10 +156,9 @@ class TorquePrediction(Result):
         """Return what was predicted, how well, whether to trust it, what to do next."""
         known = [n for n, has in zip(self.logs, self.measured, strict=True) if has]
         each = self.error_frame()["error"].to_numpy(float)
-        more = f"Measured on {join(known)}."
-        if np.isfinite(self.error_ra) and self.error_ra != self.error_ra_raw:
-            more += f" Of the torque as it was measured it errs by {percent(self.error_ra_raw)}."
-        quality = answer_quality(self.error_ra, self.robot.joints, each, more if known else "")
+        more = f"Measured on {join(known)}." if known else ""
+        about = self.error_ra, self.robot.joints, each, more
+        quality = answer_quality(*about, raw=self.error_ra_raw)
         return _what(self), quality, _trust(self), answer_next(_next_commands(self))
 
     def decided_by(self) -> tuple[RuleTable, ...]:

@@ -526,8 +526,8 @@ class Laddered(OfStructure, Result, predict.Predicts):
         each, more = self.held_out.joint_error()[:, 0], [f"Measured on {self.validation_kind}."]
         if not self.nothing:
             more += [self._beside(), self._in_file()]
-        error = self.chosen.error_ra_validation
-        return answer_quality(error, self.robot.joints, each, " ".join(filter(None, more)))
+        error, text = self.chosen.error_ra_validation, " ".join(filter(None, more))
+        return answer_quality(error, self.robot.joints, each, text, raw=self.left_out["raw"])
 
     @property
     def left_out(self) -> dict[str, float]:
@@ -538,14 +538,12 @@ class Laddered(OfStructure, Result, predict.Predicts):
         return dict(zip(("rows", "all_rows", "raw"), map(float, (share, *errors)), strict=True))
 
     def _beside(self) -> str:
-        """Return what the error leaves out: rows without weight, and what a low-pass took."""
-        left, error, told = self.left_out, self.chosen.error_ra_validation, []
-        if left["rows"] > 0:
-            share, every = percent(left["rows"], 2), percent(left["all_rows"])
-            told.append(sentence("decision.left", "rows", share=share, error=every))
-        if np.isfinite(left["raw"]) and not np.isclose(left["raw"], error, rtol=1e-6):
-            told.append(sentence("decision.left", "raw", error=percent(left["raw"])))
-        return " ".join(told)
+        """Return which rows the error leaves out, as they have no weight."""
+        left = self.left_out
+        if not left["rows"] > 0:
+            return ""
+        share, every = percent(left["rows"], 2), percent(left["all_rows"])
+        return sentence("decision.left", "rows", share=share, error=every)
 
     def _in_file(self) -> str:
         """Return what a plain robot file errs by in a simulator, and what it lacks."""
