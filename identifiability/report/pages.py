@@ -599,7 +599,6 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
         section("pruning.ladder", path, why=sentence("pruning.why")),
         section_correlated(ladder.fit) if some else None,
         section("pruning.bodies", masses, said="" if real is None else real.sentence),
-        _refused(ladder),
         section("pruning.method", Prose(tuple(text.values())), level_table(), detail=True),
     ]
 
@@ -613,17 +612,6 @@ def section_survivors(ladder: Ladder) -> Section:
     tables = fold_verdicts(table, ladder.verdicts)
     said = format_count(size, "parameter")
     return section("pruning.survivors", *tables, *ladder.tables()[1:], size=said)
-
-
-def _refused(ladder: Ladder) -> Section | None:
-    """Return the suggested moves that the data contradict; None without any."""
-    own = (
-        Column("move", get="move.text"),
-        Column("because", get="move.why"),
-        Column("but", get="reason"),
-    )
-    table = Table.of("", own, ladder.refused)
-    return section("pruning.refused", table, detail=True) if ladder.refused else None
 
 
 # PositionPrediction: measured and simulated positions along logs.

@@ -765,8 +765,11 @@ class PositionPrediction(Result):
         return np.asarray(np.sqrt(np.mean(errors[:, self.alike] ** 2, axis=1)))
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return by how much positions err, and what moved the robots, and when."""
-        return _position_error(self), _driven(self)
+        """Return by how much positions err, what moved the robots, and when, and what is next."""
+        logs = name_logs(self.robot, given_paths(self.logs))
+        line = f"identifiability diagnose {source_name(self.robot)} {logs} --report missing.html"
+        following = answer_next([("Find out what the robot file misses:", line)])
+        return _position_error(self), _driven(self), following
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint, in mrad or mm."""
