@@ -601,7 +601,8 @@ class Laddered(OfStructure, Result, predict.Predicts):
     def to_frame(self, model: str | None = None) -> pd.DataFrame:
         """Return one row a parameter of the model to use, or of the named one.
 
-        ``used`` is its value in predictions and files.
+        ``used`` is its value in predictions and files, `lower` and `upper` the ends of its
+        95 % interval.
 
         Raises
         ------
@@ -609,7 +610,9 @@ class Laddered(OfStructure, Result, predict.Predicts):
             If the ladder has no such model.
         """
         result = self.chosen if model is None else self.models[self.find_model(model)]
-        return pd.DataFrame(result.rows())
+        frame = pd.DataFrame(result.rows())
+        frame[["lower", "upper"]] = [*frame["interval95"]]
+        return frame
 
     def find_model(self, name: str) -> int:
         """Return the place of a model in the ladder.

@@ -394,6 +394,8 @@ def export(
         if name in effect_of or name[:-1] not in written.beside:  # else one way of both
             title = effect_of[name].title if name in effect_of else name
             beside.setdefault(title, []).append(name)
+    if unseen is not None and snippet is not None and set(beside) == set(added):
+        unseen = replace(unseen, callback=snippet.name)
     return Exported(
         robot=written.robot,
         sidecar=written.sidecar,
@@ -476,6 +478,8 @@ class Unseen:
         Of the robot's own file, and of the one that was written.
     before, written, both : float
         ε_RA of the robot's own file, of the written one, and of that with its sidecar.
+    callback : str
+        What else holds all that the sidecar does: the function for MuJoCo.
     """
 
     logs: tuple[str, ...]
@@ -483,12 +487,14 @@ class Unseen:
     before: float
     written: float
     both: float
+    callback: str = ""
 
     @property
     def text(self) -> str:
         """They, in a sentence."""
         before, written, both = map(percent, (self.before, self.written, self.both))
-        beside = f" and with its sidecar by {both}" if self.both != self.written else ""
+        whole = f"its sidecar, or in MuJoCo {self.callback}," if self.callback else "its sidecar"
+        beside = f" and with {whole} by {both}" if self.both != self.written else ""
         return (
             f"On {listing(self.logs, 4)} (not fitted) {self.names[1]} alone errs by {written}"
             f"{beside}, where {self.names[0]} alone errs by {before}."
