@@ -115,8 +115,8 @@ def section_parameters(analysis: Analysis) -> Section:
     size = format_count(len(chosen.submodel), "parameter")
     return section(
         "analysis.parameters",
-        figure,
         *tables,
+        figure,
         Fold("Which numbers of the robot file may I believe?", (file_table(analysis),)),
         _name_key(analysis),
         title=model_title(chosen),
@@ -125,10 +125,16 @@ def section_parameters(analysis: Analysis) -> Section:
     )
 
 
+#: Parameters that stand open.
+DECISIVE = 12
+
+
 def fold_verdicts(table: Table, verdicts: Sequence[Verdict]) -> tuple[Table | Fold, ...]:
-    """Return a table of judged parameters, those that are not identifiable one click away."""
-    known = [v.verdict is Class.IDENTIFIABLE for v in verdicts]
-    return fold_rows(table, known, "identifiable parameters", "parameters")
+    """Return a table of the identifiable parameters that decide most; others are a click away."""
+    known = [v for v in verdicts if v.verdict is Class.IDENTIFIABLE]
+    first = {v.name for v in sorted(known, key=lambda v: -v.share)[:DECISIVE]}
+    shown = [v.name in first for v in verdicts]
+    return fold_rows(table, shown, "identifiable parameters of most torque")
 
 
 def _name_key(analysis: Analysis) -> Fold:

@@ -63,7 +63,7 @@ if TYPE_CHECKING:
 
 
 #: Rows of a figure with the answers: the worst, or the best.
-SHOWN_FIRST = 20
+SHOWN_FIRST = 12
 
 
 # Calibration: may intervals and verdicts be trusted on this motion?
@@ -496,11 +496,10 @@ def payload_moving(result: Load) -> Moving | None:
     mass, centre = result.parameters[9], result.parameters[6:9]
     load = Point(robot.links[body].last, centre / mass)
     lines = {"measured": torque.measured, "by the load": torque.explained}
-    motion, t = result.motion, torque.t
     return move_with_torque(
         robot,
-        motion,
-        t,
+        result.motion,
+        torque.t,
         torque.explained,
         lines,
         log,
@@ -516,13 +515,12 @@ def payload_sections(result: Load) -> list[Section | None]:
     every = (*result.logs, *result.without)
     called = dict(zip(every, shorten_paths(every), strict=True))
     pairs = join([f"{called[one]} with {called[other]}" for one, other in result.pairs])
-    words = "payload.how"
     return [
         section("payload.quantities", result.tables()[0], body=result.body),
         section(
             "payload.method",
-            sentence(words, "plain", body=result.body),
-            sentence(words, "pairs", pairs=pairs) if pairs else None,
+            sentence("payload.how", "plain", body=result.body),
+            sentence("payload.how", "pairs", pairs=pairs) if pairs else None,
         ),
     ]
 
