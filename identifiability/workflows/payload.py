@@ -255,7 +255,7 @@ def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Q
     for k, (name, unit) in enumerate(QUANTITIES.items()):
         why = ""
         if lost[k]:
-            why = "this motion does not tell it"
+            why = "not identifiable from this motion"
         elif k and unsure[0]:
             why = "no mass is identifiable"
         elif unsure[k]:
