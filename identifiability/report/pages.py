@@ -586,13 +586,12 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
         effects=", ".join(ladder.effects),
         **settings,
     )
-    some = not ladder.nothing
     every = f"All {format_count(len(ladder.models), 'model')} of the path"
     path = Fold(every, (ladder.tables()[0],))
     return [
         section_survivors(ladder),
         section("pruning.ladder", path, why=sentence("pruning.why")),
-        section_correlated(ladder.fit) if some else None,
+        None if ladder.nothing else section_correlated(ladder.fit),
         section("pruning.bodies", masses, said="" if real is None else real.sentence),
         section("pruning.method", Prose(tuple(text.values())), level_table(), detail=True),
     ]
