@@ -6,6 +6,7 @@ beside the site.
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import tempfile
 from collections.abc import Callable
@@ -64,11 +65,13 @@ PAGES: dict[str, Callable[[Path], Result]] = {
 
 def write_gallery(out: Path) -> list[Path]:
     """Write every page into a folder."""
+    out = out.absolute()
     out.mkdir(parents=True, exist_ok=True)
     written = []
     for name, make in PAGES.items():
-        with tempfile.TemporaryDirectory() as folder:
-            written.append(make(Path(folder)).write_report(out / f"{name}.html"))
+        # Lines to type name logs as from their own folder.
+        with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+            written.append(make(Path()).write_report(out / f"{name}.html"))
     return written
 
 

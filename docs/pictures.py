@@ -7,6 +7,7 @@ The arm is drawn by MuJoCo (without ``MUJOCO_GL`` on a screen), the first screen
 from __future__ import annotations
 
 import argparse
+import contextlib
 import runpy
 import shutil
 import subprocess
@@ -90,8 +91,8 @@ def main() -> None:
     IMAGES.mkdir(parents=True, exist_ok=True)
     pages = runpy.run_path(str(DOCS / "gallery.py"))["PAGES"]
     for name, make in pages.items():
-        with tempfile.TemporaryDirectory() as place:
-            result = make(Path(place))
+        with tempfile.TemporaryDirectory() as place, contextlib.chdir(place):
+            result = make(Path())
             page = result.write_report(Path(place) / f"{name}.html")
             photograph(page, IMAGES / f"page-{name}.png")
             if name == "arm":

@@ -9,7 +9,7 @@ from typing import TextIO
 
 #: New objects after which cycles of them are looked for, and how often among older ones. A command
 #: makes few, and arrays are freed without: by default it spent a twentieth of its time looking.
-SELDOM = (200_000, 20, 20)
+SELDOM = (1_000_000, 20, 20)
 
 
 def main() -> None:

@@ -518,11 +518,6 @@ def effects(option: str) -> list[str]:
     return list(helps()["effects"] if registry is None else registry.FAMILIES)
 
 
-def find_robots(typed: str) -> list[str]:
-    """Return the shipped robots that begin so, for the shell; it adds the files itself."""
-    return [name for name in shipped_robots() if name.startswith(typed)]
-
-
 def _load_plugins(context: typer.Context, paths: list[Path] | None) -> list[Path]:
     """Register what the user's files add before the command, or its help, asks for any."""
     if paths and not context.resilient_parsing:
@@ -566,7 +561,7 @@ class Recorded:
 class Machine:
     """The robot, what its file does not say, and what its logs call things."""
 
-    robot: Annotated[str, Argument(autocompletion=find_robots)]
+    robot: Annotated[str, Argument()]
     sidecar: str | None = None
     lock: Annotated[Sequence[str] | None, Option(metavar="NAME[=VALUE]")] = None
     map: Annotated[Sequence[str] | None, Option(metavar="OLD=NEW")] = None

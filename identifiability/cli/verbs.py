@@ -154,7 +154,7 @@ def inspect(
 class OneMachine(options.Machine):
     """The robot; of many robots a folder each."""
 
-    robot: Annotated[str, Argument(autocompletion=options.find_robots)] = ""
+    robot: Annotated[str, Argument()] = ""
 
 
 @Verb

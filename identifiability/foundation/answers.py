@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from numbers import Integral, Real
 from operator import attrgetter
+from textwrap import fill, shorten
 from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
@@ -154,6 +155,13 @@ class Table:
         filter_by = shown.index(chips) if chips in shown else None
         columns = tuple(self.columns[k] for k in shown)
         return replace(self, columns=columns, rows=rows, marked=marked, filter_by=filter_by)
+
+    def text(self, width: int = 80) -> str:
+        """Return it without what is detail as text of so many columns, in blocks if it is wider."""
+        own = self.brief()
+        cells = [[shorten(cell.text, width // 3) for cell in row] for row in own.rows]
+        frame = pd.DataFrame(cells, columns=[column.title for column in own.columns])
+        return f"{fill(self.caption, width)}\n{frame.to_string(index=False, line_width=width)}"
 
 
 def frame_table(

@@ -173,9 +173,8 @@ class Processes(Engine):
             with temporary_folder() as folder:
                 path = Path(folder, "function")
                 path.write_bytes(cloudpickle.dumps(function))
-                yield from in_order(
-                    partial(self._started(), run_pickled, path), items, self.workers
-                )
+                submit = partial(self._started(), run_pickled, path)
+                yield from in_order(submit, items, self.workers)
             ended = True
         except BrokenExecutor:
             raise EngineError(Finding("workers.lost", workers=self.workers)) from None

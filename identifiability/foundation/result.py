@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from pathlib import Path
-from textwrap import shorten
+from textwrap import fill, shorten
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from identifiability.foundation import handed
@@ -76,6 +76,11 @@ class Result(ABC):
         """Return the numbers by which it was decided, the verb's own first."""
         return ()
 
+    def summary(self) -> str:
+        """Return the answers and the tables as text in 80 columns."""
+        said = [fill(line, 80) for line in self.statement.splitlines()]
+        return "\n\n".join([*said, *(table.text() for table in self.tables())])
+
     def next(self) -> tuple[tuple[str, str], ...]:
         """Return what to do next: what for, and the line to type."""
         return next((a.commands for a in self.answers() if a.commands), ())
@@ -120,7 +125,7 @@ class Result(ABC):
     def __dir__(self) -> list[str]:
         """What completion offers: what is asked of results, not what they are made of."""
         asked = {"answers", "figures", "findings", "from_json", "next", "statement", "tables"}
-        asked |= {"chosen", "hints", "models", "play", "predict", "robot"}
+        asked |= {"chosen", "hints", "models", "play", "predict", "robot", "summary"}
         offered = ("_", "to_", "write_")
         return [n for n in super().__dir__() if n in asked or n.startswith(offered)]
 

@@ -64,10 +64,14 @@ from identifiability.workflows.predict import Fit
 
 def analysis_heading(analysis: Analysis) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
-    robot, logs = analysis.robot, format_count(len(analysis.samples), "log")
-    samples = format_count(analysis.information.samples, "sample")
-    about = f"{robot.path.name} · {count_joints(robot)} · {logs} with {samples}"
-    return "Identifiability report", about
+    about = f"{count_joints(analysis.robot)} · {fitted_logs(analysis.samples)}"
+    return "Identifiability report", f"{analysis.robot.path.name} · {about}"
+
+
+def fitted_logs(samples: Sequence[Dataset]) -> str:
+    """Return how many logs were fitted, and how many rows of them were prepared."""
+    rows = sum(log.survey.kept for log in samples)
+    return f"{format_count(len(samples), 'log')} with {format_count(rows, 'row')}"
 
 
 def analysis_moving(analysis: Analysis) -> Moving | None:
@@ -111,8 +115,8 @@ def section_parameters(analysis: Analysis) -> Section:
     size = format_count(len(chosen.submodel), "parameter")
     return section(
         "analysis.parameters",
-        figure,
         *tables,
+        figure,
         Fold("Which numbers of the robot file may I believe?", (file_table(analysis),)),
         _name_key(analysis),
         title=model_title(chosen),
@@ -121,10 +125,16 @@ def section_parameters(analysis: Analysis) -> Section:
     )
 
 
+#: Parameters that stand open.
+DECISIVE = 12
+
+
 def fold_verdicts(table: Table, verdicts: Sequence[Verdict]) -> tuple[Table | Fold, ...]:
-    """Return a table of judged parameters, those that are not identifiable one click away."""
-    known = [v.verdict is Class.IDENTIFIABLE for v in verdicts]
-    return fold_rows(table, known, "identifiable parameters", "parameters")
+    """Return a table of the identifiable parameters that decide most; others are a click away."""
+    known = [v for v in verdicts if v.verdict is Class.IDENTIFIABLE]
+    first = {v.name for v in sorted(known, key=lambda v: -v.share)[:DECISIVE]}
+    shown = [v.name in first for v in verdicts]
+    return fold_rows(table, shown, "identifiable parameters of most torque")
 
 
 def _name_key(analysis: Analysis) -> Fold:

@@ -313,9 +313,7 @@ def sort_key(cell: Cell) -> str | None:
     return "" if math.isnan(cell.key) else f"{cell.key:.6g}".replace("inf", "Infinity")
 
 
-def fold_rows(
-    table: Table, first: Sequence[bool], those: str, rest: str
-) -> tuple[Table | Fold, ...]:
+def fold_rows(table: Table, first: Sequence[bool], those: str) -> tuple[Table | Fold, ...]:
     """Return a table of some rows, and below it one of the others that opens on demand.
 
     Where there are only some, or only others, the table stays whole.
@@ -325,8 +323,8 @@ def fold_rows(
     table : Table
     first : sequence of bool
         Which of its rows stand first.
-    those, rest : str
-        What these and the others are, for the caption of the one and the summary of the other.
+    those : str
+        What these are, for the caption; what the others are say the words to filter by.
     """
     count = sum(first)
     if not 0 < count < len(table.rows):
@@ -336,7 +334,7 @@ def fold_rows(
         for kind in (True, False)
     )
     counts = ", ".join(f"{n} {word}" for word, n in words_of(replace(table, rows=hidden)))
-    said = f"The other {len(hidden)}: {counts or rest}"
+    said = f"The other {len(hidden)}: {counts}"
     more = replace(
         table,
         caption="",

@@ -590,7 +590,7 @@ def draw_ladder(
     selected, least : int
         The model to use, and the one with the best predictive log density.
     """
-    figure, (axes,) = canvas(720, 320, (62, 16, 40, 44))
+    figure, (axes,) = canvas(460, 320, (58, 14, 58, 44))
     fitted, unseen, spread = (
         100 * np.where(np.isfinite(x), x, np.nan) for x in (fitted, unseen, spread)
     )
@@ -639,8 +639,8 @@ def draw_ladder(
     legend_above(
         axes,
         loc="upper left",
-        ncols=5,
-        bbox_to_anchor=(0, 1.14),
+        ncols=3,
+        bbox_to_anchor=(0, 1.2),
         borderaxespad=0,
     )
     label_axes(axes, "number of parameters [–]", "relative torque error [%]")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identifiability.effects import find_effect, title_of
+from identifiability.effects import title_of
 from identifiability.foundation.answers import Cell, Column, Note, Table
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
@@ -63,7 +63,7 @@ if TYPE_CHECKING:
 
 
 #: Rows of a figure with the answers: the worst, or the best.
-SHOWN_FIRST = 20
+SHOWN_FIRST = 12
 
 
 # Calibration: may intervals and verdicts be trusted on this motion?
@@ -285,16 +285,13 @@ def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
         Term(" in ".join(filter(None, (title, join(list(filter(None, places)), PLACES)))), reason)
         for (title, reason), places in why.items()
     )
-    names = dict.fromkeys([*d.base, *(x.name for x in d.evidence)])
-    effects = [(name, find_effect(name)) for name in names]
-    terms = Terms(tuple(Term(title_of(n), e.source, formula=e.equation) for n, e in effects))
     prepared = tuple(f"{s.name}: {'; '.join(s.notes)}." for s in (*d.samples, *d.validation))
     roles = sentence("diagnosis.roles", verified=d.verified_on)
     told = Prose((roles, *prepared))
     return (
         section("diagnosis.evidence", table, detail=True),
         section("diagnosis.refusals", Terms(refused) if refused else "Every family was asked."),
-        section("diagnosis.method", terms, level_table(), told, detail=True),
+        section("diagnosis.method", level_table(), told, detail=True),
     )
 
 
@@ -499,11 +496,10 @@ def payload_moving(result: Load) -> Moving | None:
     mass, centre = result.parameters[9], result.parameters[6:9]
     load = Point(robot.links[body].last, centre / mass)
     lines = {"measured": torque.measured, "by the load": torque.explained}
-    motion, t = result.motion, torque.t
     return move_with_torque(
         robot,
-        motion,
-        t,
+        result.motion,
+        torque.t,
         torque.explained,
         lines,
         log,
@@ -519,13 +515,12 @@ def payload_sections(result: Load) -> list[Section | None]:
     every = (*result.logs, *result.without)
     called = dict(zip(every, shorten_paths(every), strict=True))
     pairs = join([f"{called[one]} with {called[other]}" for one, other in result.pairs])
-    words = "payload.how"
     return [
         section("payload.quantities", result.tables()[0], body=result.body),
         section(
             "payload.method",
-            sentence(words, "plain", body=result.body),
-            sentence(words, "pairs", pairs=pairs) if pairs else None,
+            sentence("payload.how", "plain", body=result.body),
+            sentence("payload.how", "pairs", pairs=pairs) if pairs else None,
         ),
     ]
 
@@ -569,9 +564,9 @@ def prediction_sections(result: TorquePrediction) -> list[Section]:
 
 def pruning_heading(ladder: Ladder) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
-    logs = format_count(len(ladder.samples), "log")
-    samples = format_count(ladder.information.samples, "sample")
-    return "Pruning report", f"{ladder.robot.path.name} · {logs} with {samples}"
+    from identifiability.report.analysis import fitted_logs  # noqa: PLC0415
+
+    return "Pruning report", f"{ladder.robot.path.name} · {fitted_logs(ladder.samples)}"
 
 
 def pruning_below(ladder: Ladder) -> Picture:
@@ -591,15 +586,13 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
         effects=", ".join(ladder.effects),
         **settings,
     )
-    some = not ladder.nothing
     every = f"All {format_count(len(ladder.models), 'model')} of the path"
     path = Fold(every, (ladder.tables()[0],))
     return [
         section_survivors(ladder),
         section("pruning.ladder", path, why=sentence("pruning.why")),
-        section_correlated(ladder.fit) if some else None,
+        None if ladder.nothing else section_correlated(ladder.fit),
         section("pruning.bodies", masses, said="" if real is None else real.sentence),
-        _refused(ladder),
         section("pruning.method", Prose(tuple(text.values())), level_table(), detail=True),
     ]
 
@@ -613,17 +606,6 @@ def section_survivors(ladder: Ladder) -> Section:
     tables = fold_verdicts(table, ladder.chosen.verdicts)
     said = format_count(size, "parameter")
     return section("pruning.survivors", *tables, *ladder.tables()[1:], size=said)
-
-
-def _refused(ladder: Ladder) -> Section | None:
-    """Return the suggested moves that the data contradict; None without any."""
-    own = (
-        Column("move", get="move.text"),
-        Column("because", get="move.why"),
-        Column("but", get="reason"),
-    )
-    table = Table.of("", own, ladder.refused)
-    return section("pruning.refused", table, detail=True) if ladder.refused else None
 
 
 # PositionPrediction: measured and simulated positions along logs.
@@ -641,10 +623,10 @@ def rollout_heading(result: PositionPrediction) -> tuple[str, str]:
 
 def rollout_sections(result: PositionPrediction) -> list[Section | None]:
     """Return the sections of the page."""
-    return [_moving(result), _positions(result), section("rollout.joints", result.tables()[0])]
+    return [_positions(result), section("rollout.joints", result.tables()[0])]
 
 
-def _moving(result: PositionPrediction) -> Section | None:
+def rollout_moving(result: PositionPrediction) -> Moving | None:
     """Return the robots as they move along the first log, if they can be drawn."""
     log, robot = result.logs[0], result.robot
     motions = {"recording": ("grey", log.q)}
@@ -660,10 +642,8 @@ def _moving(result: PositionPrediction) -> Section | None:
             for run, own in zip(result.runs, errors, strict=True)
         ]
 
-    caption = f"The robots along {log.name}, and how far their joints are from the recording (rms)."
     poses = {name: (tone, robot.configuration(q)) for name, (tone, q) in motions.items()}
-    moving = move_skeletons(robot, log.t, poses, told, caption)
-    return None if moving is None else section("rollout.motion", moving, log=log.name)
+    return move_skeletons(robot, log.t, poses, told, sentence("rollout.motion", log=log.name))
 
 
 def _positions(result: PositionPrediction) -> Section:

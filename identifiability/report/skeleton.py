@@ -16,7 +16,7 @@ from identifiability.robot.kinematics import Point, shortest_turn
 from identifiability.workflows.answers import sentence
 
 #: Size of the drawing and the margin around it [px].
-WIDTH, HEIGHT, MARGIN = 400, 380, 46
+WIDTH, HEIGHT, MARGIN = 400, 280, 30
 
 #: Direction that one looks along: azimuth and height [rad].
 TURN, LIFT = -0.95, 0.42

@@ -108,6 +108,7 @@ def answer_quality(
     each: Array,
     more: str,
     question: str = "How good is it?",
+    raw: float = math.nan,
 ) -> Answer:
     """Return how good the predictions are, in words, and the joint that errs most.
 
@@ -121,6 +122,8 @@ def answer_quality(
     more : str
         What it was measured on.
     question : str
+    raw : float
+        The same of torque that no filter has passed.
     """
     if not np.isfinite(error):
         return Answer(question, "There is no error to tell.", "", "grey")
@@ -128,7 +131,10 @@ def answer_quality(
     if len(joints) > 1 and np.isfinite(each).all():
         worst = int(np.argmax(each))
         said = [f"Worst joint, over its own variation: {joints[worst]} {error_text(each[worst])}."]
-    short = sentence("decision.grades", grade, error=error_text(error))
+    errors = error_text(error)
+    if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
+        errors = sentence("decision.grades", "both", raw=error_text(raw), error=errors)
+    short = sentence("decision.grades", grade, errors=errors)
     text = " ".join([sentence("decision.uses", grade), *said, more]).rstrip()
     return Answer(question, short, text, TONES[grade])
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -216,11 +217,18 @@ class Fleet(Result):
             Column("size", "number", itemgetter("parameters")),
             Column("identifiable", "number", lambda r: r["verdicts"].get("identifiable")),
             Column("error", _error, itemgetter("error")),
-            Column("unseen", _error, itemgetter("error_unseen")),
+            Column("unseen", "bar", self._unseen),
             Column("missing", "text", lambda r: "; ".join(r["missing"]) or NONE),
             Column("warnings", "number", lambda r: len(r["warnings"])),
         )
         return (Table.of("One row a robot, whose name leads to its own page", own, self.rows),)
+
+    def _unseen(self, row: Mapping[str, Any]) -> Cell:
+        """Return the error of a robot on unseen motion, beside the largest of all."""
+        if (error := row["error_unseen"]) is None:
+            return Cell(NONE, math.nan)
+        most = max(r["error_unseen"] or error for r in self.rows)
+        return Cell(error_text(error), error, share=error / most)
 
     @property
     def statement(self) -> str:

@@ -255,9 +255,9 @@ def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Q
     for k, (name, unit) in enumerate(QUANTITIES.items()):
         why = ""
         if lost[k]:
-            why = "this motion does not tell it"
+            why = "not identifiable from this motion"
         elif k and unsure[0]:
-            why = "no mass is told"
+            why = "no mass is identifiable"
         elif unsure[k]:
             why = (
                 f"at most {high[k]:.3g} {unit}"
@@ -300,7 +300,7 @@ def find_gains(found: Differences, theta: Array) -> tuple[Quantity, ...]:
         if abs(inverse) > REACH * sd:
             ends = sorted(1.0 / (inverse + side * REACH * sd) for side in (-1, 1))
         told = sd <= Thresholds().sigma_share * abs(inverse)
-        why = "" if told else "the load does not tell it"
+        why = "" if told else "not identifiable from this load"
         out.append(Quantity(joint, robot.torque_units[j], 1.0 / inverse, ends[0], ends[1], why))
     return tuple(out)
 
@@ -395,8 +395,8 @@ class Load(Result):
         what = Answer(f"What hangs on {self.body}?", self.answer, text, tone)
         lost = [q.name for q in self.quantities if not q.told]
         count, known = len(self.quantities), "green" if self.mass.told else "amber"
-        text = f"Not told: {listing(lost, count)}; the table says why." if lost else ""
-        short = f"{count - len(lost)} of {count} quantities are told."
+        text = f"Not identifiable: {listing(lost, count)}; the table says why." if lost else ""
+        short = f"{count - len(lost)} of {count} quantities are identifiable."
         told = Answer("How well is it known?", short, text, known)
         return what, told, _trust(self), following
 

@@ -25,7 +25,7 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import BASE, Array, shorten_paths
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import digits, error_text, format_count, join, percent
+from identifiability.foundation.rounding import digits, error_text, format_count, join
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -154,10 +154,9 @@ class TorquePrediction(Result):
         """Return what was predicted, how well, whether to trust it, what to do next."""
         known = [n for n, has in zip(self.logs, self.measured, strict=True) if has]
         each = self.error_frame()["error"].to_numpy(float)
-        more = f"Measured on {join(known)}."
-        if np.isfinite(self.error_ra) and self.error_ra != self.error_ra_raw:
-            more += f" Of the torque as it was measured it errs by {percent(self.error_ra_raw)}."
-        quality = answer_quality(self.error_ra, self.robot.joints, each, more if known else "")
+        more = f"Measured on {join(known)}." if known else ""
+        about = self.error_ra, self.robot.joints, each, more
+        quality = answer_quality(*about, raw=self.error_ra_raw)
         return _what(self), quality, _trust(self), answer_next(_next_commands(self))
 
     def decided_by(self) -> tuple[RuleTable, ...]:
@@ -768,8 +767,11 @@ class PositionPrediction(Result):
         return np.asarray(np.sqrt(np.mean(errors[:, self.alike] ** 2, axis=1)))
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return by how much positions err, and what moved the robots, and when."""
-        return _position_error(self), _driven(self)
+        """Return by how much positions err, what moved the robots, and when, and what is next."""
+        logs = name_logs(self.robot, given_paths(self.logs))
+        line = f"identifiability diagnose {source_name(self.robot)} {logs} --report missing.html"
+        following = answer_next([("Find out what the robot file misses:", line)])
+        return _position_error(self), _driven(self), following
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint, in mrad or mm."""

@@ -14,6 +14,7 @@ from identifiability.simulation.motion import find_motion, read_trajectories
 
 def test_the_trajectory_file_is_read_back_digit_by_digit(paper, tmp_path):
     file = paper.to_json(tmp_path / "motion.json")
+    assert b'"identifiability/excitation/1"' in file.read_bytes()[:2000]  # it may be written anew
     known = read_trajectories(file, paper.robot)
     assert list(known) == ["excite"]
     np.testing.assert_array_equal(known["excite"].sin, paper.trajectory.sin)

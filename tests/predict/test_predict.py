@@ -65,7 +65,7 @@ def test_torque_is_told_apart_low_passed_and_raw(make_log):
     assert result.fit.preparation.cutoff == result.samples[0].cutoff
     assert found.error_ra < found.error_ra_raw
     assert (found.low < found.new).all()
-    assert "as it was measured" in found.statement
+    assert "of raw torque" in found.statement
 
 
 def test_what_the_fitted_motion_never_showed_is_not_predicted(make_log):

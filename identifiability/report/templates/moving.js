@@ -5,14 +5,23 @@ function drawMoving(figure) {
   const buttons = [...figure.querySelectorAll("[data-robot]")], said = figure.querySelector("output");
   const robots = [...figure.querySelectorAll(".robots > g")];
   let started = null;
+  const outline = (p) => data.lines.map(([a, b]) =>
+    `M${p[2 * a]} ${p[2 * a + 1]}L${p[2 * b]} ${p[2 * b + 1]}`).join("");
+  // Where the first robot was along the motion, faint behind it: a still says how it moved.
+  const trail = () => {
+    const known = data.robots[0].filter(Boolean), every = Math.max(1, Math.round(known.length / 9));
+    const path = document.createElementNS("http://www.w3.org/2000/svg", "path");
+    path.setAttribute("class", "trail");
+    path.setAttribute("d", known.filter((p, k) => k % every === 0).map(outline).join(""));
+    figure.querySelector(".robots").prepend(path);
+  };
   const draw = () => {
     const k = Number(time.value);
     robots.forEach((group, r) => {
       const p = data.robots[r][k], hidden = buttons[r]?.getAttribute("aria-pressed") === "false";
       group.style.display = p && !hidden ? "" : "none";
       if (!p) return;
-      const place = ([a, b]) => `M${p[2 * a]} ${p[2 * a + 1]}L${p[2 * b]} ${p[2 * b + 1]}`;
-      group.querySelector("path").setAttribute("d", data.lines.map(place).join(""));
+      group.querySelector("path").setAttribute("d", outline(p));
       group.querySelectorAll(".joint").forEach((dot, a) => {
         dot.setAttribute("transform", `translate(${p[2 * a]} ${p[2 * a + 1]})`);
         const missed = dot.querySelector(".missed");
@@ -44,5 +53,14 @@ function drawMoving(figure) {
     draw();
   });
   draw();
+  trail();
+  // It plays once it is seen, unless the reader asked for stillness.
+  if (matchMedia("(prefers-reduced-motion: reduce)").matches || !window.IntersectionObserver) return;
+  const seen = new IntersectionObserver(([entry]) => {
+    if (!entry.isIntersecting) return;
+    seen.disconnect();
+    play.click();
+  }, { threshold: 0.6 });
+  seen.observe(figure.querySelector(".robots"));
 }
 for (const figure of document.querySelectorAll("[data-moving]")) drawMoving(figure);

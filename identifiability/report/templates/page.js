@@ -54,6 +54,20 @@ for (const chip of document.querySelectorAll(".chip[data-word]")) {
   });
 }
 
+// Of a long answer the first lines are shown, and all of it on demand.
+for (const why of document.querySelectorAll(".answers .why")) {
+  why.classList.add("clamped");
+  if (why.scrollHeight <= why.clientHeight + 2) { why.classList.remove("clamped"); continue; }
+  const more = document.createElement("button");
+  more.type = "button";
+  more.className = "more";
+  more.textContent = "more";
+  more.addEventListener("click", () => {
+    more.textContent = why.classList.toggle("clamped") ? "more" : "less";
+  });
+  why.after(more);
+}
+
 // Statistics in detail are hidden until they are asked for; a link into them asks.
 const statistics = document.getElementById("statistics");
 function showDetail(on) {

@@ -521,8 +521,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         each, more = self.held_out.joint_error()[:, 0], [f"Measured on {self.validation_kind}."]
         if not self.nothing:
             more += [self._beside(), self._in_file()]
-        error = self.chosen.error_ra_validation
-        return answer_quality(error, self.robot.joints, each, " ".join(filter(None, more)))
+        error, text = self.chosen.error_ra_validation, " ".join(filter(None, more))
+        return answer_quality(error, self.robot.joints, each, text, raw=self.left_out["raw"])
 
     @property
     def left_out(self) -> dict[str, float]:
@@ -533,14 +533,12 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         return dict(zip(("rows", "all_rows", "raw"), map(float, (share, *errors)), strict=True))
 
     def _beside(self) -> str:
-        """Return what the error leaves out: rows without weight, and what a low-pass took."""
-        left, error, told = self.left_out, self.chosen.error_ra_validation, []
-        if left["rows"] > 0:
-            share, every = percent(left["rows"], 2), percent(left["all_rows"])
-            told.append(sentence("decision.left", "rows", share=share, error=every))
-        if np.isfinite(left["raw"]) and not np.isclose(left["raw"], error, rtol=1e-6):
-            told.append(sentence("decision.left", "raw", error=percent(left["raw"])))
-        return " ".join(told)
+        """Return which rows the error leaves out, as they have no weight."""
+        left = self.left_out
+        if not left["rows"] > 0:
+            return ""
+        share, every = percent(left["rows"], 2), percent(left["all_rows"])
+        return sentence("decision.left", "rows", share=share, error=every)
 
     def _in_file(self) -> str:
         """Return what a plain robot file errs by in a simulator, and what it lacks."""
@@ -595,7 +593,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     def to_frame(self, model: str | None = None) -> pd.DataFrame:
         """Return one row a parameter of the model to use, or of the named one.
 
-        ``used`` is its value in predictions and files.
+        ``used`` is its value in predictions and files, `lower` and `upper` the ends of its
+        95 % interval.
 
         Raises
         ------
@@ -603,7 +602,9 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             If the ladder has no such model.
         """
         result = self.chosen if model is None else self.models[self.find_model(model)]
-        return pd.DataFrame(result.rows())
+        frame = pd.DataFrame(result.rows())
+        frame[["lower", "upper"]] = [*frame["interval95"]]
+        return frame
 
     def find_model(self, name: str) -> int:
         """Return the place of a model in the ladder.

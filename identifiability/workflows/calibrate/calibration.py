@@ -266,7 +266,7 @@ def calibrate(
         Of the bootstrap in each.
     names : int, optional
         Simulated repetitions of the logs that are diagnosed with nothing missing, 0 for none; by
-        default 40, or 4 if `quick`.
+        default 40, or none if `quick`: a few say nothing of how often a name is false.
     seed : int
     progress : callable(str, float), optional
     engine : Engine, optional
@@ -283,7 +283,7 @@ def calibrate(
     """
     analysis.robot.check_stands("calibration")
     trials = settle_count(replicates, 240, 32, quick=quick)
-    names = settle_count(names, 40, 4, quick=quick)
+    names = settle_count(names, 40, 0, quick=quick)
     entry = None if analysis.source is None else analysis.source.entry.models
     alone = entry[0].name if entry and len(entry) == 1 else analysis.chosen.name
     result = analysis.models[analysis.find_model(model or alone)]

@@ -245,11 +245,11 @@ class Excitation(Result):
             for k, name in enumerate(self.limits.joints)
         }
         return {
+            "schema": self.schema,
             "comment": f"{self.statement} Coefficients are amplitudes of velocity.",
             "period": path.period,
             "samples": path.samples,
             "trajectories": {path.name: joints},
-            "schema": self.schema,
             "robot": self.robot.name,
             "criterion": self.criterion.name,
             "chosen": list(self.chosen),

@@ -379,11 +379,14 @@ def export(
             place = written.robot.with_name(f"{written.robot.stem}_torque.py")
             snippet, added = write_snippet(read(alone=False), read(alone=True), place)
     # A level of one direction, where no effect has it, is part of that of both.
-    beside = (n for n in written.beside if n in known or n[:-1] not in written.beside)
+    own_names = (n for n in written.beside if n in known or n[:-1] not in written.beside)
+    beside = by_effect(robot, own_names, shapes)
+    if unseen is not None and snippet is not None and set(beside) == set(added):
+        unseen = replace(unseen, callback=snippet.name)
     return Exported(
         robot=written.robot,
         sidecar=written.sidecar,
-        beside=by_effect(robot, beside, shapes),
+        beside=beside,
         error_ra=physical.error_ra,
         error_ra_file=alone,
         unseen=unseen,
@@ -462,6 +465,8 @@ class Unseen:
         Of the robot's own file, and of the one that was written.
     before, written, both : float
         ε_RA of the robot's own file, of the written one, and of that with its sidecar.
+    callback : str
+        What else holds all that the sidecar does: the function for MuJoCo.
     """
 
     logs: tuple[str, ...]
@@ -469,12 +474,14 @@ class Unseen:
     before: float
     written: float
     both: float
+    callback: str = ""
 
     @property
     def text(self) -> str:
         """They, in a sentence."""
         before, written, both = map(percent, (self.before, self.written, self.both))
-        beside = f" and with its sidecar by {both}" if self.both != self.written else ""
+        whole = f"its sidecar, or in MuJoCo {self.callback}," if self.callback else "its sidecar"
+        beside = f" and with {whole} by {both}" if self.both != self.written else ""
         return (
             f"On {listing(self.logs, 4)} (not fitted) {self.names[1]} alone errs by {written}"
             f"{beside}, where {self.names[0]} alone errs by {before}."

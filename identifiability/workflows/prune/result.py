@@ -194,15 +194,11 @@ class Ladder(Laddered[PrunedModel]):
         used = [c for c in chosen.columns if c not in wrong]
         short = f"Of {size} parameters {len(used)} are worth using, {found} of them identifiable."
         text = (
-            f"{listing(used, 14)}{f' (not {listing(wrong, 4)}: impossible sign)' if wrong else ''}."
+            f"{listing(used, 6)}{f' (not {listing(wrong, 4)}: impossible sign)' if wrong else ''}."
         )
         if len(chosen) == size:
             text = "Nothing was pruned: each is needed to predict motion that the fit has not seen."
-        told = [text]
-        if self.missing.functions:
-            missing = self.missing.statement
-            told.append(f"That holds only if nothing is missing: {missing}: diagnose.")
-        text = " ".join(filter(None, (*told, self._reduced(), self._physics)))
+        text = " ".join(filter(None, (text, self._reduced(), self._physics)))
         return Answer(question, short, text, "green" if chosen.feasible else "amber")
 
     def _notes(self) -> Iterator[Note]:
