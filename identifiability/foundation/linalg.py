@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import cache
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -42,13 +41,8 @@ def triangular_factor(A: Array) -> Array:
     """Return R, upper triangular, with ``RᵀR = AᵀA``."""
     if not A.size:
         return A[: A.shape[1]]
-    R: Array = dgeqrf(A)[0][: A.shape[1]]  # of small matrices NumPy's takes twice the time
-    return R * _upper(*R.shape)
-
-
-@cache
-def _upper(rows: int, columns: int) -> Array:
-    return np.triu(np.ones((rows, columns)))
+    # Of small matrices NumPy's own takes twice the time.
+    return np.asarray(np.triu(dgeqrf(A)[0][: A.shape[1]]))
 
 
 def scan_columns(unit: Array, order: Sequence[int]) -> list[int]:
