@@ -324,7 +324,8 @@ class Missing:
         seen = {k for _, k in self.entries}
         for c in self.candidates:
             if seen.intersection(c.columns):
-                found[c.family.name][c.place].append(c)
+                name, place = c.group
+                found[name][place].append(c)
         out: dict[tuple[str, str], list[list[Candidate]]] = {}
         for name, places in found.items():
             every = list(places.values())
