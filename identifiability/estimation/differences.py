@@ -10,7 +10,7 @@ nuisance of every comparison. Values that are known beforehand have their covari
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import groupby
@@ -21,13 +21,7 @@ import pandas as pd
 
 from identifiability.effects import FAMILIES, find_families
 from identifiability.estimation.gaussian import Normal
-from identifiability.estimation.groups import (
-    Excerpt,
-    Missing,
-    describe_term,
-    list_members,
-    place_of,
-)
+from identifiability.estimation.groups import Excerpt, Missing, describe_term, place_of
 from identifiability.estimation.mixed_model import Group, MixedModel, Term, Terms
 from identifiability.estimation.noise import THIN, ARNoise, JointNoise, rich_noise
 from identifiability.estimation.rules import RULES
@@ -134,7 +128,8 @@ class Differing(Candidate):
     @staticmethod
     def of(candidate: Candidate, logs: Array, pattern: str = "") -> Differing:
         """Return a candidate that some logs have."""
-        return Differing(**vars(candidate), logs=tuple(logs.tolist()), pattern=pattern)
+        own = {**vars(candidate), "logs": tuple(logs.tolist()), "pattern": pattern}
+        return Differing(**own)
 
     @property
     def group(self) -> tuple[str, str]:
@@ -192,11 +187,7 @@ def noise_beside(missing: Missing, differing: Sequence[int]) -> ARNoise:
     for j, runs in enumerate(seen.runs.each):
         own = [missing.entries[j, k] for k in differing if (j, k) in missing.entries]
         X = seen.X[:, j, seen.X[:, j].any(0)]
-        noise = rich_noise([X, np.reshape(own, (-1, len(X))).T], seen.y[:, j], runs)
-        if not np.isfinite(noise.sigma):  # none but that of rounding
-            size = float(np.sqrt(np.mean(seen.raw[:, j] ** 2)))
-            noise = JointNoise(np.empty(0), ROUNDOFF * (size or 1.0))
-        out.append(noise)
+        out.append(rich_noise([X, np.reshape(own, (-1, len(X))).T], seen.y[:, j], runs))
     return tuple(out)
 
 
@@ -286,22 +277,20 @@ class Differences:
         shared : float, optional
             How much more rows scatter, because they share the logs that were taken off.
         """
-        logs, base = len(patterns[0]), dict(zip(names, known.base.tolist(), strict=False))
+        logs = np.eye(len(patterns[0]))
         may = [Differing.of(c, w, str(k)) for k, w in enumerate(patterns) for c in changes]
-        drifts = [
-            replace(c, logs=tuple(log), pattern="drift")  # a nuisance
-            for c in may[: len(changes)]
-            if c.kind == "friction" and all(_levels(c, base))
-            for log in np.eye(logs).tolist()
-        ]
-        always = [Differing.of(c, np.ones(logs)) for c in lacks]
+        rubs = [c for c in may[: len(changes)] if c.kind == "friction"]
+        drifts = [Differing.of(c, log, "drift") for c in rubs for log in logs]  # a nuisance
+        always = [Differing.of(c, np.ones(len(logs))) for c in lacks]
         every = number([*drifts, *may, *always])
-        missing, edges = Missing(tuple(every), seen), np.unique(seen.log, return_index=True)[1]
+        named = frozenset(c.group[0] for c in (*may, *always))
+        missing = Missing(tuple(every), seen, families=named)
         differing = [k for c in every[len(drifts) :][: len(may)] for k in c.columns]
+        edges = np.unique(seen.log, return_index=True)[1]
         noise = noise_beside(missing, differing)
         own = missing.products(edges=[*edges.tolist(), len(seen.y)], noise=noise)
         own = weigh_logs(own, np.add.reduceat(seen.data, edges, dtype=int))
-        own = own.weigh(np.full(logs, 1.0 / shared))
+        own = own.weigh(np.full(len(logs), 1.0 / shared))
         none = np.empty((len(missing.scale), 0))
         return Differences(missing=missing, information=own, known=known, names=names, always=none)
 
@@ -328,43 +317,29 @@ class Differences:
 
         Friction by base parameters (b,), of both directions the mean; all of what a gain scales.
         """
-        known = dict(zip(self.names, base.tolist(), strict=False))
-        every = cast("Sequence[Differing]", self.missing.candidates)
-        return np.array([x for c in every for x in _levels(c, known)])
+        known, out = list(zip(self.names, base.tolist(), strict=False)), list[float]()
+        for c, name, _ in self.columns:
+            own = [x for other, x in known if other.startswith(name)]
+            friction = float(np.mean(own)) if own and c.kind == "friction" else 0.0
+            out.append(1.0 if c.kind == "gain" else friction)
+        return np.array(out)
+
+    @cached_property
+    def level(self) -> Array:
+        """The same by what is known beforehand, without its sign."""
+        return np.abs(self.levels(self.known.base))
 
     @cached_property
     def scale(self) -> Array:
         """What makes columns as large as the friction that there is, or as the torque, (C,)."""
-        level = np.abs(self.levels(self.known.base))
-        return np.where(level > 0, 1.0 / np.where(level > 0, level, 1.0), self.missing.scale)
-
-    @property
-    def drifts(self) -> int:
-        """How many columns are drifts."""
-        return sum(c.pattern == "drift" for c, *_ in self.columns)
+        known = self.level > 0
+        return np.where(known, 1.0 / np.where(known, self.level, 1.0), self.missing.scale)
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
-        """What may differ or be missing, by family and place.
-
-        Families, and places of each, share the prior odds; half of those of a place are that the
-        logs which are asked about have it.
-        """
-        sets = {
-            key: some
-            for key, some in self.missing.sets.items()
-            if some[0][0].columns[0] >= self.drifts
-        }
-        places = Counter(name for name, _ in sets)
-        families = len({name.partition(",")[0] for name, _ in sets})
-        rest = max(int(c.pattern) for c, *_ in self.columns if c.pattern.isdigit())
-        first, out = len(self.known.precision) + self.always.shape[1], list[Group]()
-        for (name, place), some in sets.items():
-            _, asked, pattern = name.partition(", ")
-            share = 1.0 if not (asked and rest) else 0.5 if pattern == "0" else 0.5 / rest
-            price = float(np.log(families * places[name] / share))
-            out.append(Group(name, place, list_members(some, first), price))
-        return tuple(out)
+        """What may differ, in which logs, or be missing: these, and places of each, share odds."""
+        more, own = self.always.shape[1], self.missing.groups
+        return tuple(replace(g, members=tuple(at + more for at in g.members)) for g in own)
 
     def whose(self, term: Term) -> Differing:
         """Return what a term is, at its first place."""
@@ -377,12 +352,12 @@ class Differences:
     @cached_property
     def model(self) -> MixedModel:
         """The mixed model of the rows."""
-        own, drifts = self.information, self.drifts
+        own, drifts = self.information, sum(c.pattern == "drift" for c, *_ in self.columns)
         # A load may have a hundred times the torque that is still told.
         sizes = np.linalg.norm(self.scale[:, None] * self.always, axis=0) / (100 * UNTOLD)
-        precision = np.concatenate([self.known.precision, sizes**2])
-        fixed = len(precision) + drifts
-        precision = np.append(precision, (self.scale[:drifts] / DRIFT) ** 2)
+        drift = DRIFT * np.maximum(self.level[:drifts], ROUNDOFF)
+        precision = np.concatenate([self.known.precision, sizes**2, drift**-2])
+        fixed = len(precision)
         every = np.arange(fixed)
         diagonal = np.diag(own.between(every, every))
         none = np.where(diagonal > 0, 0.0, np.finfo(float).eps)  # what does not act is no value
@@ -415,16 +390,6 @@ class Differences:
             return f"{describe_term(term)} that the model lacks"
         where = own.odd(names)
         return f"{own.title} of {place_of(term)}{f' in {where}' if where else ''}"
-
-
-def _levels(candidate: Differing, base: Mapping[str, float]) -> list[float]:
-    """Return how much there is of each column of a candidate by base parameters; 0 if unknown."""
-    out = []
-    for kind in candidate.kinds:
-        own = [x for name, x in base.items() if name.startswith(f"{candidate.place}.{kind}")]
-        friction = float(np.mean(own)) if own and candidate.kind == "friction" else 0.0
-        out.append(1.0 if candidate.kind == "gain" else friction)
-    return out
 
 
 def tool_bodies(structure: Structure) -> tuple[str, ...]:

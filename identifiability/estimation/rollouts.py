@@ -39,16 +39,18 @@ VARIED: Tolerance = 2e-4
 LATER: Tolerance = 0.05
 
 #: Step of rollouts whose differences alone are looked at, in that of others.
-COARSE: Tolerance = 2.5
+COARSE: Tolerance = 5.0
 
-#: Where a third of a log is so long, the search begins on that: steps there cost a third [s].
-ENOUGH: Tolerance = 2.0
+#: Length of logs that are rolled out, all together [s], of which the search begins on a part: more
+#: says little more.
+LONG: Tolerance = 45.0
 
-#: Length of logs that are rolled out, all together [s]: more says little more.
-LONG: Tolerance = 60.0
+#: Stretches of time of a rollout that are left out in turn [s].
+BLOCK: Tolerance = 0.5
 
-#: A search ends where a step promises less than this share of the error, or after so many steps.
-GAIN: Tolerance = 1e-3
+#: A search ends where a step promises less than this of the weighed squares: of a part of logs it
+#: is a beginning, of all it is a share of a standard deviation; or after so many steps.
+GAINS = (20.0, 1.0)
 STEPS = 20
 
 
@@ -61,7 +63,7 @@ class Rollouts:
     numbers : mapping of str to (n,)
         Rotor inertia ``Ia``, viscous ``Fv`` and dry friction ``Fc``, offset ``off``, and gains
         ``kv`` and ``kp``. Where commands have no speeds an unknown kv is 0, and viscous friction
-        holds it.
+        holds it. Half the logarithm of how much larger bodies are, ``sizes`` (nb,).
     parameters : mapping of str to float
         Standard parameters by name of joints and bodies.
     delays : (L,) [s]
@@ -118,21 +120,20 @@ def fit_rollouts(
     free[-2:] = spoken & np.isnan(robot.servo.kv), np.isnan(robot.servo.kp)
     # Logs often begin and end at rest.
     thirds = [log.rows(len(log) // 3, 2 * len(log) // 3) for log in logs]
-    first = thirds if all(x.t[-1] - x.t[0] > ENOUGH for x in thirds) else logs
-    machine, numbers = _start(robot, min(first, key=len))
-    problem = Problem(machine, first, free, delay)
+    machine, numbers = _start(robot, min(thirds, key=len))
+    problem = Problem(machine, logs, free, delay, shares)
     x = problem.pack(numbers, delay or 0.0)
     before = problem.errors(problem.roll([x])[0])
-    x, q, J = problem.descend(x)
-    if not contradicted(share_missed(problem.errors(q), first)):
-        numbers, _, delays = problem.unpack(x)
-        machine = CommandedRobot(robot, {}, machine.servo.having(numbers))
-        problem = Problem(machine, logs, free, delay, shares)
-        x, q, J = problem.descend(problem.pack(numbers, delays))
+    if robot.servo.numbers:
+        x = problem.pack(robot.servo.numbers, delay or 0.0)
+    else:
+        problem.logs, problem.varied[slice(*problem.at)] = thirds, False
+        x, q, J = problem.descend(x, GAINS[0])
+    if robot.servo.numbers or not contradicted(share_missed(problem.errors(q), thirds)):
+        problem.logs, problem.varied[slice(*problem.at)] = logs, True
+        x, q, J = problem.descend(x)
     numbers, e, delays = problem.unpack(x)
-    size = np.linalg.norm(J, axis=0)
-    size = np.where(size > 0, size, 1.0)  # of what is stated
-    H = np.linalg.pinv((J / size).T @ (J / size), hermitian=True) / np.outer(size, size)
+    covariance, H = problem.uncertainty(x, q, J)
     kp, late = slice(problem.at[0] - n, problem.at[0]), slice(problem.at[1], None)
     found = free[-1] if free[-1].any() else np.ones(n, bool)
     return Rollouts(
@@ -141,8 +142,8 @@ def fit_rollouts(
         delays=delays,
         errors=problem.errors(q),
         before=before,
-        delay_errors=np.sqrt(np.diag(H)[late]) * problem.varied[late],
-        covariance=H[kp, kp],
+        delay_errors=np.sqrt(np.diag(covariance)[late]) * problem.varied[late],
+        covariance=covariance[kp, kp],
         by_belief=J[problem.apart(q).size :] @ (found / found.sum() @ H[kp]),
     )
 
@@ -294,17 +295,19 @@ class Problem:
     def pack(self, numbers: Mapping[str, Array], late: Array | float) -> Array:
         """Return the vector of joints' numbers and delays, bodies as they are known."""
         rows = [numbers[k] for k in KINDS[:-1]]
-        rest = [np.zeros(len(self.trees) + self.at[1] - self.at[0]), np.full(len(self.logs), late)]
-        return np.concatenate([*rows, *rest])
+        sizes = numbers.get("sizes", np.zeros(len(self.shares)))
+        none = np.zeros(len(self.trees))
+        return np.concatenate([*rows, none, sizes, np.full(len(self.logs), late)])
 
     def unpack(self, x: Array) -> tuple[dict[str, Array], Array, Array]:
         """Return the numbers of a vector, sizes of bodies, and delays."""
         a, b = self.at
         table = x[:a].reshape(self.over.shape)
         numbers = dict(zip(KINDS, table * np.exp(self.over * table[-1]), strict=True))
-        return numbers | {"kp": self.machine.servo.kp * np.exp(table[-1])}, x[a:b], x[b:]
+        numbers |= {"kp": self.machine.servo.kp * np.exp(table[-1]), "sizes": x[a:b]}
+        return numbers, x[a:b], x[b:]
 
-    def descend(self, x: Array) -> tuple[Array, list[Array], Array]:
+    def descend(self, x: Array, enough: float = GAINS[1]) -> tuple[Array, list[Array], Array]:
         """Return the vector after damped Gauss–Newton steps, and positions along the logs.
 
         Then the weighted derivative (r, p), which is taken anew where the last step did not bring
@@ -324,7 +327,7 @@ class Problem:
             step = np.zeros(len(x))
             step[own] = lsq_linear(rows, aim, self.bounds(x)[:, own], method="bvls").x
             promised = right @ right - np.sum((right + R @ step[own]) ** 2)
-            if promised <= GAIN * float(r @ r):
+            if promised <= enough:
                 break
             moved = self.roll([x + step])[0]
             gained = r @ r - np.sum((weights * self.residual(moved, x + step)) ** 2)
@@ -333,6 +336,36 @@ class Problem:
             if gained > 0:
                 x, q = x + step, moved
         return x, q, weights[:, None] * J
+
+    def uncertainty(self, x: Array, q: list[Array], J: Array) -> tuple[Array, Array]:
+        """Return the covariance of a vector, (p, p), and what it were if errors were only noise.
+
+        It is that of leaving out stretches of time in turn [Efron 1982], which holds what errors
+        remember and much of what the model lacks, and of what is known beforehand.
+
+        Parameters
+        ----------
+        x : (p,)
+        q : list of Array
+            Positions along the logs.
+        J : (r, p)
+            Weighted derivative of the residual.
+        """
+        size = np.linalg.norm(J, axis=0)
+        J = J / np.where(size > 0, size, 1.0)  # of what is stated
+        n, ends = len(self.trees), np.cumsum([len(log) - forgotten(log) for log in self.logs])
+        rows, known = np.split(J, [n * ends[-1]])
+        scores = rows * (self.weights(q) * self.residual(q, x))[: len(rows), None]
+        every = max(round(BLOCK / self.dt), 1)
+        edges = n * np.unique([k for a, b in pairwise([0, *ends]) for k in range(a, b, every)])
+        H, out = np.linalg.pinv(J.T @ J, hermitian=True), known.T @ known
+        for a, b in pairwise([*edges, len(rows)]):
+            left = J.T @ J - rows[a:b].T @ rows[a:b]
+            out += np.outer(
+                *2 * (J.T @ J @ np.linalg.pinv(left, hermitian=True) @ scores[a:b].sum(0),)
+            )
+        unit = np.outer(*2 * (np.where(size > 0, size, 1.0),))
+        return H @ out @ H / unit, H / unit
 
     def bounds(self, x: Array) -> Array:
         """Return the least and largest step, (2, p): no friction or rotor is negative."""

@@ -280,7 +280,8 @@ def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
     doubt = doubt[np.linalg.norm(doubt, axis=1) > 1e-4]
     told = state_gains(robot, names, found, shares)
     servo = robot.servo.having(found.numbers)
-    return replace(robot, servo=replace(servo, source=FOUND, found=told, doubt=doubt))
+    servo = replace(servo, source=FOUND, found=told, numbers=found.numbers, doubt=doubt)
+    return replace(robot, servo=servo)
 
 
 def state_gains(
