@@ -201,14 +201,10 @@ def weigh_logs(information: Information, data: np.ndarray) -> Information:
     data : (L, n) int
         How many rows of each joint are data.
     """
-    every = np.arange(information.size + 1)
-    P = information.between(every, every)
-    length = np.sqrt(np.where(np.diag(P) > 0, np.diag(P), 1.0))
-    P = P / np.outer(length, length)
-    x = Normal.ridged(P[:-1, :-1], P[:-1, -1]).value / length[:-1] * length[-1]
+    R = information.factor()
+    x = np.linalg.lstsq(R[:-1, :-1], R[:-1, -1], rcond=ROUNDOFF)[0]
     square = information.squares_of_blocks(np.append(-x, 1.0))
-    whole = square.sum(0) / np.maximum(data.sum(0), 1)
-    levels = square / np.maximum(data, 1) / np.where(whole > 0, whole, 1.0)
+    levels = square / np.maximum(data, 1) * data.sum(0) / np.maximum(square.sum(0), 1e-300)
     return information.weigh(1.0 / np.maximum(levels.T, THIN))
 
 
@@ -343,11 +339,12 @@ class Differences:
 
     def whose(self, term: Term) -> Differing:
         """Return what a term is, at its first place."""
-        return self.columns[self.at(term)[0]][0]
+        return self.columns[int(self.at(term)[0])][0]
 
     def at(self, term: Term) -> np.ndarray:
         """Return the columns of a term among those of candidates."""
-        return term.columns - len(self.known.precision) - self.always.shape[1]
+        at: np.ndarray = term.columns - len(self.known.precision) - self.always.shape[1]
+        return at
 
     @cached_property
     def model(self) -> MixedModel:
@@ -487,18 +484,16 @@ class Change:
 
     @property
     def when(self) -> str:
-        """In words: ``from 41 s (95 %: 40.5 … 41.5 s) of run2 on``."""
-        begin, end = (
-            f"{at:.3g} s (95 %: {low:.3g} … {high:.3g} s)"
-            for at, (low, high) in ((self.start, self.began), (self.stop, self.ended))
-        )
-        if self.whole:
-            return f"in {self.log}" if self.log else ""
-        if np.isinf(self.stop):
-            return f"from {begin} of {self.log} on"
-        if np.isinf(self.start):
-            return f"until {end} of {self.log}"
-        return f"from {begin} to {end} of {self.log}"
+        """In words: ``from 41 s (95 %: 40.5 … 41.5 s) of run2``."""
+        ends = ("from", self.start, self.began), ("until", self.stop, self.ended)
+        told = [
+            f"{word} {at:.3g} s (95 %: {low:.3g} … {high:.3g} s)"
+            for word, at, (low, high) in ends
+            if np.isfinite(at)
+        ]
+        if told:
+            return f"{' '.join(told)} of {self.log}"
+        return f"in {self.log}" if self.log else ""
 
     @property
     def called(self) -> str:

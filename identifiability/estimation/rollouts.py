@@ -127,18 +127,18 @@ def fit_rollouts(
     if robot.servo.numbers:
         x = problem.pack(robot.servo.numbers, delay or 0.0)
     else:
-        problem.logs, problem.varied[slice(*problem.at)] = thirds, False
+        problem.logs, problem.varied[problem.bodies] = thirds, False
         x, q, J = problem.descend(x, GAINS[0])
     if robot.servo.numbers or not contradicted(share_missed(problem.errors(q), thirds)):
-        problem.logs, problem.varied[slice(*problem.at)] = logs, True
+        problem.logs, problem.varied[problem.bodies] = logs, True
         x, q, J = problem.descend(x)
-    numbers, e, delays = problem.unpack(x)
+    numbers, delays = problem.unpack(x)
     covariance, H = problem.uncertainty(x, q, J)
-    kp, late = slice(problem.at[0] - n, problem.at[0]), slice(problem.at[1], None)
+    kp, late = slice(free.size - n, free.size), problem.late
     found = free[-1] if free[-1].any() else np.ones(n, bool)
     return Rollouts(
         numbers=numbers,
-        parameters={**problem.sized(e), **name_numbers(robot, numbers)},
+        parameters=problem.parameters(numbers),
         delays=delays,
         errors=problem.errors(q),
         before=before,
@@ -146,15 +146,6 @@ def fit_rollouts(
         covariance=covariance[kp, kp],
         by_belief=J[problem.apart(q).size :] @ (found / found.sum() @ H[kp]),
     )
-
-
-def name_numbers(robot: Robot, numbers: Mapping[str, Array]) -> dict[str, float]:
-    """Return numbers of joints as standard parameters by name."""
-    return {
-        f"{joint}.{robot.inertia_parts[0] if kind == 'Ia' else kind}": float(value)
-        for kind in KINDS[:-2]
-        for joint, value in zip(robot.joints, numbers[kind], strict=True)
-    }
 
 
 def _start(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Array]]:
@@ -266,8 +257,8 @@ class Problem:
         self.logs, self.shares = logs, shares or {}
         self.trees = machine.trees
         self.dt = min(signals.sampling_step(log.t) for log in logs)
-        #: Where bodies begin, and where delays do.
-        self.at = free.size, free.size + len(self.shares)
+        self.bodies = slice(free.size, free.size + len(self.shares))
+        self.late = slice(self.bodies.stop, None)
         #: Which tree each number is of.
         self.tree_of = np.concatenate(
             [np.tile(self.trees, len(free)), machine.trees_of([*self.shares])]
@@ -287,10 +278,18 @@ class Problem:
         self.by = np.concatenate([steps, np.full(len(logs), LATER * self.dt)])
         self.machine = machine
 
-    def sized(self, e: Array) -> dict[str, float]:
-        """Return standard parameters of bodies that are exp(2 e) times the file's, (nb,)."""
-        file, each = self.machine.robot.nominal, zip(self.shares, np.exp(2 * e), strict=True)
-        return {f"{b}.{k}": x * file[f"{b}.{k}"] for b, x in each for k in INERTIAL_KINDS}
+    def parameters(self, numbers: Mapping[str, Array]) -> dict[str, float]:
+        """Return standard parameters of joints, and of bodies, which are as often the file's."""
+        robot, each = (
+            self.machine.robot,
+            zip(self.shares, np.exp(2 * numbers["sizes"]), strict=True),
+        )
+        own = {f"{b}.{k}": x * robot.nominal[f"{b}.{k}"] for b, x in each for k in INERTIAL_KINDS}
+        for kind in KINDS[:-2]:
+            called = robot.inertia_parts[0] if kind == "Ia" else kind
+            pairs = zip(robot.joints, numbers[kind].tolist(), strict=True)
+            own |= {f"{joint}.{called}": value for joint, value in pairs}
+        return own
 
     def pack(self, numbers: Mapping[str, Array], late: Array | float) -> Array:
         """Return the vector of joints' numbers and delays, bodies as they are known."""
@@ -299,13 +298,12 @@ class Problem:
         none = np.zeros(len(self.trees))
         return np.concatenate([*rows, none, sizes, np.full(len(self.logs), late)])
 
-    def unpack(self, x: Array) -> tuple[dict[str, Array], Array, Array]:
-        """Return the numbers of a vector, sizes of bodies, and delays."""
-        a, b = self.at
-        table = x[:a].reshape(self.over.shape)
+    def unpack(self, x: Array) -> tuple[dict[str, Array], Array]:
+        """Return the numbers of a vector, and delays."""
+        table = x[: self.over.size].reshape(self.over.shape)
         numbers = dict(zip(KINDS, table * np.exp(self.over * table[-1]), strict=True))
-        numbers |= {"kp": self.machine.servo.kp * np.exp(table[-1]), "sizes": x[a:b]}
-        return numbers, x[a:b], x[b:]
+        gains = self.machine.servo.kp * np.exp(table[-1])
+        return {**numbers, "kp": gains, "sizes": x[self.bodies]}, x[self.late]
 
     def descend(self, x: Array, enough: float = GAINS[1]) -> tuple[Array, list[Array], Array]:
         """Return the vector after damped Gauss–Newton steps, and positions along the logs.
@@ -370,17 +368,17 @@ class Problem:
     def bounds(self, x: Array) -> Array:
         """Return the least and largest step, (2, p): no friction or rotor is negative."""
         endless = np.isin(KINDS, ("off", "kp")).repeat(len(self.trees))
-        joints = np.where(endless, -np.inf, -x[: self.at[0]])
+        low = np.full(len(x), -np.inf)
+        low[: len(endless)] = np.where(endless, -np.inf, -x[: len(endless)])
         # A command was given at any time since the row before.
-        late = -self.dt - x[self.at[1] :]
-        low = np.concatenate([joints, np.full(self.at[1] - self.at[0], -np.inf), late])
+        low[self.late] = -self.dt - x[self.late]
         return np.stack([np.minimum(low, -1e-12), np.full(len(x), np.inf)])
 
     def roll(self, xs: Sequence[Array], step: float = STEP) -> list[list[Array]]:
         """Return positions along every log, for several vectors, all at one step [s]."""
         every = []
-        for own, e, late in map(self.unpack, xs):
-            sizes = dict(zip(self.shares, np.exp(2 * e).tolist(), strict=True))
+        for own, late in map(self.unpack, xs):
+            sizes = dict(zip(self.shares, np.exp(2 * own["sizes"]).tolist(), strict=True))
             every.append((self.machine.resized(sizes), own, late))
         step = min(step, *(machine.longest(own) for machine, own, _ in every))
         return [
@@ -414,25 +412,25 @@ class Problem:
 
     def belief(self, x: Array) -> Array:
         """Return how far bodies are from the file's, and all from what is stated, (b,) [σ]."""
-        robot, (numbers, e, _) = self.machine.robot, self.unpack(x)
-        found = {**self.sized(e), **name_numbers(robot, numbers)} if self.shares else {}
-        stated = [(found[k] - m) / s for k, (m, s) in robot.prior.items() if k in found]
-        return np.array([*e / [*self.shares.values()], *stated])
+        prior, numbers = self.machine.robot.prior, self.unpack(x)[0]
+        found = self.parameters(numbers) if self.shares else {}
+        stated = [(found[k] - m) / s for k, (m, s) in prior.items() if k in found]
+        return np.array([*numbers["sizes"] / [*self.shares.values()], *stated])
 
     def linearise(self, x: Array) -> Array:
         """Return the derivative of the residual, (r, p); trees are varied at once."""
-        own = np.flatnonzero(self.varied[: self.at[1]])
-        trees, late = self.tree_of[own], slice(self.at[1], None)
+        own = np.flatnonzero(self.varied[: self.bodies.stop])
+        trees = self.tree_of[own]
         turn = np.array([np.sum(trees[:k] == tree) for k, tree in enumerate(trees)], int)
         groups = [own[turn == k] for k in range(int(turn.max(initial=-1)) + 1)]
-        xs = [x, *(self._moved(x, at) for at in (*groups, late))]
+        xs = [x, *(self._moved(x, at) for at in (*groups, self.late))]
         base, *others = map(self.apart, self.roll(xs, COARSE * STEP))
         J = np.zeros((*base.shape, len(x)))
         for columns, moved in zip(groups, others, strict=False):
             of_tree = self.trees[:, None] == self.tree_of[columns]
             J[:, :, columns] = (moved - base)[:, :, None] * of_tree / self.by[columns]
         ends = np.cumsum([0, *(len(log) - forgotten(log) for log in self.logs)]).tolist()
-        for k, (a, b) in enumerate(pairwise(ends), self.at[1]):
+        for k, (a, b) in enumerate(pairwise(ends), self.bodies.stop):
             J[a:b, :, k] = (others[-1] - base)[a:b] / self.by[k]
         beliefs = [self.belief(self._moved(x, k)) - self.belief(x) for k in range(len(x))]
         return np.vstack([J.reshape(-1, len(x)), np.array(beliefs).T / self.by])
