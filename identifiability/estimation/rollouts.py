@@ -72,6 +72,11 @@ class Rollouts:
         Of positions (rms), by joint.
     before : (n,) [rad or m]
         The same at the start.
+    missed : (n,)
+        Errors as shares of what there is to explain: how far a joint is from its command, merely
+        delayed, which is what a servo makes torque of, and what any servo that is stiff enough
+        would leave, whatever moves behind it; no more than how the joint moves, and no less than
+        what noise would be.
     delay_errors : (L,) [s]
         Standard deviations of the delays; zero where they are known.
     covariance : (n, n)
@@ -86,9 +91,19 @@ class Rollouts:
     delays: Array
     errors: Array
     before: Array
+    missed: Array
     delay_errors: Array
     covariance: Array
     by_belief: Array
+
+
+def contradicted(missed: Array) -> bool:
+    """Return whether shares of what there is to explain (n,) that are missed say gains are wrong.
+
+    Where most joints are followed, what is wrong at another is its own, and no less is known of
+    these for it.
+    """
+    return bool(np.median(missed) > RULES.rollout_contradicted)
 
 
 def fit_rollouts(
@@ -129,7 +144,7 @@ def fit_rollouts(
     else:
         problem.logs, problem.varied[problem.bodies] = thirds, False
         x, q, J = problem.descend(x, GAINS[0])
-    if robot.servo.numbers or not contradicted(share_missed(problem.errors(q), thirds)):
+    if robot.servo.numbers or not contradicted(problem.errors(q) / _explicable(thirds)):
         problem.logs, problem.varied[problem.bodies] = logs, True
         x, q, J = problem.descend(x)
     numbers, delays = problem.unpack(x)
@@ -142,6 +157,7 @@ def fit_rollouts(
         delays=delays,
         errors=problem.errors(q),
         before=before,
+        missed=problem.errors(q) / _explicable(problem.logs),
         delay_errors=np.sqrt(np.diag(covariance)[late]) * problem.varied[late],
         covariance=covariance[kp, kp],
         by_belief=J[problem.apart(q).size :] @ (found / found.sum() @ H[kp]),
@@ -176,37 +192,18 @@ def _start(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Array]]:
     return CommandedRobot(robot, {}, replace(guess, kp=chosen["kp"])), chosen
 
 
-def share_missed(errors: Array, logs: Sequence[Log]) -> Array:
-    """Return errors of positions (n,) as shares of what there is to explain, (n,).
-
-    That is how far a joint is from its command, merely delayed: it is what a servo makes torque of,
-    and what any servo that is stiff enough would leave, whatever moves behind it. It is no more
-    than how the joint moves, and no less than what noise would be.
-    """
-    every = np.mean([_unexplained(log) for log in logs], axis=0)
-    return np.asarray(errors / np.maximum(np.sqrt(every), 1e-3))
-
-
-def contradicted(share: Array) -> bool:
-    """Whether shares of what there is to explain (n,) that are missed say that gains are wrong.
-
-    Where most joints are followed, what is wrong at another is its own, and no less is known of
-    these for it.
-    """
-    return bool(np.median(share) > RULES.rollout_contradicted)
-
-
-def _unexplained(log: Log) -> Array:
-    """Return the variance of a log's positions about its commands, merely delayed, (n,)."""
-    moved = log.q.var(0)
-    if log.q_ref is None:
-        return np.asarray(moved)
-    most = min(round(LATEST / signals.sampling_step(log.t)), len(log) // 2)
-    target, q = log.q_ref, log.q[most:]
-    apart = [(q - target[most - k : len(log) - k]).var(0) for k in range(most + 1)]
-    # So many times the noise of positions is nothing to explain.
-    noise = 5.0 * np.maximum(noise_level(log.q, log.t), resolution(log.q))
-    return np.asarray(np.minimum(np.maximum(np.min(apart, axis=0), noise**2), moved))
+def _explicable(logs: Sequence[Log]) -> Array:
+    """Return what there is to explain of positions in logs (rms), at least a bit, (n,)."""
+    square = []
+    for log in logs:
+        most = min(round(LATEST / signals.sampling_step(log.t)), len(log) // 2)
+        target = np.zeros(log.q.shape) if log.q_ref is None else log.q_ref
+        q = log.q[most:]
+        apart = [(q - target[most - k : len(log) - k]).var(0) for k in range(most + 1)]
+        # So many times the noise of positions is nothing to explain.
+        noise = 5.0 * np.maximum(noise_level(log.q, log.t), resolution(log.q))
+        square.append(np.minimum(np.maximum(np.min(apart, axis=0), noise**2), log.q.var(0)))
+    return np.asarray(np.maximum(np.sqrt(np.mean(square, axis=0)), 1e-3))
 
 
 def roll_late(machine: CommandedRobot, log: Log, delay: float | None = None) -> tuple[float, Array]:

@@ -239,7 +239,8 @@ class SharedErrors:
         if delay:
             others["delay"] = tuple(delay)
         band = getattr(how, "band", None)
-        loud = band is not None and band.noise > LOG_RULES.small
+        loud = opening.robot.base is not None  # sensors of a base that floats always are
+        loud |= band is not None and band.noise > LOG_RULES.small
         if loud and not (rows.estimator.instruments or session.recordings.commanded):
             pairs = zip(session.recordings.fitted, opening.samples, strict=True)
             noisier = [
