@@ -312,7 +312,7 @@ CONDITIONS = {
     "tilted by 2 degrees": Condition(r"gravity|tilted", machine=_turned(2.0), of=ARMS),
     "noisy positions": Condition("", _noisy),
     "offsets by run": Condition("offset", _offsets),
-    "gains off by 5-15 %": Condition("gain|scale", _gains, labels=False),
+    "gains off by 5-15 %": Condition(r"\bgain|scale", _gains, labels=False),
     "stops and dwells": Condition("", machine=_stops),
     "point to point": Condition("", machine=_point_to_point, of=ARMS),
     "friction warms up": Condition("friction|time", labels=False),

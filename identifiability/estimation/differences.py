@@ -5,37 +5,29 @@ A load on a body, friction, an offset or the gain of a torque column acts in log
 single log, or between two instants of one, and competes with smooth functions that the model may
 lack in all rows alike. Friction differs a little between any two logs: that is no change but a
 nuisance of every comparison. Values that are known beforehand have their covariance as a prior.
-
-Rows are met once, as products by block: what acts in some blocks is a sum of these.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import replace
 from functools import cached_property
-from itertools import accumulate, groupby
-from typing import Any, cast
+from itertools import groupby
+from typing import cast
 
 import numpy as np
 import pandas as pd
 
 from identifiability.effects import FAMILIES, find_families
 from identifiability.estimation.gaussian import Normal
-from identifiability.estimation.groups import (
-    Excerpt,
-    Missing,
-    describe_term,
-    list_members,
-    place_of,
-)
-from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
-from identifiability.estimation.noise import THIN, ARNoise, JointNoise, rich_noise, whiten
+from identifiability.estimation.groups import Excerpt, Missing, describe_term, place_of
+from identifiability.estimation.mixed_model import Group, MixedModel, Term, Terms
+from identifiability.estimation.noise import THIN, ARNoise, JointNoise, rich_noise
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.answers import Table, frame_table
 from identifiability.foundation.errors import listing
-from identifiability.foundation.linalg import ROUNDOFF, triangular_factor
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.rules import Tolerance
@@ -118,6 +110,48 @@ class Known:
 
 
 @frozen
+class Differing(Candidate):
+    """What may differ in some logs, or be missing in all of them.
+
+    Attributes
+    ----------
+    logs : tuple of float, (L,)
+        How much of it each log has.
+    pattern : str
+        "0" for logs that are asked about together, further numbers for one log each, "drift" for a
+        nuisance; empty where all logs have it.
+    """
+
+    logs: tuple[float, ...] = ()
+    pattern: str = ""
+
+    @staticmethod
+    def of(candidate: Candidate, logs: Array, pattern: str = "") -> Differing:
+        """Return a candidate that some logs have."""
+        own = {**vars(candidate), "logs": tuple(logs.tolist()), "pattern": pattern}
+        return Differing(**own)
+
+    @property
+    def group(self) -> tuple[str, str]:
+        """Family with its pattern, and place."""
+        return ", ".join(filter(None, (self.family.name, self.pattern))), self.place
+
+    @property
+    def kind(self) -> str:
+        """Whether it is of a load, friction, an offset or a gain."""
+        return KIND_OF.get(self.family.name, "friction")
+
+    @property
+    def title(self) -> str:
+        """What differs, in words, without a place."""
+        return WORDS.get(self.family.name) or self.family.title
+
+    def odd(self, names: Sequence[str]) -> str:
+        """Return in which log alone it is; nothing where it is in those that are asked about."""
+        return names[int(np.argmax(self.logs))] if self.pattern > "0" else ""
+
+
+@frozen
 class Compared(Excerpt):
     """Rows of a log, or what it differs by from another of the same motion.
 
@@ -138,84 +172,40 @@ class Compared(Excerpt):
 
     def entries(self, candidates: Sequence[Candidate]) -> Entries:
         """Return the torque (N,) of candidates by joint and column, where it is not zero."""
-        gains = {c.columns[0]: c.place for c in candidates if c.family.name == "torque_scale"}
-        found = Excerpt.entries(self, [c for c in candidates if c.columns[0] not in gains])
-        for k, place in gains.items():
-            j = self.robot.joints.index(place)
-            found[j, k] = self.torque[:, j] * self.data[:, j]
-        return found
+        every = [c for c in candidates if isinstance(c, Differing)]
+        found = Excerpt.entries(self, [c for c in every if c.kind != "gain"])
+        for c in (c for c in every if c.kind == "gain"):
+            j = self.robot.joints.index(c.place)
+            found[j, c.columns[0]] = self.torque[:, j] * self.data[:, j]
+        share = {k: np.array(c.logs)[self.log] for c in every for k in c.columns}
+        return {(j, k): x * share[k] for (j, k), x in found.items()}
 
 
-def noise_beside(missing: Missing, may: int) -> tuple[ARNoise, Array]:
-    """Return the noise beside the model and what the first columns say of each of L logs.
-
-    With it the variance of each log over that of all, (n, L): a loud log counts less.
-    """
+def noise_beside(missing: Missing, differing: Sequence[int]) -> ARNoise:
+    """Return the noise of each joint beside the model and some columns of what may differ."""
     out, seen = list[JointNoise](), missing.seen
-    each = [seen.log == log for log in np.unique(seen.log)]
-    levels = np.ones((len(seen.runs.each), len(each)))
     for j, runs in enumerate(seen.runs.each):
-        own = [missing.entries[j, k] for i, k in sorted(missing.entries) if i == j and k < may]
-        differing = np.reshape([x * log for x in own for log in each], (-1, len(seen.y))).T
-        X, y, data = seen.X[:, j, seen.X[:, j].any(0)], seen.y[:, j], seen.data[:, j]
-        noise = rich_noise([X, differing], y, runs)
-        if np.isfinite(noise.sigma):
-            white = whiten(np.column_stack([X, differing, y]), runs, noise.pacf)
-            Z = white[:, :-1] / np.maximum(np.linalg.norm(white[:, :-1], axis=0), 1e-300)
-            left = white[:, -1] - Z @ Normal.ridged(Z.T @ Z, Z.T @ white[:, -1]).value
-            square = [left[log] @ left[log] / max(data[log].sum(), 1) for log in each]
-            levels[j] = np.maximum(np.array(square) / (left @ left / data.sum()), THIN)
-        else:  # none but that of rounding
-            size = float(np.sqrt(np.mean(seen.raw[:, j] ** 2)))
-            noise = JointNoise(np.empty(0), ROUNDOFF * (size or 1.0))
-        out.append(noise)
-    return tuple(out), levels
+        own = [missing.entries[j, k] for k in differing if (j, k) in missing.entries]
+        X = seen.X[:, j, seen.X[:, j].any(0)]
+        out.append(rich_noise([X, np.reshape(own, (-1, len(X))).T], seen.y[:, j], runs))
+    return tuple(out)
 
 
-@frozen
-class Patterned:
-    """Products of columns that act in parts of the rows alone: a column × a pattern of B blocks.
+def weigh_logs(information: Information, data: np.ndarray) -> Information:
+    """Return blocks of whitened rows by their scatter over that of all: a loud log counts less.
 
-    Attributes
+    Parameters
     ----------
-    values : (B, c + 1, c + 1)
-        Products of c columns, the torque last, by block.
-    column, pattern : (m + 1,) int
-        Which of these a column of the model is, in which pattern; the torque last.
-    weights : (P, B)
-        Of each pattern.
+    information : Information
+        Of L logs.
+    data : (L, n) int
+        How many rows of each joint are data.
     """
-
-    values: Array
-    column: np.ndarray
-    pattern: np.ndarray
-    weights: Array
-
-    @property
-    def size(self) -> int:
-        """Number m of columns without the torque."""
-        return len(self.column) - 1
-
-    def between(self, some: np.ndarray, others: np.ndarray) -> Array:
-        """Return products of some columns (a,) with others (b,), (a, b)."""
-        if len(some) > len(others):
-            return self.between(others, some).T
-        by, column = self.weights[self.pattern], self.column[others]
-        own = self.values[:, self.column[some]] * by[some].T[:, :, None]
-        out = np.zeros((len(some), len(others)))
-        for k in np.unique(column):
-            there = column == k
-            out[:, there] = own[:, :, k].T @ by[others[there]].T
-        return out
-
-    def within(self, sets: np.ndarray) -> Array:
-        """Return products of sets of columns (s, k) of one pattern each, (s, k, k)."""
-        column, square = self.column[sets], self.weights[self.pattern[sets[:, 0]]] ** 2
-        out: Array = np.empty((*sets.shape, sets.shape[1]))
-        for own in np.unique(column, axis=0):
-            at = (column == own).all(1)
-            out[at] = np.tensordot(square[at], self.values[:, own][:, :, own], 1)
-        return out
+    R = information.factor()
+    x = np.linalg.lstsq(R[:-1, :-1], R[:-1, -1], rcond=ROUNDOFF)[0]
+    square = information.squares_of_blocks(np.append(-x, 1.0))
+    levels = square / np.maximum(data, 1) * data.sum(0) / np.maximum(square.sum(0), 1e-300)
+    return information.weigh(1.0 / np.maximum(levels.T, THIN))
 
 
 @frozen
@@ -239,37 +229,26 @@ class DifferentTorque:
 
 @frozen(kw_only=True)
 class Differences:
-    """What may differ between blocks of rows, beside what they have in common.
+    """What may differ between logs, beside what they have in common.
 
     Attributes
     ----------
     missing : Missing
-        What differs, or is missing in all rows alike: candidates that have C columns together.
+        What differs, or is missing in all rows alike, of C columns together; drifts come first.
     information : Information
-        About p columns of the model, then C, of B blocks.
+        About p columns of the model, then a sums of columns that every hypothesis has, then C.
     known : Known
-    patterns : tuple of (w, B)
-        How blocks may have a change, each in one of w ways, nobody knows which; the pattern that is
-        asked about first.
     names : tuple of (b,) str
         Of the base parameters, where columns are these.
     always : (C, a)
-        Sums of candidates' columns that every hypothesis has in that pattern; next to nothing is
-        known of their values beforehand.
-    joint : int or None
-        Whose rows alone count.
-    shared : float
-        How much more rows scatter, because they share the logs that were taken off.
+        These sums: next to nothing is known of their values beforehand.
     """
 
     missing: Missing
     information: Information
     known: Known
-    patterns: tuple[Array, ...]
-    names: tuple[str, ...] = ()
-    always: Array = field(default_factory=lambda: np.empty((0, 0)))
-    joint: int | None = None
-    shared: float = 1.0
+    names: tuple[str, ...]
+    always: Array
 
     @staticmethod
     def of(
@@ -278,52 +257,56 @@ class Differences:
         lacks: Sequence[Candidate],
         known: Known,
         patterns: Sequence[Array],
-        **more: Any,
+        names: tuple[str, ...] = (),
+        shared: float = 1.0,
     ) -> Differences:
-        """Return what may differ between logs, or be missing in all of them."""
-        missing = Missing(tuple(number([*changes, *lacks])), seen)
-        may = sum(len(c.columns) for c in changes)
-        edges = [*np.unique(seen.log, return_index=True)[1].tolist(), len(seen.y)]
-        noise, levels = noise_beside(missing, may)
-        own = missing.products(edges=edges, noise=noise).weigh(1.0 / levels)
-        what = {"known": known, "patterns": tuple(patterns), **more}
-        return Differences(missing=missing, information=own, **what)
+        """Return what may differ between logs, or be missing in all of them.
+
+        Parameters
+        ----------
+        seen : Compared
+        changes, lacks : sequence of Candidate
+        known : Known
+        patterns : sequence of (L,)
+            Which logs may have a change: those that are asked about first, then one log each.
+        names : tuple of str, optional
+        shared : float, optional
+            How much more rows scatter, because they share the logs that were taken off.
+        """
+        logs = np.eye(len(patterns[0]))
+        may = [Differing.of(c, w, str(k)) for k, w in enumerate(patterns) for c in changes]
+        rubs = [c for c in may[: len(changes)] if c.kind == "friction"]
+        drifts = [Differing.of(c, log, "drift") for c in rubs for log in logs]  # a nuisance
+        always = [Differing.of(c, np.ones(len(logs))) for c in lacks]
+        every = number([*drifts, *may, *always])
+        named = frozenset(c.group[0] for c in (*may, *always))
+        missing = Missing(tuple(every), seen, families=named)
+        differing = [k for c in every[len(drifts) :][: len(may)] for k in c.columns]
+        edges = np.unique(seen.log, return_index=True)[1]
+        noise = noise_beside(missing, differing)
+        own = missing.products(edges=[*edges.tolist(), len(seen.y)], noise=noise)
+        own = weigh_logs(own, np.add.reduceat(seen.data, edges, dtype=int))
+        own = own.weigh(np.full(len(logs), 1.0 / shared))
+        none = np.empty((len(missing.scale), 0))
+        return Differences(missing=missing, information=own, known=known, names=names, always=none)
+
+    def having(self, sums: Array, joint: int | None = None) -> Differences:
+        """Return the same with sums of columns (C, a) in every hypothesis, or of a joint alone."""
+        own, p = self.information, len(self.known.precision)
+        if joint is not None:
+            own = replace(own, parts=own.parts[joint : joint + 1])
+        wide = np.pad(sums, ((p, 0), (0, 0)))
+        every = np.insert(np.eye(own.size), [p] * sums.shape[1], wide, axis=1)
+        own = own.reduce(every, [str(k) for k in range(every.shape[1])])
+        return replace(self, information=own, always=sums)
 
     @cached_property
-    def columns(self) -> list[tuple[Candidate, str, str]]:
+    def columns(self) -> list[tuple[Differing, str, str]]:
         """Of each column of candidates whose it is, its name and its unit."""
-        robot, every = self.missing.seen.robot, self.missing.candidates
+        robot, every = self.missing.seen.robot, cast("Sequence[Differing]", self.missing.candidates)
         unit = {p.name: p.unit for c in every for p in c.effect.parameters(robot)}
         named = [(c, f"{c.place}.{kind}") for c in every for kind in c.kinds]
         return [(c, name.replace(".scale", ".gain"), unit.get(name, "")) for c, name in named]
-
-    @cached_property
-    def scale(self) -> Array:
-        """What makes columns as large as the friction that there is, or as the torque, (C,)."""
-        friction = np.array([kind_of(c) == "friction" for c, *_ in self.columns]) * self.level
-        return np.where(
-            friction, 1.0 / np.abs(np.where(friction, friction, 1.0)), self.missing.scale
-        )
-
-    @cached_property
-    def level(self) -> Array:
-        """How much friction there is by what is known beforehand, and of a gain all, (C,)."""
-        return self.levels(self.known.base)
-
-    @cached_property
-    def values(self) -> Array:
-        """Products of columns, sums of them and torque by block, (B, p + C + a + 1, …)."""
-        own, last = self.information, self.information.size
-        out = np.zeros((len(own.counts), last + 1, last + 1))
-        for part in own.parts if self.joint is None else [own.parts[self.joint]]:
-            at = [*part.columns.tolist(), last]
-            squares = part.blocks.swapaxes(1, 2) @ part.blocks
-            out[np.ix_(range(len(out)), at, at)] += squares / self.shared
-        if not self.always.size:
-            return out
-        sums = np.pad(self.always, ((last - len(self.scale), 1), (0, 0)))
-        every = np.insert(np.eye(last + 1), [last] * sums.shape[1], sums, axis=1)
-        return np.asarray(every.T @ out @ every)
 
     def levels(self, base: Array) -> Array:
         """Return how much there is of what each column says the change of, (C,); 0 if unknown.
@@ -333,72 +316,51 @@ class Differences:
         known, out = list(zip(self.names, base.tolist(), strict=False)), list[float]()
         for c, name, _ in self.columns:
             own = [x for other, x in known if other.startswith(name)]
-            friction = float(np.mean(own)) if own and kind_of(c) == "friction" else 0.0
-            out.append(1.0 if kind_of(c) == "gain" else friction)
+            friction = float(np.mean(own)) if own and c.kind == "friction" else 0.0
+            out.append(1.0 if c.kind == "gain" else friction)
         return np.array(out)
 
     @cached_property
-    def fixed(self) -> list[tuple[int, int, float]]:
-        """What every hypothesis has: columns, in which pattern, how precisely known beforehand."""
-        p, blocks = len(self.known.precision), range(self.patterns[0].shape[1])
-        drift = [
-            (p + k, 1 + block, float(level) ** -2)  # a nuisance
-            for k, level in enumerate(self.level)
-            for block in (blocks if level and kind_of(self.columns[k][0]) == "friction" else ())
-        ]
-        model = [(k, 0, x) for k, x in enumerate(self.known.precision.tolist())]
-        # A load may have a hundred times the torque that is still told.
-        sizes = np.linalg.norm(self.scale[: len(self.always), None] * self.always, axis=0)
-        first, precision = p + len(self.scale), ((sizes / (100 * UNTOLD)) ** 2).tolist()
-        always = [(first + k, 1 + len(blocks), x) for k, x in enumerate(precision)]
-        return [*model, *drift, *always]
+    def level(self) -> Array:
+        """The same by what is known beforehand, without its sign."""
+        return np.abs(self.levels(self.known.base))
 
     @cached_property
-    def told(self) -> dict[tuple[str, str], tuple[Group, list[Candidate], int]]:
-        """Groups, with what differs by each, nothing where the model lacks it, and the pattern.
+    def scale(self) -> Array:
+        """What makes columns as large as the friction that there is, or as the torque, (C,)."""
+        known = self.level > 0
+        return np.where(known, 1.0 / np.where(known, self.level, 1.0), self.missing.scale)
 
-        Families, and places of each, share the prior odds; half of those of a place are that the
-        rows which are asked about have it.
-        """
-        rest, listed = len(self.patterns) - 1, []
-        ends = list(accumulate(map(len, self.patterns), initial=1 + self.patterns[0].shape[1]))
-        for (name, place), sets in self.missing.sets.items():
-            if sets[0][0].family.flexible:
-                listed.append((name, place, sets, range(1), -1, 1.0))
-                continue
-            for w, rows in enumerate(map(range, ends, ends[1:])):
-                share = 0.5 / rest if w else 0.5 if rest else 1.0
-                if place != EVERYWHERE or (name != "payload" and len(rows) == 1):
-                    listed.append((f"{name}, {w}", place, sets, rows, w, share))
-        places = Counter(own[0] for own in listed)
-        families = len({name for name, _ in self.missing.sets})
-        out = {}
-        for name, place, sets, rows, w, share in listed:
-            first = [len(self.fixed) + row * len(self.scale) for row in rows]
-            members = tuple(at for k in first for at in list_members(sets, k))
-            price = float(np.log(families * places[name] / share))
-            out[name, place] = Group(name, place, members, price), sets[0] if w >= 0 else [], w
-        return out
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """What may differ, in which logs, or be missing: these, and places of each, share odds."""
+        more, own = self.always.shape[1], self.missing.groups
+        return tuple(replace(g, members=tuple(at + more for at in g.members)) for g in own)
+
+    def whose(self, term: Term) -> Differing:
+        """Return what a term is, at its first place."""
+        return self.columns[int(self.at(term)[0])][0]
+
+    def at(self, term: Term) -> np.ndarray:
+        """Return the columns of a term among those of candidates."""
+        at: np.ndarray = term.columns - len(self.known.precision) - self.always.shape[1]
+        return at
 
     @cached_property
     def model(self) -> MixedModel:
         """The mixed model of the rows."""
-        blocks, width = self.patterns[0].shape[1], len(self.scale)
-        weights = np.concatenate([np.ones((1, blocks)), np.eye(blocks), *self.patterns])
-        column, pattern, precision = np.reshape(self.fixed, (-1, 3)).T
-        fixed, rows, p = len(column), len(weights), len(self.known.precision)
-        every, last = np.tile(p + np.arange(width), rows), self.values.shape[1] - 1
-        column = np.concatenate([column, every, [last]])
-        pattern = np.concatenate([pattern, np.repeat(np.arange(rows), width), [0]])
-        products = Patterned(self.values, column.astype(int), pattern.astype(int), weights)
-        diagonal = np.diag(products.between(np.arange(fixed), np.arange(fixed)))
+        own, drifts = self.information, sum(c.pattern == "drift" for c, *_ in self.columns)
+        # A load may have a hundred times the torque that is still told.
+        sizes = np.linalg.norm(self.scale[:, None] * self.always, axis=0) / (100 * UNTOLD)
+        drift = DRIFT * np.maximum(self.level[:drifts], ROUNDOFF)
+        precision = np.concatenate([self.known.precision, sizes**2, drift**-2])
+        fixed = len(precision)
+        every = np.arange(fixed)
+        diagonal = np.diag(own.between(every, every))
         none = np.where(diagonal > 0, 0.0, np.finfo(float).eps)  # what does not act is no value
         length = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-        scale = np.append(length, np.tile(self.scale, rows))
-        groups = tuple(group for group, *_ in self.told.values())
-        drift = (pattern[:fixed] > 0) & (pattern[:fixed] <= blocks)
-        prior = np.diag(none + precision / np.where(drift, DRIFT**2, 1.0))
-        return MixedModel(products, fixed, groups, scale, prior, CHANGES)  # type: ignore[arg-type]
+        scale = np.concatenate([length[: fixed - drifts], self.scale])
+        return MixedModel(own, fixed, self.groups, scale, np.diag(precision + none), CHANGES)
 
     def solve(self, terms: Terms = ()) -> tuple[Array, Array]:
         """Return values of the fixed columns and of terms in their order, and the covariance."""
@@ -407,41 +369,24 @@ class Differences:
         return s.value / scale, s.covariance / np.outer(scale, scale)
 
     def along(self, terms: Terms) -> DifferentTorque:
-        """Return what the torque of the first block has beside the model of all."""
-        model, seen, p = self.model, self.missing.seen, len(self.known.precision)
+        """Return what the torque of the first log has beside the model of all."""
+        seen, p, a = self.missing.seen, len(self.known.precision), self.always.shape[1]
         value, explained = self.solve(terms)[0], np.zeros(seen.y.shape)
-        columns = np.concatenate([np.empty(0, int), *(t.columns for t in terms)]) - model.fixed
-        row, column = np.divmod(columns, len(self.scale))
-        on, sizes = cast("Patterned", model.products).weights[row, 0], np.zeros(len(self.scale))
-        np.add.at(sizes, column, on * value[model.fixed :])
-        if self.always.size:
-            sizes += self.always @ value[model.fixed - self.always.shape[1] : model.fixed]
+        sizes = self.always @ value[p : p + a]
+        each = np.concatenate([np.empty(0, int), *map(self.at, terms)])
+        sizes[each] += value[self.model.fixed :]
         for (j, k), x in self.missing.entries.items():
             explained[:, j] += sizes[k] * x
         left = np.where(seen.data, seen.y - seen.X @ value[:p], np.nan)
         return DifferentTorque(*(x[seen.log == 0] for x in (seen.t, seen.raw, left, explained)))
 
-    def log_of(self, pattern: int, names: Sequence[str]) -> str:
-        """Return in which log alone a pattern is; nothing where it is the one asked about."""
-        return names[int(np.argmax(self.patterns[pattern][0]))] if pattern else ""
-
     def describe(self, term: Term, names: Sequence[str]) -> str:
         """Return what a group is, in words."""
-        _, parts, pattern = self.told[term.key]
-        if not parts:
+        own = self.whose(term)
+        if not own.pattern:
             return f"{describe_term(term)} that the model lacks"
-        where = f" in {self.log_of(pattern, names)}" if pattern else ""
-        return f"{title_of_change(parts[0])} of {place_of(term)}{where}"
-
-
-def kind_of(candidate: Candidate) -> str:
-    """Return whether a change is of a load, friction, an offset or a gain."""
-    return KIND_OF.get(candidate.family.name, "friction")
-
-
-def title_of_change(candidate: Candidate) -> str:
-    """Return what differs, in words, without a place."""
-    return WORDS.get(candidate.family.name) or candidate.family.title
+        where = own.odd(names)
+        return f"{own.title} of {place_of(term)}{f' in {where}' if where else ''}"
 
 
 def tool_bodies(structure: Structure) -> tuple[str, ...]:
@@ -466,12 +411,11 @@ def pooled_values(X: Array, y: Array, M: Array, fixed: Array) -> Array:
     """
     size = np.std(y, axis=0)
     weight = 1.0 / np.where(size > 0, size, np.inf)
-    both = np.concatenate([X @ M, (y - X @ fixed)[:, :, None]], axis=2) * weight[:, None]
-    R = triangular_factor(both.reshape(-1, both.shape[2]))
-    length = np.linalg.norm(R[:, :-1], axis=0)
-    length = np.where(length > 0, length, 1.0)
-    x = np.linalg.lstsq(R[:, :-1] / length, R[:, -1], rcond=ROUNDOFF)[0] / length
-    return np.asarray(fixed + M @ x)
+    Z = (X @ M * weight[:, None]).reshape(-1, M.shape[1])
+    length = np.linalg.norm(Z, axis=0)
+    Z = Z / np.where(length > 0, length, 1.0)
+    x = Normal.ridged(Z.T @ Z, Z.T @ ((y - X @ fixed) * weight).ravel()).value
+    return np.asarray(fixed + M @ (x / np.where(length > 0, length, 1.0)))
 
 
 # `Change`: what differs, of which size, where and when; and what it may be instead.
@@ -540,18 +484,16 @@ class Change:
 
     @property
     def when(self) -> str:
-        """In words: ``from 41 s (95 %: 40.5 … 41.5 s) of run2 on``."""
-        begin, end = (
-            f"{at:.3g} s (95 %: {low:.3g} … {high:.3g} s)"
-            for at, (low, high) in ((self.start, self.began), (self.stop, self.ended))
-        )
-        if self.whole:
-            return f"in {self.log}" if self.log else ""
-        if np.isinf(self.stop):
-            return f"from {begin} of {self.log} on"
-        if np.isinf(self.start):
-            return f"until {end} of {self.log}"
-        return f"from {begin} to {end} of {self.log}"
+        """In words: ``from 41 s (95 %: 40.5 … 41.5 s) of run2``."""
+        ends = ("from", self.start, self.began), ("until", self.stop, self.ended)
+        told = [
+            f"{word} {at:.3g} s (95 %: {low:.3g} … {high:.3g} s)"
+            for word, at, (low, high) in ends
+            if np.isfinite(at)
+        ]
+        if told:
+            return f"{' '.join(told)} of {self.log}"
+        return f"in {self.log}" if self.log else ""
 
     @property
     def called(self) -> str:
@@ -609,34 +551,33 @@ def find_changes(found: Differences, terms: Terms, names: Sequence[str]) -> tupl
     model, known = found.model, found.known
     value, covariance = found.solve(terms)
     levels = found.levels(known.base + known.directions @ value[: len(known.precision)])
-    ends = np.cumsum([t.size for t in terms])
-    each = np.split(np.arange(model.fixed, len(value)), ends[:-1])
-    together: dict[tuple[str, str, int], list[int]] = {}
+    each = np.split(np.arange(model.fixed, len(value)), np.cumsum([t.size for t in terms])[:-1])
+    together: dict[tuple[str, str, str], list[int]] = {}
     for k, term in enumerate(terms):
-        _, parts, pattern = found.told[term.key]
-        if parts:
-            together.setdefault((kind_of(parts[0]), place_of(term), pattern), []).append(k)
+        own = found.whose(term)
+        if own.pattern:
+            together.setdefault((own.kind, place_of(term), own.pattern), []).append(k)
     out = []
-    for (kind, place, pattern), which in together.items():
-        parts = [found.told[terms[k].key][1][0] for k in which]
+    for (kind, place, _), which in together.items():
+        parts = [found.whose(terms[k]) for k in which]
         at = np.concatenate([each[k] for k in which])
-        own = (np.concatenate([terms[k].columns for k in which]) - model.fixed) % len(found.scale)
-        sizes, spread, level = value[at], covariance[np.ix_(at, at)], levels[own]
+        columns = np.concatenate([found.at(terms[k]) for k in which])
+        sizes, spread, level = value[at], covariance[np.ix_(at, at)], levels[columns]
         share, share_sd = np.nan, np.nan
         if (np.abs(level) > 0).all():
-            rms = found.missing.scale[own]
+            rms = found.missing.scale[columns]
             slope = rms * np.sign(level) / (np.abs(level) @ rms)
             share, share_sd = float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))
-        title = title_of_change(parts[0]) if len({c.family.name for c in parts}) == 1 else kind
+        title = parts[0].title if len({c.family.name for c in parts}) == 1 else kind
         rivals = [r for k in which for r in model.rivals(terms, k) if r.odds > 0]
-        _, called, units = zip(*(found.columns[k] for k in own.tolist()), strict=True)
+        _, called, units = zip(*(found.columns[k] for k in columns.tolist()), strict=True)
         out.append(
             Change(
                 kind=kind,
                 family=parts[0].family.name,
                 what=f"{title} of {place}",
                 place=place,
-                log=found.log_of(pattern, names),
+                log=parts[0].odd(names),
                 names=called,
                 units=units,
                 sizes=sizes,

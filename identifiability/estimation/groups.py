@@ -324,7 +324,8 @@ class Missing:
         seen = {k for _, k in self.entries}
         for c in self.candidates:
             if seen.intersection(c.columns):
-                found[c.family.name][c.place].append(c)
+                name, place = c.group
+                found[name][place].append(c)
         out: dict[tuple[str, str], list[list[Candidate]]] = {}
         for name, places in found.items():
             every = list(places.values())
@@ -566,15 +567,17 @@ def find_alternatives(
     """
     record = regression.instruments
     plain = regression if record is None else replace(regression, instruments=None)
-    # A wrong scale of one joint's torque is nearly the model itself, at any size: its prior alone
-    # would widen every label. What weighs a known load tells it.
     every = find_families(None, commanded=commanded)
-    families = [f for f in every if f.name != TorqueScale.name]
-    missing = Missing.of(plain, families, structure.present)
-    if not len(missing.seen.y) or not missing.groups:
-        return NO_ALTERNATIVES
-    model = missing.model()
-    terms = model.search()
+    # A wrong scale of one joint's torque is nearly the model itself, at any size: its prior alone
+    # would widen every label. So it may only be what a function of the load seems to be.
+    for families in ([f for f in every if f.name != TorqueScale.name], every):
+        missing = Missing.of(plain, families, structure.present)
+        if not len(missing.seen.y) or not missing.groups:
+            return NO_ALTERNATIVES
+        model = missing.model()
+        terms = model.search()
+        if all(t.group.family != "function_of_load" for t in terms):
+            break
     if terms and record is not None:
         second = Missing.of(replace(plain, samples=record), families, structure.present)
         places = {t.group.place for t in second.model().search()}

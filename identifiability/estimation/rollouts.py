@@ -39,16 +39,18 @@ VARIED: Tolerance = 2e-4
 LATER: Tolerance = 0.05
 
 #: Step of rollouts whose differences alone are looked at, in that of others.
-COARSE: Tolerance = 2.5
+COARSE: Tolerance = 5.0
 
-#: Where a third of a log is so long, the search begins on that: steps there cost a third [s].
-ENOUGH: Tolerance = 2.0
+#: Length of logs that are rolled out, all together [s], of which the search begins on a part: more
+#: says little more.
+LONG: Tolerance = 45.0
 
-#: Length of logs that are rolled out, all together [s]: more says little more.
-LONG: Tolerance = 60.0
+#: Stretches of time of a rollout that are left out in turn [s].
+BLOCK: Tolerance = 0.5
 
-#: A search ends where a step promises less than this share of the error, or after so many steps.
-GAIN: Tolerance = 1e-3
+#: A search ends where a step promises less than this of the weighed squares: of a part of logs it
+#: is a beginning, of all it is a share of a standard deviation; or after so many steps.
+GAINS = (20.0, 1.0)
 STEPS = 20
 
 
@@ -61,7 +63,7 @@ class Rollouts:
     numbers : mapping of str to (n,)
         Rotor inertia ``Ia``, viscous ``Fv`` and dry friction ``Fc``, offset ``off``, and gains
         ``kv`` and ``kp``. Where commands have no speeds an unknown kv is 0, and viscous friction
-        holds it.
+        holds it. Half the logarithm of how much larger bodies are, ``sizes`` (nb,).
     parameters : mapping of str to float
         Standard parameters by name of joints and bodies.
     delays : (L,) [s]
@@ -70,6 +72,11 @@ class Rollouts:
         Of positions (rms), by joint.
     before : (n,) [rad or m]
         The same at the start.
+    missed : (n,)
+        Errors as shares of what there is to explain: how far a joint is from its command, merely
+        delayed, which is what a servo makes torque of, and what any servo that is stiff enough
+        would leave, whatever moves behind it; no more than how the joint moves, and no less than
+        what noise would be.
     delay_errors : (L,) [s]
         Standard deviations of the delays; zero where they are known.
     covariance : (n, n)
@@ -84,9 +91,19 @@ class Rollouts:
     delays: Array
     errors: Array
     before: Array
+    missed: Array
     delay_errors: Array
     covariance: Array
     by_belief: Array
+
+
+def contradicted(missed: Array) -> bool:
+    """Return whether shares of what there is to explain (n,) that are missed say gains are wrong.
+
+    Where most joints are followed, what is wrong at another is its own, and no less is known of
+    these for it.
+    """
+    return bool(np.median(missed) > RULES.rollout_contradicted)
 
 
 def fit_rollouts(
@@ -118,42 +135,33 @@ def fit_rollouts(
     free[-2:] = spoken & np.isnan(robot.servo.kv), np.isnan(robot.servo.kp)
     # Logs often begin and end at rest.
     thirds = [log.rows(len(log) // 3, 2 * len(log) // 3) for log in logs]
-    first = thirds if all(x.t[-1] - x.t[0] > ENOUGH for x in thirds) else logs
-    machine, numbers = _start(robot, min(first, key=len))
-    problem = Problem(machine, first, free, delay)
+    machine, numbers = _start(robot, min(thirds, key=len))
+    problem = Problem(machine, logs, free, delay, shares)
     x = problem.pack(numbers, delay or 0.0)
     before = problem.errors(problem.roll([x])[0])
-    x, q, J = problem.descend(x)
-    if not contradicted(share_missed(problem.errors(q), first)):
-        numbers, _, delays = problem.unpack(x)
-        machine = CommandedRobot(robot, {}, machine.servo.having(numbers))
-        problem = Problem(machine, logs, free, delay, shares)
-        x, q, J = problem.descend(problem.pack(numbers, delays))
-    numbers, e, delays = problem.unpack(x)
-    size = np.linalg.norm(J, axis=0)
-    size = np.where(size > 0, size, 1.0)  # of what is stated
-    H = np.linalg.pinv((J / size).T @ (J / size), hermitian=True) / np.outer(size, size)
-    kp, late = slice(problem.at[0] - n, problem.at[0]), slice(problem.at[1], None)
+    if robot.servo.numbers:
+        x = problem.pack(robot.servo.numbers, delay or 0.0)
+    else:
+        problem.logs, problem.varied[problem.bodies] = thirds, False
+        x, q, J = problem.descend(x, GAINS[0])
+    if robot.servo.numbers or not contradicted(problem.errors(q) / _explicable(thirds)):
+        problem.logs, problem.varied[problem.bodies] = logs, True
+        x, q, J = problem.descend(x)
+    numbers, delays = problem.unpack(x)
+    covariance, H = problem.uncertainty(x, q, J)
+    kp, late = slice(free.size - n, free.size), problem.late
     found = free[-1] if free[-1].any() else np.ones(n, bool)
     return Rollouts(
         numbers=numbers,
-        parameters={**problem.sized(e), **name_numbers(robot, numbers)},
+        parameters=problem.parameters(numbers),
         delays=delays,
         errors=problem.errors(q),
         before=before,
-        delay_errors=np.sqrt(np.diag(H)[late]) * problem.varied[late],
-        covariance=H[kp, kp],
+        missed=problem.errors(q) / _explicable(problem.logs),
+        delay_errors=np.sqrt(np.diag(covariance)[late]) * problem.varied[late],
+        covariance=covariance[kp, kp],
         by_belief=J[problem.apart(q).size :] @ (found / found.sum() @ H[kp]),
     )
-
-
-def name_numbers(robot: Robot, numbers: Mapping[str, Array]) -> dict[str, float]:
-    """Return numbers of joints as standard parameters by name."""
-    return {
-        f"{joint}.{robot.inertia_parts[0] if kind == 'Ia' else kind}": float(value)
-        for kind in KINDS[:-2]
-        for joint, value in zip(robot.joints, numbers[kind], strict=True)
-    }
 
 
 def _start(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Array]]:
@@ -184,37 +192,18 @@ def _start(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Array]]:
     return CommandedRobot(robot, {}, replace(guess, kp=chosen["kp"])), chosen
 
 
-def share_missed(errors: Array, logs: Sequence[Log]) -> Array:
-    """Return errors of positions (n,) as shares of what there is to explain, (n,).
-
-    That is how far a joint is from its command, merely delayed: it is what a servo makes torque of,
-    and what any servo that is stiff enough would leave, whatever moves behind it. It is no more
-    than how the joint moves, and no less than what noise would be.
-    """
-    every = np.mean([_unexplained(log) for log in logs], axis=0)
-    return np.asarray(errors / np.maximum(np.sqrt(every), 1e-3))
-
-
-def contradicted(share: Array) -> bool:
-    """Whether shares of what there is to explain (n,) that are missed say that gains are wrong.
-
-    Where most joints are followed, what is wrong at another is its own, and no less is known of
-    these for it.
-    """
-    return bool(np.median(share) > RULES.rollout_contradicted)
-
-
-def _unexplained(log: Log) -> Array:
-    """Return the variance of a log's positions about its commands, merely delayed, (n,)."""
-    moved = log.q.var(0)
-    if log.q_ref is None:
-        return np.asarray(moved)
-    most = min(round(LATEST / signals.sampling_step(log.t)), len(log) // 2)
-    target, q = log.q_ref, log.q[most:]
-    apart = [(q - target[most - k : len(log) - k]).var(0) for k in range(most + 1)]
-    # So many times the noise of positions is nothing to explain.
-    noise = 5.0 * np.maximum(noise_level(log.q, log.t), resolution(log.q))
-    return np.asarray(np.minimum(np.maximum(np.min(apart, axis=0), noise**2), moved))
+def _explicable(logs: Sequence[Log]) -> Array:
+    """Return what there is to explain of positions in logs (rms), at least a bit, (n,)."""
+    square = []
+    for log in logs:
+        most = min(round(LATEST / signals.sampling_step(log.t)), len(log) // 2)
+        target = np.zeros(log.q.shape) if log.q_ref is None else log.q_ref
+        q = log.q[most:]
+        apart = [(q - target[most - k : len(log) - k]).var(0) for k in range(most + 1)]
+        # So many times the noise of positions is nothing to explain.
+        noise = 5.0 * np.maximum(noise_level(log.q, log.t), resolution(log.q))
+        square.append(np.minimum(np.maximum(np.min(apart, axis=0), noise**2), log.q.var(0)))
+    return np.asarray(np.maximum(np.sqrt(np.mean(square, axis=0)), 1e-3))
 
 
 def roll_late(machine: CommandedRobot, log: Log, delay: float | None = None) -> tuple[float, Array]:
@@ -265,8 +254,8 @@ class Problem:
         self.logs, self.shares = logs, shares or {}
         self.trees = machine.trees
         self.dt = min(signals.sampling_step(log.t) for log in logs)
-        #: Where bodies begin, and where delays do.
-        self.at = free.size, free.size + len(self.shares)
+        self.bodies = slice(free.size, free.size + len(self.shares))
+        self.late = slice(self.bodies.stop, None)
         #: Which tree each number is of.
         self.tree_of = np.concatenate(
             [np.tile(self.trees, len(free)), machine.trees_of([*self.shares])]
@@ -286,25 +275,34 @@ class Problem:
         self.by = np.concatenate([steps, np.full(len(logs), LATER * self.dt)])
         self.machine = machine
 
-    def sized(self, e: Array) -> dict[str, float]:
-        """Return standard parameters of bodies that are exp(2 e) times the file's, (nb,)."""
-        file, each = self.machine.robot.nominal, zip(self.shares, np.exp(2 * e), strict=True)
-        return {f"{b}.{k}": x * file[f"{b}.{k}"] for b, x in each for k in INERTIAL_KINDS}
+    def parameters(self, numbers: Mapping[str, Array]) -> dict[str, float]:
+        """Return standard parameters of joints, and of bodies, which are as often the file's."""
+        robot, each = (
+            self.machine.robot,
+            zip(self.shares, np.exp(2 * numbers["sizes"]), strict=True),
+        )
+        own = {f"{b}.{k}": x * robot.nominal[f"{b}.{k}"] for b, x in each for k in INERTIAL_KINDS}
+        for kind in KINDS[:-2]:
+            called = robot.inertia_parts[0] if kind == "Ia" else kind
+            pairs = zip(robot.joints, numbers[kind].tolist(), strict=True)
+            own |= {f"{joint}.{called}": value for joint, value in pairs}
+        return own
 
     def pack(self, numbers: Mapping[str, Array], late: Array | float) -> Array:
         """Return the vector of joints' numbers and delays, bodies as they are known."""
         rows = [numbers[k] for k in KINDS[:-1]]
-        rest = [np.zeros(len(self.trees) + self.at[1] - self.at[0]), np.full(len(self.logs), late)]
-        return np.concatenate([*rows, *rest])
+        sizes = numbers.get("sizes", np.zeros(len(self.shares)))
+        none = np.zeros(len(self.trees))
+        return np.concatenate([*rows, none, sizes, np.full(len(self.logs), late)])
 
-    def unpack(self, x: Array) -> tuple[dict[str, Array], Array, Array]:
-        """Return the numbers of a vector, sizes of bodies, and delays."""
-        a, b = self.at
-        table = x[:a].reshape(self.over.shape)
+    def unpack(self, x: Array) -> tuple[dict[str, Array], Array]:
+        """Return the numbers of a vector, and delays."""
+        table = x[: self.over.size].reshape(self.over.shape)
         numbers = dict(zip(KINDS, table * np.exp(self.over * table[-1]), strict=True))
-        return numbers | {"kp": self.machine.servo.kp * np.exp(table[-1])}, x[a:b], x[b:]
+        gains = self.machine.servo.kp * np.exp(table[-1])
+        return {**numbers, "kp": gains, "sizes": x[self.bodies]}, x[self.late]
 
-    def descend(self, x: Array) -> tuple[Array, list[Array], Array]:
+    def descend(self, x: Array, enough: float = GAINS[1]) -> tuple[Array, list[Array], Array]:
         """Return the vector after damped Gauss–Newton steps, and positions along the logs.
 
         Then the weighted derivative (r, p), which is taken anew where the last step did not bring
@@ -324,7 +322,7 @@ class Problem:
             step = np.zeros(len(x))
             step[own] = lsq_linear(rows, aim, self.bounds(x)[:, own], method="bvls").x
             promised = right @ right - np.sum((right + R @ step[own]) ** 2)
-            if promised <= GAIN * float(r @ r):
+            if promised <= enough:
                 break
             moved = self.roll([x + step])[0]
             gained = r @ r - np.sum((weights * self.residual(moved, x + step)) ** 2)
@@ -334,20 +332,50 @@ class Problem:
                 x, q = x + step, moved
         return x, q, weights[:, None] * J
 
+    def uncertainty(self, x: Array, q: list[Array], J: Array) -> tuple[Array, Array]:
+        """Return the covariance of a vector, (p, p), and what it were if errors were only noise.
+
+        It is that of leaving out stretches of time in turn [Efron 1982], which holds what errors
+        remember and much of what the model lacks, and of what is known beforehand.
+
+        Parameters
+        ----------
+        x : (p,)
+        q : list of Array
+            Positions along the logs.
+        J : (r, p)
+            Weighted derivative of the residual.
+        """
+        size = np.linalg.norm(J, axis=0)
+        J = J / np.where(size > 0, size, 1.0)  # of what is stated
+        n, ends = len(self.trees), np.cumsum([len(log) - forgotten(log) for log in self.logs])
+        rows, known = np.split(J, [n * ends[-1]])
+        scores = rows * (self.weights(q) * self.residual(q, x))[: len(rows), None]
+        every = max(round(BLOCK / self.dt), 1)
+        edges = n * np.unique([k for a, b in pairwise([0, *ends]) for k in range(a, b, every)])
+        H, out = np.linalg.pinv(J.T @ J, hermitian=True), known.T @ known
+        for a, b in pairwise([*edges, len(rows)]):
+            left = J.T @ J - rows[a:b].T @ rows[a:b]
+            out += np.outer(
+                *2 * (J.T @ J @ np.linalg.pinv(left, hermitian=True) @ scores[a:b].sum(0),)
+            )
+        unit = np.outer(*2 * (np.where(size > 0, size, 1.0),))
+        return H @ out @ H / unit, H / unit
+
     def bounds(self, x: Array) -> Array:
         """Return the least and largest step, (2, p): no friction or rotor is negative."""
         endless = np.isin(KINDS, ("off", "kp")).repeat(len(self.trees))
-        joints = np.where(endless, -np.inf, -x[: self.at[0]])
+        low = np.full(len(x), -np.inf)
+        low[: len(endless)] = np.where(endless, -np.inf, -x[: len(endless)])
         # A command was given at any time since the row before.
-        late = -self.dt - x[self.at[1] :]
-        low = np.concatenate([joints, np.full(self.at[1] - self.at[0], -np.inf), late])
+        low[self.late] = -self.dt - x[self.late]
         return np.stack([np.minimum(low, -1e-12), np.full(len(x), np.inf)])
 
     def roll(self, xs: Sequence[Array], step: float = STEP) -> list[list[Array]]:
         """Return positions along every log, for several vectors, all at one step [s]."""
         every = []
-        for own, e, late in map(self.unpack, xs):
-            sizes = dict(zip(self.shares, np.exp(2 * e).tolist(), strict=True))
+        for own, late in map(self.unpack, xs):
+            sizes = dict(zip(self.shares, np.exp(2 * own["sizes"]).tolist(), strict=True))
             every.append((self.machine.resized(sizes), own, late))
         step = min(step, *(machine.longest(own) for machine, own, _ in every))
         return [
@@ -381,25 +409,25 @@ class Problem:
 
     def belief(self, x: Array) -> Array:
         """Return how far bodies are from the file's, and all from what is stated, (b,) [σ]."""
-        robot, (numbers, e, _) = self.machine.robot, self.unpack(x)
-        found = {**self.sized(e), **name_numbers(robot, numbers)} if self.shares else {}
-        stated = [(found[k] - m) / s for k, (m, s) in robot.prior.items() if k in found]
-        return np.array([*e / [*self.shares.values()], *stated])
+        prior, numbers = self.machine.robot.prior, self.unpack(x)[0]
+        found = self.parameters(numbers) if self.shares else {}
+        stated = [(found[k] - m) / s for k, (m, s) in prior.items() if k in found]
+        return np.array([*numbers["sizes"] / [*self.shares.values()], *stated])
 
     def linearise(self, x: Array) -> Array:
         """Return the derivative of the residual, (r, p); trees are varied at once."""
-        own = np.flatnonzero(self.varied[: self.at[1]])
-        trees, late = self.tree_of[own], slice(self.at[1], None)
+        own = np.flatnonzero(self.varied[: self.bodies.stop])
+        trees = self.tree_of[own]
         turn = np.array([np.sum(trees[:k] == tree) for k, tree in enumerate(trees)], int)
         groups = [own[turn == k] for k in range(int(turn.max(initial=-1)) + 1)]
-        xs = [x, *(self._moved(x, at) for at in (*groups, late))]
+        xs = [x, *(self._moved(x, at) for at in (*groups, self.late))]
         base, *others = map(self.apart, self.roll(xs, COARSE * STEP))
         J = np.zeros((*base.shape, len(x)))
         for columns, moved in zip(groups, others, strict=False):
             of_tree = self.trees[:, None] == self.tree_of[columns]
             J[:, :, columns] = (moved - base)[:, :, None] * of_tree / self.by[columns]
         ends = np.cumsum([0, *(len(log) - forgotten(log) for log in self.logs)]).tolist()
-        for k, (a, b) in enumerate(pairwise(ends), self.at[1]):
+        for k, (a, b) in enumerate(pairwise(ends), self.bodies.stop):
             J[a:b, :, k] = (others[-1] - base)[a:b] / self.by[k]
         beliefs = [self.belief(self._moved(x, k)) - self.belief(x) for k in range(len(x))]
         return np.vstack([J.reshape(-1, len(x)), np.array(beliefs).T / self.by])

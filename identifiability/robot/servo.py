@@ -51,6 +51,8 @@ class Servo:
         Whether nobody states that rate.
     found : str
         How gains were found, and what fixes their scale, where logs told them.
+    numbers : mapping of str to array
+        Of joints and bodies with which rollouts followed these logs.
     doubt : (g, n)
         By what share kp is others if each of g independent doubts is one standard deviation.
     """
@@ -64,6 +66,7 @@ class Servo:
     rate: float = 1000.0
     assumed: bool = True
     found: str = ""
+    numbers: Mapping[str, Array] = field(default_factory=dict)
     doubt: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @staticmethod

@@ -16,13 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.rollouts import (
-    Rollouts,
-    contradicted,
-    fit_rollouts,
-    roll_late,
-    share_missed,
-)
+from identifiability.estimation.rollouts import Rollouts, contradicted, fit_rollouts, roll_late
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.findings import Finding, phrase
@@ -192,7 +186,7 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     LogError
     """
     assert robot.servo is not None
-    share, names = share_missed(found.errors, logs), [log.name for log in logs]
+    share, names = found.missed, [log.name for log in logs]
     k = int(np.argmax(share))
     if contradicted(share):
         told = {"kp": robot.servo.kp[k], "kv": robot.servo.kv[k]}
@@ -270,17 +264,17 @@ def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
     if not shares:
         raise RobotError(Finding("gains.massless", robot.path))
     found = fit_rollouts(robot, every, shares, robot.servo.delay)
-    share, names = share_missed(found.errors, every), [x.name for x in every]
-    k = int(np.argmax(share))
-    if contradicted(share):  # of a single joint rollouts with these gains tell
-        raise LogError(Finding("gains.none", robot.joints[k], names=names, share=share[k]))
+    names, k = [x.name for x in every], int(np.argmax(found.missed))
+    if contradicted(found.missed):  # of a single joint rollouts with these gains tell
+        raise LogError(Finding("gains.none", robot.joints[k], names=names, share=found.missed[k]))
     values, axes = np.linalg.eigh(found.covariance)
     doubt = (np.sqrt(np.maximum(values, 0.0)) * axes).T
     # Doubt of a gain that is none.
     doubt = doubt[np.linalg.norm(doubt, axis=1) > 1e-4]
     told = state_gains(robot, names, found, shares)
     servo = robot.servo.having(found.numbers)
-    return replace(robot, servo=replace(servo, source=FOUND, found=told, doubt=doubt))
+    servo = replace(servo, source=FOUND, found=told, numbers=found.numbers, doubt=doubt)
+    return replace(robot, servo=servo)
 
 
 def state_gains(

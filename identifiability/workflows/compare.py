@@ -124,13 +124,13 @@ def find_differences(
     rows = subtract(structure, pairs, known) if pairs else Compared.about(seen, known)
     serve = Counter(pair.at[1] for pair in pairs)
     asked = (np.arange(rows.log[-1] + 1) < later).astype(float)
-    each = [x[None] for x in np.eye(len(asked))[:single] if np.ptp(np.abs(x - asked))]
+    each = [x for x in np.eye(len(asked))[:single] if np.ptp(np.abs(x - asked))]
     return Differences.of(
         rows,
         list_changes(robot, bodies),
         lacks,
         known,
-        (asked[None], *each),
+        (asked, *each),
         names=structure.base.names,
         # Those that share a log share its noise.
         shared=(max(serve.values()) + 1) / 2 if pairs else 1.0,

@@ -23,7 +23,6 @@ from identifiability.estimation.differences import (
     DifferentTorque,
     Known,
     find_changes,
-    kind_of,
     pooled_values,
     tool_bodies,
 )
@@ -119,9 +118,9 @@ def widened(found: Differences, terms: Terms, at: slice) -> tuple[Array, Array]:
 
 def estimate_load(found: Differences, names: Sequence[str]) -> LoadEstimate:
     """Return the load that is in every hypothesis, of logs of some names."""
-    found = replace(found, always=_load(found)[:, ORDER])
+    found, first = found.having(_load(found)[:, ORDER]), len(found.known.precision)
     terms = found.model.search()
-    theta, spread = widened(found, terms, slice(found.model.fixed - 10, found.model.fixed))
+    theta, spread = widened(found, terms, slice(first, first + 10))
     scale = found.scale @ found.always
     square, turn = np.linalg.eigh(spread * np.outer(scale, scale))
     open_ = square > UNTOLD**2
@@ -133,7 +132,7 @@ def estimate_load(found: Differences, names: Sequence[str]) -> LoadEstimate:
         covariance=told @ told.T,
         root=(turn[:, ~open_] / size).T * scale,
         unknown=unknown,
-        lacks=tuple(describe_term(t) for t in terms if not found.told[t.key][1]),
+        lacks=tuple(describe_term(t) for t in terms if not found.whose(t).pattern),
         changes=find_changes(found, terms, names),
         torque=found.along(terms),
     )
@@ -141,7 +140,7 @@ def estimate_load(found: Differences, names: Sequence[str]) -> LoadEstimate:
 
 def _load(found: Differences) -> Array:
     """Return which columns of candidates the ten parameters of a load are, (C, 10)."""
-    own = [c.kinds == INERTIAL_KINDS for c, *_ in found.columns]
+    own = [c.kinds == INERTIAL_KINDS and c.pattern == "0" for c, *_ in found.columns]
     return np.eye(len(own))[:, own]
 
 
@@ -282,16 +281,15 @@ def find_gains(found: Differences, theta: Array) -> tuple[Quantity, ...]:
     """Return the gain of each joint's torque from a known load, (10,) in `INERTIAL_KINDS`."""
     out, seen, known = [], found.missing.seen, found.known
     robot, M, none = seen.robot, known.directions, np.zeros(known.directions.shape[1])
-    found = replace(found, always=_load(found) @ theta[:, None])
+    sums, at = _load(found) @ theta[:, None], len(known.precision)
     for j, joint in enumerate(robot.joints):
         # As much friction as this joint's rows say, in its own unit.
         values = pooled_values(seen.X[:, [j]], seen.y[:, [j]], np.eye(len(none)), none)
         base = known.base + M @ values
-        one = replace(found, joint=j, known=replace(known, base=base))
-        friction = [g for g, own, _ in one.told.values() if own and kind_of(own[0]) == "friction"]
-        terms = replace(one.model, groups=tuple(friction)).search()
-        value, covariance = one.solve(terms)
-        at = one.model.fixed - 1
+        one = replace(found, known=replace(known, base=base)).having(sums, joint=j)
+        may = {c.group[0] for c, *_ in one.columns if c.pattern and c.kind == "friction"}
+        groups = tuple(g for g in one.groups if g.family in may)
+        value, covariance = one.solve(replace(one.model, groups=groups).search())
         # Torque that was read by a gain is that of the load by this over the right one.
         read = robot.torque.at("gain", joint) or 1.0
         inverse = float(value[at]) / read or np.nan

@@ -21,6 +21,7 @@ from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, signals
+from identifiability.logs.base import UP
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.prepare.preparation import joint_log
 from identifiability.logs.rules import RULES
@@ -214,17 +215,15 @@ def _derive(q: Array, log: Log, cutoff: float | None) -> tuple[Array, Array, Arr
 
 
 def noise_again(log: Log, rng: np.random.Generator) -> Log:
-    """Return a log with as much noise once more on positions, and on velocities if measured."""
+    """Return a log with as much noise once more on what it measured of the motion."""
 
     def more(x: Array) -> Array:
         return np.asarray(x + _noise(x, log.t) * rng.standard_normal(x.shape))
 
-    dq = None if log.dq is None else more(log.dq)
-    return replace(
-        log,
-        q=more(log.q),
-        dq=dq,
-    )
+    dq, base = None if log.dq is None else more(log.dq), log.base
+    if base is not None:
+        base = np.column_stack([more(base[:, : UP.start]), base[:, UP.start :]])
+    return replace(log, q=more(log.q), dq=dq, base=base)
 
 
 def _noise(x: Array, t: Array) -> Array:

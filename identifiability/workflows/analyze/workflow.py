@@ -237,7 +237,8 @@ class SharedErrors:
 
         asked = {"delay": known.later, "bias": ()}
         band = getattr(how, "band", None)
-        loud = band is not None and band.noise > LOG_RULES.small
+        loud = opening.robot.base is not None  # sensors of a base that floats always are
+        loud |= band is not None and band.noise > LOG_RULES.small
         if loud and not (rows.estimator.instruments or known.commanded):
             short = {k: log for k, log in enumerate(known.fitted) if not log.long}
             noisier = {k: noise_again(x, np.random.default_rng(0)) for k, x in short.items()}
