@@ -119,15 +119,14 @@ def smooth_torque(robot: Robot, motion: Motion) -> Array:
     How that turns within a sample no slope says, least of all by a file's levels.
     """
     effects = ViscousFriction(), ActuatorInertia(), JointStiffness()
-    each = (_stated_torque(robot, motion, effect) for effect in effects)
-    return sum(each, rigid_torque(robot, motion))
+    return sum((_stated_torque(robot, motion, e) for e in effects), rigid_torque(robot, motion))
 
 
 def _stated_torque(robot: Robot, motion: Motion, effect: Effect) -> Array:
     parameters, known = effect.parameters(robot), reference_values(robot)
     W = np.zeros((len(motion), len(robot.joints), len(parameters)))
     effect.fill(robot, motion, W)
-    tau: Array = W @ np.array([known.get(p.name, 0.0) for p in parameters])
+    tau: Array = np.dot(W, [known.get(p.name, 0.0) for p in parameters])
     return tau
 
 
