@@ -193,7 +193,6 @@ def test_a_delay_does_not_look_across_gaps(polar, by_hand):
 def test_a_delay_differentiates_no_step_of_dry_friction(make, tables, polar, move):
     rough = make(tables.POLAR.replace('frictionloss="1.3"', 'frictionloss="130"'))
     a, b = (Model((TimeDelay(),)).regressor(r, move(r, T)) for r in (rough, polar))
-    assert rough.nominal["lift.Fc"] == 130.0
     np.testing.assert_array_equal(a, b)
 
 
