@@ -240,8 +240,8 @@ class Naming:
         held = hold_folds(weighed, by)[0]
         for parts in ((), range(len(self.parts))):
             some, rows = self._columns_of(parts)
-            names = [str(k) for k in range(some.shape[1])]
-            fit = by.fit(with_known(weighed.reduce(some, names), rows, by.noise))
+            own = weighed.reduce(some, weighed.columns[: some.shape[1]])
+            fit = by.fit(with_known(own, rows, by.noise))
             values.append(held.refit(fit, some) + self._own @ self.setting.known.base)
         regression = replace(self.completed.regression(self.setting.samples), dwelling=True)
         (found,) = predict_all(regression, [Task(np.stack(values, 2), held.folds)])
