@@ -191,9 +191,8 @@ def test_a_delay_does_not_look_across_gaps(polar, by_hand):
 
 
 def test_a_delay_differentiates_no_step_of_dry_friction(make, tables, polar, move):
-    rough = make(tables.POLAR.replace('frictionloss="1.3"', 'frictionloss="130"'))
-    a, b = (Model((TimeDelay(),)).regressor(r, move(r, T)) for r in (rough, polar))
-    np.testing.assert_array_equal(a, b)
+    pair = polar, make(tables.POLAR.replace('frictionloss="1.3"', 'frictionloss="130"'))
+    np.testing.assert_array_equal(*(Model((TimeDelay(),)).regressor(r, move(r, T)) for r in pair))
 
 
 def test_the_delayed_torque_holds_the_files_springs(make, tables, polar, move):
