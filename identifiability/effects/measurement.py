@@ -107,16 +107,26 @@ def motors(robot: Robot) -> range:
 @once
 def nominal_torque(robot: Robot, motion: Motion) -> Array:
     """Return the torque by all values that the robot file states, (N, n)."""
-    tau = rigid_torque(robot, motion)
-    effects: list[Effect] = [ViscousFriction(), ActuatorInertia(), JointStiffness()]
-    known = reference_values(robot)
-    stated = any(k.endswith(".Fc+") for k in known)
-    effects.append(CoulombAsymmetry() if stated else CoulombFriction())
-    for effect in effects:
-        parameters = effect.parameters(robot)
-        W = np.zeros((*tau.shape, len(parameters)))
-        effect.fill(robot, motion, W)
-        tau = tau + W @ np.array([known.get(p.name, 0.0) for p in parameters])
+    stated = any(k.endswith(".Fc+") for k in reference_values(robot))
+    dry = _stated_torque(robot, motion, CoulombAsymmetry() if stated else CoulombFriction())
+    return smooth_torque(robot, motion) + dry
+
+
+@once
+def smooth_torque(robot: Robot, motion: Motion) -> Array:
+    """Return the same without dry friction, (N, n).
+
+    How that turns within a sample no slope says, least of all by a file's levels.
+    """
+    effects = ViscousFriction(), ActuatorInertia(), JointStiffness()
+    return sum((_stated_torque(robot, motion, e) for e in effects), rigid_torque(robot, motion))
+
+
+def _stated_torque(robot: Robot, motion: Motion, effect: Effect) -> Array:
+    parameters, known = effect.parameters(robot), reference_values(robot)
+    W = np.zeros((len(motion), len(robot.joints), len(parameters)))
+    effect.fill(robot, motion, W)
+    tau: Array = np.dot(W, [known.get(p.name, 0.0) for p in parameters])
     return tau
 
 
@@ -147,7 +157,7 @@ class TimeDelay(AtMotors):
 
     def curves(self, at: Along) -> list[Array]:
         """Return minus how the torque changes."""
-        return [-at.slope(nominal_torque(at.robot, at.motion)[:, at.joint])]
+        return [-at.slope(smooth_torque(at.robot, at.motion)[:, at.joint])]
 
 
 # Torque that is stamped before the motion it belongs to.

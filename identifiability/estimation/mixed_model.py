@@ -341,48 +341,34 @@ class MixedModel:
                 terms = self.settle(_without(terms, least))
         return terms
 
-    def evidence(self, terms: Terms, unseen: Information, truth: Terms | None = None) -> float:
+    def evidence(self, terms: Terms, unseen: Information) -> float:
         """Return the log predictive density of unseen rows, up to a constant.
 
         ``p(unseen | fitted) = p(both) / p(fitted)``.
-
-        Parameters
-        ----------
-        terms : tuple of Term
-        unseen : Information
-        truth : tuple of Term, optional
-            Whose fit the unseen torque is then taken to be, instead of what was measured.
         """
         columns = self._columns(terms)
         scale = self.scale[columns]
         fitted, target = self._between(columns, columns), self.target[columns]
         both = fitted + unseen.between(columns, columns) / np.outer(scale, scale)
-        last, value = np.array([unseen.size]), np.ones(1)
-        if truth is not None:
-            own = self.solve(truth)
-            last, value = own.columns, own.value / self.scale[own.columns]
-        aim = target + unseen.between(columns, last) @ value / scale
+        aim = target + unseen.between(columns, np.array([unseen.size]))[:, 0] / scale
         before = self._solve(terms, columns, fitted, target).log_likelihood
         return self._solve(terms, columns, both, aim).log_likelihood - before
 
-    def news(self, terms: Terms, unseen: Information, truth: Terms | None = None) -> list[float]:
+    def news(self, terms: Terms, unseen: Information) -> list[float]:
         """Return what each term gains on unseen rows beside the others [nat]."""
-        full = self.evidence(terms, unseen, truth)
+        full = self.evidence(terms, unseen)
         rest = (_without(terms, k) for k in range(len(terms)))
-        return [full - self.evidence(other, unseen, truth) for other in rest]
+        return [full - self.evidence(other, unseen) for other in rest]
 
     def confirm(self, terms: Terms, unseen: Information) -> Terms:
         """Return those terms that unseen rows let stand, the worst taken out first.
 
-        They must gain what keeps a name, or half of what they would if it were true; with fitted
-        rows they must gain what names and keeps it.
+        With fitted rows they must gain what names and keeps a name. By themselves they are the odds
+        against it where they are below zero, and need what names to refute it.
         """
         while terms:
-            gains, true = self.news(terms, unseen), self.news(terms, unseen, terms)
-            over = [
-                gain - max(min(RULES.keep, 0.5 * most), RULES.name + RULES.keep - t.odds)
-                for t, gain, most in zip(terms, gains, true, strict=True)
-            ]
+            gains = zip(self.news(terms, unseen), terms, strict=True)
+            over = [gain + min(RULES.name, t.odds - RULES.name - RULES.keep) for gain, t in gains]
             worst = int(np.argmin(over))
             if over[worst] >= 0:
                 break

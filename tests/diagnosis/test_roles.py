@@ -2,15 +2,8 @@
 
 from dataclasses import replace
 
-import pytest
-
 from identifiability.workflows import session
 from identifiability.workflows.diagnose import diagnose
-
-
-@pytest.fixture
-def logs(logs_of):
-    return logs_of("two-link")
 
 
 def test_what_verifies_can_only_refute(logs_of, monkeypatch):
@@ -32,3 +25,12 @@ def test_what_verifies_can_only_refute(logs_of, monkeypatch):
     kept = ["effect", "joint", "shape", "log_odds", "parameter", "value", "error"]
     other = diagnose("two-link", logs[:3], [replace(logs[3], sha256="")], **few)
     assert a.to_frame()[kept].equals(other.to_frame()[kept])
+
+
+def test_what_predicts_worse_on_folds_is_said_and_in_no_model(logs_of, monkeypatch):
+    monkeypatch.setattr("identifiability.workflows.diagnose.naming.Naming.predicts", False)
+    *fitted, last = logs_of("two-link", "joint_stiffness@elbow=0.05")
+    d = diagnose("two-link", fitted, last, effects=["joint_stiffness"], forward=False)
+    assert [e.name for e in d.effects] == ["joint_stiffness"]
+    assert d.fit.structure.model.texts == d.structure.model.texts
+    assert d.held_after == d.held_before > d.effects[0].after

@@ -46,8 +46,8 @@ class ForwardGap:
         95 % of the change of the error, stretches drawn again and again.
     note : str
         Why there is nothing, where there is nothing.
-    nearest, plain : Physical or None
-        The real robot with the named effects and that without, where both were found.
+    nearest : Physical or None
+        The real robot with the named effects, where it was found.
     """
 
     horizon: float
@@ -57,7 +57,6 @@ class ForwardGap:
     interval: tuple[float, float] = (np.nan, np.nan)
     note: str = ""
     nearest: Physical | None = None
-    plain: Physical | None = None
 
     @staticmethod
     def none(note: str) -> ForwardGap:

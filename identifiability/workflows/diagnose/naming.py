@@ -23,10 +23,10 @@ from identifiability.estimation.differences import Change
 from identifiability.estimation.estimate import Outliers, with_known
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.gaussian import Normal
-from identifiability.estimation.groups import Missing, with_reversals
+from identifiability.estimation.groups import Excerpt, Missing, with_reversals
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
 from identifiability.estimation.noise import JointRuns, rich_noise
-from identifiability.estimation.prediction import Prediction, predict
+from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import ROUNDOFF, scan_columns
 from identifiability.foundation.names import Array
@@ -39,6 +39,7 @@ from identifiability.regression.information import Information, gather_informati
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, known_rows
 from identifiability.robot import Robot
+from identifiability.workflows.analyze.workflow import hold_folds
 from identifiability.workflows.diagnose.problem import Rows, Setting, weigh_fit
 
 #: By how much an unseen error must rise with a name that is taken out for it.
@@ -207,15 +208,8 @@ class Naming:
         beside_all : bool
             Whether rows and noise are weighed once beside all parts, to compare many models.
         """
-        d = len(self.setting.known.precision)
-        first = self.parts[0].candidate.columns[0] if self.parts else 0
-        at = [d + k - first for p in parts for k in self.parts[p].candidate.columns]
-        C, sd = (x[..., [*range(d), *at]] for x in self.coordinates)
-        length = np.linalg.norm(C, axis=0)
-        free = np.argsort(np.isfinite(sd), kind="stable").tolist()  # before what is random
-        some = C[:, scan_columns(C / np.where(length > 0, length, 1.0), free)]
+        some, rows = self._columns_of(parts)
         value, names = np.zeros(some.shape[1]), [str(k) for k in range(some.shape[1])]
-        rows = known_rows(C, sd) @ some
         if names and beside_all:
             weighed, by = self.weighed
             value = by.fit(with_known(weighed.reduce(some, names), rows, by.noise)).value
@@ -223,6 +217,36 @@ class Naming:
             value = self._weigh(with_known(self.gathered.reduce(some, names), rows))[1].value
         base: Array = self._own @ self.setting.known.base + some @ value
         return base
+
+    def _columns_of(self, parts: Sequence[int]) -> tuple[Array, Array]:
+        """Return independent columns (b, k) of the model with some parts, and what is known."""
+        d = len(self.setting.known.precision)
+        first = self.parts[0].candidate.columns[0] if self.parts else 0
+        at = [d + k - first for p in parts for k in self.parts[p].candidate.columns]
+        C, sd = (x[..., [*range(d), *at]] for x in self.coordinates)
+        length = np.linalg.norm(C, axis=0)
+        free = np.argsort(np.isfinite(sd), kind="stable").tolist()  # before what is random
+        some = C[:, scan_columns(C / np.where(length > 0, length, 1.0), free)]
+        return some, known_rows(C, sd) @ some
+
+    @cached_property
+    def predicts(self) -> bool:
+        """Whether the model with all parts errs no more than without on parts of the fitted logs.
+
+        Each part by the fit of the others, rows at which joints stand or turn among them: these fit
+        neither model, and names may be paid for there.
+        """
+        (weighed, by), values = self.weighed, []
+        held = hold_folds(weighed, by)[0]
+        for parts in ((), range(len(self.parts))):
+            some, rows = self._columns_of(parts)
+            own = weighed.reduce(some, weighed.columns[: some.shape[1]])
+            fit = by.fit(with_known(own, rows, by.noise))
+            values.append(held.refit(fit, some) + self._own @ self.setting.known.base)
+        regression = replace(self.completed.regression(self.setting.samples), dwelling=True)
+        (found,) = predict_all(regression, [Task(np.stack(values, 2), held.folds)])
+        before, after = found.error_over_joints()
+        return bool(after <= WORSE * before)
 
     def predict(self, fits: Sequence[Array], samples: Sequence[Dataset]) -> Prediction:
         """Return torque along some logs as base parameters (b,) of the completed model say."""
@@ -283,7 +307,7 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
         parts=(),
         missing=missing,
     )
-    return _with_parts(found, ())
+    return with_parts(found, ())
 
 
 def name_missing(looked: Naming) -> Naming:
@@ -320,7 +344,7 @@ def name_missing(looked: Naming) -> Naming:
     came = [p.candidate.family.name for p in parts]
     parts.sort(key=lambda p: (came.index(p.candidate.family.name), p.candidate.columns))
     naming = replace(looked, after=tuple(model.gains(kept)), refuted=tuple(refuted))
-    naming = _with_parts(naming, parts)
+    naming = with_parts(naming, parts)
     return naming if products is None else _without_worse(naming)
 
 
@@ -339,7 +363,7 @@ def _without_worse(naming: Naming) -> Naming:
         part = naming.parts[worst]
         term = replace(part.term, group=replace(part.term.group, place=part.candidate.place))
         naming = replace(naming, refuted=(*naming.refuted, (term, part.unseen)))
-        naming = _with_parts(naming, [p for k, p in enumerate(naming.parts) if k != worst])
+        naming = with_parts(naming, [p for k, p in enumerate(naming.parts) if k != worst])
     return naming
 
 
@@ -390,7 +414,7 @@ def _terms_of(model: MixedModel, candidates: Sequence[Candidate]) -> Terms:
     return model.settle(model.settle(terms))
 
 
-def _with_parts(naming: Naming, parts: Sequence[Part]) -> Naming:
+def with_parts(naming: Naming, parts: Sequence[Part]) -> Naming:
     """Return a naming of some parts, numbered after friction at reversals."""
     always = [c for c in naming.missing.candidates if c.family is REVERSALS]
     numbered = number([*always, *(p.candidate for p in parts)])
@@ -447,7 +471,7 @@ CHANGES = np.geomspace(0.01, 1.0, 20)
 SHORTEST: Tolerance = 0.5
 
 
-def _parts_of_time(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
+def _parts_of_time(rows: Excerpt) -> tuple[np.ndarray, np.ndarray]:
     """Return rows at which parts of time begin, and the end of the last; and which log each is of.
 
     What is shorter than two parts is a burst.
@@ -485,7 +509,7 @@ def _session(rows: Rows, begins: np.ndarray, log: np.ndarray) -> Array:
     begun = np.cumsum(lasting) - lasting
     if None not in starts:
         begun = np.array([float(x or 0.0) for x in starts])
-    clock = rows.t[begins[:-1]] + begun[log]
+    clock = rows.seen.t[begins[:-1]] + begun[log]
     x = (clock - clock.min()) / max(float(np.ptp(clock)), 1e-9)
     return np.array([x, np.exp(-3.0 * x)])
 
@@ -506,7 +530,7 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
     families = find_families([f for f in CHANGING if effects is None or f in effects])
     if not families or not len(naming.fitted):
         return None
-    begins, log_of = _parts_of_time(naming.fitted)
+    begins, log_of = _parts_of_time(seen)
     stays = _stays(log_of)
     motions = [x.motion for x in naming.fitted.samples]
     listed, _ = list_candidates(robot, families, (), motions, fixed=True)
@@ -539,7 +563,7 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
         return None
     total = np.array([x.total for x in every])
     near = [x for x in every[1:] if x.total > best.total - RULES.rival]
-    time = naming.fitted.t[[*begins[own].tolist(), int(begins[own[-1] + 1]) - 1]]
+    time = seen.t[[*begins[own].tolist(), int(begins[own[-1] + 1]) - 1]]
     c, likely = best.candidate, softmax(best.odds)
     change = Change(
         kind={"payload": "load", "torque_offset": "offset"}.get(c.family.name, "friction"),

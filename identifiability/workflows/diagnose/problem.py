@@ -251,24 +251,9 @@ class Rows:
         seen = replace(seen, X=X @ known.directions, y=torque - X @ known.base)
         return Rows(seen, tuple(samples), torque)
 
-    @property
-    def data(self) -> np.ndarray:
-        """Where torque of each joint is data, (N, n) bool."""
-        return self.seen.data
-
     def __len__(self) -> int:
         """Return the number of samples."""
         return len(self.measured)
-
-    @property
-    def t(self) -> Array:
-        """Time of each log, (N,) [s]."""
-        return self.seen.t
-
-    @property
-    def log(self) -> np.ndarray:
-        """Which log a row comes from, (N,) int."""
-        return self.seen.log
 
     @cached_property
     def states(self) -> tuple[Array, Array, Array]:
@@ -285,10 +270,10 @@ class Rows:
         """Return what the residual of joint j may depend on, each (N,)."""
         q, dq, ddq = (x[:, j] for x in self.states)
         out = {"velocity": dq, "position": q, "acceleration": ddq, "load": self.measured[:, j]}
-        out |= {"time": self.t, "log": self.log}
+        out |= {"time": self.seen.t, "log": self.seen.log}
         starts = [s.motion.start or 0.0 for s in self.samples]
         if has_session([s.motion for s in self.samples]):
-            out["session"] = self.t + np.array(starts)[self.log]
+            out["session"] = self.seen.t + np.array(starts)[self.seen.log]
         return out
 
 
@@ -347,7 +332,7 @@ def find_discrepancies(
     """Return where the residual (N, n) of each joint sits."""
     out = []
     for j, joint in enumerate(joints):
-        data = rows.data[:, j]
+        data = rows.seen.data[:, j]
         r = residual[data, j]
         if not len(r):
             out.append(Discrepancy(joint, 0.0, 0.0, {}))

@@ -261,9 +261,9 @@ class Diagnosis(Result, Setting, Predicts):
     evidence : tuple of Odds
         Of all that was asked, the likeliest first.
     values : (b,)
-        Base parameters of the model with the named effects.
+        Base parameters of that model.
     model : Model
-        The base model with the named effects.
+        The base model, with the named effects where folds of the fitted logs prefer it.
     moved : PositionPrediction or None
         How far rollouts of the nearest real robot are off, of logs of commands.
     forward : ForwardGap or None
@@ -309,9 +309,14 @@ class Diagnosis(Result, Setting, Predicts):
         """Names of the effects of the model that was diagnosed."""
         return self.structure.model.names
 
+    @property
+    def improved(self) -> bool:
+        """Whether what was named is in the model."""
+        return self.model.texts != self.structure.model.texts
+
     @cached_property
     def completed(self) -> Structure:
-        """The robot under the model with the named effects."""
+        """The robot under the model."""
         return Structure.of(self.robot, self.model)
 
     @property
@@ -325,15 +330,6 @@ class Diagnosis(Result, Setting, Predicts):
         """The real robot nearest to the data with the named effects, as `export` reads it."""
         with one_thread("blas"):  # the same bits however many threads there are
             return nearest_dict(self)
-
-    @cached_property
-    def file_errs_more(self) -> bool:
-        """Whether a robot file errs more with what was named than without, where that is known."""
-        plain = None if self.forward is None else self.forward.plain
-        if plain is None:
-            return False
-        without = real_robot_dict(self.structure, _fold(dict(plain.values)), samples=self.samples)
-        return bool(self.physical["error_ra_file"] > without["error_ra_file"])
 
     @cached_property
     def fit(self) -> Fit:
@@ -554,7 +550,7 @@ def simulate_forward(d: Diagnosis, rng: np.random.Generator) -> ForwardGap:
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
     found = compare_forward(before, after, d.validation, rng)
-    return replace(found, nearest=after, plain=before)
+    return replace(found, nearest=after)
 
 
 def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
@@ -563,23 +559,22 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     logs = name_logs(d.robot, given_paths(d.samples), how=d.preparation)
     logs += held_back(d.validation, d.samples)
     analyze = f"identifiability analyze {robot} {logs} --report report.html"
-    if not d.effects:
-        return [("See which parameters these logs determine:", analyze)]
     ask = f"identifiability diagnose {robot} {logs} --next motion.json"
-    apart = [("Find the motion that tells one name from the other:", ask)]
+    find = "Find the motion that tells one name from the other:"
+    apart = [(find, ask)] if any(e.alternatives for e in d.effects) else []
+    if not d.improved:
+        return [*apart, ("See which parameters these logs determine:", analyze)]
     again = f"identifiability diagnose {robot} {logs}"
     judge = f"identifiability analyze {robot} {logs} --ladder {{file}} --report report.html"
     text, name = EXPORT
     use = f"identifiability export {robot} {{file}} --out {name}"
     return [
-        *(apart if any(e.alternatives for e in d.effects) else ()),
+        *apart,
         (
             "Judge the parameters of the diagnosed model:",
             on_file(d, "model", "model.toml", f"{again} --out", judge),
         ),
-        ("A robot file errs less without what was named; see what these logs determine:", analyze)
-        if d.file_errs_more
-        else (text, on_file(d, "json", "diagnose.json", f"{again} --json", use)),
+        (text, on_file(d, "json", "diagnose.json", f"{again} --json", use)),
     ]
 
 
@@ -605,9 +600,10 @@ def _what(d: Diagnosis) -> Answer:
 
 def _gap(d: Diagnosis) -> Answer:
     question = "How much of the gap does it explain?"
-    if not d.effects:
+    if not d.improved:
         short = f"The error on unseen motion stays at {percent(d.held_before)}."
-        return Answer(question, short, f"Measured on {d.verified_on}.")
+        why = " With it parts of the fitted logs are predicted worse." if d.effects else ""
+        return Answer(question, short, f"Measured on {d.verified_on}.{why}")
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
     short = f"The error goes from {percent(d.held_before)} to {percent(d.held_after)}"
     short += f" (95 %: {' … '.join(ends)} points)."
@@ -616,10 +612,9 @@ def _gap(d: Diagnosis) -> Answer:
 
 
 def _left(d: Diagnosis) -> Answer:
-    error = d.held_after if d.effects else d.held_before
     question = "How good is the model then?"
     each = d.error_frame()["after"].to_numpy()
-    return answer_quality(error, d.robot.joints, each, d.unexplained, question)
+    return answer_quality(d.held_after, d.robot.joints, each, d.unexplained, question)
 
 
 #: Places that the headline lists of each effect.

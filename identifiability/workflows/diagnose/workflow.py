@@ -38,6 +38,7 @@ from identifiability.workflows.diagnose.naming import (
     leave_out,
     look,
     name_missing,
+    with_parts,
     without_outliers,
 )
 from identifiability.workflows.diagnose.problem import (
@@ -184,7 +185,7 @@ def diagnose(
             hints=(*hints, *free_again(model)),
             provenance=state_provenance(robot, used, seed, None, options),
         ).moved_by(given)
-        if quick or not (forward and found.effects) or found.robot.base is not None:
+        if quick or not (forward and found.improved) or found.robot.base is not None:
             return found
         say("simulating forward", 0.95)
         return replace(found, forward=simulate_forward(found, streams[1]))
@@ -368,10 +369,13 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     own = [[k for k, p in enumerate(parts) if p.candidate.family.name == f] for f in families]
     models = [[k for some in own[:n] for k in some] for n in range(len(own) + 1)]
     fits = [naming.fit(some) for some in models]
+    left = naming.predict(fits[-1:], naming.fitted.samples).residual[:, :, 0]
+    better = not parts or setting.fixed or naming.predicts
+    used = naming if better else with_parts(naming, ())
+    fits += fits[: not better]  # what predicts stands last
     gap = naming.predict(fits, setting.validation or setting.samples)
     errors = gap.relative_error()
     before = naming.predict(fits, setting.samples).relative_error()
-    left = naming.predict(fits[-1:], naming.fitted.samples).residual[:, :, 0]
     placed = [_place(naming, k) for k in range(len(parts))]
     effects = [
         _effect(naming, gap, some, [placed[k] for k in some], n, rng) for n, some in enumerate(own)
@@ -396,8 +400,8 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
             Odds(t.group.family, place_of(t), t.odds, after.get(t.key, float("nan")))
             for t in naming.before
         ),
-        values=fits[-1],
-        model=naming.completed.model,
+        values=fits[-1] if better else used.fit(()),
+        model=used.completed.model,
     )
 
 
@@ -464,7 +468,7 @@ def _curve(naming: Naming, left: Array, k: int, placed: Placement) -> Curve:
     if c.family.against in ("velocity", "position") and not (c.family.remembers or robot.closed):
         # As it is, not as the low-pass leaves it, which depends on where the motion came from.
         every = np.zeros((*rows.measured.shape, law.shape[1]))
-        Placed([c.part]).fill(robot, complete_motion(robot, rows.t, *rows.states), every)
+        Placed([c.part]).fill(robot, complete_motion(robot, rows.seen.t, *rows.states), every)
         law = every[:, j]
     return Curve(
         title=c.family.title,

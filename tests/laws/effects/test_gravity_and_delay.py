@@ -190,9 +190,12 @@ def test_a_delay_does_not_look_across_gaps(polar, by_hand):
         assert not Model((TimeDelay(),)).regressor(polar, motion[np.arange(few)]).any()
 
 
-def test_the_delayed_torque_holds_the_files_springs(make, tables, polar, move):
-    from identifiability.effects.measurement import nominal_torque
+def test_a_delay_differentiates_no_step_of_dry_friction(make, tables, polar, move):
+    pair = polar, make(tables.POLAR.replace('frictionloss="1.3"', 'frictionloss="130"'))
+    np.testing.assert_array_equal(*(Model((TimeDelay(),)).regressor(r, move(r, T)) for r in pair))
 
+
+def test_the_delayed_torque_holds_the_files_springs(make, tables, polar, move):
     robot = make(tables.POLAR.replace('name="reach"', 'name="reach" stiffness="40" springref="1"'))
     m = move(robot, T)
     change = nominal_torque(robot, m) - nominal_torque(polar, m)
@@ -204,8 +207,6 @@ def test_the_delayed_torque_holds_the_files_springs(make, tables, polar, move):
 def test_the_delayed_torque_has_a_level_for_each_direction_where_the_file_states_one(
     make, tables, move, by_hand, forward
 ):
-    from identifiability.effects.measurement import nominal_torque
-
     text = '[nominal]\n"lift.Fc+" = 2.5\n"lift.Fc-" = 0.5\n"reach.Fc+" = 2\n"reach.Fc-" = 2\n'
     robot = make(tables.POLAR, text if forward else "")
     m = move(robot, T)
