@@ -212,16 +212,17 @@ class Missing:
         """Noise beside all that may be missing and would hide in it."""
         return self.given or tuple(map(self._noise_of, range(self.seen.y.shape[1])))
 
-    def beside(self, near: Term) -> Missing:
-        """Return the same with the noise beside what is nearly named, too.
+    def beside(self, named: Sequence[Term]) -> Missing:
+        """Return the same with the noise beside what is named, or nearly so, too.
 
         Functions have a price that a name need not pay, and have not what passive joints, or the
         way that led to a state, add: noise measured without would have it for its own.
         """
-        columns = (near.columns - self.fixed).tolist()
-        acts = {j for j, k in self.entries if k in columns}
-        each = enumerate(self.noise)
-        return self.under([self._noise_of(j, columns) if j in acts else own for j, own in each])
+        columns = [k for t in named for k in (t.columns - self.fixed).tolist()]
+        noise = list(self.noise)
+        for j in {j for j, k in self.entries if k in columns}:
+            noise[j] = self._noise_of(j, columns)
+        return self.under(noise)
 
     def _noise_of(self, joint: int, named: Sequence[int] = ()) -> JointNoise:
         X, random = self.seen.X[:, joint], list[Array]()

@@ -291,7 +291,7 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
     near = [t for t in before if RULES.name - RULES.rival <= t.odds < RULES.name]
     near = [t for t in near if t.group.place != EVERYWHERE and not _family(missing, t).unnamed]
     if near and before[0].odds < RULES.name:
-        missing = missing.beside(near[0])
+        missing = missing.beside(near[:1])
         model = missing.model()
         before = tuple(model.gains())
     found = Naming(
@@ -314,6 +314,12 @@ def name_missing(looked: Naming) -> Naming:
     """Return what is missing: found on fitted rows, confirmed on unseen ones."""
     model, missing, unseen = looked.whole, looked.asked, looked.unseen
     kept, gains, products = model.search(), dict[tuple[str, str], float](), None
+    named = [t for t in kept if not _family(missing, t).unnamed]
+    if named:  # their torque is no noise
+        missing = missing.beside(named)
+        model = missing.model()
+        kept = model.search()
+        looked = replace(looked, asked=missing, whole=model, missing=missing)
     refuted = list[tuple[Term, float]]()
     if looked.setting.validation and kept:
         found, products = kept, missing.products(unseen.seen, among=kept)
