@@ -49,8 +49,9 @@ LONG: Tolerance = 45.0
 BLOCK: Tolerance = 0.5
 
 #: A search ends where a step promises less than this of the weighed squares: of a part of logs it
-#: is a beginning, of all it is a share of a standard deviation; or after so many steps.
-GAINS = (20.0, 1.0)
+#: is a beginning, of all it is a standard deviation; or after so many steps.
+BEGUN: Tolerance = 20.0
+ENOUGH: Tolerance = 1.0
 STEPS = 20
 
 
@@ -143,7 +144,7 @@ def fit_rollouts(
         x = problem.pack(robot.servo.numbers, delay or 0.0)
     else:
         problem.logs, problem.varied[problem.bodies] = thirds, False
-        x, q, J = problem.descend(x, GAINS[0])
+        x, q, J = problem.descend(x, BEGUN)
     if robot.servo.numbers or not contradicted(problem.errors(q) / _explicable(thirds)):
         problem.logs, problem.varied[problem.bodies] = logs, True
         x, q, J = problem.descend(x)
@@ -302,7 +303,7 @@ class Problem:
         gains = self.machine.servo.kp * np.exp(table[-1])
         return {**numbers, "kp": gains, "sizes": x[self.bodies]}, x[self.late]
 
-    def descend(self, x: Array, enough: float = GAINS[1]) -> tuple[Array, list[Array], Array]:
+    def descend(self, x: Array, enough: float = ENOUGH) -> tuple[Array, list[Array], Array]:
         """Return the vector after damped Gauss–Newton steps, and positions along the logs.
 
         Then the weighted derivative (r, p), which is taken anew where the last step did not bring
@@ -335,7 +336,7 @@ class Problem:
     def uncertainty(self, x: Array, q: list[Array], J: Array) -> tuple[Array, Array]:
         """Return the covariance of a vector, (p, p), and what it were if errors were only noise.
 
-        It is that of leaving out stretches of time in turn [Efron 1982], which holds what errors
+        It is that of leaving out stretches of time in turn [Künsch 1989], which holds what errors
         remember and much of what the model lacks, and of what is known beforehand.
 
         Parameters

@@ -62,6 +62,7 @@ from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource, Submodel
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows import commands, predict
+from identifiability.workflows.alternatives import Alternative
 from identifiability.workflows.analyze.belief import Belief, belief_dict
 from identifiability.workflows.answers import (
     SIGMA,
@@ -700,11 +701,14 @@ class Analysis(Laddered[ModelResult]):
         physically feasible ones first.
     belief : Belief or None
         Posterior of the selected model, where it was asked for.
+    alternative : Alternative or None
+        Under which all is said: `Alternative.read` reads other logs likewise.
     """
 
     schema: ClassVar[str] = "identifiability/analysis/1"
 
     belief: Belief | None = None
+    alternative: Alternative | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
@@ -742,8 +746,7 @@ class Analysis(Laddered[ModelResult]):
             word = "contradicted" if off > reach and not self.nothing else word
             row = {"name": v.name, "label": v.label, "unit": v.unit, "file": x, "value": v.value}
             rows.append({**row, "sigma": v.sigma_label, "sigmas": off, "logs": word})
-        order = list(BELIEVED)
-        rows.sort(key=lambda r: (order.index(r["logs"]), -np.nan_to_num(r["sigmas"])))
+        rows.sort(key=lambda r: ([*BELIEVED].index(r["logs"]), -np.nan_to_num(r["sigmas"])))
         return pd.DataFrame(rows, columns=["name", "label", "unit", "file", *FOUND, "logs"])
 
     def to_arviz(self) -> Any:

@@ -300,7 +300,7 @@ def decide_model(
     """
     structure, submodel, estimate = model.structure, model.submodel, model.estimate
     fit = Fit.of(model.information, estimate, rng, replicates)
-    shared = {**fit.shared, **(late.move(submodel) if late else {})}
+    shared = dict(fit.shared) | (late.move(submodel) if late else {})
     if real is not None and real.as_good and real.nearest is not None:
         apart = model.to_x @ real.nearest.phi - estimate.value
         shared["prior"] = np.where(estimate.determined, apart, 0.0)[None]
@@ -308,10 +308,9 @@ def decide_model(
     alternatives = missing.of_labels(submodel, estimate)
     fit = replace(fit, shared=shared, left_out=left_out, alternatives=alternatives)
     stated = np.linalg.lstsq(submodel.M, structure.nominal_base - submodel.fixed, rcond=None)[0]
-    aliases = _aliases(estimate)
     forbidden = forbidden_signs(model.information, estimate, submodel.nonnegative)
-    verdicts = judge(fit, submodel.labels, submodel.units, torque, aliases, forbidden, stated)
-    return fit, verdicts, tuple(np.array(submodel.columns, object)[forbidden])
+    told = submodel.labels, submodel.units, torque, _aliases(estimate), forbidden, stated
+    return fit, judge(fit, *told), tuple(np.array(submodel.columns, object)[forbidden])
 
 
 def assess_ladder(
@@ -660,6 +659,7 @@ def _conclude(
         settings=settings,
         nothing=nothing,
         recordings=session.recordings,
+        alternative=opening.alternative,
         missing=missing,
         late=late.together(full) @ full.M.T,
     )

@@ -30,6 +30,7 @@ from identifiability.foundation.options import (
     checked,
     settle_count,
 )
+from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import find_signal
@@ -229,10 +230,24 @@ def _hint(
     other = of_key(opening.hints, "alternative")
     return (
         *other,  # under which all is said
+        _state_foreign(models[0]) if opening.validation else "",
         rows.burst,
         *(hint for hint in opening.hints if hint not in other),
         *(() if session.recordings.commanded else say_band(getattr(session.how, "band", None))),
         *say_of_fit(session, opening.samples, models[selected]),
+    )
+
+
+def _state_foreign(full: PrunedModel) -> str:
+    """Return that logs held out look like those of another robot, in one sentence."""
+    error, own = full.error_ra_validation, full.error_ra_unseen
+    constant = full.unseen.constant_error()
+    if not error > max(constant, 2.0 * own):
+        return ""
+    return (
+        f"The unpruned model predicts the logs held out worse ({percent(error)}) than a constant "
+        f"torque would ({percent(constant)}), and unseen stretches of the fitted ones to "
+        f"{percent(own)}: are they of the same robot, with the same units and signs?"
     )
 
 

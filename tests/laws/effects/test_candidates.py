@@ -148,7 +148,7 @@ def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move):
     np.testing.assert_array_equal(rows.measured, np.concatenate([s.tau for s in logs]))
     speed = np.concatenate([m.actuated_v for m in parts])[:, 1]
     np.testing.assert_array_equal(rows.states[1][:, 1], speed)
-    assert rows.log.tolist() == [0] * 120 + [1] * 180
+    assert rows.seen.log.tolist() == [0] * 120 + [1] * 180
     assert list(rows.seen.runs.each[0]) == [(0, 120), (120, 300)]
     # With the values of the robot file the model's torque is taken off, and no column is left.
     fixed = Rows.of(structure, logs, know_file(structure))
@@ -170,6 +170,6 @@ def test_no_stretch_of_rows_reaches_across_a_gap(polar, move, factor):
     runs = rows.seen.runs.each[0]
     assert len(runs) == 4
     for a, b in runs:
-        np.testing.assert_allclose(np.diff(rows.t[a:b]), 0.01 * factor)
-    np.testing.assert_allclose(rows.t, np.tile(log.output_times(), 2))
-    assert len(set(rows.log[: runs[1][1]])) == 1
+        np.testing.assert_allclose(np.diff(rows.seen.t[a:b]), 0.01 * factor)
+    np.testing.assert_allclose(rows.seen.t, np.tile(log.output_times(), 2))
+    assert len(set(rows.seen.log[: runs[1][1]])) == 1
