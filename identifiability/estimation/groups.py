@@ -568,20 +568,21 @@ def find_alternatives(
     """
     record = regression.instruments
     plain = regression if record is None else replace(regression, instruments=None)
-    every = find_families(None, commanded=commanded)
+    families = find_families(None, commanded=commanded)
+    missing = Missing.of(plain, families, structure.present)
+    if not len(missing.seen.y) or not missing.groups:
+        return NO_ALTERNATIVES
+    every = missing.model()
     # A wrong scale of one joint's torque is nearly the model itself, at any size: its prior alone
     # would widen every label. So it may only be what a function of the load seems to be.
-    for families in ([f for f in every if f.name != TorqueScale.name], every):
-        missing = Missing.of(plain, families, structure.present)
-        if not len(missing.seen.y) or not missing.groups:
-            return NO_ALTERNATIVES
-        model = missing.model()
-        terms = model.search()
-        if all(t.group.family != "function_of_load" for t in terms):
-            break
+    usual = tuple(g for g in every.groups if g.family != TorqueScale.name)
+    model = replace(every, groups=usual)
+    terms = model.search()
+    if any(t.group.family == "function_of_load" for t in terms):
+        model, terms = every, every.search()
     if terms and record is not None:
         second = Missing.of(replace(plain, samples=record), families, structure.present)
-        places = {t.group.place for t in second.model().search()}
+        places = {t.group.place for t in second.under(missing.noise).model().search()}
         terms = model.settle(tuple(t for t in terms if t.group.place in places))
     if terms and unseen is not None:
         terms = model.confirm(terms, missing.products(Excerpt.of(unseen), among=terms))

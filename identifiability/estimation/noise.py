@@ -278,6 +278,8 @@ class RestrictedLikelihood:
             theta, value = found.x, float(found.fun) + order * np.log(self.rows)
             if value < least - ROUNDOFF:
                 best, least = theta, value
+            elif order - len(best) == 2:  # of no use, nor was the one before
+                break
         return best
 
 
