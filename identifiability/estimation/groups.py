@@ -358,7 +358,8 @@ class Missing:
         """
         own, p = self.products(together=True), self.fixed
         diagonal = np.diag(own.between(np.arange(p), np.arange(p)))
-        scale = np.concatenate([np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), self.scale])
+        acts = diagonal > ROUNDOFF**2 * diagonal.max(initial=0.0)  # else rounding is left of it
+        scale = np.concatenate([np.sqrt(np.where(acts, diagonal, 1.0)), self.scale])
         prior, always = self.root.T @ self.root, (REVERSALS.name, EVERYWHERE)
         groups = tuple(g for g in self.groups if g.family != REVERSALS.name)
         if always not in self.sets:
