@@ -157,9 +157,8 @@ def _never_shown(information: Information, fit: Estimate) -> Array:
 # What to use when: models are chosen by the error over each joint's own scale
 # (`Prediction.error_over_joints`), which sees small joints as well as large ones; ε_RA
 # (`Prediction.relative_error`) is the paper's, which adds up N and N·m as they are.
-# `change_interval` is for samples that are all held; `ErrorSums` for logs of any length, whose
-# errors are added up in one pass. Means that variation is measured from are known before
-# (`Layout`), so parts of a log can be worked on anywhere.
+# Errors of logs of any length are added up in one pass (`ErrorSums`). Means that variation is
+# measured from are known before (`Layout`), so parts of a log can be worked on anywhere.
 
 
 @frozen
@@ -202,35 +201,6 @@ class Layout:
         """
         whole, joints, logs = (torque.sum(k) / np.maximum(rows.sum(k), 1) for k in (None, 0, 1))
         return Layout(np.array(counts, int), float(whole), joints, logs, signal)
-
-
-#: Stretches that are drawn again and again for an interval: more, as each weighs by itself.
-DRAWN_STRETCHES = 24
-
-
-def change_interval(
-    error: Array, deviation: Array, rng: np.random.Generator, draws: int = 2000
-) -> tuple[float, float]:
-    """Return the 95 % interval of the change of ε_RA from one model to another.
-
-    Whole stretches of time are drawn again and again [Künsch 1989].
-
-    Parameters
-    ----------
-    error : (N, n, 2) [N·m or N]
-        Absolute errors of each sample and joint.
-    deviation : (N, n) [N·m or N]
-        Distances of the measured torque from its mean over everything.
-    rng : numpy.random.Generator
-    draws : int
-    """
-    count = min(DRAWN_STRETCHES, len(error))
-    both = ((error[:, :, 1] - error[:, :, 0]).sum(1), deviation.sum(1))
-    parts, wholes = (np.add.reduceat(x, np.arange(count) * len(x) // count) for x in both)
-    counts = rng.multinomial(count, np.full(count, 1 / count), size=draws)
-    size = counts @ wholes
-    low, high = np.quantile((counts @ parts) / np.where(size > 0, size, 1.0), ENDS)
-    return float(low), float(high)
 
 
 @frozen
@@ -335,8 +305,6 @@ class Prediction:
         Prediction of each of m models.
     log : (N,) int
         Which log a sample comes from.
-    velocity : (N, n) [rad/s or m/s]
-        Of the actuated joints.
     data : (N, n) bool
         Where torque is data; elsewhere measured and predicted torque are zero.
     """
@@ -348,7 +316,6 @@ class Prediction:
     tau: Array
     predicted: Array
     log: np.ndarray
-    velocity: Array
     data: np.ndarray
 
     @staticmethod
@@ -360,7 +327,7 @@ class Prediction:
         data: np.ndarray | None = None,
         raw: Array | None = None,
     ) -> Prediction:
-        """Return the prediction of some samples that are all held, at zero velocity.
+        """Return the prediction of some samples that are all held.
 
         Parameters
         ----------
@@ -382,8 +349,7 @@ class Prediction:
         parts = ((k, *(x[log == k] for x in (tau, predicted, data))) for k in range(len(t)))
         sums = reduce(add, (ErrorSums.of(layout, *part) for part in parts))
         also = sums if raw is None else Prediction.of(t, raw, predicted, log, data).sums
-        still = np.zeros_like(tau)
-        return Prediction(len(tau), sums, also, tuple(t), tau, predicted, log, still, data)
+        return Prediction(len(tau), sums, also, tuple(t), tau, predicted, log, data)
 
     @property
     def samples(self) -> int:
@@ -399,13 +365,6 @@ class Prediction:
     def residual(self) -> Array:
         """Measured less predicted torque, (N, n, m)."""
         return self.tau[:, :, None] - self.predicted
-
-    def to_draw(self, model: int) -> tuple[Array, Array]:
-        """Return measured torque and that of one model, (N, n), NaN where torque is no data."""
-        return (
-            np.where(self.data, self.tau, np.nan),
-            np.where(self.data, self.predicted[:, :, model], np.nan),
-        )
 
     @property
     def rms(self) -> Array:
@@ -552,8 +511,8 @@ def predict_all(
 #: Errors of the low-passed and of the measured torque.
 Both = tuple[ErrorSums, ErrorSums]
 
-#: Time, torque, prediction, log, velocity and what is data of some samples.
-KeptSamples = tuple[Array, Array, Array, np.ndarray, Array, np.ndarray]
+#: Time, torque, prediction, log and what is data of some samples.
+KeptSamples = tuple[Array, Array, Array, np.ndarray, np.ndarray]
 
 
 def _predict_part(
@@ -564,7 +523,7 @@ def _predict_part(
     for m in (task.values.shape[2] for task in tasks):
         tau, predicted = np.empty((0, n)), np.empty((0, n, m))
         sums.append([ErrorSums.of(layout, 0, tau, predicted, tau > 0)] * 2)
-        kept.append([(np.empty(0), tau, predicted, np.empty(0, int), tau, tau > 0)])
+        kept.append([(np.empty(0), tau, predicted, np.empty(0, int), tau > 0)])
     for chunk in part.shown():
         before = int(layout.counts[: chunk.log].sum())
         log, data = np.full(len(chunk.t), chunk.log), chunk.data | part.regression.dwelling
@@ -573,13 +532,13 @@ def _predict_part(
             for which, tau in enumerate((chunk.tau, chunk.raw)):
                 sums[k][which] += ErrorSums.of(layout, chunk.log, tau, predicted, data)
             if task.kept:
-                kept[k].append((chunk.t, chunk.tau, predicted, log, chunk.velocity, data))
+                kept[k].append((chunk.t, chunk.tau, predicted, log, data))
     return [((low, raw), some) for (low, raw), some in zip(sums, kept, strict=True)]
 
 
 def _join(found: Sequence[tuple[Both, list[KeptSamples]]], counts: Sequence[int]) -> Prediction:
     sums, raw = (reduce(add, parts) for parts in zip(*(both for both, _ in found), strict=True))
     kept = [some for _, several in found for some in several]
-    t, tau, predicted, log, *rest = map(np.concatenate, zip(*kept, strict=True))
+    t, tau, predicted, log, data = map(np.concatenate, zip(*kept, strict=True))
     times = tuple(t[log == k] for k in range(len(counts)))
-    return Prediction(sum(counts), sums, raw, times, tau, predicted, log, *rest)
+    return Prediction(sum(counts), sums, raw, times, tau, predicted, log, data)
