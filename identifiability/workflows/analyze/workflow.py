@@ -42,7 +42,7 @@ from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.instruments import noise_again
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Band
-from identifiability.physical.cad_prior import WEAK, WEIGHTS, combine_with_file
+from identifiability.physical.cad_prior import WEAK, WEIGHTS, combine_with_file, settle_prior
 from identifiability.physical.feasibility import (
     PhysicalResult,
     certify_model,
@@ -77,7 +77,6 @@ from identifiability.workflows.session import (
     find_missing,
     quiet,
     running,
-    settle_prior,
     share,
 )
 

@@ -33,6 +33,7 @@ from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import find_signal
+from identifiability.physical.cad_prior import settle_prior
 from identifiability.physical.feasibility import certify_model
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import (
@@ -77,7 +78,6 @@ from identifiability.workflows.session import (
     find_missing,
     quiet,
     running,
-    settle_prior,
     share,
 )
 
