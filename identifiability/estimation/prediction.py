@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial, reduce
+from itertools import chain
 from operator import add
 
 import numpy as np
@@ -508,37 +509,31 @@ def predict_all(
     return [_join(one, counts) for one in zip(*found, strict=True)]
 
 
-#: Errors of the low-passed and of the measured torque.
-Both = tuple[ErrorSums, ErrorSums]
-
-#: Time, torque, prediction, log and what is data of some samples.
-KeptSamples = tuple[Array, Array, Array, np.ndarray, np.ndarray]
+#: Errors of low-passed and of measured torque; time, torque, prediction, log and data of samples.
+Pass = tuple[ErrorSums, ErrorSums, Array, Array, Array, np.ndarray, np.ndarray]
 
 
-def _predict_part(
-    part: LogPart, tasks: Sequence[Task], layout: Layout
-) -> list[tuple[Both, list[KeptSamples]]]:
-    n = len(layout.joint_mean)
-    sums, kept = [], []
-    for m in (task.values.shape[2] for task in tasks):
-        tau, predicted = np.empty((0, n)), np.empty((0, n, m))
-        sums.append([ErrorSums.of(layout, 0, tau, predicted, tau > 0)] * 2)
-        kept.append([(np.empty(0), tau, predicted, np.empty(0, int), tau > 0)])
+def _predict_part(part: LogPart, tasks: Sequence[Task], layout: Layout) -> list[list[Pass]]:
+    """Return what each chunk of a part says of each task."""
+    found: list[list[Pass]] = [[] for _ in tasks]
     for chunk in part.shown():
         before = int(layout.counts[: chunk.log].sum())
         log, data = np.full(len(chunk.t), chunk.log), chunk.data | part.regression.dwelling
-        for k, task in enumerate(tasks):
+        for task, own in zip(tasks, found, strict=True):
             predicted = task.predict(chunk.W, before + chunk.start)
-            for which, tau in enumerate((chunk.tau, chunk.raw)):
-                sums[k][which] += ErrorSums.of(layout, chunk.log, tau, predicted, data)
-            if task.kept:
-                kept[k].append((chunk.t, chunk.tau, predicted, log, data))
-    return [((low, raw), some) for (low, raw), some in zip(sums, kept, strict=True)]
+            low, raw = (
+                ErrorSums.of(layout, chunk.log, tau, predicted, data)
+                for tau in (chunk.tau, chunk.raw)
+            )
+            kept = np.arange(len(log) if task.kept else 0)
+            samples = (x[kept] for x in (chunk.t, chunk.tau, predicted, log, data))
+            own.append((low, raw, *samples))
+    return found
 
 
-def _join(found: Sequence[tuple[Both, list[KeptSamples]]], counts: Sequence[int]) -> Prediction:
-    sums, raw = (reduce(add, parts) for parts in zip(*(both for both, _ in found), strict=True))
-    kept = [some for _, several in found for some in several]
-    t, tau, predicted, log, data = map(np.concatenate, zip(*kept, strict=True))
+def _join(found: Sequence[list[Pass]], counts: Sequence[int]) -> Prediction:
+    low, raw, *samples = zip(*chain.from_iterable(found), strict=True)
+    t, tau, predicted, log, data = map(np.concatenate, samples)
     times = tuple(t[log == k] for k in range(len(counts)))
-    return Prediction(sum(counts), sums, raw, times, tau, predicted, log, data)
+    sums = reduce(add, low), reduce(add, raw)
+    return Prediction(sum(counts), *sums, times, tau, predicted, log, data)

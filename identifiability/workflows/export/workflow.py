@@ -30,13 +30,15 @@ from identifiability.effects.vocabulary import (
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import INERTIAL_KINDS
+from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.foundation.options import ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import state_mass
+from identifiability.physical.pseudo_inertia import check_body
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
@@ -65,11 +67,8 @@ def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]
     given = content.physical.parameters
     for name in given:
         if name not in known:
-            raise IdentifiabilityError(
-                f"{path} is about '{content.robot.name}' and has the parameter '{name}', which "
-                f"{robot.name} does not have{near_match(name, known)} Give the robot that the "
-                "result was made with."
-            )
+            where, why = f"{path} is about '{content.robot.name}'", f"it has no '{name}'."
+            raise IdentifiabilityError(Finding("result.other", where, robot=robot.name, why=why))
     weigh = {body: robot.nominal[f"{body}.m"] for body in robot.bodies}
     # A body with less than this share of the robot's mass weighs nothing: formats want a number.
     least = 1e-9 * sum(weigh.values())
@@ -80,6 +79,11 @@ def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]
             f"{path} has no mass of {listing(missing)}, and a robot file needs one of every body: "
             "make a result whose model has the effect rigid_body, at each of them."
         )
+    whole = complete_values(robot, given, keep=False)
+    for body in robot.bodies:
+        wrong = check_body(np.array([whole[f"{body}.{kind}"] for kind in GROUPED_KINDS]), body)
+        if wrong:
+            raise IdentifiabilityError(f"{path}: {wrong}")
 
 
 # The real robot of a result as plain JSON, for programs of one's own.
