@@ -528,13 +528,6 @@ class Description(Stated):
         return replace(self, model=model, upright=upright)
 
     @property
-    def weightless(self) -> Self:
-        """The robot without weight."""
-        model = self.model.copy()
-        model.gravity.linear = np.zeros(3)
-        return replace(self, model=model)
-
-    @property
     def tilt(self) -> Tilt | None:
         """How the base stands otherwise than the file says; None if it does as the file says."""
         return None if self.upright is None else Tilt.of(self.upright, self.gravity)

@@ -114,7 +114,7 @@ class Alternative:
         if np.allclose(g, robot.gravity):
             return given
         if not g.any():
-            return Structure.of(robot.weightless, given.model)
+            return Structure.of(weightless(robot), given.model)
         return Structure.of(robot, given.model + GravityTilt(g))
 
     def read(self, log: Log, robot: Robot) -> Log:
@@ -125,6 +125,13 @@ class Alternative:
         motion = complete_motion(robot, log.t, log.q, still, still)
         weight = self.lacks * gravity_torque(robot, motion, robot.gravity)
         return replace(log, tau=np.column_stack(tau) * self.factor + weight)
+
+
+def weightless(robot: Robot) -> Robot:
+    """Return a robot whose torque holds no weight."""
+    model = robot.model.copy()
+    model.gravity.linear = np.zeros(3)
+    return replace(robot, model=model)
 
 
 def find_alternative(logs: MeasuredLogs) -> Alternative | None:
