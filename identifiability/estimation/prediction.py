@@ -133,9 +133,10 @@ def widening(information: Information, fit: Estimate, known: Fit) -> float:
     sample, as steps of encoders do behind a derivative.
     """
     kept = list(fit.kept)
-    variance, wide = fit.sigma[kept] ** 2, known.scatter[kept] ** 2
-    if kept:
-        variance = np.diag(remembering_covariance(information, fit))
+    if not kept:
+        return 1.0
+    variance = np.diag(remembering_covariance(information, fit))
+    wide = known.noise[kept] ** 2 + known.terms["logs"][kept] ** 2
     sure = np.isfinite(wide) & (variance > 0)
     return float(np.mean(wide[sure] / variance[sure])) if sure.any() else 1.0
 
@@ -510,7 +511,7 @@ def predict_all(
 
 
 #: Errors of low-passed and of measured torque; time, torque, prediction, log and data of samples.
-Pass = tuple[ErrorSums, ErrorSums, Array, Array, Array, np.ndarray, np.ndarray]
+Pass = tuple[ErrorSums, ErrorSums, list[np.ndarray]]
 
 
 def _predict_part(part: LogPart, tasks: Sequence[Task], layout: Layout) -> list[list[Pass]]:
@@ -526,14 +527,14 @@ def _predict_part(part: LogPart, tasks: Sequence[Task], layout: Layout) -> list[
                 for tau in (chunk.tau, chunk.raw)
             )
             kept = np.arange(len(log) if task.kept else 0)
-            samples = (x[kept] for x in (chunk.t, chunk.tau, predicted, log, data))
-            own.append((low, raw, *samples))
+            samples = [x[kept] for x in (chunk.t, chunk.tau, predicted, log, data)]
+            own.append((low, raw, samples))
     return found
 
 
 def _join(found: Sequence[list[Pass]], counts: Sequence[int]) -> Prediction:
-    low, raw, *samples = zip(*chain.from_iterable(found), strict=True)
-    t, tau, predicted, log, data = map(np.concatenate, samples)
+    low, raw, samples = zip(*chain.from_iterable(found), strict=True)
+    t, tau, predicted, log, data = map(np.concatenate, zip(*samples, strict=True))
     times = tuple(t[log == k] for k in range(len(counts)))
     sums = reduce(add, low), reduce(add, raw)
     return Prediction(sum(counts), *sums, times, tau, predicted, log, data)
