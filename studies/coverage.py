@@ -22,7 +22,7 @@ from scipy.special import ndtr
 from shared import study_parser
 
 from identifiability.estimation.estimate import find_estimator, weigh_outliers
-from identifiability.estimation.noise import Noise as Remembering
+from identifiability.estimation.noise import JointNoise
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_json
 from identifiability.foundation.rounding import REACH
@@ -134,8 +134,12 @@ def measure_red(
     cells = []
     for k, ((rho, level), own) in enumerate(zip(product(RHO, LEVELS), streams, strict=True)):
         say(f"AR(1) noise, {method.upper()}", k / len(streams))
-        times = np.full(len(robot.joints), (1 + rho) / (1 - rho))
-        noise = Remembering.of(level**2 * world.noise.variance, times)
+        noise = tuple(
+            JointNoise(
+                np.array([rho]), level * x.sigma * np.sqrt((1 - rho**2) / np.prod(1 - x.pacf**2))
+            )
+            for x in world.noise
+        )
         repeat = replace(world, noise=noise).repeat
         outcomes, truth = zip(*(repeat(s) for s in own.spawn(trials)), strict=True)
         names = analysis.chosen.submodel.columns

@@ -19,8 +19,7 @@ from shared import study_parser
 
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.fit import Fit
-from identifiability.estimation.noise import Noise as Remembering
-from identifiability.estimation.noise import autocorrelation_time
+from identifiability.estimation.noise import JointNoise, autocorrelation_time
 from identifiability.foundation.output import write_json
 from identifiability.foundation.rounding import REACH
 from identifiability.physical.fitted_model import FittedModel
@@ -30,7 +29,7 @@ from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.analyze.belief import form_belief
-from identifiability.workflows.calibrate.world import Experiment
+from identifiability.workflows.calibrate.world import Experiment, simulate_noise
 
 #: The checkout.
 ROOT = Path(__file__).resolve().parents[1]
@@ -110,8 +109,10 @@ class Subject:
     def observe(self, first: float, others: float, rng: np.random.Generator) -> Array:
         """Return the torque of one log."""
         rho = np.array([first, *[others] * (len(self.sd) - 1)])
-        noise = Remembering.of(self.sd**2, (1 + rho) / (1 - rho))
-        return self.base @ self._base_truth() + noise.simulate([(0, len(self.base))], rng)
+        sizes = zip(rho, self.sd * np.sqrt(1 - rho**2), strict=True)
+        noise = tuple(JointNoise(np.array([r]), float(x)) for r, x in sizes)
+        added = simulate_noise(noise, [(0, len(self.base))], rng)
+        return self.base @ self._base_truth() + added
 
     def _base_truth(self) -> Array:
         return self.full.submodel.fixed + self.full.submodel.M @ self.truth

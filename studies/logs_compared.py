@@ -27,11 +27,9 @@ from real_logs import cut, find_cases
 from shared import study_parser, write_answer
 
 from identifiability import Log, Robot, analyze, compare, payload
-from identifiability.estimation.differences import tool_bodies
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import REACH
-from identifiability.regression.regression import Model
-from identifiability.regression.structure import Structure
+from identifiability.robot.robot import tool_bodies
 from identifiability.simulation import PrescribedMotion, random_trajectory
 from identifiability.simulation.forces import joint_torque
 from identifiability.simulation.mujoco_robot import MujocoRobot
@@ -72,7 +70,7 @@ def draw_case(stream: int, seed: int, change: str, folder: Path) -> Case:
     else:
         robot = draw_arm(rng, folder, "".join(rng.choice(list("RRRRP"), int(rng.integers(3, 8)))))
     joint = int(rng.integers(len(robot.joints)))
-    body = tool_bodies(Structure.of(robot, Model.of("rigid_body")))[0]
+    body = tool_bodies(robot)[0]
     own = MujocoRobot(robot)
     loaded = own
     if kind == "load":

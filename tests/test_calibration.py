@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from identifiability import analyze
 from identifiability.cli import app
-from identifiability.estimation.noise import JointRuns, Noise
+from identifiability.estimation.noise import JointNoise, JointRuns
 from identifiability.foundation.rounding import REACH
 from identifiability.workflows.calibrate.world import (
     Experiment,
@@ -27,6 +27,11 @@ def analysis(simulated_session):
     return analyze("3-rps", simulated_session("3-rps", "601", 0), replicates=0)
 
 
+def remembering(size, rho):
+    """AR(1) noise of joints of some standard deviations."""
+    return tuple(JointNoise(np.array([rho]), x * np.sqrt(1 - rho**2)) for x in size)
+
+
 def runs_of(rows, runs):
     return JointRuns((tuple(runs),) * rows.shape[1])
 
@@ -35,7 +40,8 @@ def outcomes(analysis, noise, trials):
     """Outcomes of Model 1 under AR(1) noise of the residual's size, and the truth of each."""
     rng = np.random.default_rng(0)
     world = World.of(analysis, analysis.chosen, 80, rng)
-    world = replace(world, noise=noise(world.noise.variance))
+    own = [x.sigma / np.sqrt(np.prod(1 - x.pacf**2)) for x in world.noise]
+    world = replace(world, noise=noise(own))
     found = [world.repeat(seed) for seed in np.random.SeedSequence(0).spawn(trials)]
     return tuple(zip(*found, strict=True))
 
@@ -43,7 +49,7 @@ def outcomes(analysis, noise, trials):
 @pytest.fixture(scope="module")
 def red(analysis):
     """Model 1, AR(1) noise with ρ = 0.9 of the size of the residual."""
-    return outcomes(analysis, lambda square: Noise.of(square, np.full(len(square), 19.0)), 32)
+    return outcomes(analysis, lambda size: remembering(size, 0.9), 32)
 
 
 def test_a_repetition_is_asked_what_is_left_out_as_the_logs_are(analysis):
@@ -136,7 +142,7 @@ def test_planted_values_rank_uniformly_in_their_posterior(analysis, model, repli
 def test_a_log_without_noise_is_calibrated_without_a_word(analysis):
     W = np.random.default_rng(0).normal(size=(200, 2, 5))
     found = fit_residual_noise(W @ np.arange(5.0), W, runs_of(W, [(0, 200)]))
-    assert [len(own.pacf) for own in found.joints] == [0, 0]
-    assert (found.variance < 1e-24).all()
+    assert [len(own.pacf) for own in found] == [0, 0]
+    assert max(own.sigma for own in found) < 1e-12
     zero = fit_residual_noise(np.zeros((200, 2)), W, runs_of(W, [(0, 200)]))
-    np.testing.assert_array_equal(zero.variance, 0.0)
+    assert [own.sigma for own in zero] == [0.0, 0.0]

@@ -326,7 +326,7 @@ def export(
     patch: Annotated[bool, Option("--patch")] = False,
     validate: options.MoreLogs = (),
     force: Annotated[bool, Option("--force")] = False,
-    prior: kinds.NotNegative | None = None,
+    prior: kinds.Positive | None = None,
     seed: kinds.Seed = 0,
 ) -> None:
     """Write the physically feasible parameters of a result back into the robot file."""

@@ -9,7 +9,6 @@ nuisance of every comparison. Values that are known beforehand have their covari
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -34,10 +33,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate, Entries, number
 from identifiability.regression.information import Information
-from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.robot.kinematics import WORLD
-from identifiability.robot.robot import last_bodies
 
 #: Standard deviation of friction in a log, relative to it: it differs by 3 % between two logs.
 DRIFT: Tolerance = 0.021
@@ -387,17 +383,6 @@ class Differences:
             return f"{describe_term(term)} that the model lacks"
         where = own.odd(names)
         return f"{own.title} of {place_of(term)}{f' in {where}' if where else ''}"
-
-
-def tool_bodies(structure: Structure) -> tuple[str, ...]:
-    """Return the bodies of a model on which a load is looked for: the last, or most loops' end."""
-    robot = structure.robot
-    known = [b for b in last_bodies(robot) if f"{b}." in structure.bodies]
-    owner = {link.last: body for body, link in zip(robot.bodies, robot.links, strict=True)}
-    points = [p.joint for loop in robot.loops for p in (loop.first, loop.second)]
-    ends = Counter(owner[joint] for joint in points if joint != WORLD)
-    most = max((ends[b] for b in known), default=0)
-    return tuple(b for b in known if ends[b] == most)
 
 
 def pooled_values(X: Array, y: Array, M: Array, fixed: Array) -> Array:

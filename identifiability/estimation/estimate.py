@@ -190,7 +190,8 @@ def weigh_outliers(
     scatter = np.sqrt((fit.estimator.influence(weighed, fit) ** 2).sum(0))
     known = fit.determined & (scatter > 0)
     moved = np.abs(before.value - fit.value) / np.where(known, scatter, np.inf)
-    stop = _ends(information)
+    logs = np.unique(information.log)
+    stop = np.concatenate([np.cumsum(information.counts[information.log == k]) for k in logs])
     return weighed, Outliers(
         log=information.log[out],
         first=(stop - information.counts)[out],
@@ -237,9 +238,3 @@ def _measure(information: Information, fit: Estimate) -> tuple[Array, Array]:
                 beyond[a, own] = x / max(usual, floor[a], 1e-300)
     chance = chdtri(freedom, 0.5 / squares.size)
     return beyond, chance / freedom
-
-
-def _ends(information: Information) -> np.ndarray:
-    """Return the output of its log before which each block ends, (B,) int."""
-    logs = np.unique(information.log)
-    return np.concatenate([np.cumsum(information.counts[information.log == k]) for k in logs])

@@ -17,7 +17,6 @@ from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import (
     NEARLY,
     RANK_TOLERANCE,
-    ROUNDOFF,
     TINY,
     few_at_once,
     sandwich,
@@ -88,7 +87,7 @@ class Estimate:
     @property
     def noise(self) -> Noise:
         """That of the actuators."""
-        return Noise.of(self.variance, self.times)
+        return Noise(self.variance, self.times)
 
     @property
     def memory(self) -> float:
@@ -128,31 +127,6 @@ class Estimate:
         least = percent.min(initial=np.inf)
         passed: np.ndarray = percent < RULES.paper_factor * least
         return passed if np.isfinite(least) else np.zeros(len(percent), bool)
-
-
-def settle_signs(information: Information, fit: Estimate, nonnegative: np.ndarray) -> Array:
-    """Return the values (k,) with those at zero that only rounding took below it.
-
-    Parameters
-    ----------
-    information : Information
-        About the columns that were fitted.
-    fit : Estimate
-    nonnegative : (k,) bool
-        Parameters that physics does not allow below zero.
-    """
-    root = information.factor()
-    reach = ROUNDOFF * np.linalg.norm(root[:, -1])
-    rounded = nonnegative & (fit.value < 0)
-    rounded &= -fit.value * np.linalg.norm(root[:, :-1], axis=0) <= reach
-    return np.where(rounded, 0.0, fit.value)
-
-
-def forbidden_signs(information: Information, fit: Estimate, nonnegative: np.ndarray) -> np.ndarray:
-    """Return which values have a sign that physics forbids, (k,) bool; as `settle_signs`."""
-    settled = settle_signs(information, fit, nonnegative)
-    forbidden: np.ndarray = nonnegative & fit.determined & (settled < 0)
-    return forbidden
 
 
 # Least squares without the bias of noise in the motion, by instruments.
@@ -337,7 +311,7 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
         slow[a], known[a] = ratio[:summed].max(), B / (2 * summed - 1)
     variance = (fit.rss + slow * taken) / own_rows
     times = np.divide(slow, variance, out=np.ones_like(slow), where=variance > 0)
-    return Noise.of(variance, np.maximum(_shrink(times, known), 1.0))
+    return Noise(variance, np.maximum(_shrink(times, known), 1.0))
 
 
 def _shrink(times: Array, known: Array) -> Array:

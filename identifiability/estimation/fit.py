@@ -616,12 +616,6 @@ class Fit:
         return found
 
     @property
-    def scatter(self) -> Array:
-        """What noise and logs leave open, (k,)."""
-        both: Array = np.hypot(self.noise, self.terms["logs"])
-        return both
-
-    @property
     def together(self) -> Array:
         """What moves all samples alike, which none of them can show, (w, k)."""
         none = np.empty((0, len(self.estimate.columns)))

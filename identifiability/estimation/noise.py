@@ -1,7 +1,6 @@
 """What noise remembers: autocorrelation times, autoregression, restricted likelihood.
 
-`ARNoise` is fitted to each joint beside whatever columns explain; simulated repetitions have noise
-that resembles a residual.
+`ARNoise` is fitted to each joint beside whatever columns explain.
 """
 
 from __future__ import annotations
@@ -29,8 +28,6 @@ THIN: Tolerance = 1e-6
 #: and rounds in which those of all functions and the noise take turns.
 PRECISIONS = np.geomspace(1e-6, 1e6, 13)
 ROUNDS = 4
-#: Samples before those of a simulated series, after which it does not know how it began.
-FORGOTTEN = 10_000
 #: Most columns of what may be missing beside which the noise is measured.
 DIRECTIONS = 120
 
@@ -307,17 +304,6 @@ class JointNoise:
     pacf: Array
     sigma: float
 
-    @property
-    def variance(self) -> float:
-        """Variance of the noise [torque²]."""
-        return float(self.sigma**2 / np.prod(1.0 - self.pacf**2))
-
-    @property
-    def density(self) -> float:
-        """Variance times memory: what the noise weighs in an average over time [torque²]."""
-        predictors, _ = levinson(self.pacf)
-        return float((self.sigma / (1.0 - predictors[-1].sum())) ** 2)
-
 
 #: Noise of all joints, which are independent.
 ARNoise = tuple[JointNoise, ...]
@@ -325,49 +311,17 @@ ARNoise = tuple[JointNoise, ...]
 
 @frozen
 class Noise:
-    """The noise of n joints, which are independent.
+    """How much noise n joints have, and how long it remembers.
 
     Attributes
     ----------
-    joints : ARNoise
+    variance : (n,) [torque²]
+    times : (n,) [samples]
+        Integrated autocorrelation time, at least 1.
     """
 
-    joints: ARNoise
-
-    @staticmethod
-    def of(variance: Array, times: Array) -> Noise:
-        """Return noise of first order with a variance and an autocorrelation time, (n,) each."""
-        rho = (times - 1.0) / (times + 1.0)
-        pairs = zip(rho, np.sqrt(variance * (1.0 - rho**2)), strict=True)
-        return Noise(tuple(JointNoise(np.array([r]), float(sigma)) for r, sigma in pairs))
-
-    @property
-    def variance(self) -> Array:
-        """Variance at each joint, (n,) [torque²]."""
-        return np.array([own.variance for own in self.joints])
-
-    @property
-    def times(self) -> Array:
-        """Integrated autocorrelation time at each joint, (n,) [samples]."""
-        unit = [JointNoise(own.pacf, 1.0) for own in self.joints]
-        return np.array([own.density / own.variance for own in unit])
-
-    def simulate(self, runs: Runs, rng: np.random.Generator) -> Array:
-        """Return noise, each stretch by itself, (N, n).
-
-        Parameters
-        ----------
-        runs : sequence of (start, stop)
-            Stretches without gaps; together they are all samples.
-        rng : numpy.random.Generator
-        """
-        out = np.zeros((runs[-1][1], len(self.joints)))
-        for j, own in enumerate(self.joints):
-            a = np.append(1.0, -levinson(own.pacf)[0][-1])
-            for start, stop in runs:  # what it begins with is forgotten when it begins to count
-                e = own.sigma * rng.standard_normal(FORGOTTEN + stop - start)
-                out[start:stop, j] = scipy.signal.lfilter([1.0], a, e)[FORGOTTEN:]
-        return out
+    variance: Array
+    times: Array
 
 
 def principal_columns(X: Array) -> tuple[Array, Array]:

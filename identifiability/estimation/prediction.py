@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial, reduce
+from itertools import chain
 from operator import add
 
 import numpy as np
@@ -132,9 +133,10 @@ def widening(information: Information, fit: Estimate, known: Fit) -> float:
     sample, as steps of encoders do behind a derivative.
     """
     kept = list(fit.kept)
-    variance, wide = fit.sigma[kept] ** 2, known.scatter[kept] ** 2
-    if kept:
-        variance = np.diag(remembering_covariance(information, fit))
+    if not kept:
+        return 1.0
+    variance = np.diag(remembering_covariance(information, fit))
+    wide = known.noise[kept] ** 2 + known.terms["logs"][kept] ** 2
     sure = np.isfinite(wide) & (variance > 0)
     return float(np.mean(wide[sure] / variance[sure])) if sure.any() else 1.0
 
@@ -157,9 +159,8 @@ def _never_shown(information: Information, fit: Estimate) -> Array:
 # What to use when: models are chosen by the error over each joint's own scale
 # (`Prediction.error_over_joints`), which sees small joints as well as large ones; ε_RA
 # (`Prediction.relative_error`) is the paper's, which adds up N and N·m as they are.
-# `change_interval` is for samples that are all held; `ErrorSums` for logs of any length, whose
-# errors are added up in one pass. Means that variation is measured from are known before
-# (`Layout`), so parts of a log can be worked on anywhere.
+# Errors of logs of any length are added up in one pass (`ErrorSums`). Means that variation is
+# measured from are known before (`Layout`), so parts of a log can be worked on anywhere.
 
 
 @frozen
@@ -202,35 +203,6 @@ class Layout:
         """
         whole, joints, logs = (torque.sum(k) / np.maximum(rows.sum(k), 1) for k in (None, 0, 1))
         return Layout(np.array(counts, int), float(whole), joints, logs, signal)
-
-
-#: Stretches that are drawn again and again for an interval: more, as each weighs by itself.
-DRAWN_STRETCHES = 24
-
-
-def change_interval(
-    error: Array, deviation: Array, rng: np.random.Generator, draws: int = 2000
-) -> tuple[float, float]:
-    """Return the 95 % interval of the change of ε_RA from one model to another.
-
-    Whole stretches of time are drawn again and again [Künsch 1989].
-
-    Parameters
-    ----------
-    error : (N, n, 2) [N·m or N]
-        Absolute errors of each sample and joint.
-    deviation : (N, n) [N·m or N]
-        Distances of the measured torque from its mean over everything.
-    rng : numpy.random.Generator
-    draws : int
-    """
-    count = min(DRAWN_STRETCHES, len(error))
-    both = ((error[:, :, 1] - error[:, :, 0]).sum(1), deviation.sum(1))
-    parts, wholes = (np.add.reduceat(x, np.arange(count) * len(x) // count) for x in both)
-    counts = rng.multinomial(count, np.full(count, 1 / count), size=draws)
-    size = counts @ wholes
-    low, high = np.quantile((counts @ parts) / np.where(size > 0, size, 1.0), ENDS)
-    return float(low), float(high)
 
 
 @frozen
@@ -335,8 +307,6 @@ class Prediction:
         Prediction of each of m models.
     log : (N,) int
         Which log a sample comes from.
-    velocity : (N, n) [rad/s or m/s]
-        Of the actuated joints.
     data : (N, n) bool
         Where torque is data; elsewhere measured and predicted torque are zero.
     """
@@ -348,7 +318,6 @@ class Prediction:
     tau: Array
     predicted: Array
     log: np.ndarray
-    velocity: Array
     data: np.ndarray
 
     @staticmethod
@@ -360,7 +329,7 @@ class Prediction:
         data: np.ndarray | None = None,
         raw: Array | None = None,
     ) -> Prediction:
-        """Return the prediction of some samples that are all held, at zero velocity.
+        """Return the prediction of some samples that are all held.
 
         Parameters
         ----------
@@ -382,8 +351,7 @@ class Prediction:
         parts = ((k, *(x[log == k] for x in (tau, predicted, data))) for k in range(len(t)))
         sums = reduce(add, (ErrorSums.of(layout, *part) for part in parts))
         also = sums if raw is None else Prediction.of(t, raw, predicted, log, data).sums
-        still = np.zeros_like(tau)
-        return Prediction(len(tau), sums, also, tuple(t), tau, predicted, log, still, data)
+        return Prediction(len(tau), sums, also, tuple(t), tau, predicted, log, data)
 
     @property
     def samples(self) -> int:
@@ -399,13 +367,6 @@ class Prediction:
     def residual(self) -> Array:
         """Measured less predicted torque, (N, n, m)."""
         return self.tau[:, :, None] - self.predicted
-
-    def to_draw(self, model: int) -> tuple[Array, Array]:
-        """Return measured torque and that of one model, (N, n), NaN where torque is no data."""
-        return (
-            np.where(self.data, self.tau, np.nan),
-            np.where(self.data, self.predicted[:, :, model], np.nan),
-        )
 
     @property
     def rms(self) -> Array:
@@ -549,37 +510,31 @@ def predict_all(
     return [_join(one, counts) for one in zip(*found, strict=True)]
 
 
-#: Errors of the low-passed and of the measured torque.
-Both = tuple[ErrorSums, ErrorSums]
-
-#: Time, torque, prediction, log, velocity and what is data of some samples.
-KeptSamples = tuple[Array, Array, Array, np.ndarray, Array, np.ndarray]
+#: Errors of low-passed and of measured torque; time, torque, prediction, log and data of samples.
+Pass = tuple[ErrorSums, ErrorSums, list[np.ndarray]]
 
 
-def _predict_part(
-    part: LogPart, tasks: Sequence[Task], layout: Layout
-) -> list[tuple[Both, list[KeptSamples]]]:
-    n = len(layout.joint_mean)
-    sums, kept = [], []
-    for m in (task.values.shape[2] for task in tasks):
-        tau, predicted = np.empty((0, n)), np.empty((0, n, m))
-        sums.append([ErrorSums.of(layout, 0, tau, predicted, tau > 0)] * 2)
-        kept.append([(np.empty(0), tau, predicted, np.empty(0, int), tau, tau > 0)])
+def _predict_part(part: LogPart, tasks: Sequence[Task], layout: Layout) -> list[list[Pass]]:
+    """Return what each chunk of a part says of each task."""
+    found: list[list[Pass]] = [[] for _ in tasks]
     for chunk in part.shown():
         before = int(layout.counts[: chunk.log].sum())
         log, data = np.full(len(chunk.t), chunk.log), chunk.data | part.regression.dwelling
-        for k, task in enumerate(tasks):
+        for task, own in zip(tasks, found, strict=True):
             predicted = task.predict(chunk.W, before + chunk.start)
-            for which, tau in enumerate((chunk.tau, chunk.raw)):
-                sums[k][which] += ErrorSums.of(layout, chunk.log, tau, predicted, data)
-            if task.kept:
-                kept[k].append((chunk.t, chunk.tau, predicted, log, chunk.velocity, data))
-    return [((low, raw), some) for (low, raw), some in zip(sums, kept, strict=True)]
+            low, raw = (
+                ErrorSums.of(layout, chunk.log, tau, predicted, data)
+                for tau in (chunk.tau, chunk.raw)
+            )
+            kept = np.arange(len(log) if task.kept else 0)
+            samples = [x[kept] for x in (chunk.t, chunk.tau, predicted, log, data)]
+            own.append((low, raw, samples))
+    return found
 
 
-def _join(found: Sequence[tuple[Both, list[KeptSamples]]], counts: Sequence[int]) -> Prediction:
-    sums, raw = (reduce(add, parts) for parts in zip(*(both for both, _ in found), strict=True))
-    kept = [some for _, several in found for some in several]
-    t, tau, predicted, log, *rest = map(np.concatenate, zip(*kept, strict=True))
+def _join(found: Sequence[list[Pass]], counts: Sequence[int]) -> Prediction:
+    low, raw, samples = zip(*chain.from_iterable(found), strict=True)
+    t, tau, predicted, log, data = map(np.concatenate, zip(*samples, strict=True))
     times = tuple(t[log == k] for k in range(len(counts)))
-    return Prediction(sum(counts), sums, raw, times, tau, predicted, log, *rest)
+    sums = reduce(add, low), reduce(add, raw)
+    return Prediction(sum(counts), *sums, times, tau, predicted, log, data)

@@ -119,6 +119,20 @@ def servo_log(log: Log, servo: Servo, delay: float) -> Log:
     )
 
 
+def moved(log: Log, servo: Servo, other: Servo, more: float = 0.0) -> Log:
+    """Return a log as it is with other servos, and commands that act later by a little [s]."""
+    assert log.servo_delay is not None
+    before, after = (
+        servo_log(log, one, log.servo_delay + d).tau for one, d in ((servo, 0.0), (other, more))
+    )
+    dt = signals.sampling_step(log.t)
+    seeming = (servo.lead - other.lead) * signals.differentiate(
+        signals.differentiate(log.q, dt), dt
+    )
+    tau = log.tau + after - before + seeming
+    return replace(log, tau=tau, servo_delay=log.servo_delay + more)
+
+
 def check_commands(log: Log) -> None:
     """Refuse commands that the motion contradicts: those of other joints, or of other units.
 

@@ -18,8 +18,10 @@ from identifiability.effects.base import settle_gravity
 from identifiability.effects.vocabulary import file_kinds, values_in_file
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import listing
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
+from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.pseudo_inertia import (
@@ -122,6 +124,30 @@ def thick_inertia(theta: Array, name: str) -> Array:
 def share_weight(share: float) -> float:
     """Return the weight of the divergence that keeps bodies within a share of the file's [σ²]."""
     return 1.0 / (2.0 * share**2)
+
+
+def settle_prior(
+    share: float | None, cad_weight: float | None, commanded: bool
+) -> tuple[float, float | None]:
+    """Return the share within which bodies are the file's, 0 for none, and its prior's weight.
+
+    Parameters
+    ----------
+    share, cad_weight : float or None
+        As asked for.
+    commanded : bool
+        Whether torque comes from commands: then there is a share where nobody says otherwise.
+
+    Raises
+    ------
+    OptionError
+        If both are asked for.
+    """
+    if share is not None and cad_weight is not None:
+        raise OptionError(Finding("prior.twice", weight=share_weight(0.2)))
+    if share is None:
+        share = RULES.body_within if commanded and cad_weight is None else 0.0
+    return share, share_weight(share) if share else cad_weight
 
 
 @frozen

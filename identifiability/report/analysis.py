@@ -12,9 +12,10 @@ from operator import itemgetter
 import numpy as np
 
 from identifiability.effects import title_of
-from identifiability.estimation.prediction import loaded_joints
+from identifiability.estimation.prediction import Prediction, loaded_joints
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Cell, Column, Note, Table
+from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import (
     digits,
     format_count,
@@ -35,7 +36,9 @@ from identifiability.report.blocks import (
     Section,
     Term,
     Terms,
+    count_joints,
     fold_rows,
+    level_table,
     picture,
     section,
     torque_traces,
@@ -51,14 +54,7 @@ from identifiability.workflows.analyze.result import (
     model_title,
     parameter_table,
 )
-from identifiability.workflows.answers import (
-    count_joints,
-    level_table,
-    note,
-    sentence,
-    with_hints,
-    words,
-)
+from identifiability.workflows.answers import note, sentence, with_hints, words
 from identifiability.workflows.predict import Fit
 
 
@@ -74,10 +70,17 @@ def fitted_logs(samples: Sequence[Dataset]) -> str:
     return f"{format_count(len(samples), 'log')} with {format_count(rows, 'row')}"
 
 
+def drawn_torque(out: Prediction) -> tuple[Array, Array]:
+    """Return measured and predicted torque of the first log, (N, n), NaN where it is no data."""
+    both = out.tau, out.predicted[:, :, 0]
+    measured, predicted = (np.where(out.data, x, np.nan)[: len(out.t[0])] for x in both)
+    return measured, predicted
+
+
 def analysis_moving(analysis: Analysis) -> Moving | None:
     """Return the robot along unseen motion beside measured and predicted torque."""
     sample, out = (analysis.validation or analysis.samples)[0], analysis.held_out
-    measured, predicted = (x[: len(out.t[0])] for x in out.to_draw(0))
+    measured, predicted = drawn_torque(out)
     lines = {"measured": measured, "predicted": predicted, "residual": measured - predicted}
     about = analysis.robot, sample.motion, out.t[0], measured
     return move_with_torque(*about, lines, sample.name, lines["residual"])
@@ -179,7 +182,7 @@ def section_prediction(analysis: Analysis) -> Section:
     out, robot = analysis.held_out, analysis.robot
     name = (analysis.validation or analysis.samples)[0].name
     t, loaded = out.t[0], loaded_joints(out.rms)
-    measured, predicted = (x[: len(t), loaded] for x in out.to_draw(0))
+    measured, predicted = (x[:, loaded] for x in drawn_torque(out))
     return section(
         "analysis.prediction",
         torque_traces(

@@ -37,7 +37,9 @@ from identifiability.report.blocks import (
     Term,
     Terms,
     Traces,
+    count_joints,
     gallery,
+    level_table,
     motion_traces,
     picture,
     section,
@@ -48,7 +50,7 @@ from identifiability.report.figures import draw_curve, draw_forward, draw_interv
 from identifiability.report.skeleton import move_skeletons, move_with_torque
 from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import Point
-from identifiability.workflows.answers import count_joints, level_table, note, sentence, words
+from identifiability.workflows.answers import note, sentence, words
 
 if TYPE_CHECKING:
     from identifiability.workflows.calibrate.calibration import Calibration

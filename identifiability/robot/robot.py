@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from functools import cache
@@ -25,7 +26,7 @@ from identifiability.foundation.values import frozen
 from identifiability.robot.assembly import LockOption, read_locks
 from identifiability.robot.description import Description
 from identifiability.robot.files import read_robot
-from identifiability.robot.kinematics import least_eigenvalue
+from identifiability.robot.kinematics import WORLD, least_eigenvalue
 from identifiability.robot.table import write_table
 
 # The ten parameters of a body from its mass, centre and moments of inertia.
@@ -128,6 +129,15 @@ def last_bodies(robot: Description) -> tuple[str, ...]:
     """Return the bodies that carry no other: where a load can hang."""
     parents = {link.parent for link in robot.links}
     return tuple(b for k, b in enumerate(robot.bodies) if k not in parents)
+
+
+def tool_bodies(robot: Description) -> tuple[str, ...]:
+    """Return the bodies on which a load is looked for: the last ones, on which most loops end."""
+    owner = {link.last: body for body, link in zip(robot.bodies, robot.links, strict=True)}
+    points = [p.joint for loop in robot.loops for p in (loop.first, loop.second)]
+    ends, last = Counter(owner[joint] for joint in points if joint != WORLD), last_bodies(robot)
+    most = max((ends[body] for body in last), default=0)
+    return tuple(body for body in last if ends[body] == most)
 
 
 def body_of(robot: Description, body: str | None) -> str:

@@ -27,6 +27,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import acting
+from identifiability.logs.spectrum import noise_level, resolution
 from identifiability.robot import Robot
 from identifiability.robot.mjcf import quiet
 from identifiability.robot.servo import Servo
@@ -274,6 +275,16 @@ def forgotten(log: Log) -> int:
     row = int(np.searchsorted(log.t, log.t[0] + FORGOTTEN))
     # A rollout is judged from this share of the log on at the latest.
     return min(row, int(0.25 * len(log)))
+
+
+def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
+    """Return positions (N, n) with the steps of a log's encoders, and what else is its noise."""
+    finest = resolution(log.q)
+    noise = np.sqrt(np.maximum(noise_level(log.q, log.t) ** 2 - finest**2 / 12, 0.0))
+    at = rng.uniform(size=q.shape[1])
+    width = np.where(finest > 0, finest, 1.0)
+    rounded = np.where(finest > 0, (np.floor(q / width + at) + 0.5 - at) * width, q)
+    return np.asarray(rounded + noise * rng.standard_normal(q.shape))
 
 
 #: What a robot lacks that has no servo, after its path.

@@ -14,11 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.evidence import LEVELS
-from identifiability.foundation.answers import Answer, Cell, Column, Note, Table, measured_cells
+from identifiability.foundation.answers import Answer, Cell, Column, Note, measured_cells
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import error_text, format_count, percent
-from identifiability.robot import Robot
+from identifiability.foundation.rounding import error_text, format_count
 from identifiability.workflows.rules import RULES
 
 WORDS: dict[str, Any] = tomllib.loads(
@@ -46,13 +44,6 @@ def with_hints(table: str, *own: Column) -> tuple[Column, ...]:
     """Return the columns of a table with their hints."""
     hints = WORDS[f"hints.{table}"]
     return tuple(replace(c, hint=hints.get(c.title, c.hint)) for c in own)
-
-
-def count_joints(robot: Robot) -> str:
-    """Return how many joints have motors, and whether the base floats."""
-    motors = len(robot.motor_joints)
-    said = [format_count(motors, "actuated joint")] if motors or robot.base is None else []
-    return " · ".join([*said, *(["floating base"] if robot.base is not None else [])])
 
 
 #: What an error on unseen motion is called, the smallest first, and the colour of that.
@@ -167,16 +158,3 @@ def answer_trust(
         return Answer(question, "With care.", read, "amber")
     text = f"{found_text}; nothing was found that speaks against it."
     return Answer(question, "Yes, within its intervals.", text, "green")
-
-
-def level_table() -> Table:
-    """Return what evidence is called, and what a choice rests on."""
-    said = words(
-        "levels",
-        sure=percent(LEVELS.confidence, 2),
-        rise=percent(LEVELS.rise, 1),
-        nats=LEVELS.nats,
-        fewest=LEVELS.fewest,
-        folds=LEVELS.folds,
-    )
-    return Table.of("How models were judged", (Column("level"), Column("if")), tuple(said.items()))

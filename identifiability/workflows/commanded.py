@@ -20,18 +20,16 @@ from identifiability.estimation.rollouts import Rollouts, contradicted, fit_roll
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.findings import Finding, phrase
-from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import percent
-from identifiability.logs import Log, signals
-from identifiability.logs.commands import check_commands, of_commands, servo_log
+from identifiability.logs import Log
+from identifiability.logs.commands import check_commands, moved, of_commands, servo_log
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.logs.spectrum import noise_level, resolution
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.robot.servo import FOUND, Servo, state_delay
-from identifiability.simulation.rollout import CommandedRobot, forgotten
+from identifiability.simulation.rollout import CommandedRobot, forgotten, record
 
 #: Recordings of a rollout that differ in where the encoders' steps lie.
 PHASES = 4
@@ -152,30 +150,6 @@ def calibrate(
         lost |= given.unmeasured
     tau = given.tau - left / np.maximum(count, 1)
     return replace(given, tau=tau, unmeasured=lost if lost.any() else None, rollout=q)
-
-
-def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
-    """Return positions (N, n) with the steps of a log's encoders, and what else is its noise."""
-    finest = resolution(log.q)
-    noise = np.sqrt(np.maximum(noise_level(log.q, log.t) ** 2 - finest**2 / 12, 0.0))
-    at = rng.uniform(size=q.shape[1])
-    width = np.where(finest > 0, finest, 1.0)
-    rounded = np.where(finest > 0, (np.floor(q / width + at) + 0.5 - at) * width, q)
-    return np.asarray(rounded + noise * rng.standard_normal(q.shape))
-
-
-def moved(log: Log, servo: Servo, other: Servo, more: float = 0.0) -> Log:
-    """Return a log as it is with other servos, and commands that act later by a little [s]."""
-    assert log.servo_delay is not None
-    before, after = (
-        servo_log(log, one, log.servo_delay + d).tau for one, d in ((servo, 0.0), (other, more))
-    )
-    dt = signals.sampling_step(log.t)
-    seeming = (servo.lead - other.lead) * signals.differentiate(
-        signals.differentiate(log.q, dt), dt
-    )
-    tau = log.tau + after - before + seeming
-    return replace(log, tau=tau, servo_delay=log.servo_delay + more)
 
 
 def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:

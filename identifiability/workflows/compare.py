@@ -33,7 +33,6 @@ from identifiability.estimation.differences import (
     list_changes,
     pooled_values,
     table_changes,
-    tool_bodies,
 )
 from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.noise import JointRuns
@@ -61,6 +60,7 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Motion, Robot, RobotLike
+from identifiability.robot.robot import tool_bodies
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.session import Logs, Session, list_logs
@@ -338,7 +338,7 @@ def compare(
         some = seen.log >= count * bool(pairs)
         base = pooled_values(seen.X[some], seen.y[some], submodel.M, submodel.fixed)
         known = Known.nothing(submodel.M[:, : 0 if pairs else None], base)
-        bodies = tool_bodies(structure)
+        bodies = tool_bodies(robot)
         found = find_differences(structure, seen, bodies, pairs, known, count, len(logs))
         terms, paths = found.model.search(), given_paths(logs)
         return Comparison(

@@ -24,7 +24,6 @@ from identifiability.estimation.differences import (
     Known,
     find_changes,
     pooled_values,
-    tool_bodies,
 )
 from identifiability.estimation.groups import describe_term
 from identifiability.estimation.mixed_model import Terms
@@ -51,7 +50,7 @@ from identifiability.regression.reduction import DEFAULT_EFFECTS, full_model
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
-from identifiability.robot.robot import Point, body_of, ten_parameters
+from identifiability.robot.robot import Point, body_of, ten_parameters, tool_bodies
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.compare import find_differences, find_pairs, look
@@ -593,7 +592,7 @@ def choose_body(structure: Structure, body: str | None) -> str:
     OptionError
         If the model has no bodies.
     """
-    best = tool_bodies(structure)
+    best = tool_bodies(structure.robot)
     place = body_of(structure.robot, best[0] if body is None and len(best) == 1 else body)
     if f"{place}." not in structure.bodies:
         raise OptionError("The result's model has no bodies (rigid_body); fit one that has.")

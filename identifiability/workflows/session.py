@@ -46,11 +46,11 @@ from identifiability.foundation.engines import (
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.names import shorten_paths
-from identifiability.foundation.options import Expected, OptionError
+from identifiability.foundation.options import Expected
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.commands import of_commands
+from identifiability.logs.commands import moved, of_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import frame_of
 from identifiability.logs.formats.reader import find_parts
@@ -60,8 +60,6 @@ from identifiability.logs.prepare.dataset import explain_silence
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.physical.cad_prior import share_weight
-from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.quality import MeasuredLogs, Reading, find_always, find_oddities, mend
 from identifiability.quality.registry import Does, check
 from identifiability.regression.information import Information, gather_information
@@ -121,8 +119,6 @@ class Recordings:
 
     def acting_later(self, servo: Servo, by: float) -> Recordings:
         """Return the logs as they are if commands act later than was found, by so much [s]."""
-        from identifiability.workflows.commanded import moved  # noqa: PLC0415 - MuJoCo
-
         fitted, held_out = (
             tuple(moved(x, servo, servo, by) if of_commands(x) else x for x in logs)
             for logs in (self.fitted, self.held_out)
@@ -702,30 +698,6 @@ def settle_gains(robot: Robot, logs: Logs) -> Robot:
     given = read_recordings(logs, known=Conventions.of(robot), commands=True, learns=False)
     alone = (x for x in given.fitted if x.commanded and x.motion_alone)
     return learn_gains(robot, select(robot, alone))
-
-
-def settle_prior(
-    share: float | None, cad_weight: float | None, commanded: bool
-) -> tuple[float, float | None]:
-    """Return the share within which bodies are the file's, 0 for none, and its prior's weight.
-
-    Parameters
-    ----------
-    share, cad_weight : float or None
-        As asked for.
-    commanded : bool
-        Whether torque comes from commands: then there is a share where nobody says otherwise.
-
-    Raises
-    ------
-    OptionError
-        If both are asked for.
-    """
-    if share is not None and cad_weight is not None:
-        raise OptionError(Finding("prior.twice", weight=share_weight(0.2)))
-    if share is None:
-        share = PHYSICAL_RULES.body_within if commanded and cad_weight is None else 0.0
-    return share, share_weight(share) if share else cad_weight
 
 
 def require_signal(samples: Sequence[Dataset], done: str) -> None:

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from identifiability import Robot, analyze, simulate
-from identifiability.estimation.noise import Noise as Remembering
+from identifiability.estimation.noise import JointNoise
 from identifiability.logs import Log
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability.workflows.calibrate.world import simulate_noise
 
 SHARE = 0.05
 
@@ -26,8 +27,9 @@ def noisy(name: str, trajectory: str, seed: int, rho: float = 0.0) -> Log:
     """A log with noise of 5 % of the torque of trajectory a, alike in all logs."""
     log, rng = clean(name, trajectory), np.random.default_rng(seed)
     variance = (SHARE * clean(name, "a").tau.std(0)) ** 2
-    noise = Remembering.of(variance, np.full(len(variance), (1 + rho) / (1 - rho)))
-    added = log.tau + noise.simulate([(0, len(log))], rng)
+    sizes = np.sqrt(variance * (1 - rho**2))
+    noise = tuple(JointNoise(np.array([rho]), x) for x in sizes)
+    added = log.tau + simulate_noise(noise, [(0, len(log))], rng)
     columns = {f"{joint}.tau": added[:, k] for k, joint in enumerate(log.joints)}
     return Log.from_frame(log.to_frame().assign(**columns), f"{trajectory}{seed}")
 

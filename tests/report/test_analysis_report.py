@@ -7,8 +7,8 @@ import pytest
 
 from identifiability.foundation.rounding import error_text
 from identifiability.report import write_analysis_report
+from identifiability.report.blocks import level_table
 from identifiability.report.results import build_page
-from identifiability.workflows.answers import level_table
 
 pytestmark = pytest.mark.pictures
 

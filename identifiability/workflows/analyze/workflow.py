@@ -22,11 +22,10 @@ from identifiability.estimation.estimate import (
     settle_noise,
     with_known,
 )
-from identifiability.estimation.estimator import Estimate, Estimator, forbidden_signs
+from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Evidence, Folds, HeldOut, Score, near_best
 from identifiability.estimation.fit import Fit, find_left_out
 from identifiability.estimation.groups import Alternatives
-from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Flag, Verdict, judge, narrow
@@ -43,12 +42,13 @@ from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.instruments import noise_again
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Band
-from identifiability.physical.cad_prior import WEAK, WEIGHTS, combine_with_file
+from identifiability.physical.cad_prior import WEAK, WEIGHTS, combine_with_file, settle_prior
 from identifiability.physical.feasibility import (
     PhysicalResult,
     certify_model,
     choose_prior,
     find_nearest,
+    forbidden_signs,
 )
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.information import Information, gather_information
@@ -77,7 +77,6 @@ from identifiability.workflows.session import (
     find_missing,
     quiet,
     running,
-    settle_prior,
     share,
 )
 
@@ -148,15 +147,14 @@ def fit_ladder(
 def hold_folds(information: Information, estimator: Estimator) -> tuple[HeldOut, str]:
     """Return folds of the fitted logs; those of logs too short for a choice, and why they are."""
     fit = estimator.fit(information)
-    noise = Noise.of(fit.variance, fit.times)
     try:
-        return HeldOut.of(information, noise), ""
+        return HeldOut.of(information, fit.noise), ""
     except LogError as error:
         short = (
             "Whether values of a robot that can exist predict as well, and how strongly the robot "
             f"file's bodies pull, could not be asked: {error}"
         )
-        return HeldOut.of(information, noise, Folds.of(information)), short
+        return HeldOut.of(information, fit.noise, Folds.of(information)), short
 
 
 def settle_robot(

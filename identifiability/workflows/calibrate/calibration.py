@@ -45,6 +45,7 @@ from identifiability.workflows.calibrate.world import (
     count_outcomes,
     find_runs,
     fit_residual_noise,
+    simulate_noise,
 )
 from identifiability.workflows.commands import (
     given_paths,
@@ -122,7 +123,7 @@ def measure_false_names(
         for log, s, part, m in zip(logs, samples, each, moves, strict=True)
     ]
     again = partial(judge, model=found.structure.model)
-    named = partial(_name, again, find_families(None), whole, partial(noise.simulate, runs))
+    named = partial(_name, again, find_families(None), whole, partial(simulate_noise, noise, runs))
     items = [(seed + k, s) for k, s in enumerate(np.random.SeedSequence(seed).spawn(trials))]
     return FalseNames(trials, tuple(filter(None, engine.map(named, items, progress=steps))))
 

@@ -13,11 +13,12 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 
 from identifiability.estimation.estimate import Method, find_estimator, fit_whole, settle_noise
 from identifiability.estimation.fit import body_scatter
 from identifiability.estimation.groups import NO_ALTERNATIVES
-from identifiability.estimation.noise import JointRuns, Noise, Runs, rich_noise
+from identifiability.estimation.noise import ARNoise, JointRuns, Runs, levinson, rich_noise
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import LogError
@@ -333,7 +334,7 @@ class World:
     robots : TrueRobots
     logs : tuple of (Log, Dataset, Preparation)
         Each as it was measured and prepared, and how.
-    noise : Noise
+    noise : ARNoise
         Of the torque; with what the errors of the motion add it is like the residual.
     runs : Runs
         Stretches of time without gaps, between which noise remembers nothing.
@@ -342,7 +343,7 @@ class World:
     experiment: Experiment
     robots: TrueRobots
     logs: tuple[tuple[Log, Dataset, Preparation], ...]
-    noise: Noise
+    noise: ARNoise
     runs: Runs
 
     @staticmethod
@@ -383,9 +384,9 @@ class World:
         again = (world.measure_anew(rng)[0] for _ in range(DRAWS))
         made = np.mean([((x - W) @ robots.draw(rng)) ** 2 for x in again], axis=(0, 1))
         made /= np.maximum(moves.mean(0) * analysis.full.estimate.variance, 1e-300)
-        left = zip(noise.joints, np.sqrt(np.maximum(1.0 - made, LEAST)).tolist(), strict=True)
+        left = zip(noise, np.sqrt(np.maximum(1.0 - made, LEAST)).tolist(), strict=True)
         scaled = tuple(replace(own, sigma=x * own.sigma) for own, x in left)
-        return replace(world, noise=Noise(scaled))
+        return replace(world, noise=scaled)
 
     def measure_anew(self, rng: np.random.Generator) -> tuple[Array, Array | None]:
         """Return columns of base parameters along logs with new errors, and instruments."""
@@ -399,7 +400,7 @@ class World:
         beta = self.robots.draw(of_robot)
         truth = np.linalg.lstsq(submodel.M, beta - submodel.fixed, rcond=None)[0]
         # Sticking joints say nothing.
-        tau = e.W @ beta + self.noise.simulate(self.runs, of_noise) * e.moves
+        tau = e.W @ beta + simulate_noise(self.noise, self.runs, of_noise) * e.moves
         W, V = self.measure_anew(of_motion)
         return e.judge(e.gather(tau, W, V), tau, W, of_fit), truth
 
@@ -416,7 +417,7 @@ def find_runs(samples: Sequence[Dataset]) -> list[tuple[int, int]]:
     return runs
 
 
-def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> Noise:
+def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> ARNoise:
     """Return the noise of torque beside the columns that are fitted to it.
 
     A residual looks whiter and smaller than the noise was, because slow noise is swallowed by the
@@ -432,7 +433,30 @@ def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> Noise:
     pairs = zip(tau.T, runs.each, strict=True)
     each = [rich_noise([W[:, j]], y, own) for j, (y, own) in enumerate(pairs)]
     sure = (own.sigma if np.isfinite(own.sigma) else 0.0 for own in each)
-    return Noise(tuple(replace(own, sigma=x) for own, x in zip(each, sure, strict=True)))
+    return tuple(replace(own, sigma=x) for own, x in zip(each, sure, strict=True))
+
+
+#: Samples before those of a simulated series, after which it does not know how it began.
+FORGOTTEN = 10_000
+
+
+def simulate_noise(noise: ARNoise, runs: Runs, rng: np.random.Generator) -> Array:
+    """Return noise of each joint, each stretch by itself, (N, n).
+
+    Parameters
+    ----------
+    noise : ARNoise
+    runs : sequence of (start, stop)
+        Stretches without gaps; together they are all samples.
+    rng : numpy.random.Generator
+    """
+    out = np.zeros((runs[-1][1], len(noise)))
+    for j, own in enumerate(noise):
+        a = np.append(1.0, -levinson(own.pacf)[0][-1])
+        for start, stop in runs:
+            e = own.sigma * rng.standard_normal(FORGOTTEN + stop - start)
+            out[start:stop, j] = lfilter([1.0], a, e)[FORGOTTEN:]
+    return out
 
 
 def sample_anew(

@@ -25,6 +25,7 @@ from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Dataset, Preparation
+from identifiability.physical.cad_prior import settle_prior
 from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choose_model, free_again
 from identifiability.regression.structure import Structure
@@ -77,7 +78,6 @@ from identifiability.workflows.session import (
     read_recordings,
     require_signal,
     settle_gains,
-    settle_prior,
     state_provenance,
     weigh_rows,
     where_outlying,

@@ -17,7 +17,7 @@ import pandas as pd
 
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
-from identifiability.foundation.options import Expected, FilePath, NotNegative, Seed, checked
+from identifiability.foundation.options import Expected, FilePath, Positive, Seed, checked
 from identifiability.foundation.output import check_ending
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
@@ -100,7 +100,7 @@ def draw_robots(
     count: Annotated[int, Expected("a positive whole number", lambda n: n > 0)] = 100,
     *,
     seed: Seed = 0,
-    prior: NotNegative | None = None,
+    prior: Positive | None = None,
 ) -> Draws:
     """Draw robots from what the logs of a result leave possible.
 
@@ -126,10 +126,6 @@ def draw_robots(
     # Share of their size by which bodies differ from the file's, where logs hold no torque.
     usual = robot.said.prior_relative if robot.servo is None else 0.2
     share = usual if prior is None else prior
-    if not share > 0:
-        raise IdentifiabilityError(
-            f"Bodies within a share of {share:g} of the file's are the file's; give a positive one."
-        )
     structure = fit.structure
     data = fit.of_standard
     region = physical_set(structure)

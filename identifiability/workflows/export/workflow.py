@@ -30,6 +30,7 @@ from identifiability.effects.vocabulary import (
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.foundation.options import ExportFormat, FilePath, checked
@@ -66,11 +67,8 @@ def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]
     given = content.physical.parameters
     for name in given:
         if name not in known:
-            raise IdentifiabilityError(
-                f"{path} is about '{content.robot.name}' and has the parameter '{name}', which "
-                f"{robot.name} does not have{near_match(name, known)} Give the robot that the "
-                "result was made with."
-            )
+            where, why = f"{path} is about '{content.robot.name}'", f"it has no '{name}'."
+            raise IdentifiabilityError(Finding("result.other", where, robot=robot.name, why=why))
     weigh = {body: robot.nominal[f"{body}.m"] for body in robot.bodies}
     # A body with less than this share of the robot's mass weighs nothing: formats want a number.
     least = 1e-9 * sum(weigh.values())

@@ -17,7 +17,6 @@ from identifiability.estimation.estimate import (
 )
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Evidence, HeldOut, near_best
-from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Task, predict_all
 from identifiability.foundation.engines import Engine, Steps, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
@@ -34,6 +33,7 @@ from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import find_signal
+from identifiability.physical.cad_prior import settle_prior
 from identifiability.physical.feasibility import certify_model
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import (
@@ -78,7 +78,6 @@ from identifiability.workflows.session import (
     find_missing,
     quiet,
     running,
-    settle_prior,
     share,
 )
 
@@ -270,8 +269,7 @@ def _choose(question: Question, search: Search, cad_prior: float | None) -> tupl
     model whose values a real robot has stands for it if these two predict alike.
     """
     steps, tried = search.steps, []
-    noise = Noise.of(search.full.variance, search.full.times)
-    held_out = HeldOut.of(question.rows.information, noise, search.whitened.folds)
+    held_out = HeldOut.of(question.rows.information, search.full.noise, search.whitened.folds)
     for k in range(good_steps(steps)[0], len(steps))[: 1 + CERTIFIED]:
         model = question.fit(steps[k])
         try:

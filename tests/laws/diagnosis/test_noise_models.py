@@ -100,18 +100,18 @@ def test_the_order_and_the_coefficients_of_a_long_series_are_found():
     x = lfilter([2.0], [1, -levinson(PACF)[0][2][0], -levinson(PACF)[0][2][1]],
                 rng.standard_normal(n + 200))[200:]  # fmt: skip
     noise = fit_residual_noise(x[:, None], np.ones((n, 1, 1)), JointRuns((((0, n),),)))
-    np.testing.assert_allclose(noise.joints[0].pacf, PACF[:2], atol=0.03)
+    np.testing.assert_allclose(noise[0].pacf, PACF[:2], atol=0.03)
     plain = fit_residual_noise(
         rng.standard_normal((n, 1)), np.ones((n, 1, 1)), JointRuns((((0, n),),))
     )
-    assert len(plain.joints[0].pacf) == 0
-    assert plain.variance[0] == pytest.approx(1.0, rel=0.05)
+    assert len(plain[0].pacf) == 0
+    assert plain[0].sigma ** 2 == pytest.approx(1.0, rel=0.05)
 
 
 def test_slow_drifts_are_held_to_the_slowest_noise_that_there_is():
     y = np.linspace(-1, 1, 400) ** 3
     noise = fit_residual_noise(y[:, None], np.ones((400, 1, 1)), JointRuns((((0, 400),),)))
-    assert np.abs(noise.joints[0].pacf).max() <= np.tanh(BOUND)
+    assert np.abs(noise[0].pacf).max() <= np.tanh(BOUND)
 
 
 def test_a_dictionary_may_take_at_most_45_per_cent_of_a_joints_rows():

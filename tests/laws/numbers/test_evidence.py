@@ -14,7 +14,7 @@ from identifiability.workflows.prune.elimination import weigh_models
 
 from .made import ar1, gather, score_of
 
-WHITE = Noise.of(np.array([0.25, 4.0]), np.ones(2))
+WHITE = Noise(np.array([0.25, 4.0]), np.ones(2))
 
 
 def rows(seed=0, N=240, k=4, n=2):
@@ -95,7 +95,7 @@ def test_of_models_that_are_equally_good_few_are_called_better_or_worse(rho):
         W = np.stack([ar1(rng, 0.95, 300, 3) for _ in range(2)], 1)
         tau = W[:, :, 0] + ar1(rng, rho, 300, 2)
         information = gather(W, tau, size=4)
-        held = HeldOut.of(information, Noise.of(np.ones(2), np.full(2, (1 + rho) / (1 - rho))))
+        held = HeldOut.of(information, Noise(np.ones(2), np.full(2, (1 + rho) / (1 - rho))))
         low, high = Evidence.of(drop(held, [1]), drop(held, [2])).limits
         called += low > 0 or high < 0
     assert called / trials <= 0.05 + 2 * np.sqrt(0.05 * 0.95 / trials)
@@ -106,7 +106,7 @@ def test_a_planted_gain_is_found_as_often_as_theory_says(off):
     """A value that is wrong by d costs d² Σx² ± 2 d σ √Σx²: the rest is Student's t."""
     rng, trials, N = np.random.default_rng(2), 150, 1200
     W = rng.normal(size=(N, 1, 1))
-    noise = Noise.of(np.ones(1), np.ones(1))
+    noise = Noise(np.ones(1), np.ones(1))
     found = 0
     for _ in range(trials):
         held = HeldOut.of(gather(W, rng.normal(size=(N, 1)), size=12), noise)
@@ -129,7 +129,7 @@ def test_nothing_depends_on_units_or_on_how_rows_are_cut_into_blocks_and_ordered
         return [x for gain in (found.density, found.error) for x in (gain.value, gain.se)]
 
     plain = judged(W, tau, WHITE, 8)
-    other = Noise.of(WHITE.variance * unit**2, WHITE.times)
+    other = Noise(WHITE.variance * unit**2, WHITE.times)
     moved = judged(W * unit[:, None] * scale, tau * unit, other, 8)
     np.testing.assert_allclose(moved, plain, rtol=1e-6)
     np.testing.assert_allclose(judged(W, tau, WHITE, 4), plain, rtol=1e-6)

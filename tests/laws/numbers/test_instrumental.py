@@ -16,7 +16,7 @@ TRUTH = np.array([1.0, -2.0, 0.5, 3.0])
 SIZE = np.array([0.3, 1.0])
 IV = Estimator(instruments=True)
 #: With noise that is known to be white.
-KNOWN = Estimator(instruments=True, noise=Noise.of(SIZE**2, np.ones(2)))
+KNOWN = Estimator(instruments=True, noise=Noise(SIZE**2, np.ones(2)))
 PLAIN = Estimator(weighted=False, instruments=True)
 
 

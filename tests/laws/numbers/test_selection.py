@@ -141,7 +141,7 @@ def ladder():
     made = [
         Prediction.of([np.arange(960.0)], tau[h], W[h] @ values, np.zeros(960, int)) for h in half
     ]
-    held_out = HeldOut.of(every, Noise.of(fits[0].variance, fits[0].times))
+    held_out = HeldOut.of(every, Noise(fits[0].variance, fits[0].times))
     scores = [score_of(held_out, f, r.M) for r, f in zip(submodels, fits, strict=True)]
     judged = [Evidence.of(score, scores[0]) for score in scores]
     rng, physics = np.random.default_rng(0), [Physics(0.1), Physics(-0.1)]
