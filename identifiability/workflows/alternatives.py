@@ -123,7 +123,8 @@ class Alternative:
         tau = [np.interp(log.t + by, log.t, log.tau[:, k]) for k, by in columns]
         still = np.zeros(log.q.shape)
         motion = complete_motion(robot, log.t, log.q, still, still)
-        weight = self.lacks * gravity_torque(robot, motion, robot.gravity)
+        weight = np.zeros(log.tau.shape)  # samples whose loops do not close are left out anyway
+        weight[motion.kept] = self.lacks * gravity_torque(robot, motion, robot.gravity)
         return replace(log, tau=np.column_stack(tau) * self.factor + weight)
 
 
