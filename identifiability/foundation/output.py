@@ -171,8 +171,7 @@ def csv_text(frame: DataFrame) -> str:
     for name in map(str, frame.columns):
         if name.startswith(("=", "+", "-", "@", "\t", "\r")):
             raise OutputError(Finding("output.formula", name))
-    text: str = frame.to_csv(index=False)
-    return text
+    return str(frame.to_csv(index=False))
 
 
 def plain(value: Any) -> Any:

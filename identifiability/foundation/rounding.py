@@ -162,7 +162,6 @@ def format_count(count: int, noun: str) -> str:
 
 def join(names: list[str] | tuple[str, ...], most: int = 6) -> str:
     """Return ``a, b and c``, or the first few and how many more."""
-    names = list(names)
     if len(names) > most:
         return f"{', '.join(names[: most - 1])} and {len(names) - most + 1} more"
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
