@@ -243,10 +243,11 @@ def _guided(x: Logged) -> None:
     joint = x.joint(len(x.robot.joints) // 2)
 
     def push(k: int, f: pd.DataFrame) -> None:
-        if k == 1:
-            first = len(f) // 3
-            rows = slice(first, first + len(f) // 10)
-            bump = np.sin(np.linspace(0, np.pi, len(f) // 10)) ** 2
+        if k == 1:  # where it moves most: a joint that stands is no data
+            count = len(f) // 10
+            last = int(f[f"{joint}.q"].diff().abs().rolling(count).sum().argmax())
+            rows = slice(last - count + 1, last + 1)
+            bump = np.sin(np.linspace(0, np.pi, count)) ** 2
             f.loc[f.index[rows], f"{joint}.tau"] += 3 * f[f"{joint}.tau"].std() * bump
 
     x.change(push)

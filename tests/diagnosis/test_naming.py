@@ -44,15 +44,15 @@ def test_a_hidden_effect_is_named_in_its_joints_and_the_gap_shrinks(
     ("robot", "hidden", "expected"),
     [
         seldom("palletizer", "gravity_tilt=0.02", [("gravity_tilt", ("base",))]),
-        seldom("six-actuators", "torque_offset@leg2=0.03", []),
-        seldom("3-rrr", "torque_offset@shoulder1=0.03", []),
+        seldom("six-actuators", "torque_offset@leg2=0.03", [("torque_offset", ("leg2",))]),
+        seldom("3-rrr", "torque_offset@shoulder1=0.03", [("torque_offset", ("shoulder1",))]),
     ],
 )
 def test_what_one_joint_has_is_no_tilted_base_and_no_forces(
     robot, hidden, expected, diagnosis_of, named
 ):
-    """It resembles them, and has no name among these: of what it is none is as sure in others."""
-    few = ("gravity_tilt", "constant_force", "quadratic_friction")
+    """It resembles them, and is surer: they have log odds of a hundred without it."""
+    few = ("gravity_tilt", "constant_force", "quadratic_friction", "torque_offset")
     assert named(diagnosis_of(robot, hidden, effects=few)) == expected
 
 

@@ -53,17 +53,19 @@ def replay(robot: Robot, result, log, folder: Path) -> Replayed:
     alone: dict = {}
     for piece in samples.pieces(4096):
         alone.setdefault("tau", []).append(piece.down(piece.tau))
+        alone.setdefault("data", []).append(piece.weight[piece.at] > 0)
         for engine in (in_mujoco, in_pinocchio):
             tree = engine(exported.robot, copy, piece.motion)
             tree = np.full((len(piece.tau), copy.nv), np.nan) if tree is None else tree
             alone.setdefault(engine, []).append(piece.down(project(copy, piece.motion, tree)))
-    tau = np.concatenate(alone["tau"])
-    errors = [error_ra(tau, np.concatenate(alone[e])) for e in (in_mujoco, in_pinocchio)]
+    data = np.concatenate(alone["data"])  # a joint that stands is none
+    tau = np.concatenate(alone["tau"])[data]
+    errors = [error_ra(tau, np.concatenate(alone[e])[data]) for e in (in_mujoco, in_pinocchio)]
     every = Model(tuple(f.effect for f in FAMILIES.values() if f.name != "coulomb_friction"))
     names = [p.name for p in every.parameters(copy)]
     phi = np.array([copy.nominal.get(name, 0.0) for name in names])
     fitted = [W @ phi for _, _, W, _ in Regression(copy, every, (samples,)).chunks()]
-    whole = error_ra(tau, np.concatenate(fitted))
+    whole = error_ra(tau, np.concatenate(fitted)[data])
     stated = json.loads(path.read_text())["physical"]
     return Replayed(stated, exported, copy, *errors, whole)
 

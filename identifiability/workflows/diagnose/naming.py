@@ -320,6 +320,7 @@ def name_missing(looked: Naming) -> Naming:
         model = missing.model()
         kept = model.search()
         looked = replace(looked, asked=missing, whole=model, missing=missing)
+    kept = _with_names(missing, model, kept)
     refuted = list[tuple[Term, float]]()
     if looked.setting.validation and kept:
         found, products = kept, missing.products(unseen.seen, among=kept)
@@ -371,6 +372,16 @@ def _without_worse(naming: Naming) -> Naming:
         naming = replace(naming, refuted=(*naming.refuted, (term, part.unseen)))
         naming = with_parts(naming, [p for k, p in enumerate(naming.parts) if k != worst])
     return naming
+
+
+def _with_names(missing: Missing, model: MixedModel, terms: Terms) -> Terms:
+    """Return terms in which a name goes before a function without one that says no more there."""
+    for k, term in enumerate(terms):
+        if _family(missing, term).unnamed:
+            rivals = [t for t in model.rivals(terms, k) if t.group.place == term.group.place]
+            named = [t for t in rivals if not _family(missing, t).unnamed]
+            terms = (*terms[:k], *(named or [term])[:1], *terms[k + 1 :])
+    return terms
 
 
 def _family(missing: Missing, term: Term) -> Family:

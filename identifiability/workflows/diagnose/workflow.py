@@ -15,7 +15,8 @@ import numpy as np
 
 from identifiability.effects import Placed, default_effects, find_families, title_of
 from identifiability.effects.measurement import CommandDelay
-from identifiability.estimation.estimate import find_estimator
+from identifiability.estimation.differences import Change
+from identifiability.estimation.estimate import Outliers, find_estimator
 from identifiability.estimation.groups import place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.prediction import Prediction
@@ -268,17 +269,19 @@ class _Asked:
         Rows that hardly count even beside what was named are no data for names.
         """
         found = self.run(setting)
-        if setting.fixed or found.changes:
+        if setting.fixed:
             return found
         joints, wls = found.robot.joints, find_estimator("wls")
-        information = gather_information(found.completed.regression(found.samples))
-        _, decided, outliers = weigh_rows(joints, found.samples, information, wls)
+        information = gather_information(found.completed.regression(setting.samples))
+        _, decided, outliers = weigh_rows(joints, setting.samples, information, wls)
         # Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
         outliers = None if outliers is None else outliers.below(0.1)
-        if outliers is not None:
+        if outliers is None or _last(found.changes, setting.samples, outliers):
+            decided = "" if found.changes else decided
+        else:
             again = self.run(without_outliers(setting, outliers))
             if again.held_after <= WORSE * found.held_after:
-                where = where_outlying(joints, found.samples, outliers)
+                where = where_outlying(joints, setting.samples, outliers)
                 decided = decided or f"{where} was left out. Look at what happened there."
                 found = again
         return replace(found, hints=(decided,) if decided else ())
@@ -305,6 +308,17 @@ class _Asked:
         # Unseen rows cannot show what changed, but that nothing did.
         found = self._settle(without)
         return named if found.error > WORSE * named.error else found
+
+
+def _last(changes: Sequence[Change], samples: Sequence[Dataset], outliers: Outliers) -> bool:
+    """Whether most rows of a change lie out: no burst lasts so long."""
+    names, count = [s.name for s in samples], outliers.last - outliers.first
+    for c in changes:
+        k = names.index(c.log)
+        t = samples[k].output_times()
+        if 2 * count[outliers.log == k].sum() > np.sum((t >= c.start) & (t <= c.stop)):
+            return True
+    return False
 
 
 def _settle_values(
