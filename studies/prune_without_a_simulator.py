@@ -30,13 +30,12 @@ import staubli_tx40
 from shared import data_folder, study_parser, write_answer
 
 from identifiability import Log, Robot, estimate
-from identifiability.estimation.prediction import predict
+from identifiability.estimation.prediction import change_interval, predict
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import build_ladder, ladder_path, read_ladder
 from identifiability.regression.regression import Model, Regression
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
 from identifiability.simulation.simulator import ar1
-from identifiability.workflows.diagnose.forward import change_interval
 from identifiability.workflows.prune import Ladder, prune
 from identifiability.workflows.prune.elimination import find_path
 

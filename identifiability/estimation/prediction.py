@@ -159,8 +159,9 @@ def _never_shown(information: Information, fit: Estimate) -> Array:
 # What to use when: models are chosen by the error over each joint's own scale
 # (`Prediction.error_over_joints`), which sees small joints as well as large ones; ε_RA
 # (`Prediction.relative_error`) is the paper's, which adds up N and N·m as they are.
-# Errors of logs of any length are added up in one pass (`ErrorSums`). Means that variation is
-# measured from are known before (`Layout`), so parts of a log can be worked on anywhere.
+# `change_interval` is for samples that are all held; `ErrorSums` for logs of any length, whose
+# errors are added up in one pass. Means that variation is measured from are known before
+# (`Layout`), so parts of a log can be worked on anywhere.
 
 
 @frozen
@@ -203,6 +204,35 @@ class Layout:
         """
         whole, joints, logs = (torque.sum(k) / np.maximum(rows.sum(k), 1) for k in (None, 0, 1))
         return Layout(np.array(counts, int), float(whole), joints, logs, signal)
+
+
+#: Stretches that are drawn again and again for an interval: more, as each weighs by itself.
+DRAWN_STRETCHES = 24
+
+
+def change_interval(
+    error: Array, deviation: Array, rng: np.random.Generator, draws: int = 2000
+) -> tuple[float, float]:
+    """Return the 95 % interval of the change of ε_RA from one model to another.
+
+    Whole stretches of time are drawn again and again [Künsch 1989].
+
+    Parameters
+    ----------
+    error : (N, n, 2) [N·m or N]
+        Absolute errors of each sample and joint.
+    deviation : (N, n) [N·m or N]
+        Distances of the measured torque from its mean over everything.
+    rng : numpy.random.Generator
+    draws : int
+    """
+    count = min(DRAWN_STRETCHES, len(error))
+    both = ((error[:, :, 1] - error[:, :, 0]).sum(1), deviation.sum(1))
+    parts, wholes = (np.add.reduceat(x, np.arange(count) * len(x) // count) for x in both)
+    counts = rng.multinomial(count, np.full(count, 1 / count), size=draws)
+    size = counts @ wholes
+    low, high = np.quantile((counts @ parts) / np.where(size > 0, size, 1.0), ENDS)
+    return float(low), float(high)
 
 
 @frozen

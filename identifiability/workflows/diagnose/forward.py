@@ -13,9 +13,10 @@ from itertools import product
 import numpy as np
 
 from identifiability.effects import find_family
+from identifiability.estimation.prediction import DRAWN_STRETCHES, change_interval
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
-from identifiability.foundation.rounding import ENDS, percent
+from identifiability.foundation.rounding import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
@@ -111,35 +112,6 @@ class Physical:
     def of(self, parameters: Iterable[Parameter]) -> dict[str, float]:
         """Return the values of some parameters, zero where there is none."""
         return {p.name: self.values.get(p.name, 0.0) for p in parameters}
-
-
-#: Stretches that are drawn again and again for an interval: more, as each weighs by itself.
-DRAWN_STRETCHES = 24
-
-
-def change_interval(
-    error: Array, deviation: Array, rng: np.random.Generator, draws: int = 2000
-) -> tuple[float, float]:
-    """Return the 95 % interval of the change of ε_RA from one model to another.
-
-    Whole stretches of time are drawn again and again [Künsch 1989].
-
-    Parameters
-    ----------
-    error : (N, n, 2) [N·m or N]
-        Absolute errors of each sample and joint.
-    deviation : (N, n) [N·m or N]
-        Distances of the measured torque from its mean over everything.
-    rng : numpy.random.Generator
-    draws : int
-    """
-    count = min(DRAWN_STRETCHES, len(error))
-    both = ((error[:, :, 1] - error[:, :, 0]).sum(1), deviation.sum(1))
-    parts, wholes = (np.add.reduceat(x, np.arange(count) * len(x) // count) for x in both)
-    counts = rng.multinomial(count, np.full(count, 1 / count), size=draws)
-    size = counts @ wholes
-    low, high = np.quantile((counts @ parts) / np.where(size > 0, size, 1.0), ENDS)
-    return float(low), float(high)
 
 
 def compare_forward(

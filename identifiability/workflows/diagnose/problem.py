@@ -17,7 +17,7 @@ from identifiability.estimation.differences import Known
 from identifiability.estimation.estimate import find_estimator, settle_noise, with_known
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.groups import LAST, Excerpt, divide
-from identifiability.estimation.prediction import Prediction
+from identifiability.estimation.prediction import Prediction, change_interval
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
@@ -34,7 +34,6 @@ from identifiability.physical.cad_prior import state_rows
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.workflows.diagnose.forward import change_interval
 from identifiability.workflows.predict import Fit, Predicts, read_fit
 from identifiability.workflows.session import weigh_rows
 
