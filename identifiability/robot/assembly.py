@@ -404,7 +404,9 @@ def _close_home(robot: Description, gap: float, closed: Closed, *, stated: bool)
         such_as = f", such as {', '.join(found)}"
     raise RobotError(
         f"{robot.path}: the loops are open by {gap:.2g} m at the home position "
-        f"({robot.describe_home()}), so their assembly is not determined; give a position of "
+        f"({robot.describe_home()}), so their assembly is not determined. "
+        "An anchor of <connect> lies where bodies are drawn (all joints at 0), whatever a key "
+        "says: name two sites (site1, site2) if that is not meant. Else give a position of "
         'every joint that closes them: <keyframe><key name="home" qpos="…"/></keyframe> in '
         f"MJCF, or a table [home] in the sidecar{such_as}."
     )

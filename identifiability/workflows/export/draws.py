@@ -87,9 +87,8 @@ class Draws:
     def statement(self) -> str:
         """What they are, in words."""
         return (
-            f"{len(self.values)} robots that the logs leave possible, bodies within "
-            f"{percent(self.share)} of the file's: randomise by them what the logs leave open, "
-            "by as much as they do."
+            f"{len(self.values)} robots that the logs leave possible, with the file's bodies "
+            f"± {percent(self.share)} as the prior: randomise by them what the logs leave open."
         )
 
 

@@ -355,6 +355,7 @@ def export(
         write_parameters_json(robot, given, physical, Path(out))
     elif wanted == "isaaclab":
         write_isaaclab(robot, given, content, Path(out))
+        alone = None  # it holds no bodies
     else:
         kind = wanted
         alone = physical.error_ra_files.get(kind)
