@@ -112,6 +112,5 @@ def ladder_option(robot: Robot, source: LadderSource | None) -> str:
     """Return the ladder that was given, as an option; begins with a space."""
     if source is None or not source.origin.lower().endswith(".toml"):
         return ""
-    beside = ladder_path(robot)
-    given = beside is None or str(beside) != source.origin
+    given = str(ladder_path(robot)) != source.origin
     return f" --ladder {quote(source.origin)}" if given else ""

@@ -441,13 +441,11 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         robot = self.robot
         joints: dict[str, Any] = {"of": "joint", "name": robot.joints, "unit": robot.torque_units}
         joints |= self.fitted.by_joint() | self.held_out.by_joint("_validation")
-        each = (*self.samples, *self.validation)
-        known = len(self.samples)
-        fitted = [self.fitted.relative_error(k)[0] for k in range(known)]
+        each, known = (*self.samples, *self.validation), len(self.samples)
         held = range(known if self.validation else 0, len(each))
         unseen = [self.held_out.relative_error(k)[0] for k in range(len(held))]
         logs = pd.DataFrame({"of": "log", "name": [s.path or s.name for s in each], "unit": ""})
-        logs["error"] = pd.Series(fitted)
+        logs["error"] = pd.Series([self.fitted.relative_error(k)[0] for k in range(known)])
         logs["error_validation"] = pd.Series(unseen, held)
         return pd.concat([pd.DataFrame(joints), logs], ignore_index=True)
 
