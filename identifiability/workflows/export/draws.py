@@ -129,8 +129,7 @@ def draw_robots(
         raise IdentifiabilityError(
             f"Bodies within a share of {share:g} of the file's are the file's; give a positive one."
         )
-    structure = fit.structure
-    data = fit.of_standard
+    structure, data = fit.structure, fit.of_standard
     region = physical_set(structure)
     try:
         target = Target(data, _prior(structure, data, share), region, variance=1.0)
