@@ -1,6 +1,7 @@
 """The main job from logs to the answer."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from identifiability import Preparation, analyze
 from identifiability.estimation.verdict import Class
 from identifiability.robot import Robot
 from identifiability.simulation import Noise
+from identifiability.workflows.commands import export_line
 from identifiability.workflows.export.workflow import save_robot
 
 
@@ -172,13 +174,18 @@ def test_numbers_of_a_file_are_believed_contradicted_or_left_open(simulated_sess
     log = simulated_session("two-link", "a", samples=400)
     true = analyze("two-link", log, replicates=0).file_frame().set_index("name")["logs"]
     assert set(true) == {"agrees", "not determined"}
-    wrong = {"link2.mx": 1.06, "elbow.Fv": 2.0, "link2.mz": 0.01}
+    odd = analyze("two-link", replace(log, tau=0.01 * log.tau), replicates=0).answers()[2]
+    assert odd.tone == "amber"
+    assert 'side = "motor"' in odd.short
+    wrong = {"link2.mx": 1.06, "elbow.Fv": 2.0, "link2.mz": 0.01, "shoulder.Fc": 0.0}
     robot = Robot.load("two-link")
     values = {n: x * robot.nominal[n] if n != "link2.mz" else x for n, x in wrong.items()}
-    vendor = save_robot(robot, values, tmp_path / "vendor.xml")
+    vendor = save_robot(robot, values, tmp_path / "fitted.xml")
     found = analyze(vendor, log, replicates=0)
     frame = found.file_frame().set_index("name")
     assert set(frame.index[:2]) == {"elbow.Fv", "link2.mx"}
+    assert "shoulder.Fc" not in frame.index  # zero states nothing
+    assert export_line(Robot.load(vendor))[1].endswith("--out refitted.xml")
     assert set(frame.query("logs == 'contradicted'").index) <= set(wrong)
     assert set(frame["logs"]) == {"contradicted", "agrees", "not determined"}, frame
     assert abs(frame["value"]["elbow.Fv"] / robot.nominal["elbow.Fv"] - 1) < 0.1

@@ -166,7 +166,7 @@ def _guess(names: Mapping[str, str], known: Conventions) -> list[Column]:
     if not known.joints:
         joints = tuple({split_unit(n)[0].rpartition(".")[0]: 0 for n in names.values()})
     guesses = [guess_column(c, n, joints) for c, n in names.items()]
-    return [g for g in guesses if g is not None and (known.joints or g.literal)]
+    return [g for g in guesses if g is not None and (known.joints or g.literal or g.name == "t")]
 
 
 def _has_torque(names: Mapping[str, str], guesses: Sequence[Column]) -> bool:

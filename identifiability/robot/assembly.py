@@ -395,17 +395,20 @@ def _close_home(robot: Description, gap: float, closed: Closed, *, stated: bool)
 
     A home that is stated may be rounded; one that is far from closing them is refused.
     """
-    q, single, such_as = closed.q[0], robot.tree.single, ""
+    q, single, sites, such_as = closed.q[0], robot.tree.single, "", ""
     closes = closed.error[0] < ROUNDOFF
     if closes and not stated and np.abs(q - robot.home).max() <= RULES.leap:
         return replace(robot, home=q, assembled=True)
     if closes and single.keys() >= {*robot.passive}:
         found = (f"{n} = {q[single[n].iq]:.4f}" for n in robot.passive)
         such_as = f", such as {', '.join(found)}"
+    if stated and robot.mjcf:
+        sites = "if an anchor of <connect> is meant there, name two sites instead (site1, site2), "
+        sites += "as it lies where bodies are drawn (all joints at 0), whatever a key says; else "
     raise RobotError(
         f"{robot.path}: the loops are open by {gap:.2g} m at the home position "
-        f"({robot.describe_home()}), so their assembly is not determined; give a position of "
-        'every joint that closes them: <keyframe><key name="home" qpos="…"/></keyframe> in '
+        f"({robot.describe_home()}), so their assembly is not determined; {sites}give a position "
+        'of every joint that closes them: <keyframe><key name="home" qpos="…"/></keyframe> in '
         f"MJCF, or a table [home] in the sidecar{such_as}."
     )
 

@@ -148,10 +148,9 @@ def answer_trust(
     question = "May I trust it?"
     if doubt:
         return Answer(question, f"No: {doubt}", "", "vermilion")
-    grave = dict.fromkeys(n.title.rstrip(".") for n in notes if n.level == "warning")
+    grave = dict.fromkeys(f"“{n.title.rstrip('.')}”" for n in notes if n.level == "warning")
     found_text = f"{found} of {format_count(size, 'value')} are identifiable"
-    listed = "; ".join(f"“{g}”" for g in grave)
-    read = f"{found_text}. Read below: {listed}." if grave else f"{found_text}."
+    read = f"{found_text}. Read below: {'; '.join(grave)}." if grave else f"{found_text}."
     if missing:
         return Answer(question, f"Only if nothing is missing, and {missing}.", read, "amber")
     if grave:

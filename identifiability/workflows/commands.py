@@ -15,9 +15,6 @@ from identifiability.regression.reduction import LadderSource, ladder_path
 from identifiability.robot import Robot
 from identifiability.robot.locate import find_sidecar, shipped_folder
 
-#: What a fitted model is exported for, and to.
-EXPORT = ("Take the robot into a simulator:", "fitted.xml")
-
 #: What of a preparation an option says; others are only said from Python.
 OPTIONS = ("derivatives", "cutoff", "decimate")
 
@@ -34,6 +31,13 @@ def source_name(robot: Robot) -> str:
     sidecar += [] if robot.base_option is None else [f"--set base={robot.base_option}"]
     locks = (f"{joint}={robot.locked[joint]:g}" for joint in robot.lock_option)
     return " ".join([name, *sidecar, *(f"--lock {quote(lock)}" for lock in locks)])
+
+
+def export_line(robot: Robot, result: str = "{file}") -> tuple[str, str]:
+    """Return what a fitted robot is exported for, and how: never over the file that it has."""
+    name = "refitted.xml" if robot.path.name == "fitted.xml" else "fitted.xml"
+    line = f"identifiability export {source_name(robot)} {result} --out {name}"
+    return "Take the robot into a simulator:", line
 
 
 def reading_options(robot: Robot) -> str:
@@ -108,6 +112,5 @@ def ladder_option(robot: Robot, source: LadderSource | None) -> str:
     """Return the ladder that was given, as an option; begins with a space."""
     if source is None or not source.origin.lower().endswith(".toml"):
         return ""
-    beside = ladder_path(robot)
-    given = beside is None or str(beside) != source.origin
+    given = str(ladder_path(robot)) != source.origin
     return f" --ladder {quote(source.origin)}" if given else ""

@@ -49,7 +49,7 @@ from identifiability.robot.robot import new_place
 from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.robot.sidecar import Value
 from identifiability.workflows.answers import answer_next, answer_quality, with_hints
-from identifiability.workflows.commands import EXPORT, given_paths, name_logs, source_name
+from identifiability.workflows.commands import export_line, given_paths, name_logs, source_name
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Logs, Recordings, Session, in_memory, read_recordings
 
@@ -689,8 +689,7 @@ def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:
     if _few(result):
         line = f"identifiability diagnose {robot} {measured} --report missing.html"
         return [("Find out what is missing on this motion:", line), *table]
-    text, name = EXPORT
-    return [*table, (text, f"identifiability export {robot} {given} --out {name}")]
+    return [*table, export_line(result.robot, given)]
 
 
 # `PositionPrediction`: how robots move as logged commands, or torques, make them.

@@ -218,7 +218,7 @@ def read_recordings(
     every = (*mended.fitted, *mended.held_out)
     alone = [x.name for x in every if of_commands(x)]
     if alone and not commands:
-        raise LogError(Finding("logs.commands", names=alone))
+        raise LogError(Finding("logs.commands", names=alone, first=alone[0]))
     if learns:
         _refuse_silent(train)
     alike: dict[str, list[str]] = {}

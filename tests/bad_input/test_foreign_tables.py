@@ -146,6 +146,7 @@ def test_time_as_index_is_taken_and_said(bare, known, tmp_path, read_both):
             assert "as t" in log.notes[0]
     with pytest.raises(LogError, match="no column 't'"):
         Log.from_frame(bare.drop(columns="t"), "log", known)
+    check(Log.from_frame(bare.rename(columns={"t": "time"})), bare)
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ def test_torque_in_another_unit(say, good, factor):
     structure, log = good
     (hint,) = say(structure, replace(log, tau=factor * log.tau))
     assert "what the robot file asks for" in hint
-    assert "at all joints alike" in hint
+    assert "by about as much at all joints" in hint
     guess = replace(structure.robot, guessed=structure.robot.bodies)  # of which nothing follows
     assert say(Structure.of(guess, MODEL), replace(log, tau=factor * log.tau)) == ()
 

@@ -36,7 +36,7 @@ from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.options import check_choice
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import (
@@ -377,8 +377,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             begun = commands.name_logs(self.robot, names, "--start-from", how)
             more = f"identifiability excite {robot} {begun} --out next.json"
             out = [(text, line), ("Or measure what these logs leave open:", more)]
-        text, name = commands.EXPORT
-        line = f"identifiability export {robot} {{file}} --out {name}"
+        text, line = commands.export_line(self.robot)
         out.append((text, commands.on_file(self, "json", f"{verb}.json", f"{again} --json", line)))
         missing = ("Find out what the model misses:", f"{find} --report missing.html")
         very_good = grade_of(self.chosen.error_ra_validation) == "very-good"
@@ -442,13 +441,11 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         robot = self.robot
         joints: dict[str, Any] = {"of": "joint", "name": robot.joints, "unit": robot.torque_units}
         joints |= self.fitted.by_joint() | self.held_out.by_joint("_validation")
-        each = (*self.samples, *self.validation)
-        known = len(self.samples)
-        fitted = [self.fitted.relative_error(k)[0] for k in range(known)]
+        each, known = (*self.samples, *self.validation), len(self.samples)
         held = range(known if self.validation else 0, len(each))
         unseen = [self.held_out.relative_error(k)[0] for k in range(len(held))]
         logs = pd.DataFrame({"of": "log", "name": [s.path or s.name for s in each], "unit": ""})
-        logs["error"] = pd.Series(fitted)
+        logs["error"] = pd.Series([self.fitted.relative_error(k)[0] for k in range(known)])
         logs["error_validation"] = pd.Series(unseen, held)
         return pd.concat([pd.DataFrame(joints), logs], ignore_index=True)
 
@@ -486,7 +483,9 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         if self.nothing:
             doubt = f"Nothing is identifiable, because {self.nothing}."
         size, missing = len(self.chosen.submodel), self.missing.statement
-        return answer_trust(self.cautions(), doubt, found, size, missing)
+        told = answer_trust(self.cautions(), doubt, found, size, missing)
+        odd, text = of_key(self.hints, "unit"), f"{told.short} {told.text}"
+        return told if doubt or not odd else replace(told, short=odd[0], text=text, tone="amber")
 
     @property
     def statement(self) -> str:
@@ -946,8 +945,10 @@ def stated_values(analysis: Laddered[Any], result: ModelResult) -> list[float | 
     """Return what this fit would find on the robot of the file, None where it states nothing.
 
     A value that stands for more than its label is compared with what the file's robot would show.
+    Friction and rotors of zero are none that the file states.
     """
-    known, base = analysis.robot.nominal, analysis.base
+    nominal, base = analysis.robot.nominal, analysis.base
+    known = {n for n, x in nominal.items() if x or n.rpartition(".")[2] in INERTIAL_KINDS}
     stated = np.array([any(p.name in known for _, p in base.terms(r)) for r in range(len(base))])
     states = stated @ (result.submodel.M != 0)
     return [v.projected if own else None for v, own in zip(result.verdicts, states, strict=True)]

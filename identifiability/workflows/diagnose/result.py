@@ -37,7 +37,7 @@ from identifiability.robot import Robot
 from identifiability.workflows.analyze.workflow import hold_folds, settle_robot
 from identifiability.workflows.answers import after_mass, answer_next, answer_quality, with_hints
 from identifiability.workflows.commands import (
-    EXPORT,
+    export_line,
     given_paths,
     held_back,
     name_logs,
@@ -566,8 +566,7 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
         return [*apart, ("See which parameters these logs determine:", analyze)]
     again = f"identifiability diagnose {robot} {logs}"
     judge = f"identifiability analyze {robot} {logs} --ladder {{file}} --report report.html"
-    text, name = EXPORT
-    use = f"identifiability export {robot} {{file}} --out {name}"
+    text, use = export_line(d.robot)
     return [
         *apart,
         (
@@ -605,7 +604,8 @@ def _gap(d: Diagnosis) -> Answer:
         why = " With it parts of the fitted logs are predicted worse." if d.effects else ""
         return Answer(question, short, f"Measured on {d.verified_on}.{why}")
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
-    short = f"The error goes from {percent(d.held_before)} to {percent(d.held_after)}"
+    before = f"{percent(d.held_before)} ({d.known.words.rstrip(',')})"
+    short = f"The error goes from {before} to {percent(d.held_after)}"
     short += f" (95 %: {' … '.join(ends)} points)."
     text = f"All joints together on {d.verified_on}, which was not fitted."
     return Answer(question, short, text, "green" if d.interval[1] < 0 else "amber")

@@ -87,9 +87,8 @@ class Draws:
     def statement(self) -> str:
         """What they are, in words."""
         return (
-            f"{len(self.values)} robots that the logs leave possible, bodies within "
-            f"{percent(self.share)} of the file's: randomise by them what the logs leave open, "
-            "by as much as they do."
+            f"{len(self.values)} robots that the logs leave possible, with the file's bodies "
+            f"± {percent(self.share)} as the prior: randomise by them what the logs leave open."
         )
 
 
@@ -126,8 +125,7 @@ def draw_robots(
     # Share of their size by which bodies differ from the file's, where logs hold no torque.
     usual = robot.said.prior_relative if robot.servo is None else 0.2
     share = usual if prior is None else prior
-    structure = fit.structure
-    data = fit.of_standard
+    structure, data = fit.structure, fit.of_standard
     region = physical_set(structure)
     try:
         target = Target(data, _prior(structure, data, share), region, variance=1.0)

@@ -353,6 +353,7 @@ def export(
         write_parameters_json(robot, given, physical, Path(out))
     elif wanted == "isaaclab":
         write_isaaclab(robot, given, content, Path(out))
+        alone = None  # it holds no bodies
     else:
         kind = wanted
         alone = physical.error_ra_files.get(kind)
@@ -429,6 +430,11 @@ def _as_stated(robot: Robot, given: Mapping[str, float]) -> dict[str, float]:
 def _notes(robot: Robot, content: ResultEntry, kind: Kind | None, name: str) -> tuple[str, ...]:
     """Return what else a user has to know of a file that was written."""
     said = [] if content.rollout is None else [content.rollout.statement]
+    if content.rollout is None and robot.servo is not None and robot.servo.delay is None:
+        said.append(
+            "Measured torque does not say when commands act, but predict --forward of a log with "
+            "both does: state it in the sidecar, [servo] delay = …."
+        )
     if robot.tilt is not None:
         said.append(f"{name} holds a tilted base: gravity {robot.tilt.text}.")
     if kind is not None and robot.known_torque:
@@ -607,12 +613,8 @@ def write_isaaclab(
         pairs = zip(robot.joints, values.tolist(), strict=True)
         known = ", ".join(f'"{j}": {x:.6g}' for j, x in pairs if not np.isnan(x))
         rows += [f"    {word}={{{known}}},"] if known else []
-    text = ACTUATORS.format(
-        title=robot.title or robot.name,
-        delay=max(delay or 0.0, 0.0),
-        joints=list(robot.joints),
-        rows="\n".join(rows),
-    )
+    title, late = robot.title or robot.name, max(delay or 0.0, 0.0)
+    text = ACTUATORS.format(title=title, delay=late, joints=[*robot.joints], rows="\n".join(rows))
     return write_text(out, text)
 
 
