@@ -7,6 +7,7 @@ bodies can.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -15,13 +16,15 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtrc
 
 from identifiability.effects.base import settle_gravity
-from identifiability.effects.vocabulary import file_kinds, values_in_file
+from identifiability.effects.vocabulary import complete_values, file_kinds, values_in_file
+from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
+from identifiability.physical.fitted_model import LeastSquares
 from identifiability.physical.pseudo_inertia import (
     BASIS,
     BOUNDARY,
@@ -31,6 +34,7 @@ from identifiability.physical.pseudo_inertia import (
     to_matrix,
 )
 from identifiability.physical.rules import RULES
+from identifiability.regression.information import Information
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -238,6 +242,20 @@ def combine_with_file(
     )
 
 
+def load_by_fit(structure: Structure, information: Information) -> Structure:
+    """Return the structure with loads as the fit has them, not the file: torque to first order.
+
+    Where the log says nothing of bodies they are the file's.
+    """
+    fit, p = find_estimator("wls").fit(information), len(structure.columns)
+    data = LeastSquares.of_fit(information, fit).through(structure.G)
+    rows = data.R / data.unit, data.z / data.unit
+    phi = combine_with_file(structure, *rows, np.eye(p), RULES.body_within).mean.tolist()
+    known = dict(zip(structure.columns, phi, strict=True))
+    robot = replace(structure.robot, reference=complete_values(structure.robot, known, keep=False))
+    return Structure.of(robot, structure.model)
+
+
 # Bodies to which a prior may draw: those of the robot file, and others where it states none.
 
 
@@ -390,6 +408,7 @@ def real_robot_dict(
         "masses": mass_rows(robot, parameters),
         "cad_prior": cad_weight,
         "shapes": dict(structure.shapes) if parameters else {},
+        "reference": dict(robot.reference),
         "parameters": dict(parameters),
     }
 

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 import numpy as np
 import pandas as pd
 
+from identifiability.effects import FAMILIES
 from identifiability.estimation.estimate import (
     Kind,
     Method,
@@ -60,7 +61,7 @@ from identifiability.logs.prepare.dataset import explain_silence
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.physical.cad_prior import share_weight
+from identifiability.physical.cad_prior import load_by_fit, share_weight
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.quality import MeasuredLogs, Reading, find_always, find_oddities, mend
 from identifiability.quality.registry import Does, check
@@ -497,7 +498,7 @@ class Session:
         other, given = opening.alternative, self.recordings
         whole = not any(log.long for log in (*given.fitted, *given.held_out))
         if other is None or not (whole or other.keeps_columns):
-            return self, opening
+            return self.at_fit(opening)
         fitted, held_out = (
             tuple(x if x.long else other.read(x, self.structure.robot) for x in logs)
             for logs in (given.fitted, given.held_out)
@@ -507,7 +508,17 @@ class Session:
         opening = session.open(done, prepare, seek=False)
         said = (Finding("alternative", text=text) for text in (other.statement, SO))
         hints = (*said, *opening.hints)
-        return session, replace(opening, alternative=other, hints=hints)
+        return session.at_fit(replace(opening, alternative=other, hints=hints))
+
+    def at_fit(self, opening: Opening) -> tuple[Session, Opening]:
+        """Return both with the columns that depend on torque taken at the fitted robot."""
+        structure = opening.structure
+        if any(p.group in FAMILIES and FAMILIES[p.group].loaded for p in structure.parameters):
+            for _ in range(2):  # each leaves the share of the error that a scale or a delay is
+                rows = gather_information(opening.regression, engine=self.engine)
+                structure = load_by_fit(structure, with_known(rows, structure.known))
+                opening = replace(opening, structure=structure)
+        return replace(self, structure=structure), opening
 
     def open(
         self,
