@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 import numpy as np
 import pandas as pd
 
-from identifiability.effects import FAMILIES
 from identifiability.estimation.estimate import (
     Kind,
     Method,
@@ -512,13 +511,8 @@ class Session:
 
     def at_fit(self, opening: Opening) -> tuple[Session, Opening]:
         """Return both with the columns that depend on torque taken at the fitted robot."""
-        structure = opening.structure
-        if any(p.group in FAMILIES and FAMILIES[p.group].loaded for p in structure.parameters):
-            for _ in range(2):  # each leaves the share of the error that a scale or a delay is
-                rows = gather_information(opening.regression, engine=self.engine)
-                structure = load_by_fit(structure, with_known(rows, structure.known))
-                opening = replace(opening, structure=structure)
-        return replace(self, structure=structure), opening
+        structure = load_by_fit(opening.structure, opening.samples, self.engine)
+        return replace(self, structure=structure), replace(opening, structure=structure)
 
     def open(
         self,
