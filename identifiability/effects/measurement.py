@@ -243,7 +243,7 @@ class CommandDelay(TimeDelay):
 class TorqueScale(AtMotors):
     """``τ = s τ``: the torque of one joint is s too large, as by a wrong constant of its motor.
 
-    The torque is that of the robot file's values. One scale of all joints is a scale of all
+    The torque is that of the fitted values. One scale of all joints is a scale of all
     masses; what is told is how the joints differ.
     """
 
