@@ -156,8 +156,9 @@ class TimeDelay(AtMotors):
     anywhere = False
 
     def curves(self, at: Along) -> list[Array]:
-        """Return minus how the torque changes."""
-        return [-at.slope(smooth_torque(at.robot, at.motion)[:, at.joint])]
+        """Return minus how the torque changes that is measured, a wrong scale and all."""
+        gain = 1.0 + reference_values(at.robot).get(f"{at.axis.name}.scale", 0.0)
+        return [-gain * at.slope(smooth_torque(at.robot, at.motion)[:, at.joint])]
 
 
 # Torque that is stamped before the motion it belongs to.
@@ -243,7 +244,7 @@ class CommandDelay(TimeDelay):
 class TorqueScale(AtMotors):
     """``τ = s τ``: the torque of one joint is s too large, as by a wrong constant of its motor.
 
-    The torque is that of the robot file's values. One scale of all joints is a scale of all
+    The torque is that of the fitted values. One scale of all joints is a scale of all
     masses; what is told is how the joints differ.
     """
 

@@ -1,4 +1,4 @@
-"""Torque that the robot file's own values predict: the load that some effects depend on."""
+"""Torque by the robot file's values, or a fit's: the load that some effects depend on."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def load_model(robot: Robot) -> Any:
 
 @once
 def rigid_torque(robot: Robot, motion: Motion) -> Array:
-    """Return the rigid-body torque of the actuated joints by the file's masses, (N, n)."""
+    """Return the rigid-body torque of the actuated joints by the known masses, (N, n)."""
     model = load_model(robot)
     data, tree = model.createData(), np.empty((len(motion), model.nv))
     moved = tree_motion(robot, motion)

@@ -106,7 +106,7 @@ def carried_load(load: Array, at: Along) -> Array:
 
 
 def rigid_load(at: Along) -> Array:
-    """Return what an axis alone would carry by the masses of the robot file, (N,)."""
+    """Return what an axis alone would carry by the known masses, (N,)."""
     return carried_load(rigid_torque(at.robot, at.motion), at)
 
 
@@ -119,7 +119,7 @@ def rigid_load(at: Along) -> Array:
 class LoadDependentFriction(AlongAxes):
     """``τ = Fl |τ_load| sign(q̇)``.
 
-    The load is the rigid-body torque that the robot file's masses predict, so that a column does
+    The load is the rigid-body torque that the fitted masses predict, so that a column does
     not contain measured torque. Where the load hardly changes it looks like Coulomb friction.
     """
 
@@ -152,7 +152,7 @@ class Backlash(Shaped):
 
     After each reversal the motor crosses the play of its gear, where teeth do not touch and none
     of the load is felt; z goes from −1 to 1 meanwhile, over twice the shape w [rad or m]. The load
-    is by the masses of the robot file. A log of the motor alone does not say more.
+    is by the fitted masses. A log of the motor alone does not say more.
     """
 
     name = "backlash"

@@ -7,6 +7,7 @@ bodies can.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -14,9 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtrc
 
+from identifiability.effects import FAMILIES
 from identifiability.effects.base import settle_gravity
-from identifiability.effects.vocabulary import file_kinds, values_in_file
+from identifiability.effects.vocabulary import complete_values, file_kinds, values_in_file
+from identifiability.estimation.estimate import find_estimator, with_known
 from identifiability.estimation.prediction import predict
+from identifiability.foundation.engines import Engine
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
@@ -24,6 +28,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
+from identifiability.physical.fitted_model import LeastSquares
 from identifiability.physical.pseudo_inertia import (
     BASIS,
     BOUNDARY,
@@ -33,6 +38,7 @@ from identifiability.physical.pseudo_inertia import (
     to_matrix,
 )
 from identifiability.physical.rules import RULES
+from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -264,6 +270,26 @@ def combine_with_file(
     )
 
 
+def load_by_fit(structure: Structure, samples: Sequence[Dataset], engine: Engine) -> Structure:
+    """Return the structure with loads as a fit has them: the file may be wrong of its robot.
+
+    What logs do not say of bodies is the file's. Where no effect depends on loads nothing changes.
+    """
+    if not any(p.group in FAMILIES and FAMILIES[p.group].loaded for p in structure.parameters):
+        return structure
+    for _ in range(2):  # each leaves the share of an error that a scale is of the torque
+        rows = gather_information(structure.regression(samples), engine=engine)
+        rows = with_known(rows, structure.known)
+        fit = find_estimator("wls").fit(rows)
+        data = LeastSquares.of_fit(rows, fit).through(structure.G)
+        both = data.R / data.unit, data.z / data.unit, np.eye(len(structure.columns))
+        phi = combine_with_file(structure, *both, RULES.body_within).mean.tolist()
+        known = dict(zip(structure.columns, phi, strict=True))
+        loads = complete_values(structure.robot, known, keep=False)
+        structure = Structure.of(replace(structure.robot, reference=loads), structure.model)
+    return structure
+
+
 # Bodies to which a prior may draw: those of the robot file, and others where it states none.
 
 
@@ -416,6 +442,7 @@ def real_robot_dict(
         "masses": mass_rows(robot, parameters),
         "cad_prior": cad_weight,
         "shapes": dict(structure.shapes) if parameters else {},
+        "reference": dict(robot.reference),
         "parameters": dict(parameters),
     }
 

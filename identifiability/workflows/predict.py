@@ -474,6 +474,7 @@ class RealEntry(Entry):
 
     parameters: dict[str, Value] = {}
     shapes: dict[str, float] = {}
+    reference: dict[str, Value] = {}
     gravity: GravityEntry | None = None
     error_ra: float | None = None
     error_ra_files: dict[str, float | None] = {}
@@ -536,7 +537,7 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
         If the file is no such result, keeps no fitted model, or is about another robot.
     """
     robot = Robot.of(robot)
-    content = _read_result(path, robot, "predicted")
+    content, robot = _read_result(path, robot, "predicted")
     if content.fit is None:
         raise IdentifiabilityError(Finding("result.unfitted", path))
     entry, where = content.fit, f"{path} is about '{content.robot.name}'"
@@ -569,7 +570,7 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
         raise IdentifiabilityError(Finding("result.tables", where)) from None
 
 
-def _read_result(path: str | Path, robot: Robot, done: str) -> ResultEntry:
+def _read_result(path: str | Path, robot: Robot, done: str) -> tuple[ResultEntry, Robot]:
     content = read_document(path, ResultEntry, "JSON", "result", IdentifiabilityError)
     if content.nothing:
         raise IdentifiabilityError(Finding("result.nothing", path, why=content.nothing, done=done))
@@ -577,7 +578,7 @@ def _read_result(path: str | Path, robot: Robot, done: str) -> ResultEntry:
         was = [f"{n} = {at:g}" for n, at in content.robot.locked.items()] or ["nothing"]
         now = [*robot.locked] or ["nothing"]
         raise IdentifiabilityError(Finding("result.locked", path, was=was, now=now))
-    return content
+    return content, replace(robot, reference=content.physical.reference or robot.reference)
 
 
 def read_real(
@@ -597,7 +598,7 @@ def read_real(
     IdentifiabilityError
         If the file is no such result, or has no real robot.
     """
-    content = _read_result(path, robot, done)
+    content, robot = _read_result(path, robot, done)
     physical, found = content.physical, content.rollout
     given = physical.parameters
     if not given:

@@ -60,6 +60,7 @@ from identifiability.logs.prepare.dataset import explain_silence
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.physical.cad_prior import load_by_fit
 from identifiability.quality import MeasuredLogs, Reading, find_always, find_oddities, mend
 from identifiability.quality.registry import Does, check
 from identifiability.regression.information import Information, gather_information
@@ -493,7 +494,7 @@ class Session:
         other, given = opening.alternative, self.recordings
         whole = not any(log.long for log in (*given.fitted, *given.held_out))
         if other is None or not (whole or other.keeps_columns):
-            return self, opening
+            return self.at_fit(opening)
         fitted, held_out = (
             tuple(x if x.long else other.read(x, self.structure.robot) for x in logs)
             for logs in (given.fitted, given.held_out)
@@ -503,7 +504,12 @@ class Session:
         opening = session.open(done, prepare, seek=False)
         said = (Finding("alternative", text=text) for text in (other.statement, SO))
         hints = (*said, *opening.hints)
-        return session, replace(opening, alternative=other, hints=hints)
+        return session.at_fit(replace(opening, alternative=other, hints=hints))
+
+    def at_fit(self, opening: Opening) -> tuple[Session, Opening]:
+        """Return both with the columns that depend on torque taken at the fitted robot."""
+        structure = load_by_fit(opening.structure, opening.samples, self.engine)
+        return replace(self, structure=structure), replace(opening, structure=structure)
 
     def open(
         self,

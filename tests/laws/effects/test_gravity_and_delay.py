@@ -193,6 +193,9 @@ def test_a_delay_does_not_look_across_gaps(polar, by_hand):
 def test_a_delay_differentiates_no_step_of_dry_friction(make, tables, polar, move):
     pair = polar, make(tables.POLAR.replace('frictionloss="1.3"', 'frictionloss="130"'))
     np.testing.assert_array_equal(*(Model((TimeDelay(),)).regressor(r, move(r, T)) for r in pair))
+    scaled = replace(polar, reference={**polar.nominal, "lift.scale": 0.08})  # late and too large
+    W, own = (Model((TimeDelay(),)).regressor(r, move(r, T)) for r in (scaled, polar))
+    np.testing.assert_allclose(W, own * [1.08, 1.0], rtol=1e-9)
 
 
 def test_the_delayed_torque_holds_the_files_springs(make, tables, polar, move):
