@@ -17,6 +17,7 @@ from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import (
     NEARLY,
     RANK_TOLERANCE,
+    ROUNDOFF,
     TINY,
     few_at_once,
     sandwich,
@@ -127,6 +128,31 @@ class Estimate:
         least = percent.min(initial=np.inf)
         passed: np.ndarray = percent < RULES.paper_factor * least
         return passed if np.isfinite(least) else np.zeros(len(percent), bool)
+
+
+def settle_signs(information: Information, fit: Estimate, nonnegative: np.ndarray) -> Array:
+    """Return the values (k,) with those at zero that only rounding took below it.
+
+    Parameters
+    ----------
+    information : Information
+        About the columns that were fitted.
+    fit : Estimate
+    nonnegative : (k,) bool
+        Parameters that physics does not allow below zero.
+    """
+    root = information.factor()
+    reach = ROUNDOFF * np.linalg.norm(root[:, -1])
+    rounded = nonnegative & (fit.value < 0)
+    rounded &= -fit.value * np.linalg.norm(root[:, :-1], axis=0) <= reach
+    return np.where(rounded, 0.0, fit.value)
+
+
+def forbidden_signs(information: Information, fit: Estimate, nonnegative: np.ndarray) -> np.ndarray:
+    """Return which values have a sign that physics forbids, (k,) bool; as `settle_signs`."""
+    settled = settle_signs(information, fit, nonnegative)
+    forbidden: np.ndarray = nonnegative & fit.determined & (settled < 0)
+    return forbidden
 
 
 # Least squares without the bias of noise in the motion, by instruments.

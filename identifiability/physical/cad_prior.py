@@ -280,8 +280,7 @@ def load_by_fit(structure: Structure, samples: Sequence[Dataset], engine: Engine
     for _ in range(2):  # each leaves the share of an error that a scale is of the torque
         rows = gather_information(structure.regression(samples), engine=engine)
         rows = with_known(rows, structure.known)
-        fit = find_estimator("wls").fit(rows)
-        data = LeastSquares.of_fit(rows, fit).through(structure.G)
+        data = LeastSquares.of_fit(rows, find_estimator("wls").fit(rows)).through(structure.G)
         both = data.R / data.unit, data.z / data.unit, np.eye(len(structure.columns))
         phi = combine_with_file(structure, *both, RULES.body_within).mean.tolist()
         known = dict(zip(structure.columns, phi, strict=True))

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.effects.vocabulary import file_kinds, values_in_file
-from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.estimator import settle_signs
 from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Score
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.linalg import ROUNDOFF
@@ -24,7 +24,6 @@ from identifiability.physical.fitted_model import (
 from identifiability.physical.project import FeasibleEstimate, Projection, solve_program
 from identifiability.physical.pseudo_inertia import BOUNDARY, check_body
 from identifiability.physical.rules import RULES
-from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel, leave_to_terms
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -102,31 +101,6 @@ def find_impossible_bodies(robot: Robot) -> str:
         f"The robot file states a body that cannot exist. {wrong[0]}{more} Correct <inertial> "
         "there: the nearest real robot, its prior and every comparison with the file rest on it."
     )
-
-
-def settle_signs(information: Information, fit: Estimate, nonnegative: np.ndarray) -> Array:
-    """Return the values (k,) with those at zero that only rounding took below it.
-
-    Parameters
-    ----------
-    information : Information
-        About the columns that were fitted.
-    fit : Estimate
-    nonnegative : (k,) bool
-        Parameters that physics does not allow below zero.
-    """
-    root = information.factor()
-    reach = ROUNDOFF * np.linalg.norm(root[:, -1])
-    rounded = nonnegative & (fit.value < 0)
-    rounded &= -fit.value * np.linalg.norm(root[:, :-1], axis=0) <= reach
-    return np.where(rounded, 0.0, fit.value)
-
-
-def forbidden_signs(information: Information, fit: Estimate, nonnegative: np.ndarray) -> np.ndarray:
-    """Return which values have a sign that physics forbids, (k,) bool; as `settle_signs`."""
-    settled = settle_signs(information, fit, nonnegative)
-    forbidden: np.ndarray = nonnegative & fit.determined & (settled < 0)
-    return forbidden
 
 
 def certify_model(model: FittedModel) -> tuple[Certificate | None, str]:
@@ -225,12 +199,7 @@ def _projection(model: FittedModel, cad_weight: float) -> Projection:
         if check_body(possible[columns], name):
             possible[columns] = 0.0
     prior = CadPrior(bodies, cad_weight) if cad_weight and region.names else None
-    return Projection(
-        model.region,
-        reference=possible,
-        prior=prior,
-        fixed=model.fixed,
-    )
+    return Projection(model.region, reference=possible, prior=prior, fixed=model.fixed)
 
 
 def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult:

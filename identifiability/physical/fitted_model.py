@@ -292,11 +292,7 @@ class LeastSquares:
         tau = float(np.linalg.norm(estimate.estimator.loss(information, estimate)[:, -1]))
         rss = max(float(estimate.weights @ estimate.rss), (1e-9 * tau) ** 2)
         dof = max(information.rows / estimate.memory - len(estimate.kept), 1.0)
-        return replace(
-            LeastSquares.of_fit(information, estimate),
-            rss_min=rss,
-            dof=dof,
-        )
+        return replace(LeastSquares.of_fit(information, estimate), rss_min=rss, dof=dof)
 
     @staticmethod
     def of_normal(mean: Array, covariance: Array, unknown: Array) -> LeastSquares:

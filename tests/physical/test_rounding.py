@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from identifiability import Robot, analyze, estimate, simulate
-from identifiability.physical.feasibility import certify_model, settle_signs
+from identifiability.estimation.estimator import settle_signs
+from identifiability.physical.feasibility import certify_model
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 

@@ -22,7 +22,7 @@ from identifiability.estimation.estimate import (
     settle_noise,
     with_known,
 )
-from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.estimator import Estimate, Estimator, forbidden_signs
 from identifiability.estimation.evidence import Evidence, Folds, HeldOut, Score, near_best
 from identifiability.estimation.fit import Fit, find_left_out
 from identifiability.estimation.groups import Alternatives
@@ -48,7 +48,6 @@ from identifiability.physical.feasibility import (
     certify_model,
     choose_prior,
     find_nearest,
-    forbidden_signs,
 )
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.information import Information, gather_information

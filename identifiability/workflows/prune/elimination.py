@@ -146,7 +146,12 @@ class Refits:
             moved = np.where(inside, 0.0, -c[:, None])
             for _ in range(2):  # the second time takes away what the ridge did to the first
                 half = nested_halves(fit, b[:, None] - A @ moved, free)
-                moved += solve_triangular(fit.factor, half, lower=True, trans="T")
+                moved += solve_triangular(
+                    fit.factor,
+                    half,
+                    lower=True,
+                    trans="T",
+                )
             out[:, f] = (turn @ moved).T
         return out
 
@@ -206,8 +211,22 @@ class WhitenedRegression:
         left = np.concatenate([-delta[:, 1:], np.ones((len(free), self.folds.count, 1))], 2)
         squares = self.tests.squares_of_blocks(left)
         about, density = (self.variation, self.folds.ratio), self._densities(left, turn, free)
-        steps = zip(path, density, squares, values, strict=True)
-        return [Step(p, Score(y, own, *about), x, move) for (move, p), y, own, x in steps]
+        steps = zip(
+            path,
+            density,
+            squares,
+            values,
+            strict=True,
+        )
+        return [
+            Step(
+                p,
+                Score(y, own, *about),
+                x,
+                move,
+            )
+            for (move, p), y, own, x in steps
+        ]
 
     def _densities(self, left: Array, turn: Array, free: np.ndarray) -> Array:
         """Return the predictive log densities of folds under nested models, (M, F) [nats].
@@ -272,10 +291,20 @@ def whiten_regression(
         inverse=np.eye(len(columns))[:, kept] @ turned,
         unit=max(full.unit, floor),
         tests=tests,
-        gram=_see(information, full, R, tests),
+        gram=_see(
+            information,
+            full,
+            R,
+            tests,
+        ),
         variation=information.torque if variation is None else variation,
         folds=folds,
-        refits=Refits.of(information, full, R, folds.train),
+        refits=Refits.of(
+            information,
+            full,
+            R,
+            folds.train,
+        ),
     )
 
 
@@ -341,7 +370,12 @@ class Remaining:
         seen = np.maximum(values, SATISFIED**2 * values.max(initial=0.0))
         X = own.inverse @ (vectors / np.sqrt(seen))
         x = own.inverse @ (refits.centre + refits.whole)
-        return Remaining(own.start, x, X, np.linalg.norm(X, axis=1))
+        return Remaining(
+            own.start,
+            x,
+            X,
+            np.linalg.norm(X, axis=1),
+        )
 
     def after(self, move: Move) -> tuple[Remaining, float]:
         """Return what is left after a move, and by how much the estimator's loss rises."""
@@ -521,7 +555,12 @@ def find_path(
         why = "The motion does not excite it, or only together with what is left"
         steps.insert(0, replace(first, move=Move(Kind.UNEXCITED, idle, why=why)))
         first = replace(first, partition=Partition.of(full.columns))
-    return Search(full, whitened, (first, *steps), tuple(refused))
+    return Search(
+        full,
+        whitened,
+        (first, *steps),
+        tuple(refused),
+    )
 
 
 def first_allowed(steps: Sequence[Step]) -> int:

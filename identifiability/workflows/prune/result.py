@@ -152,7 +152,12 @@ class Ladder(Laddered[PrunedModel]):
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models of the path, and the errors of the one to use by joint and by log."""
-        path = Table.of("", MOVES, self.models, marked=self.selected)
+        path = Table.of(
+            "",
+            MOVES,
+            self.models,
+            marked=self.selected,
+        )
         return (path, *error_tables(self))
 
     def to_dict(self) -> dict[str, Any]:
@@ -188,7 +193,12 @@ class Ladder(Laddered[PrunedModel]):
         question, size = "Which model is worth using?", len(self.full)
         if self.nothing:
             short = f"None: 0 of {size} parameters are worth using."
-            return Answer(question, short, f"Because {self.nothing}.", "vermilion")
+            return Answer(
+                question,
+                short,
+                f"Because {self.nothing}.",
+                "vermilion",
+            )
         chosen = self.chosen
         wrong, found = chosen.infeasible, chosen.count(Class.IDENTIFIABLE)
         used = [c for c in chosen.columns if c not in wrong]
@@ -199,7 +209,12 @@ class Ladder(Laddered[PrunedModel]):
         if len(chosen) == size:
             text = "Nothing was pruned: each is needed to predict motion that the fit has not seen."
         text = " ".join(filter(None, (text, self._reduced(), self._physics)))
-        return Answer(question, short, text, "green" if chosen.feasible else "amber")
+        return Answer(
+            question,
+            short,
+            text,
+            "green" if chosen.feasible else "amber",
+        )
 
     def _notes(self) -> Iterator[Note]:
         yield from super()._notes()
@@ -225,7 +240,12 @@ MOVES = with_hints(
     Column("fitted", error_text, "error_ra"),
     Column("unseen", error_text, "error_ra_unseen"),
     Column("density [nats]", digits(3), "density"),
-    Column("weight", digits(2), "weight", detail=True),
+    Column(
+        "weight",
+        digits(2),
+        "weight",
+        detail=True,
+    ),
     Column("worst σ%", "number", _worst_cell),
     Column("real robot", "badge", possible_cell),
 )

@@ -415,7 +415,13 @@ def measure_models(
     used = int(result.physical_used)
     return {
         "models": tuple(models),
-        "everywhere": predict_everywhere(session, rows, settled, used, turns),
+        "everywhere": predict_everywhere(
+            session,
+            rows,
+            settled,
+            used,
+            turns,
+        ),
         "nothing": nothing,
         "missing": missing,
     }
