@@ -182,11 +182,7 @@ def test_odd_robots_have_an_answer_and_intervals_that_hold(robots, joints, most,
 
 @pytest.mark.parametrize(
     ("scale", "mass", "kinds", "rate", "samples"),
-    [
-        (1e-3, 1e-3, "HS", 2e4, 30),
-        (10.0, 1e3, "H" * 5, 10.0, 30),
-        (10.0, 1e-3, "SS", 2e4, 60),
-    ],
+    [(1e-3, 1e-3, "HS", 2e4, 30), (10.0, 1e3, "H" * 5, 10.0, 30), (10.0, 1e-3, "SS", 2e4, 60)],
 )
 def test_the_corners_are_answered_or_one_sentence(scale, mass, kinds, rate, samples, tmp_path):
     odd = Odd(scale, mass, kinds, rate, samples, rate / 25, 7)

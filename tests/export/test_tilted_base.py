@@ -26,13 +26,7 @@ def leaning(robot, degrees):
 
 @pytest.mark.parametrize("degrees", ANGLES)
 @pytest.mark.parametrize("ending", [".xml", ".urdf"])
-@pytest.mark.parametrize(
-    "name",
-    [
-        "six-dof-arm",
-        "3-rps",
-    ],
-)
+@pytest.mark.parametrize("name", ["six-dof-arm", "3-rps"])
 def test_a_written_file_has_the_torque_of_the_model_by_both_roads(name, ending, degrees, tmp_path):
     robot = Robot.load(name)
     gravity = leaning(robot, degrees)

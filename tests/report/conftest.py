@@ -21,11 +21,7 @@ from identifiability.workflows.analyze.belief import Summary, form_belief
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
-HOSTILE = (
-    '<script>alert("x")</script>',
-    "a$b$c_{d}",
-    "</svg><img src=x onerror=alert(1)>",
-)
+HOSTILE = ('<script>alert("x")</script>', "a$b$c_{d}", "</svg><img src=x onerror=alert(1)>")
 
 
 def write_chain(path: Path, joints: Sequence[str]) -> Path:
