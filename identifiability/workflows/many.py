@@ -216,7 +216,7 @@ class Fleet(Result):
             Column("model", "text", itemgetter("model")),
             Column("size", "number", itemgetter("parameters")),
             Column("identifiable", "number", lambda r: r["verdicts"].get("identifiable")),
-            Column("error", _error, itemgetter("error")),
+            Column("error", error_text, lambda r: math.nan if r["error"] is None else r["error"]),
             Column("unseen", "bar", self._unseen),
             Column("missing", "text", lambda r: "; ".join(r["missing"]) or NONE),
             Column("warnings", "number", lambda r: len(r["warnings"])),
@@ -328,7 +328,3 @@ def _open(folder: Path) -> None:
         (folder / ROBOTS).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"'{folder}' cannot be used: {error.strerror or error}.") from None
-
-
-def _error(error: float | None) -> str:
-    return NONE if error is None else error_text(error)
