@@ -7,9 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial, reduce
-from itertools import chain
-from operator import add
 
 import numpy as np
 from scipy.special import stdtrit
@@ -17,14 +14,13 @@ from scipy.special import stdtrit
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import LEVELS, Folds
 from identifiability.estimation.fit import Fit, remembering_covariance
-from identifiability.foundation.engines import Engine, Steps
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import ENDS, REACH
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import find_signal
 from identifiability.logs.signals import is_constant
 from identifiability.regression.information import Information
-from identifiability.regression.regression import LogPart, Regression, map_parts
+from identifiability.regression.regression import Regression
 
 # `TorqueUncertainty`: how far predicted torque may lie from the truth and from a sample.
 #
@@ -159,51 +155,7 @@ def _never_shown(information: Information, fit: Estimate) -> Array:
 # What to use when: models are chosen by the error over each joint's own scale
 # (`Prediction.error_over_joints`), which sees small joints as well as large ones; ε_RA
 # (`Prediction.relative_error`) is the paper's, which adds up N and N·m as they are.
-# `change_interval` is for samples that are all held; `ErrorSums` for logs of any length, whose
-# errors are added up in one pass. Means that variation is measured from are known before
-# (`Layout`), so parts of a log can be worked on anywhere.
-
-
-@frozen
-class Layout:
-    """How long logs are, and what their torque is on average.
-
-    Attributes
-    ----------
-    counts : (L,) int
-        Samples of each log.
-    mean : float [N·m or N]
-        Of the torque over all joints and logs.
-    joint_mean : (n,) [N·m or N]
-    log_mean : (L,) [N·m or N]
-        Over all joints of a log.
-    signal : (n,) bool
-        Joints at which there is something to explain (`samples.survey.find_signal`).
-    """
-
-    counts: np.ndarray
-    mean: float
-    joint_mean: Array
-    log_mean: Array
-    signal: np.ndarray
-
-    @staticmethod
-    def of(counts: Sequence[int], torque: Array, signal: np.ndarray, rows: np.ndarray) -> Layout:
-        """Return the layout of logs.
-
-        Parameters
-        ----------
-        counts : sequence of int
-            Samples of each log.
-        torque : (L, n) [N·m or N]
-            Sum of the torque of each log.
-        signal : (n,) bool
-            Joints at which there is something to explain.
-        rows : (L, n) int
-            Samples at which torque of each joint is data.
-        """
-        whole, joints, logs = (torque.sum(k) / np.maximum(rows.sum(k), 1) for k in (None, 0, 1))
-        return Layout(np.array(counts, int), float(whole), joints, logs, signal)
+# `change_interval` is for samples that are all held.
 
 
 #: Stretches that are drawn again and again for an interval: more, as each weighs by itself.
@@ -235,73 +187,6 @@ def change_interval(
     return float(low), float(high)
 
 
-@frozen
-class ErrorSums:
-    """All that errors of prediction say, summed over each of L logs; parts add up.
-
-    Attributes
-    ----------
-    counts : (L,) int
-        Samples of each log.
-    rows : (L, n) int
-        Those of them at which torque of each joint is data.
-    absolute, squares : (L, n, m) [N·m or N, and squared]
-        Of the errors of each joint and model.
-    torque_squares : (L, n) [(N·m)² or N²]
-        Of the measured torque.
-    deviation, own, local : (L, n) [N·m or N]
-        Distances of the torque from its mean over everything, over the joint, over the log: the
-        denominators of relative errors. Zero where there is nothing to explain.
-    variation : (L, n) [(N·m)² or N²]
-        Squared distances from the mean over the joint.
-    """
-
-    counts: np.ndarray
-    rows: np.ndarray
-    absolute: Array
-    squares: Array
-    torque_squares: Array
-    deviation: Array
-    own: Array
-    local: Array
-    variation: Array
-
-    @staticmethod
-    def of(
-        layout: Layout,
-        log: int,
-        tau: Array,
-        predicted: Array,
-        data: np.ndarray,
-    ) -> ErrorSums:
-        """Return the sums of some samples of a log.
-
-        Measured torque tau (N, n) and predicted torque (N, n, m) are in N·m or N; where they are
-        no `data` (N, n), they are not looked at.
-        """
-        means = (layout.mean, layout.joint_mean, layout.log_mean[log])
-        error = np.abs(tau[:, :, None] - predicted) * data[:, :, None]
-        deviation, own, local = (np.abs(tau - mean) * data for mean in means)
-        signal = layout.signal
-        some = signal.any()  # joints without any are still apart from the mean over all
-        spread = deviation * some, own * signal, local * some, own**2 * signal
-        sums = []
-        every = np.ones(len(tau), int), data.astype(int)
-        for rows in (*every, error, error**2, tau**2 * data, *spread):
-            sums.append(np.zeros((len(layout.counts), *rows.shape[1:]), rows.dtype))
-            sums[-1][log] = rows.sum(0)
-        return ErrorSums(*sums)
-
-    def __add__(self, other: ErrorSums) -> ErrorSums:
-        """Return the sums over the samples of both, in the same layout."""
-        return ErrorSums(*map(np.add, vars(self).values(), vars(other).values()))
-
-    def select(self, models: Sequence[int]) -> ErrorSums:
-        """Return the sums of some models."""
-        at = list(models)
-        return replace(self, absolute=self.absolute[:, :, at], squares=self.squares[:, :, at])
-
-
 def loaded_joints(rms: Array) -> list[int]:
     """Return the joints whose torque there is something to say of; all where there is none.
 
@@ -316,7 +201,7 @@ def loaded_joints(rms: Array) -> list[int]:
 # In sample, on held-out logs, and by blocked cross-validation, where folds take turns.
 
 
-@frozen
+@frozen(kw_only=True)
 class Prediction:
     """Measured torque and its prediction by some models along logs.
 
@@ -326,29 +211,32 @@ class Prediction:
     ----------
     total : int
         Samples of the logs, those between the windows too.
-    sums, raw : ErrorSums
-        Against the torque as it was low-passed with the columns, and against the torque as it was
-        measured at the same samples.
+    signal : (n,) bool
+        Joints at which there is something to explain.
     t : tuple of (N_l,) [s]
-        Times of the samples of each log, if these are held.
-    tau : (N, n) [N·m or N]
-        Their measured torque, logs one after the other.
-    predicted : (N, n, m) [N·m or N]
-        Prediction of each of m models.
+        Times of the samples of each of L logs.
+    tau, raw : (N, n) [N·m or N]
+        Their measured torque, logs one after the other: low-passed with the columns, and as it was
+        measured at the same samples.
     log : (N,) int
         Which log a sample comes from.
     data : (N, n) bool
-        Where torque is data; elsewhere measured and predicted torque are zero.
+        Where torque is data; elsewhere measured and predicted torque are not looked at.
+    errors : (2, 2, L, n, m) [N·m or N, and squared]
+        Of low-passed and of raw torque, sums of absolute errors and of their squares.
+    predicted : (N, n, m) [N·m or N]
+        Prediction of each of m models; none of a task that keeps none.
     """
 
     total: int
-    sums: ErrorSums
-    raw: ErrorSums
+    signal: np.ndarray
     t: tuple[Array, ...]
     tau: Array
-    predicted: Array
+    raw: Array
     log: np.ndarray
     data: np.ndarray
+    errors: Array
+    predicted: Array
 
     @staticmethod
     def of(
@@ -373,43 +261,57 @@ class Prediction:
             Torque as it was measured; `tau` by default.
         """
         data = np.ones(tau.shape, bool) if data is None else data
-        counts = [int((log == k).sum()) for k in range(len(t))]
-        torque = np.array([(tau * data)[log == k].sum(0) for k in range(len(t))])
-        rows = np.array([data[log == k].sum(0) for k in range(len(t))])
+        raw = tau if raw is None else raw
         low, high = tau.min(0, initial=np.inf, where=data), tau.max(0, initial=-np.inf, where=data)
-        layout = Layout.of(counts, torque, ~is_constant(low, high), rows)
-        parts = ((k, *(x[log == k] for x in (tau, predicted, data))) for k in range(len(t)))
-        sums = reduce(add, (ErrorSums.of(layout, *part) for part in parts))
-        also = sums if raw is None else Prediction.of(t, raw, predicted, log, data).sums
-        return Prediction(len(tau), sums, also, tuple(t), tau, predicted, log, data)
+        own = [log == k for k in range(len(t))]
+        errors = [sum_errors((tau[k], raw[k]), predicted[k], data[k]) for k in own]
+        return Prediction(
+            total=len(tau),
+            signal=~is_constant(low, high),
+            t=tuple(t),
+            tau=tau,
+            raw=raw,
+            log=log,
+            data=data,
+            errors=np.stack(errors, 2),
+            predicted=predicted,
+        )
 
     @property
     def samples(self) -> int:
         """Number of samples that the errors are of."""
-        return int(self.sums.counts.sum())
-
-    @property
-    def whole(self) -> bool:
-        """Whether it is about all samples of the logs."""
-        return self.samples == self.total
+        return len(self.log)
 
     @property
     def residual(self) -> Array:
         """Measured less predicted torque, (N, n, m)."""
-        return self.tau[:, :, None] - self.predicted
+        left: Array = (self.tau[:, :, None] - self.predicted) * self.data[:, :, None]
+        return left
 
     @property
     def rms(self) -> Array:
         """Root mean square of the measured torque of each joint, (n,)."""
-        squares: Array = self.sums.torque_squares.sum(0)
-        rms: Array = np.sqrt(squares / np.maximum(self.sums.rows.sum(0), 1))
+        rms: Array = np.sqrt(np.sum(self.tau**2 * self.data, axis=0) / self._rows)
         return rms
+
+    @property
+    def _rows(self) -> np.ndarray:
+        """How many samples are data of each joint, (n,), one at least."""
+        rows: np.ndarray = np.maximum(self.data.sum(0), 1)
+        return rows
+
+    def _apart(self, raw: bool, at: np.ndarray | slice, axis: int | None) -> Array:
+        """Return how far torque of some samples is from its mean, where it says something."""
+        tau, data = (self.raw if raw else self.tau)[at], self.data[at]
+        mean = np.sum(tau, axis=axis, where=data) / np.maximum(data.sum(axis), 1)
+        some = data * (self.signal if axis == 0 else self.signal.any())
+        apart: Array = np.abs(tau - mean) * some
+        return apart
 
     def select(self, models: Sequence[int]) -> Prediction:
         """Return the prediction of some models."""
         at = list(models)
-        sums, raw = self.sums.select(at), self.raw.select(at)
-        return replace(self, sums=sums, raw=raw, predicted=self.predicted[:, :, at])
+        return replace(self, errors=self.errors[..., at], predicted=self.predicted[:, :, at])
 
     def relative_error(self, log: int | None = None, *, raw: bool = False) -> Array:
         """Return ε_RA of each model, (m,); NaN where there is nothing to explain.
@@ -421,14 +323,16 @@ class Prediction:
         raw : bool
             Of the torque as it was measured, not as it was low-passed.
         """
-        sums = self.raw if raw else self.sums
-        if log is None:
-            return _ratio(sums.absolute.sum((0, 1)), sums.deviation.sum())
-        return _ratio(sums.absolute[log].sum(0), sums.local[log].sum())
+        at, own = (
+            (slice(None), slice(None)) if log is None else (self.log == log, slice(log, log + 1))
+        )
+        errors = self.errors[int(raw), 0, own].sum((0, 1))
+        return _ratio(errors, self._apart(raw, at, None).sum())
 
     def constant_error(self) -> float:
         """Return ε_RA of predicting each joint's mean torque: what any model must beat."""
-        return float(_ratio(self.sums.own.sum(), self.sums.deviation.sum()))
+        own, every = (self._apart(False, slice(None), axis).sum() for axis in (0, None))
+        return float(_ratio(own, every))
 
     def joint_error(self, *, raw: bool = False) -> Array:
         """Return each joint's error over its own scale (n, m), `raw` of measured torque.
@@ -436,13 +340,12 @@ class Prediction:
         The root mean square of its error over that of its torque about its mean; NaN where the
         torque never varies.
         """
-        sums = self.raw if raw else self.sums
-        return np.sqrt(_ratio(sums.squares.sum(0), sums.variation.sum(0)[:, None]))
+        variation = np.sum(self._apart(raw, slice(None), 0) ** 2, axis=0)
+        return np.sqrt(_ratio(self.errors[int(raw), 1].sum(0), variation[:, None]))
 
     def joint_rms(self, *, raw: bool = False) -> Array:
         """Return the root mean square of each joint's error, (n, m) [N·m or N]."""
-        squares: Array = (self.raw if raw else self.sums).squares.sum(0)
-        rms: Array = np.sqrt(squares / np.maximum(self.sums.rows.sum(0), 1)[:, None])
+        rms: Array = np.sqrt(self.errors[int(raw), 1].sum(0) / self._rows[:, None])
         return rms
 
     def by_joint(self, of: str = "") -> dict[str, Array]:
@@ -480,6 +383,12 @@ def _ratio(part: Array, whole: Array | float) -> Array:
     return found
 
 
+def sum_errors(measured: Sequence[Array], predicted: Array, data: np.ndarray) -> Array:
+    """Return sums of errors and of their squares, by kind of measured torque, (2, 2, n, m)."""
+    each = [np.abs(tau[:, :, None] - predicted) * data[:, :, None] for tau in measured]
+    return np.array([[error.sum(0), (error**2).sum(0)] for error in each])
+
+
 @frozen
 class Task:
     """Models to be predicted with: base parameters, one set for each fold.
@@ -490,7 +399,7 @@ class Task:
     folds : Folds or None
         Which set predicts a sample; the first without.
     kept : bool
-        Whether samples are held, not only sums.
+        Whether predictions are kept, not only sums of errors.
     """
 
     values: Array
@@ -506,65 +415,42 @@ class Task:
         return out
 
 
-def predict(regression: Regression, values: Array, *, engine: Engine | None = None) -> Prediction:
+def predict(regression: Regression, values: Array) -> Prediction:
     """Predict torque with base parameter values of m models, (b, m)."""
-    return predict_all(regression, [Task(values[None])], engine=engine)[0]
+    return predict_all(regression, [Task(values[None])])[0]
 
 
-def predict_all(
-    regression: Regression,
-    tasks: Sequence[Task],
-    *,
-    engine: Engine | None = None,
-    progress: Steps | None = None,
-) -> list[Prediction]:
+def predict_all(regression: Regression, tasks: Sequence[Task]) -> list[Prediction]:
     """Return several predictions of the same logs, going through their windows once.
 
     What was kept when their information was gathered is not computed again.
-
-    Parameters
-    ----------
-    regression : Regression
-    tasks : sequence of Task
-    engine : Engine, optional
-        Where stretches of long logs are worked on; here without.
-    progress : callable(int, int), optional
     """
     surveys = [s.survey for s in regression.samples]
-    counts = [s.outputs for s in surveys]
-    torque = np.array([s.torque for s in surveys])
-    layout = Layout.of(counts, torque, find_signal(surveys), np.array([s.rows for s in surveys]))
-    work = partial(_predict_part, tasks=tuple(tasks), layout=layout)
-    parts = [part for part in regression.parts() if part.is_shown]
-    found = map_parts(work, parts, engine, progress)
-    return [_join(one, counts) for one in zip(*found, strict=True)]
-
-
-#: Errors of low-passed and of measured torque; time, torque, prediction, log and data of samples.
-Pass = tuple[ErrorSums, ErrorSums, list[np.ndarray]]
-
-
-def _predict_part(part: LogPart, tasks: Sequence[Task], layout: Layout) -> list[list[Pass]]:
-    """Return what each chunk of a part says of each task."""
-    found: list[list[Pass]] = [[] for _ in tasks]
-    for chunk in part.shown():
-        before = int(layout.counts[: chunk.log].sum())
-        log, data = np.full(len(chunk.t), chunk.log), chunk.data | part.regression.dwelling
-        for task, own in zip(tasks, found, strict=True):
-            predicted = task.predict(chunk.W, before + chunk.start)
-            low, raw = (
-                ErrorSums.of(layout, chunk.log, tau, predicted, data)
-                for tau in (chunk.tau, chunk.raw)
-            )
-            kept = np.arange(len(log) if task.kept else 0)
-            samples = [x[kept] for x in (chunk.t, chunk.tau, predicted, log, data)]
-            own.append((low, raw, samples))
-    return found
-
-
-def _join(found: Sequence[list[Pass]], counts: Sequence[int]) -> Prediction:
-    low, raw, samples = zip(*chain.from_iterable(found), strict=True)
-    t, tau, predicted, log, data = map(np.concatenate, zip(*samples, strict=True))
-    times = tuple(t[log == k] for k in range(len(counts)))
-    sums = reduce(add, low), reduce(add, raw)
-    return Prediction(sum(counts), *sums, times, tau, predicted, log, data)
+    starts = np.cumsum([0, *(s.outputs for s in surveys)])
+    rows, every = list[tuple[np.ndarray, ...]](), [list[Array]() for _ in tasks]
+    shape = 2, 2, len(surveys), len(surveys[0].rows)
+    errors = [np.zeros((*shape, task.values.shape[2])) for task in tasks]
+    for part in filter(lambda part: part.is_shown, regression.parts()):
+        for chunk in part.shown():
+            measured, data = (chunk.tau, chunk.raw), chunk.data | part.regression.dwelling
+            rows.append((chunk.t, *measured, np.full(len(chunk.t), chunk.log), data))
+            for task, own, sums in zip(tasks, every, errors, strict=True):
+                predicted = task.predict(chunk.W, int(starts[chunk.log]) + chunk.start)
+                sums[:, :, chunk.log] += sum_errors(measured, predicted, data)
+                own.append(predicted[: None if task.kept else 0])
+    t, tau, raw, log, data = map(np.concatenate, zip(*rows, strict=True))
+    signal, times = find_signal(surveys), tuple(t[log == k] for k in range(len(surveys)))
+    return [
+        Prediction(
+            total=int(starts[-1]),
+            signal=signal,
+            t=times,
+            tau=tau,
+            raw=raw,
+            log=log,
+            data=data,
+            errors=sums,
+            predicted=np.concatenate(own),
+        )
+        for own, sums in zip(every, errors, strict=True)
+    ]

@@ -204,7 +204,7 @@ def section_prediction(analysis: Analysis) -> Section:
 def _tell_windows(analysis: Analysis) -> str:
     """Return how many samples errors are of, where they are not of all."""
     for found in (analysis.held_out, analysis.fitted):
-        if not found.whole:
+        if found.samples < found.total:
             shown, total = f"{found.samples:,}", f"{found.total:,}"
             return sentence("analysis.windows", shown=shown, total=total)
     return ""

@@ -56,8 +56,6 @@ class Survey:
         Times of the first and the last sample; NaN without any.
     low, high : (3, n)
         Ranges of position, velocity and acceleration of the actuated joints.
-    torque : (n,) [N·m or N]
-        Sum of the measured torque over the outputs.
     torque_range : (2, n) [N·m or N]
         Its smallest and its largest value.
     rows : (n,) int
@@ -70,7 +68,6 @@ class Survey:
     stop: float
     low: Array
     high: Array
-    torque: Array
     torque_range: Array
     rows: np.ndarray = field(default_factory=lambda: np.zeros(1, int))
 
@@ -322,28 +319,13 @@ class Dataset:
     def survey(self) -> Survey:
         """What there is to know of the whole log."""
         m, n = self.motion, self.tau.shape[1]
-        total, rows, ends = np.zeros(n), np.zeros(n, int), [np.full((2, n), [[np.inf], [-np.inf]])]
+        rows, ends = np.zeros(n, int), [np.full((2, n), [[np.inf], [-np.inf]])]
         for p in self.pieces(1024):
             raw, where = p.raw, p.moves
-            total, rows = total + p.torque.sum(0), rows + where.sum(0)
+            rows = rows + where.sum(0)
             # As measured: what is low-passed changes beside rows that are no data.
-            low = raw.min(
-                0,
-                initial=np.inf,
-                where=where,
-            )
-            ends.append(
-                np.stack(
-                    [
-                        low,
-                        raw.max(
-                            0,
-                            initial=-np.inf,
-                            where=where,
-                        ),
-                    ]
-                )
-            )
+            low = raw.min(0, initial=np.inf, where=where)
+            ends.append(np.stack([low, raw.max(0, initial=-np.inf, where=where)]))
         low, high = np.stack(ends, 1)
         ranges = [find_range(x) for x in (m.actuated_q, m.actuated_v, m.actuated_a)]
         start, stop = (m.t[0], m.t[-1]) if len(m) else (np.nan, np.nan)
@@ -354,7 +336,6 @@ class Dataset:
             stop=float(stop),
             low=np.stack([low for low, _ in ranges]),
             high=np.stack([high for _, high in ranges]),
-            torque=total,
             torque_range=np.stack([low.min(0), high.max(0)]),
             rows=rows,
         )

@@ -528,7 +528,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     def left_out(self) -> dict[str, float]:
         """Share of unseen rows without weight, and ε_RA over all rows and of raw torque."""
         p, every = self.held_out, self.everywhere or self.held_out
-        share = 1.0 - p.sums.rows.sum() / max(every.sums.rows.sum(), 1)
+        share = 1.0 - p.data.sum() / max(every.data.sum(), 1)
         errors = every.relative_error()[0], p.relative_error(raw=True)[0]
         return dict(zip(("rows", "all_rows", "raw"), map(float, (share, *errors)), strict=True))
 

@@ -489,7 +489,7 @@ def predict_everywhere(
     turns = None if opening.validation else turns
     values = own.values[None] if turns is None else own.turned
     task = Task(values[:, :, [which]], turns, kept=False)
-    return predict_all(regression, [task], engine=session.engine)[0]
+    return predict_all(regression, [task])[0]
 
 
 # The whole way from logs to the answer.
@@ -619,7 +619,7 @@ def _conclude(
     settings: Mapping[str, Any],
 ) -> Analysis:
     """Fit the models, predict torque by them, judge every parameter and choose one model."""
-    say, engine, opening = session.say, session.engine, rows.opening
+    say, opening = session.say, rows.opening
     say("fitting models", 0.6)
     late, whole = SharedErrors.of(session, rows), rows.information
     settled, folds, short = fit_ladder(rows, submodels, settings["cad_prior"])
@@ -630,10 +630,10 @@ def _conclude(
     tasks = [Task(values[None])]
     if not opening.validation:
         tasks.append(Task(np.concatenate([one.turned for one in settled], axis=2), folds))
-    predicting = share(say, "predicting torque", 0.65, 0.9)
-    fitted, *others = predict_all(opening.regression, tasks, engine=engine, progress=predicting)
+    say("predicting torque", 0.65)
+    fitted, *others = predict_all(opening.regression, tasks)
     if opening.unseen is not None:
-        others = [predict(opening.unseen, values, engine=engine)]
+        others = [predict(opening.unseen, values)]
     unseen, missing = (others or [fitted])[0], find_missing(opening)
     given = rng, settings["replicates"], missing, late
     results = assess_ladder(settled, fitted, unseen, judged, *given)

@@ -18,7 +18,7 @@ from identifiability.estimation.estimate import (
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Evidence, HeldOut, near_best
 from identifiability.estimation.prediction import Task, predict_all
-from identifiability.foundation.engines import Engine, Steps, one_thread
+from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.options import (
@@ -78,7 +78,6 @@ from identifiability.workflows.session import (
     find_missing,
     quiet,
     running,
-    share,
 )
 
 #: Models as good as the best, and smaller ones, whose physical certificate is asked for.
@@ -178,6 +177,7 @@ def prune(
             )
             selected, settled = _choose(question, search, cad_prior)
             search, selected, thinned = thin_path(search, selected)
+            say("measuring errors", 0.5)
             measured = measure_models(
                 question,
                 search,
@@ -186,7 +186,6 @@ def prune(
                 replicates=draws,
                 rng=streams[2],
                 session=session,
-                progress=share(say, "measuring errors", 0.5, 1.0),
             )
         hints = _hint(session, rows, measured["models"], selected)
         found = Ladder(
@@ -338,7 +337,6 @@ def measure_models(
     replicates: int,
     rng: np.random.Generator,
     session: Session,
-    progress: Steps,
 ) -> dict[str, Any]:
     """Fit every model of a path and say how it predicts, going through the logs once.
 
@@ -356,9 +354,8 @@ def measure_models(
         Of the bootstrap.
     rng : numpy.random.Generator
     session : Session
-    progress : callable(int, int)
     """
-    rows, steps, engine = question.rows, search.steps, session.engine
+    rows, steps = question.rows, search.steps
     opening = rows.opening
     fits = [(model.submodel, model.estimate) for model in map(question.fit, steps)]
     values = np.stack([submodel.expand(fit.value) for submodel, fit in fits], 1)
@@ -368,15 +365,10 @@ def measure_models(
     along = [Task(np.column_stack([values, settled.values])[None], kept=False)]
     both = np.concatenate([rests, settled.turned], axis=2)
     tasks = [*along, Task(both, turns, kept=False)]
-    fitted, crossed = predict_all(
-        opening.regression,
-        tasks,
-        engine=engine,
-        progress=progress,
-    )
+    fitted, crossed = predict_all(opening.regression, tasks)
     unseen = crossed
     if opening.unseen is not None:
-        (unseen,) = predict_all(opening.unseen, along, engine=engine)
+        (unseen,) = predict_all(opening.unseen, along)
     missing = find_missing(opening)
     weights = np.zeros(len(steps))
     first = first_allowed(steps)

@@ -53,7 +53,7 @@ def test_errors_of_the_raw_torque_are_those_of_the_measured_samples():
     np.testing.assert_allclose(found.joint_rms()[:, 0], np.sqrt((left**2).mean(0)))
     raw = left + noise
     np.testing.assert_allclose(found.joint_rms(raw=True)[:, 0], np.sqrt((raw**2).mean(0)))
-    mean = tau.mean(0)
+    mean = (tau + noise).mean(0)
     scale = ((tau + noise - mean) ** 2).sum(0)
     expected = np.sqrt((raw**2).sum(0) / scale)
     np.testing.assert_allclose(found.joint_error(raw=True)[:, 0], expected)
