@@ -30,12 +30,13 @@ import staubli_tx40
 from shared import data_folder, study_parser, write_answer
 
 from identifiability import Log, Robot, estimate
-from identifiability.estimation.prediction import change_interval, predict
+from identifiability.estimation.prediction import predict
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import build_ladder, ladder_path, read_ladder
 from identifiability.regression.regression import Model, Regression
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
 from identifiability.simulation.simulator import ar1
+from identifiability.workflows.diagnose.problem import change_interval
 from identifiability.workflows.prune import Ladder, prune
 from identifiability.workflows.prune.elimination import find_path
 
@@ -90,8 +91,7 @@ def judge(robot: Robot, out: Ladder) -> dict[str, Any]:
     values = [model_4.expand(fit.value), chosen.submodel.expand(chosen.estimate.value)]
     prediction = predict(held, np.stack(values, 1))
     off = np.abs(prediction.residual)
-    deviation = np.abs(prediction.tau - prediction.tau.mean())
-    change, _ = change_interval(off, deviation, np.random.default_rng(0))
+    change, _ = change_interval(off, prediction.apart(), np.random.default_rng(0))
     plain = eliminate_plainly(out.information)
     pairs = [(f"slider{k}.Fc+" in plain, f"slider{k}.Fc-" in plain) for k in (1, 2, 3)]
     return {

@@ -244,7 +244,7 @@ def diagnose(
     result, written = run(said, "diagnose", ("write_model", "out"))
     told = []
     if motion is not None:
-        from identifiability.workflows.diagnose import find_next  # noqa: PLC0415
+        from identifiability.workflows.excite import find_next  # noqa: PLC0415
 
         with common.progress() as say:
             found = find_next(

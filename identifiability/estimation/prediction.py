@@ -155,36 +155,6 @@ def _never_shown(information: Information, fit: Estimate) -> Array:
 # What to use when: models are chosen by the error over each joint's own scale
 # (`Prediction.error_over_joints`), which sees small joints as well as large ones; ε_RA
 # (`Prediction.relative_error`) is the paper's, which adds up N and N·m as they are.
-# `change_interval` is for samples that are all held.
-
-
-#: Stretches that are drawn again and again for an interval: more, as each weighs by itself.
-DRAWN_STRETCHES = 24
-
-
-def change_interval(
-    error: Array, deviation: Array, rng: np.random.Generator, draws: int = 2000
-) -> tuple[float, float]:
-    """Return the 95 % interval of the change of ε_RA from one model to another.
-
-    Whole stretches of time are drawn again and again [Künsch 1989].
-
-    Parameters
-    ----------
-    error : (N, n, 2) [N·m or N]
-        Absolute errors of each sample and joint.
-    deviation : (N, n) [N·m or N]
-        Distances of the measured torque from its mean over everything.
-    rng : numpy.random.Generator
-    draws : int
-    """
-    count = min(DRAWN_STRETCHES, len(error))
-    both = ((error[:, :, 1] - error[:, :, 0]).sum(1), deviation.sum(1))
-    parts, wholes = (np.add.reduceat(x, np.arange(count) * len(x) // count) for x in both)
-    counts = rng.multinomial(count, np.full(count, 1 / count), size=draws)
-    size = counts @ wholes
-    low, high = np.quantile((counts @ parts) / np.where(size > 0, size, 1.0), ENDS)
-    return float(low), float(high)
 
 
 def loaded_joints(rms: Array) -> list[int]:
@@ -300,8 +270,13 @@ class Prediction:
         rows: np.ndarray = np.maximum(self.data.sum(0), 1)
         return rows
 
-    def _apart(self, raw: bool, at: np.ndarray | slice, axis: int | None) -> Array:
-        """Return how far torque of some samples is from its mean, where it says something."""
+    def apart(
+        self, at: np.ndarray | slice = slice(None), axis: int | None = None, *, raw: bool = False
+    ) -> Array:
+        """Return how far torque of some samples is from its mean, over all joints or over each.
+
+        Zero where torque is no data, or there is nothing to explain; (N, n).
+        """
         tau, data = (self.raw if raw else self.tau)[at], self.data[at]
         mean = np.sum(tau, axis=axis, where=data) / np.maximum(data.sum(axis), 1)
         some = data * (self.signal if axis == 0 else self.signal.any())
@@ -327,11 +302,11 @@ class Prediction:
             (slice(None), slice(None)) if log is None else (self.log == log, slice(log, log + 1))
         )
         errors = self.errors[int(raw), 0, own].sum((0, 1))
-        return _ratio(errors, self._apart(raw, at, None).sum())
+        return _ratio(errors, self.apart(at, raw=raw).sum())
 
     def constant_error(self) -> float:
         """Return ε_RA of predicting each joint's mean torque: what any model must beat."""
-        own, every = (self._apart(False, slice(None), axis).sum() for axis in (0, None))
+        own, every = (self.apart(axis=axis).sum() for axis in (0, None))
         return float(_ratio(own, every))
 
     def joint_error(self, *, raw: bool = False) -> Array:
@@ -340,7 +315,7 @@ class Prediction:
         The root mean square of its error over that of its torque about its mean; NaN where the
         torque never varies.
         """
-        variation = np.sum(self._apart(raw, slice(None), 0) ** 2, axis=0)
+        variation = np.sum(self.apart(axis=0, raw=raw) ** 2, axis=0)
         return np.sqrt(_ratio(self.errors[int(raw), 1].sum(0), variation[:, None]))
 
     def joint_rms(self, *, raw: bool = False) -> Array:

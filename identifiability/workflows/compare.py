@@ -22,17 +22,12 @@ from identifiability.effects import find_families
 from identifiability.estimation.differences import (
     EXCERPT,
     LACKS,
-    NAMED,
-    Change,
     Compared,
     Differences,
     DifferentTorque,
     Known,
-    find_changes,
-    frame_changes,
     list_changes,
     pooled_values,
-    table_changes,
 )
 from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.noise import JointRuns
@@ -63,6 +58,13 @@ from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import tool_bodies
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
+from identifiability.workflows.diagnose.changes import (
+    NAMED,
+    Change,
+    find_changes,
+    frame_changes,
+    table_changes,
+)
 from identifiability.workflows.session import Logs, Session, list_logs
 
 # Logs of several sides as one question. What a model leaves out is a function of the motion: where

@@ -18,11 +18,9 @@ import pandas as pd
 
 from identifiability.estimation.differences import (
     UNTOLD,
-    Change,
     Differences,
     DifferentTorque,
     Known,
-    find_changes,
     pooled_values,
 )
 from identifiability.estimation.groups import describe_term
@@ -54,6 +52,7 @@ from identifiability.robot.robot import Point, body_of, ten_parameters, tool_bod
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.compare import find_differences, find_pairs, look
+from identifiability.workflows.diagnose.changes import Change, find_changes
 from identifiability.workflows.predict import FitLike, Predicts, find_fit, state_missing
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Logs, Session, list_logs

@@ -15,16 +15,12 @@ from identifiability.logs.prepare import Preparation
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import Campaign, Noise, random_trajectory
-from identifiability.workflows.diagnose import diagnose, find_next
-from identifiability.workflows.diagnose.next_experiment import (
-    LIKELY,
-    PERIODS,
-    Bench,
-    decision_chance,
-)
+from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.diagnose.problem import prepare_rows
 from identifiability.workflows.diagnose.result import Rival
+from identifiability.workflows.excite import find_next
 from identifiability.workflows.excite.criteria import Ask, Discrimination
+from identifiability.workflows.excite.next_motion import LIKELY, PERIODS, Bench, decision_chance
 
 BASE = ("rigid_body", "viscous_friction", "coulomb_friction")
 NOISE = Noise(additive=0.012, correlation=0.9)

@@ -7,9 +7,8 @@ out, `problem.find_discrepancies` says where the residual sits. A study adds its
 """
 
 from identifiability.workflows.diagnose.naming import look
-from identifiability.workflows.diagnose.next_experiment import NextMotion, find_next
 from identifiability.workflows.diagnose.problem import Setting
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.workflow import diagnose
 
-__all__ = ["Diagnosis", "NextMotion", "Setting", "diagnose", "find_next", "look"]
+__all__ = ["Diagnosis", "Setting", "diagnose", "look"]

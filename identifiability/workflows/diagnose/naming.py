@@ -19,7 +19,6 @@ from scipy.special import chdtrc, logsumexp, softmax
 from identifiability.effects import Family, Placed, find_families
 from identifiability.effects import Part as EffectPart
 from identifiability.effects.friction import REVERSALS
-from identifiability.estimation.differences import Change
 from identifiability.estimation.estimate import Outliers, with_known
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.gaussian import Normal
@@ -40,6 +39,7 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, known_rows
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.workflow import hold_folds
+from identifiability.workflows.diagnose.changes import Change
 from identifiability.workflows.diagnose.problem import Rows, Setting, weigh_fit
 
 #: By how much an unseen error must rise with a name that is taken out for it.

@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects import find_family, title_of
-from identifiability.estimation.differences import Change, table_changes
 from identifiability.estimation.fit import Fit as Known
 from identifiability.estimation.prediction import Prediction, measure_spread, predict
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
@@ -44,6 +43,7 @@ from identifiability.workflows.commands import (
     on_file,
     source_name,
 )
+from identifiability.workflows.diagnose.changes import Change, table_changes
 from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
 from identifiability.workflows.diagnose.problem import Discrepancy, Setting, fit_structure
 from identifiability.workflows.predict import (

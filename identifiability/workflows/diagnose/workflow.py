@@ -15,7 +15,6 @@ import numpy as np
 
 from identifiability.effects import Placed, default_effects, find_families, title_of
 from identifiability.effects.measurement import CommandDelay
-from identifiability.estimation.differences import Change
 from identifiability.estimation.estimate import Outliers, find_estimator
 from identifiability.estimation.groups import place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
@@ -32,6 +31,7 @@ from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choos
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike, complete_motion
 from identifiability.workflows.analyze.workflow import say_band
+from identifiability.workflows.diagnose.changes import Change
 from identifiability.workflows.diagnose.naming import (
     WORSE,
     Naming,

@@ -3,7 +3,8 @@
 What to use when:
 
 - `excite` finds the motion: for a first log (condition number), for what to measure next about
-  some parameters (information), or to tell two effects apart;
+  some parameters (information), or to tell two effects apart; `find_next` that which decides
+  between the names of a diagnosis;
 - `find_limits` reads limits.
 
 The method, in the order of the files: what must be kept (`limits`), what is asked (`criteria`),
@@ -11,11 +12,8 @@ what candidates cost and the search among them (`search`), and the answer (`resu
 """
 
 from identifiability.workflows.excite.limits import find_limits
+from identifiability.workflows.excite.next_motion import NextMotion, find_next
 from identifiability.workflows.excite.result import Excitation
 from identifiability.workflows.excite.workflow import excite
 
-__all__ = [
-    "Excitation",
-    "excite",
-    "find_limits",
-]
+__all__ = ["Excitation", "NextMotion", "excite", "find_limits", "find_next"]

@@ -34,7 +34,6 @@ from identifiability.regression.regression import Model, Regression
 from identifiability.simulation import Trajectory
 from identifiability.workflows.diagnose.problem import prepare_rows
 from identifiability.workflows.diagnose.result import Diagnosis
-from identifiability.workflows.excite import Excitation, find_limits
 from identifiability.workflows.excite.criteria import (
     Ask,
     Discrimination,
@@ -43,7 +42,8 @@ from identifiability.workflows.excite.criteria import (
     add_beside,
     gather_known,
 )
-from identifiability.workflows.excite.limits import LimitsLike
+from identifiability.workflows.excite.limits import LimitsLike, find_limits
+from identifiability.workflows.excite.result import Excitation
 from identifiability.workflows.excite.search import Series
 from identifiability.workflows.excite.workflow import find_motion
 from identifiability.workflows.session import Progress

@@ -1,0 +1,190 @@
+"""`Change`: what differs between logs or parts of one, of which size, where and when.
+
+And what it may be instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from identifiability.estimation.differences import Differences
+from identifiability.estimation.groups import place_of
+from identifiability.estimation.mixed_model import Terms
+from identifiability.estimation.rules import RULES
+from identifiability.foundation.answers import Table, frame_table
+from identifiability.foundation.errors import listing
+from identifiability.foundation.names import Array
+from identifiability.foundation.rounding import REACH, measured
+from identifiability.foundation.values import frozen
+
+#: What a change is called that cannot be told apart, and parameters, at most.
+NAMED = 6
+
+
+@frozen(kw_only=True)
+class Change:
+    """What changed between logs, or while one was recorded.
+
+    Attributes
+    ----------
+    kind : {"load", "friction", "offset", "gain"}
+    family, what, place : str
+        Its name; it in words; and the body or joint, ``all joints`` where it is everywhere.
+    log : str
+        In which alone it is; empty where it is in all of those that are asked about.
+    names, units : tuple of str
+        Of its q numbers.
+    sizes, sd : (q,)
+        Of these, beside all others that changed.
+    share, share_sd : float
+        Of its torque before; NaN where that is not known.
+    odds : float
+        Log odds, averaged over sizes and ways, less what families and places cost; those of its
+        surest part.
+    others : tuple of str
+        What else it may be,
+    rivals : tuple of (family, place)
+        and that by name.
+    start, stop : float [s]
+        When it began and ended; infinite where that was not logged.
+    began, ended : (float, float) [s]
+        Where these instants are in 95 % of what is likely.
+    weight : float
+        Its posterior probability among all that may have changed in part of a log.
+    """
+
+    kind: str
+    family: str
+    what: str
+    place: str
+    log: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    sizes: Array
+    sd: Array
+    share: float
+    share_sd: float
+    odds: float
+    others: tuple[str, ...]
+    rivals: tuple[tuple[str, str], ...] = ()
+    start: float = -np.inf
+    stop: float = np.inf
+    began: tuple[float, float] = (-np.inf, -np.inf)
+    ended: tuple[float, float] = (np.inf, np.inf)
+    weight: float = np.nan
+
+    @property
+    def whole(self) -> bool:
+        """Whether it lasted as long as the log."""
+        return bool(np.isinf(self.start) and np.isinf(self.stop))
+
+    @property
+    def when(self) -> str:
+        """In words: ``from 41 s (95 %: 40.5 … 41.5 s) of run2``."""
+        ends = ("from", self.start, self.began), ("until", self.stop, self.ended)
+        told = [
+            f"{word} {at:.3g} s (95 %: {low:.3g} … {high:.3g} s)"
+            for word, at, (low, high) in ends
+            if np.isfinite(at)
+        ]
+        if told:
+            return f"{' '.join(told)} of {self.log}"
+        return f"in {self.log}" if self.log else ""
+
+    @property
+    def called(self) -> str:
+        """What it is, without a capital letter, and what it may be instead."""
+        text = " ".join(filter(None, (self._sized, self.when)))
+        if self.others:
+            text += f", or {' or '.join(self.others[:NAMED])}"
+        # As sure as what fitted and unseen rows together name.
+        return text if self.odds >= RULES.name + RULES.keep else f"perhaps {text}"
+
+    @property
+    def _sized(self) -> str:
+        """What it is; of one everywhere what is sure, where its sum is not."""
+        half = REACH * self.sd
+        size, reach, unit = 100 * self.share, 100 * REACH * self.share_sd, "%"
+        words = "rose", "fell"
+        if self.kind == "load":
+            size, reach, unit, words = self.sizes[0], half[0], "kg", ("grew", "shrank")
+        if abs(size) > reach:
+            return f"{self.what} {words[int(size < 0)]} by {measured(abs(size), reach, unit)}"
+        every = zip(self.names, self.sizes, half, self.units, strict=True)
+        parts = [f"{n} by {measured(x, h, u)}" for n, x, h, u in every if abs(x) > h]
+        return f"{self.what} changed{': ' if parts else ''}{listing(parts, NAMED)}"
+
+
+def frame_changes(changes: Sequence[Change]) -> pd.DataFrame:
+    """Return one row a number that changed: what, by how much, interval, log odds."""
+    rows = [
+        [c.what, c.kind, name, size, size - REACH * sd, size + REACH * sd, unit, *rest]
+        for c in changes
+        for rest in [(c.share, c.share_sd, c.odds, c.when, "; ".join(c.others))]
+        for name, size, sd, unit in zip(c.names, c.sizes, c.sd, c.units, strict=True)
+    ]
+    columns = "what kind name change low high unit share share_sd log_odds logs or"
+    return pd.DataFrame(rows, columns=columns.split()).assign(p=np.nan)
+
+
+def table_changes(changes: Sequence[Change], caption: str) -> Table:
+    """Return the same as a table."""
+    own = frame_changes(changes).drop(columns=["kind", "share_sd", "p"])
+    own = own.loc[:, (own != "").any()]  # nothing is said of where without several logs
+    return frame_table(own.rename(columns={"log_odds": "log odds", "logs": "in"}), caption)
+
+
+def find_changes(found: Differences, terms: Terms, names: Sequence[str]) -> tuple[Change, ...]:
+    """Return what terms say of logs, the surest first; kinds of friction at one place together.
+
+    Parameters
+    ----------
+    found : Differences
+    terms : tuple of Term
+    names : sequence of str
+        Of the logs, or of those that blocks are of.
+    """
+    model, known = found.model, found.known
+    value, covariance = found.solve(terms)
+    levels = found.levels(known.base + known.directions @ value[: len(known.precision)])
+    each = np.split(np.arange(model.fixed, len(value)), np.cumsum([t.size for t in terms])[:-1])
+    together: dict[tuple[str, str, str], list[int]] = {}
+    for k, term in enumerate(terms):
+        own = found.whose(term)
+        if own.pattern:
+            together.setdefault((own.kind, place_of(term), own.pattern), []).append(k)
+    out = []
+    for (kind, place, _), which in together.items():
+        parts = [found.whose(terms[k]) for k in which]
+        at = np.concatenate([each[k] for k in which])
+        columns = np.concatenate([found.at(terms[k]) for k in which])
+        sizes, spread, level = value[at], covariance[np.ix_(at, at)], levels[columns]
+        share, share_sd = np.nan, np.nan
+        if (np.abs(level) > 0).all():
+            rms = found.missing.scale[columns]
+            slope = rms * np.sign(level) / (np.abs(level) @ rms)
+            share, share_sd = float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))
+        title = parts[0].title if len({c.family.name for c in parts}) == 1 else kind
+        rivals = [r for k in which for r in model.rivals(terms, k) if r.odds > 0]
+        _, called, units = zip(*(found.columns[k] for k in columns.tolist()), strict=True)
+        out.append(
+            Change(
+                kind=kind,
+                family=parts[0].family.name,
+                what=f"{title} of {place}",
+                place=place,
+                log=parts[0].odd(names),
+                names=called,
+                units=units,
+                sizes=sizes,
+                sd=np.sqrt(np.diag(spread)),
+                share=share,
+                share_sd=share_sd,
+                odds=max(terms[k].odds for k in which),
+                others=tuple(dict.fromkeys(found.describe(r, names) for r in rivals)),
+            )
+        )
+    return tuple(sorted(out, key=lambda c: -c.odds))
