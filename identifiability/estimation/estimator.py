@@ -412,18 +412,6 @@ class Estimator:
         """Word by which `analyze`, `prune` and the command line know it."""
         return "iv" if self.instruments else "wls" if self.weighted else "ols"
 
-    @property
-    def description(self) -> str:
-        """What it is, in the words of a report: "fitted by ..."."""
-        if self.instruments:
-            return "instrumental variables"
-        if not self.weighted:
-            return "ordinary least squares"
-        return (
-            "least squares with each actuator weighted by the variance of its noise and by how "
-            "long that remembers"
-        )
-
     def fit(self, information: Information) -> Estimate:
         """Return the estimate; one by instruments says what least squares gives.
 

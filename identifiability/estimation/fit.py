@@ -16,6 +16,7 @@ from scipy.special import fdtrc, ndtr, ndtri, stdtrit
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.groups import LabelAlternatives
 from identifiability.estimation.rules import RULES, Thresholds
+from identifiability.foundation.findings import phrase
 from identifiability.foundation.linalg import ROUNDOFF, sandwich, unit_coordinates
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.rounding import ENDS, REACH
@@ -572,11 +573,8 @@ class Fit:
         apart = information.samples / max(LEAST_MEMORIES * fit.memory, 1.0)
         blocks = min(int(apart), len(stretches.counts))
         if fit.kept and blocks < RULES.blocks_fewest:
-            note = (
-                f"The residual remembers {fit.memory:.0f} samples, so {information.samples} "
-                f"samples make only {blocks} independent blocks; to judge takes "
-                f"{RULES.blocks_fewest}: give longer or more logs, or a higher cut-off."
-            )
+            told = {"memory": fit.memory, "samples": information.samples, "blocks": blocks}
+            note = phrase("verdict", "blocks", least=RULES.blocks_fewest, **told)
         elif replicates and fit.kept:
             drawn = bootstrap(stretches, fit, rng, replicates)
         return Fit(
@@ -648,16 +646,10 @@ class Fit:
         rules : Thresholds
         """
         if self.note or self.scores is None:
-            why = self.note or "Too few blocks of time to say how values scatter: give longer logs."
-            return (why,) * len(self.estimate.columns)
+            return (self.note or phrase("verdict", "few"),) * len(self.estimate.columns)
         least = rules.outputs_per_parameter
         return tuple(
-            ""
-            if freedom >= least
-            else (
-                f"The logs have only {freedom:.1f} independent outputs that say how much its value "
-                f"scatters, fewer than {least:g}: give longer or more logs, or a higher cut-off."
-            )
+            "" if freedom >= least else phrase("verdict", "outputs", freedom=freedom, least=least)
             for freedom in self.scores.freedom
         )
 

@@ -10,7 +10,6 @@ from these shares.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -22,12 +21,15 @@ from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
-from identifiability.logs.spectrum import noise_level, resolution
 from identifiability.robot import Robot
-from identifiability.simulation.rollout import STEP, CommandedRobot, forgotten
-
-#: No delay that is looked for is longer [s].
-LATEST: Tolerance = 0.06
+from identifiability.simulation.rollout import (
+    COARSE,
+    STEP,
+    CommandedRobot,
+    explicable,
+    forgotten,
+    start_rollouts,
+)
 
 #: What is found of each joint: rotor, viscous and dry friction, offset, and gains if nobody states
 #: them.
@@ -37,9 +39,6 @@ KINDS = ("Ia", "Fv", "Fc", "off", "kv", "kp")
 #: sampling step by which the delay is.
 VARIED: Tolerance = 2e-4
 LATER: Tolerance = 0.05
-
-#: Step of rollouts whose differences alone are looked at, in that of others.
-COARSE: Tolerance = 5.0
 
 #: Length of logs that are rolled out, all together [s], of which the search begins on a part: more
 #: says little more.
@@ -136,7 +135,7 @@ def fit_rollouts(
     free[-2:] = spoken & np.isnan(robot.servo.kv), np.isnan(robot.servo.kp)
     # Logs often begin and end at rest.
     thirds = [log.rows(len(log) // 3, 2 * len(log) // 3) for log in logs]
-    machine, numbers = _start(robot, min(thirds, key=len))
+    machine, numbers = start_rollouts(robot, min(thirds, key=len))
     problem = Problem(machine, logs, free, delay, shares)
     x = problem.pack(numbers, delay or 0.0)
     before = problem.errors(problem.roll([x])[0])
@@ -145,7 +144,7 @@ def fit_rollouts(
     else:
         problem.logs, problem.varied[problem.bodies] = thirds, False
         x, q, J = problem.descend(x, BEGUN)
-    if robot.servo.numbers or not contradicted(problem.errors(q) / _explicable(thirds)):
+    if robot.servo.numbers or not contradicted(problem.errors(q) / explicable(thirds)):
         problem.logs, problem.varied[problem.bodies] = logs, True
         x, q, J = problem.descend(x)
     numbers, delays = problem.unpack(x)
@@ -158,53 +157,11 @@ def fit_rollouts(
         delays=delays,
         errors=problem.errors(q),
         before=before,
-        missed=problem.errors(q) / _explicable(problem.logs),
+        missed=problem.errors(q) / explicable(problem.logs),
         delay_errors=np.sqrt(np.diag(covariance)[late]) * problem.varied[late],
         covariance=covariance[kp, kp],
         by_belief=J[problem.apart(q).size :] @ (found / found.sum() @ H[kp]),
     )
-
-
-def _start(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Array]]:
-    """Return a robot and joints' numbers from which the search begins.
-
-    Unknown gains are the best of a grid of natural frequencies and damping ratios, for what each
-    joint feels of inertia.
-    """
-    servo = robot.servo
-    assert servo is not None
-    free = np.isnan(servo.kp)
-    guess = replace(servo, kp=np.where(free, 1.0, servo.kp), kv=np.nan_to_num(servo.kv))
-    machine = CommandedRobot(robot, {}, guess)
-    inertia, numbers = machine.inertia(log.q.mean(0)), machine.numbers()
-    # Frequencies [rad/s] and damping ratios of a servo and what it moves.
-    speeds = np.geomspace(2, 250, 17)
-    tries = [numbers]
-    for w in speeds[speeds < 1.0 / signals.sampling_step(log.t)] if free.any() else ():
-        for ratio in (0.2, 0.5, 1.0, 2.0, 4.0):
-            damping = np.where(free, 2 * inertia * w * ratio, numbers["Fv"])
-            kp = np.where(free, inertia * w**2, servo.kp)
-            tries.append({**numbers, "Fv": damping, "kp": kp})
-    if len(tries) == 1:
-        return machine, numbers
-    q = machine.roll(log, tries, servo.delay or 0.0, step=COARSE * STEP)
-    best = np.nan_to_num((q - log.q) ** 2, nan=1e6).mean(1).argmin(0)
-    chosen = {k: np.array([x[k] for x in tries])[best, range(len(best))] for k in numbers}
-    return CommandedRobot(robot, {}, replace(guess, kp=chosen["kp"])), chosen
-
-
-def _explicable(logs: Sequence[Log]) -> Array:
-    """Return what there is to explain of positions in logs (rms), at least a bit, (n,)."""
-    square = []
-    for log in logs:
-        most = min(round(LATEST / signals.sampling_step(log.t)), len(log) // 2)
-        target = np.zeros(log.q.shape) if log.q_ref is None else log.q_ref
-        q = log.q[most:]
-        apart = [(q - target[most - k : len(log) - k]).var(0) for k in range(most + 1)]
-        # So many times the noise of positions is nothing to explain.
-        noise = 5.0 * np.maximum(noise_level(log.q, log.t), resolution(log.q))
-        square.append(np.minimum(np.maximum(np.min(apart, axis=0), noise**2), log.q.var(0)))
-    return np.asarray(np.maximum(np.sqrt(np.mean(square, axis=0)), 1e-3))
 
 
 def roll_late(machine: CommandedRobot, log: Log, delay: float | None = None) -> tuple[float, Array]:

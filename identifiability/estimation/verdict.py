@@ -12,8 +12,9 @@ from scipy.special import ndtr
 
 from identifiability.estimation.fit import OF_VALUES, Fit
 from identifiability.estimation.rules import RULES, Thresholds
+from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import REACH, percent_text
+from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
 
 
@@ -187,13 +188,6 @@ def percent_of(sigma: float, value: float) -> float:
 # `judge`: from a fitted model to the verdict on each of its parameters, in words.
 
 
-#: Why a sign that is certain is not believed.
-FORBIDDEN = (
-    "Its sign is certain, and physics forbids it: the model misses something (diagnose), or an "
-    "axis or a torque has the wrong sign."
-)
-
-
 def judge(
     fit: Fit,
     labels: Sequence[str],
@@ -251,7 +245,8 @@ def judge(
         clean = without[k] if without else None
         lost = clean and (clean.sure or clean.flags == (Flag.NEGLIGIBLE,))
         if kind is not Class.NOT_IDENTIFIABLE and forbidden[k]:
-            kind, flags, reason = Class.NOT_IDENTIFIABLE, (Flag.IN_DOUBT,), FORBIDDEN
+            kind, flags = Class.NOT_IDENTIFIABLE, (Flag.IN_DOUBT,)
+            reason = phrase("verdict", "forbidden")
         elif clean and lost and (kind, flags) != (clean.verdict, clean.flags):
             kind = max(kind, clean.verdict, key=list(Class).index)
             flags, reason = (Flag.IN_DOUBT,), _say_missing(fit, k, clean, percent)
@@ -259,9 +254,7 @@ def judge(
             reason += _condition(fit, k, float(robust[k]))
         if Flag.NOT_JUDGED not in flags and paper[k] != (kind is Class.IDENTIFIABLE):
             rule = "passes" if paper[k] else "rejects"
-            reason += (
-                f" The {RULES.paper_factor:g}× rule, which knows no autocorrelation, {rule} it."
-            )
+            reason += f" {phrase('verdict', 'paper', factor=RULES.paper_factor, rule=rule)}"
         out.append(
             Verdict(
                 name=name,
@@ -287,35 +280,26 @@ def judge(
 def _say_missing(fit: Fit, k: int, without: Verdict, percent: float) -> str:
     """Return why a parameter loses the verdict that it would have if nothing were missing."""
     assert fit.alternatives is not None
-    known = f"±{percent_text(without.sigma_label_percent, 3)} ({without.word})"
+    told = {"what": fit.alternatives.names[k], "value": without.value, "share": percent / 100}
+    told |= {"known": without.sigma_label_percent / 100, "word": without.word}
     seems = "seems to be" if fit.alternatives.named[k] else "may be"
-    return (
-        f"By the logs {fit.alternatives.names[k]} {seems} missing in the model. Without it this "
-        f"would be {without.value:.4g}, known to {known}; with it the value is known only to "
-        f"±{percent_text(percent, 3)}: find out what is missing (diagnose)."
-    )
+    return phrase("verdict", "missing", seems=seems, **told)
 
 
 def _decide(
     certain: bool, percent: float, effect: float, rules: Thresholds
 ) -> tuple[Class, tuple[Flag, ...], str]:
     """Return the verdict on a value of which enough is known to judge, its flags, and why."""
-    about = percent_text(percent, 3)
-    if certain and percent <= rules.sigma_percent:
-        limit = f"limit {rules.sigma_percent:g} %"
-        return Class.IDENTIFIABLE, (), f"Known to ±{about} ({limit}) and its sign is certain."
+    kind, flags, said = Class.NOT_IDENTIFIABLE, tuple[Flag, ...](), "unsure"
     if certain:
-        return Class.SIGN_ONLY, (), f"Its sign is certain, but it is known only to ±{about}."
-    if effect <= rules.negligible_share:
-        reason = (
-            "No value in its interval moves the torque of any joint by more than "
-            f"{100 * effect:.2g} % of its residual: about zero for this motion, safe to leave out."
-        )
-        return Class.NOT_IDENTIFIABLE, (Flag.NEGLIGIBLE,), reason
-    chance = (
-        "even the sign may be chance" if percent < 100 else "zero and the other sign fit as well"
-    )
-    return Class.NOT_IDENTIFIABLE, (), f"σ is {about} of the value: {chance}."
+        known = percent <= rules.sigma_percent
+        kind, said = (Class.IDENTIFIABLE, "known") if known else (Class.SIGN_ONLY, "sign")
+    elif effect <= rules.negligible_share:
+        flags, said = (Flag.NEGLIGIBLE,), "negligible"
+    elif percent >= 100:
+        said = "any"
+    told = {"share": percent / 100, "limit": rules.sigma_percent, "effect": effect}
+    return kind, flags, phrase("verdict", said, **told)
 
 
 def _condition(fit: Fit, k: int, robust: float) -> str:
@@ -323,20 +307,12 @@ def _condition(fit: Fit, k: int, robust: float) -> str:
     left = fit.left_out
     if left is None:
         return ""
+    said, what = "stands", left.stands_for[k]
     if np.isfinite(left.disputed[k]):
-        return (
-            f" The unpruned model puts it at {left.disputed[k]:.3g}: what this model leaves out "
-            "matters more than the robot file says, and σ holds both."
-        )
-    if left.unknown:
-        return (
-            " That holds in this model: the robot file states no inertias, so how far what is left "
-            "out moves it from its label is not known."
-        )
-    if not left.stands_for[k] or left.sigma[k] < RULES.sigma_other * robust:
+        said = "disputed"
+    elif left.unknown:
+        said = "unknown"
+    elif not what or left.sigma[k] < RULES.sigma_other * robust:
         return ""
-    own = percent_of(robust, float(fit.estimate.value[k]))
-    return (
-        f" In this model it stands for {left.stands_for[k]}, known to ±{percent_text(own, 3)}; "
-        "the rest of the uncertainty is what the model leaves out."
-    )
+    own = percent_of(robust, float(fit.estimate.value[k])) / 100
+    return f" {phrase('verdict', said, value=left.disputed[k], what=what, share=own)}"

@@ -288,7 +288,7 @@ def _how(analysis: Analysis) -> tuple[Section, ...]:
             Table.of("", MOTION, logs),
             detail=True,
             seen=format_count(analysis.information.samples, "sample"),
-            estimator=analysis.chosen.estimate.estimator.description,
+            estimator=sentence("estimators", analysis.chosen.estimate.estimator.name),
             out=format_count(analysis.held_out.samples, "sample"),
             kind=analysis.validation_kind,
         ),

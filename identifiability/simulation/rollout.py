@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
+from dataclasses import replace
 from functools import cached_property
 from itertools import compress
 from typing import Any
@@ -35,6 +36,12 @@ from identifiability.simulation.forward import DIVERGED, HARD, ForwardRobot
 
 #: Longest step of the integrator [s].
 STEP: Tolerance = 1e-3
+
+#: Step of rollouts whose differences alone are looked at, in that of others.
+COARSE: Tolerance = 5.0
+
+#: No delay that is looked for is longer [s].
+LATEST: Tolerance = 0.06
 
 #: Share of the time in which damping stops a joint that is a step, and of a joint's inertia that is
 #: taken off for steps at most; and no step is shorter [s]: a
@@ -309,3 +316,45 @@ def _sample(path: Array, at: Array) -> Array:
     bent = after - 2 * here + before
     out: Array = here + 0.5 * part * (after - before) + (0.5 * part**2 + 0.125) * bent
     return out
+
+
+def start_rollouts(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Array]]:
+    """Return a robot and joints' numbers from which the search begins.
+
+    Unknown gains are the best of a grid of natural frequencies and damping ratios, for what each
+    joint feels of inertia.
+    """
+    servo = robot.servo
+    assert servo is not None
+    free = np.isnan(servo.kp)
+    guess = replace(servo, kp=np.where(free, 1.0, servo.kp), kv=np.nan_to_num(servo.kv))
+    machine = CommandedRobot(robot, {}, guess)
+    inertia, numbers = machine.inertia(log.q.mean(0)), machine.numbers()
+    # Frequencies [rad/s] and damping ratios of a servo and what it moves.
+    speeds = np.geomspace(2, 250, 17)
+    tries = [numbers]
+    for w in speeds[speeds < 1.0 / signals.sampling_step(log.t)] if free.any() else ():
+        for ratio in (0.2, 0.5, 1.0, 2.0, 4.0):
+            damping = np.where(free, 2 * inertia * w * ratio, numbers["Fv"])
+            kp = np.where(free, inertia * w**2, servo.kp)
+            tries.append({**numbers, "Fv": damping, "kp": kp})
+    if len(tries) == 1:
+        return machine, numbers
+    q = machine.roll(log, tries, servo.delay or 0.0, step=COARSE * STEP)
+    best = np.nan_to_num((q - log.q) ** 2, nan=1e6).mean(1).argmin(0)
+    chosen = {k: np.array([x[k] for x in tries])[best, range(len(best))] for k in numbers}
+    return CommandedRobot(robot, {}, replace(guess, kp=chosen["kp"])), chosen
+
+
+def explicable(logs: Sequence[Log]) -> Array:
+    """Return what there is to explain of positions in logs (rms), at least a bit, (n,)."""
+    square = []
+    for log in logs:
+        most = min(round(LATEST / signals.sampling_step(log.t)), len(log) // 2)
+        target = np.zeros(log.q.shape) if log.q_ref is None else log.q_ref
+        q = log.q[most:]
+        apart = [(q - target[most - k : len(log) - k]).var(0) for k in range(most + 1)]
+        # So many times the noise of positions is nothing to explain.
+        noise = 5.0 * np.maximum(noise_level(log.q, log.t), resolution(log.q))
+        square.append(np.minimum(np.maximum(np.min(apart, axis=0), noise**2), log.q.var(0)))
+    return np.asarray(np.maximum(np.sqrt(np.mean(square, axis=0)), 1e-3))
