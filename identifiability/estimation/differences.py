@@ -12,23 +12,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import groupby
 from typing import cast
 
 import numpy as np
 
-from identifiability.effects import FAMILIES, find_families
 from identifiability.estimation.gaussian import Normal
-from identifiability.estimation.groups import Excerpt, Missing, describe_term, place_of
+from identifiability.estimation.groups import Excerpt, Missing
 from identifiability.estimation.mixed_model import Group, MixedModel, Term, Terms
 from identifiability.estimation.noise import THIN, ARNoise, JointNoise, rich_noise
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate, Entries, number
 from identifiability.regression.information import Information
-from identifiability.robot import Robot
 
 #: Standard deviation of friction in a log, relative to it: it differs by 3 % between two logs.
 DRIFT: Tolerance = 0.021
@@ -40,37 +37,9 @@ EXCERPT = (24_000, 12, 2_000)
 LACKS = ("function_of_velocity", "function_of_load", "function_of_position")
 #: A direction whose torque may be so many times that of its joints is not told.
 UNTOLD: Tolerance = 10.0
-#: Families that may differ beside loads.
-DIFFERING = (
-    "coulomb_friction",
-    "viscous_friction",
-    "torque_offset",
-    "torque_scale",
-    "passive_joint_friction",
-)
 #: What families are that are no friction; and in words, where their titles say what is missing.
 KIND_OF = {"payload": "load", "torque_offset": "offset", "torque_scale": "gain"}
 WORDS = {"payload": "load", "torque_scale": "torque gain"}
-#: Parameters of a load that its weight tells.
-WEIGHT = INERTIAL_KINDS[:4]
-
-
-def list_changes(robot: Robot, bodies: Sequence[str]) -> tuple[Candidate, ...]:
-    """Return what may differ between rows of a robot: a load on some bodies, and families.
-
-    A load has those parameters that its weight tells, or all: nobody knows which.
-    """
-    rigid = FAMILIES["rigid_body"].effect
-    loads: tuple[tuple[str, ...], ...] = (WEIGHT, INERTIAL_KINDS)
-    found = [(FAMILIES["payload"], rigid, body, kinds) for body in bodies for kinds in loads]
-    for family in find_families(DIFFERING):
-        for place, own in groupby(family.effect.parameters(robot), lambda p: p.owner):
-            found.append((family, family.effect, place, tuple(p.kind for p in own)))
-    return tuple(
-        number(
-            [Candidate(f, place, np.nan, k, e, tuple(range(len(k)))) for f, e, place, k in found]
-        )
-    )
 
 
 @frozen(kw_only=True)
@@ -197,25 +166,6 @@ def weigh_logs(information: Information, data: np.ndarray) -> Information:
     square = information.squares_of_blocks(np.append(-x, 1.0))
     levels = square / np.maximum(data, 1) * data.sum(0) / np.maximum(square.sum(0), 1e-300)
     return information.weigh(1.0 / np.maximum(levels.T, THIN))
-
-
-@frozen
-class DifferentTorque:
-    """Torque of a log beside what a model has in all of them.
-
-    Attributes
-    ----------
-    t : (N,) [s]
-    whole : (N, n) [N·m or N]
-        All of the torque.
-    measured, explained : (N, n) [N·m or N]
-        What differs as measured, NaN where it is no data, and by what was found.
-    """
-
-    t: Array
-    whole: Array
-    measured: Array
-    explained: Array
 
 
 @frozen(kw_only=True)
@@ -358,26 +308,6 @@ class Differences:
         s = self.model.solve(terms)
         scale = self.model.scale[s.columns]
         return s.value / scale, s.covariance / np.outer(scale, scale)
-
-    def along(self, terms: Terms) -> DifferentTorque:
-        """Return what the torque of the first log has beside the model of all."""
-        seen, p, a = self.missing.seen, len(self.known.precision), self.always.shape[1]
-        value, explained = self.solve(terms)[0], np.zeros(seen.y.shape)
-        sizes = self.always @ value[p : p + a]
-        each = np.concatenate([np.empty(0, int), *map(self.at, terms)])
-        sizes[each] += value[self.model.fixed :]
-        for (j, k), x in self.missing.entries.items():
-            explained[:, j] += sizes[k] * x
-        left = np.where(seen.data, seen.y - seen.X @ value[:p], np.nan)
-        return DifferentTorque(*(x[seen.log == 0] for x in (seen.t, seen.raw, left, explained)))
-
-    def describe(self, term: Term, names: Sequence[str]) -> str:
-        """Return what a group is, in words."""
-        own = self.whose(term)
-        if not own.pattern:
-            return f"{describe_term(term)} that the model lacks"
-        where = own.odd(names)
-        return f"{own.title} of {place_of(term)}{f' in {where}' if where else ''}"
 
 
 def pooled_values(X: Array, y: Array, M: Array, fixed: Array) -> Array:

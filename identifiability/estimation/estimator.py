@@ -369,10 +369,8 @@ def _sum_lags(x: Array, log: np.ndarray) -> Array:
     """
     total = np.zeros(len(x))
     for which in np.unique(log):
-        own = x[log == which]
-        size = 1 << (2 * len(own) - 1).bit_length()
-        power = (np.abs(np.fft.rfft(own, size, axis=0)) ** 2).sum(1)
-        total[: len(own)] += np.fft.irfft(power, size)[: len(own)]
+        products = x[log == which] @ x[log == which].T
+        total[: len(products)] += [np.trace(products, k) for k in range(len(products))]
     sums: Array = 2.0 * np.cumsum(total) - total[0]
     return sums
 

@@ -69,17 +69,14 @@ def merge_blocks(information: Information, length: float) -> Information:
     length : float
         Samples; blocks shorter than that are added to the next ones of their log.
     """
-    starts, counts = [], []
+    starts = []
     for log in np.unique(information.log):
         rows = np.flatnonzero(information.log == log)
-        total = int(information.counts[rows].sum())
-        wanted = max(1, int(total // max(length, 1.0)))
-        reached = np.cumsum(information.counts[rows])
-        # Boundaries nearest to an even division, so that no short block is left at the end.
-        edges = np.searchsorted(reached, np.arange(1, wanted) * total / wanted) + 1
-        first = np.unique(np.concatenate([[0], np.minimum(edges, len(rows) - 1)]))
-        starts.append(rows[first])
-        counts.append(len(first))
+        ends = np.cumsum(information.counts[rows])
+        wanted = max(1, int(ends[-1] // max(length, 1.0)))
+        # An even division, so that no short block is left at the end.
+        piece = (ends - information.counts[rows]) * wanted // ends[-1]
+        starts.append(rows[np.unique(piece, return_index=True)[1]])
     return information.merge(np.concatenate(starts))
 
 

@@ -24,9 +24,7 @@ from identifiability.estimation.differences import (
     LACKS,
     Compared,
     Differences,
-    DifferentTorque,
     Known,
-    list_changes,
     pooled_values,
 )
 from identifiability.estimation.groups import Excerpt
@@ -61,8 +59,11 @@ from identifiability.workflows.commands import given_paths, name_logs, source_na
 from identifiability.workflows.diagnose.changes import (
     NAMED,
     Change,
+    DifferentTorque,
+    different_torque,
     find_changes,
     frame_changes,
+    list_changes,
     table_changes,
 )
 from identifiability.workflows.session import Logs, Session, list_logs
@@ -354,7 +355,7 @@ def compare(
             hints=opening.hints,
             preparation=preparation or Preparation(),
             motion=opening.samples[0].motion,
-            torque=found.along(terms),
+            torque=different_torque(found, terms),
         )
 
 

@@ -6,19 +6,88 @@ And what it may be instead.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import groupby
 
 import numpy as np
 import pandas as pd
 
+from identifiability.effects import FAMILIES, find_families
 from identifiability.estimation.differences import Differences
-from identifiability.estimation.groups import place_of
-from identifiability.estimation.mixed_model import Terms
+from identifiability.estimation.groups import describe_term, place_of
+from identifiability.estimation.mixed_model import Term, Terms
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.answers import Table, frame_table
 from identifiability.foundation.errors import listing
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.values import frozen
+from identifiability.regression.columns import Candidate, number
+from identifiability.robot import Robot
+
+#: Families that may differ beside loads.
+DIFFERING = (
+    "coulomb_friction",
+    "viscous_friction",
+    "torque_offset",
+    "torque_scale",
+    "passive_joint_friction",
+)
+#: Parameters of a load that its weight tells.
+WEIGHT = INERTIAL_KINDS[:4]
+
+
+def list_changes(robot: Robot, bodies: Sequence[str]) -> tuple[Candidate, ...]:
+    """Return what may differ between rows of a robot: a load on some bodies, and families.
+
+    A load has those parameters that its weight tells, or all: nobody knows which.
+    """
+    rigid = FAMILIES["rigid_body"].effect
+    loads: tuple[tuple[str, ...], ...] = (WEIGHT, INERTIAL_KINDS)
+    found = [(FAMILIES["payload"], rigid, body, kinds) for body in bodies for kinds in loads]
+    for family in find_families(DIFFERING):
+        for place, own in groupby(family.effect.parameters(robot), lambda p: p.owner):
+            found.append((family, family.effect, place, tuple(p.kind for p in own)))
+    return tuple(
+        number(
+            [Candidate(f, place, np.nan, k, e, tuple(range(len(k)))) for f, e, place, k in found]
+        )
+    )
+
+
+@frozen
+class DifferentTorque:
+    """Torque of a log beside what a model has in all of them.
+
+    Attributes
+    ----------
+    t : (N,) [s]
+    whole : (N, n) [N·m or N]
+        All of the torque.
+    measured, explained : (N, n) [N·m or N]
+        What differs as measured, NaN where it is no data, and by what was found.
+    """
+
+    t: Array
+    whole: Array
+    measured: Array
+    explained: Array
+
+
+def different_torque(found: Differences, terms: Terms) -> DifferentTorque:
+    """Return what the torque of the first log has beside the model of all."""
+    seen, p, a = found.missing.seen, len(found.known.precision), found.always.shape[1]
+    value, explained = found.solve(terms)[0], np.zeros(seen.y.shape)
+    sizes = found.always @ value[p : p + a]
+    each = np.concatenate([np.empty(0, int), *map(found.at, terms)])
+    sizes[each] += value[found.model.fixed :]
+    for (j, k), x in found.missing.entries.items():
+        explained[:, j] += sizes[k] * x
+    left = np.where(seen.data, seen.y - seen.X @ value[:p], np.nan)
+    return DifferentTorque(*(x[seen.log == 0] for x in (seen.t, seen.raw, left, explained)))
+
+
+# `Change`: what differs, of which size, where and when.
+
 
 #: What a change is called that cannot be told apart, and parameters, at most.
 NAMED = 6
@@ -137,6 +206,15 @@ def table_changes(changes: Sequence[Change], caption: str) -> Table:
     return frame_table(own.rename(columns={"log_odds": "log odds", "logs": "in"}), caption)
 
 
+def _describe(found: Differences, term: Term, names: Sequence[str]) -> str:
+    """Return what a group is, in words."""
+    own = found.whose(term)
+    if not own.pattern:
+        return f"{describe_term(term)} that the model lacks"
+    where = own.odd(names)
+    return f"{own.title} of {place_of(term)}{f' in {where}' if where else ''}"
+
+
 def find_changes(found: Differences, terms: Terms, names: Sequence[str]) -> tuple[Change, ...]:
     """Return what terms say of logs, the surest first; kinds of friction at one place together.
 
@@ -184,7 +262,7 @@ def find_changes(found: Differences, terms: Terms, names: Sequence[str]) -> tupl
                 share=share,
                 share_sd=share_sd,
                 odds=max(terms[k].odds for k in which),
-                others=tuple(dict.fromkeys(found.describe(r, names) for r in rivals)),
+                others=tuple(dict.fromkeys(_describe(found, r, names) for r in rivals)),
             )
         )
     return tuple(sorted(out, key=lambda c: -c.odds))

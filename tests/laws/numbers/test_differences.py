@@ -10,13 +10,13 @@ from identifiability.estimation.differences import (
     Compared,
     Differences,
     Known,
-    list_changes,
     pooled_values,
 )
 from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.noise import JointRuns
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import number
+from identifiability.workflows.diagnose.changes import list_changes
 
 N, LOGS, NOISE = 300, 3, 0.05
 ASKED = np.array([0.0, 0.0, 1.0])
