@@ -8,7 +8,7 @@ All from `Information` alone.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import field
 
 import numpy as np
 from scipy.special import fdtrc, ndtr, ndtri, stdtrit
@@ -213,9 +213,6 @@ def count_freedom(information: Information, fit: Estimate) -> Array:
 #: Blocks that are independent are no shorter than so many autocorrelation times.
 LEAST_MEMORIES: Tolerance = 2.0
 
-#: Stretches over which the scores of one log scatter, at most: more say little and cost.
-MOST_STRETCHES = 24
-
 
 @frozen
 class Motions:
@@ -226,16 +223,11 @@ class Motions:
     which : (L,) int
         Number of each log: those that are too short to be fitted are left out.
     values, sd : (L, k)
-        Of each log by itself, and their robust standard deviations; infinite where it does not
-        determine a parameter.
+        Of each log by itself, with standard deviations; infinite where it does not determine a
+        parameter.
     p : (k,)
         Of no difference between logs, adjusted for their number; 1 where fewer than two determine
         a parameter.
-    ratio : (k,)
-        Variance of the values over their sampling variance: of the kind of parameter where logs
-        differ, of the parameter itself where that is more; 1 where they do not.
-    dof : (k,)
-        Degrees of freedom of the ratio.
     between : (k,)
         What the value of another log scatters by, with which a normal interval has the width of
         Student's t; zero where logs do not differ.
@@ -245,8 +237,6 @@ class Motions:
     values: Array
     sd: Array
     p: Array
-    ratio: Array
-    dof: Array
     between: Array
 
     @property
@@ -273,24 +263,16 @@ def compare_motions(information: Information, fit: Estimate, time: float) -> Mot
         return None
     for log in logs:
         part = information.take(information.log == log)
-        if part.rows <= len(fit.kept):  # it determines nothing, and rounding would say what
+        dof = float(np.sum(part.rows_each / fit.times)) - len(fit.kept)
+        if dof < RULES.stretches_fewest:  # it determines nothing, and rounding would say what
             continue
-        alone = replace(fit.estimator, noise=None).fit(part)
-        longest = part.samples / RULES.memories / MOST_STRETCHES
-        scores = scatter_scores(part, alone, max(time, longest))
-        if scores is None:
-            continue
-        # What a few stretches scatter by is uncertain itself: all parameters know more together.
-        known = alone.determined & (alone.sigma > 0)
-        memory = np.mean((scores.sd[known] / alone.sigma[known]) ** 2) if known.any() else 1.0
-        if part.rows >= len(fit.kept) * memory:
-            wide = np.maximum(scores.sd, alone.sigma * np.sqrt(memory))
-            found.append((int(log), alone.value, wide, scores.stretches - 1.0))
+        alone = fit.estimator.fit(part)
+        found.append((int(log), alone.value, alone.sigma * np.sqrt(time), dof))
     if len(found) < 2:
         return None
-    which, values, sd, dof = (np.array(x) for x in zip(*found, strict=True))
+    which, values, sd, each = (np.array(x) for x in zip(*found, strict=True))
     sd = np.where(fit.determined & (sd > 0), sd, np.inf)
-    own, p, free = _differ(values, sd, dof)
+    own, p, free = _differ(values, sd, each)
     p = np.minimum(len(p) * p, 1.0)
     # One ratio of variance, where logs surely differ, for each kind of parameter.
     kinds = np.array([name.rsplit(".", 1)[-1] for name in fit.columns])
@@ -303,7 +285,7 @@ def compare_motions(information: Information, fit: Estimate, time: float) -> Mot
     wide = stdtrit(few, ENDS[1]) / REACH
     sampling = np.isfinite(sd).sum(0) / np.maximum((sd**-2.0).sum(0), 1e-300)
     excess = np.where(free > 0, sampling, 0.0) * np.maximum(ratio - 1.0, 0.0)
-    return Motions(which, values, sd, p, ratio, few, wide * np.sqrt(excess))
+    return Motions(which, values, sd, p, wide * np.sqrt(excess))
 
 
 def _differ(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:

@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability import Robot
-from identifiability.estimation.differences import (
-    Compared,
-    Differences,
-    Known,
-    pooled_values,
-)
+from identifiability.estimation.differences import Compared, Differences, Known, pooled_values
 from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.noise import JointRuns
 from identifiability.foundation.values import frozen

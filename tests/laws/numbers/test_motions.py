@@ -89,9 +89,7 @@ def test_the_interval_holds_another_motions_values_where_motions_scatter():
 def test_a_kind_of_parameter_has_one_excess_and_others_have_none():
     m, _ = compare(shifted(3, 1, [0, 0, 0.5, 0]), 1, names=("j1.m", "j1.Fc", "j2.Fc", "j2.mx"))
     assert m.moved.tolist() == [False, False, True, False]
-    assert m.ratio[2] >= m.ratio[1] > 1.0
     assert (m.between > 0).tolist() == [False, True, True, False]
-    assert m.dof[1] == 4  # of both joints and three logs
 
 
 def test_two_logs_are_compared_by_a_t_test():
@@ -127,10 +125,10 @@ def test_one_log_short_logs_and_rounding_say_nothing():
     exact, _ = compare(np.tile(VALUES, (2, 1)), 0, noise=0.0)
     assert exact is None
     rng = np.random.default_rng(0)
-    W = motion(rng, 80)
-    log = np.repeat([0, 1], 40)
-    tau = W @ VALUES + 0.1 * rng.standard_normal((80, 2))
-    short = Information.of_rows(("a", "b", "c", "d"), W, tau, log, BLOCK)  # five blocks each
+    W = motion(rng, 80)[::8]
+    log = np.repeat([0, 1], 5)
+    tau = W @ VALUES + 0.1 * rng.standard_normal((10, 2))
+    short = Information.of_rows(("a", "b", "c", "d"), W, tau, log, 1)  # six are left of ten rows
     assert ask(short, 1.0)[0] is None
 
 
