@@ -19,7 +19,7 @@ import numpy as np
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing
 from identifiability.estimation.mixed_model import Group, MixedModel, Term, Terms
-from identifiability.estimation.noise import THIN, ARNoise, JointNoise, rich_noise
+from identifiability.estimation.noise import THIN
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
@@ -141,16 +141,6 @@ class Compared(Excerpt):
         return {(j, k): x * share[k] for (j, k), x in found.items()}
 
 
-def noise_beside(missing: Missing, differing: Sequence[int]) -> ARNoise:
-    """Return the noise of each joint beside the model and some columns of what may differ."""
-    out, seen = list[JointNoise](), missing.seen
-    for j, runs in enumerate(seen.runs.each):
-        own = [missing.entries[j, k] for k in differing if (j, k) in missing.entries]
-        X = seen.X[:, j, seen.X[:, j].any(0)]
-        out.append(rich_noise([X, np.reshape(own, (-1, len(X))).T], seen.y[:, j], runs))
-    return tuple(out)
-
-
 def weigh_logs(information: Information, data: np.ndarray) -> Information:
     """Return blocks of whitened rows by their scatter over that of all: a loud log counts less.
 
@@ -224,7 +214,7 @@ class Differences:
         missing = Missing(tuple(every), seen, families=named)
         differing = [k for c in every[len(drifts) :][: len(may)] for k in c.columns]
         edges = np.unique(seen.log, return_index=True)[1]
-        noise = noise_beside(missing, differing)
+        noise = tuple(missing.noise_of(j, differing) for j in range(seen.y.shape[1]))
         own = missing.products(edges=[*edges.tolist(), len(seen.y)], noise=noise)
         own = weigh_logs(own, np.add.reduceat(seen.data, edges, dtype=int))
         own = own.weigh(np.full(len(logs), 1.0 / shared))
@@ -262,15 +252,10 @@ class Differences:
         return np.array(out)
 
     @cached_property
-    def level(self) -> Array:
-        """The same by what is known beforehand, without its sign."""
-        return np.abs(self.levels(self.known.base))
-
-    @cached_property
     def scale(self) -> Array:
         """What makes columns as large as the friction that there is, or as the torque, (C,)."""
-        known = self.level > 0
-        return np.where(known, 1.0 / np.where(known, self.level, 1.0), self.missing.scale)
+        size = np.abs(self.levels(self.known.base))
+        return np.where(size > 0, 1.0 / np.where(size > 0, size, 1.0), self.missing.scale)
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
@@ -293,7 +278,8 @@ class Differences:
         own, drifts = self.information, sum(c.pattern == "drift" for c, *_ in self.columns)
         # A load may have a hundred times the torque that is still told.
         sizes = np.linalg.norm(self.scale[:, None] * self.always, axis=0) / (100 * UNTOLD)
-        drift = DRIFT * np.maximum(self.level[:drifts], ROUNDOFF)
+        levels = np.abs(self.levels(self.known.base)[:drifts])
+        drift = DRIFT * np.maximum(levels, ROUNDOFF)
         precision = np.concatenate([self.known.precision, sizes**2, drift**-2])
         fixed = len(precision)
         every = np.arange(fixed)

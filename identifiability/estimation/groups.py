@@ -210,7 +210,7 @@ class Missing:
     @cached_property
     def noise(self) -> ARNoise:
         """Noise beside all that may be missing and would hide in it."""
-        return self.given or tuple(map(self._noise_of, range(self.seen.y.shape[1])))
+        return self.given or tuple(map(self.noise_of, range(self.seen.y.shape[1])))
 
     def beside(self, named: Sequence[Term]) -> Missing:
         """Return the same with the noise beside what is named, or nearly so, too.
@@ -221,10 +221,11 @@ class Missing:
         columns = [k for t in named for k in (t.columns - self.fixed).tolist()]
         noise = list(self.noise)
         for j in {j for j, k in self.entries if k in columns}:
-            noise[j] = self._noise_of(j, columns)
+            noise[j] = self.noise_of(j, columns)
         return self.under(noise)
 
-    def _noise_of(self, joint: int, named: Sequence[int] = ()) -> JointNoise:
+    def noise_of(self, joint: int, named: Sequence[int] = ()) -> JointNoise:
+        """Return the noise of a joint beside functions and some columns of candidates."""
         X, random = self.seen.X[:, joint], list[Array]()
         model = [X[:, X.any(0)]]
         for session, columns in [(False, named), *self._beside_noise]:
