@@ -16,7 +16,6 @@ from typing import cast
 
 import numpy as np
 
-from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing
 from identifiability.estimation.mixed_model import Group, MixedModel, Term, Terms
 from identifiability.estimation.noise import THIN
@@ -308,7 +307,5 @@ def pooled_values(X: Array, y: Array, M: Array, fixed: Array) -> Array:
     size = np.std(y, axis=0)
     weight = 1.0 / np.where(size > 0, size, np.inf)
     Z = (X @ M * weight[:, None]).reshape(-1, M.shape[1])
-    length = np.linalg.norm(Z, axis=0)
-    Z = Z / np.where(length > 0, length, 1.0)
-    x = Normal.ridged(Z.T @ Z, Z.T @ ((y - X @ fixed) * weight).ravel()).value
-    return np.asarray(fixed + M @ (x / np.where(length > 0, length, 1.0)))
+    aim = Z.T @ ((y - X @ fixed) * weight).ravel()
+    return np.asarray(fixed + M @ np.linalg.lstsq(Z.T @ Z, aim, rcond=ROUNDOFF)[0])

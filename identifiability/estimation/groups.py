@@ -124,12 +124,9 @@ class Excerpt:
                 start = stop
         t = np.concatenate([c.t for c in chunks])
         log = np.concatenate([np.full(len(c.t), c.log) for c in chunks])
-        at = np.concatenate([c.start + np.arange(len(c.t)) for c in chunks])
-        apart = (np.diff(log) != 0) | (np.diff(at) != 1)
-        edges = [0, *(np.flatnonzero(apart) + 1).tolist(), len(at)]
-        gaps = [a + 1 + np.flatnonzero(signals.has_gap(t[a:b])) for a, b in pairwise(edges)]
-        starts = np.unique(np.concatenate([edges[:-1], *gaps])).astype(int).tolist()
-        runs = tuple(zip(starts, [*starts[1:], len(at)], strict=True))
+        each = [t[log == k] for k in np.unique(log)]
+        ends = np.concatenate([[], *(np.append(signals.has_gap(own), True) for own in each)])
+        runs = tuple(pairwise([0, *(np.flatnonzero(ends) + 1).tolist()]))
         kinds = ("W", "tau", "raw", "data")
         X, y, raw, data = (np.concatenate([getattr(c, k) for c in chunks]) for k in kinds)
         own = JointRuns.of(runs, data)
