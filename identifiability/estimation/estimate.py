@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -185,8 +185,14 @@ def weigh_outliers(
             break
         fit = estimator.fit(weighed)
     out = (weights < 1.0).any(0)
-    if not out.any() or not _predicts(information, (before, fit), weighed):
+    if not out.any():
         return information, None
+    with suppress(LogError):  # too short to be asked
+        held_out = HeldOut.of(information, before.noise)
+        train, pairs = held_out.folds.train.astype(float), ((information, before), (weighed, fit))
+        values = [f.estimator.refit(part, f, train) for part, f in pairs]
+        if held_out.score(values[1]).error > held_out.score(values[0]).error:
+            return information, None
     scatter = np.sqrt((fit.estimator.influence(weighed, fit) ** 2).sum(0))
     known = fit.determined & (scatter > 0)
     moved = np.abs(before.value - fit.value) / np.where(known, scatter, np.inf)
@@ -200,26 +206,6 @@ def weigh_outliers(
         weight=weights.min(0)[out],
         moved=moved,
     )
-
-
-def _predicts(information: Information, fits: Sequence[Estimate], weighed: Information) -> bool:
-    """Return whether fits to folds of weighed blocks err no more than those to the blocks.
-
-    Parameters
-    ----------
-    information : Information
-    fits : sequence of Estimate
-        To the information, and to it with weights.
-    weighed : Information
-    """
-    try:
-        held_out = HeldOut.of(information, fits[0].noise)
-    except LogError:  # too short to be asked
-        return True
-    train, both = held_out.folds.train.astype(float), (information, weighed)
-    values = [f.estimator.refit(part, f, train) for part, f in zip(both, fits, strict=True)]
-    before, after = map(held_out.score, values)
-    return not after.error > before.error
 
 
 def _measure(information: Information, fit: Estimate) -> tuple[Array, Array]:

@@ -34,30 +34,13 @@ from identifiability.regression.structure import Structure
 # of samples.
 
 
-@frozen
-class Bootstrap:
-    """Parameter values of refits.
+def spread_of(values: Array) -> Array:
+    """Return the standard deviation of refits (replicates, k): half of the central 68 %, (k,).
 
-    Attributes
-    ----------
-    values : (replicates, k)
-        Columns that the estimate dropped are zero.
-    blocks : int
-        Number of blocks that were drawn from.
+    Where blocks are few, some replicates hold too few different ones to be solved well.
     """
-
-    values: Array
-    blocks: int
-
-    @property
-    def sd(self) -> Array:
-        """Standard deviation of each parameter, (k,): half the width of the central 68 %.
-
-        Where blocks are few, some replicates hold too few different ones to be solved well.
-        """
-        low, high = np.quantile(self.values, ndtr([-1.0, 1.0]), axis=0)
-        spread: Array = 0.5 * (high - low)
-        return spread
+    low, high = np.quantile(values, ndtr([-1.0, 1.0]), axis=0)
+    return np.asarray(0.5 * (high - low))
 
 
 def merge_blocks(information: Information, length: float) -> Information:
@@ -100,8 +83,8 @@ def bootstrap(
     estimate: Estimate,
     rng: np.random.Generator,
     replicates: int,
-) -> Bootstrap:
-    """Refit on resampled blocks.
+) -> Array:
+    """Return values of refits on resampled blocks, (replicates, k); zero where none was fitted.
 
     Parameters
     ----------
@@ -115,7 +98,7 @@ def bootstrap(
     blocks = len(information.counts)
     counts = rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), size=replicates)
     values = estimate.estimator.refit(information, estimate, counts.astype(float))
-    return Bootstrap(values[np.isfinite(values).all(1)], blocks)
+    return values[np.isfinite(values).all(1)]
 
 
 # Standard deviations from the scatter of scores over stretches of time, column by column.
@@ -505,8 +488,9 @@ class Fit:
         The largest over joints of the column's rms in units of the joint's own residual.
     scores : ScoreScatter or None
         Scatter of each column's scores over stretches of time; None if there are too few.
-    bootstrap : Bootstrap or None
-        Refits on resampled blocks, beside it; None where none were asked for or blocks are few.
+    bootstrap : (k,) or None
+        Standard deviations over refits on resampled blocks, beside it; None where none were asked
+        for or blocks are few.
     note : str
         Why blocks are too few, if they are.
     motions : Motions or None
@@ -526,7 +510,7 @@ class Fit:
     column_rms: Array
     column_noise: Array
     scores: ScoreScatter | None
-    bootstrap: Bootstrap | None = None
+    bootstrap: Array | None = None
     note: str = ""
     motions: Motions | None = None
     shared: Mapping[str, Array] = field(default_factory=dict)
@@ -555,7 +539,7 @@ class Fit:
             told = {"memory": fit.memory, "samples": information.samples, "blocks": blocks}
             note = phrase("verdict", "blocks", least=RULES.blocks_fewest, **told)
         elif replicates and fit.kept:
-            drawn = bootstrap(stretches, fit, rng, replicates)
+            drawn = spread_of(bootstrap(stretches, fit, rng, replicates))
         return Fit(
             estimate=fit,
             column_rms=column_rms(information),

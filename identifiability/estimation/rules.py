@@ -30,11 +30,6 @@ class Thresholds(RuleTable):
         Positive, "fewest independent outputs to judge by, by hand"
     ] = 3.0
 
-    @property
-    def sigma_share(self) -> float:
-        """`sigma_percent` as a share of the value."""
-        return self.sigma_percent / 100
-
 
 @frozen
 class Rules(RuleTable):

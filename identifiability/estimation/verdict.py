@@ -229,7 +229,7 @@ def judge(
     certain = 2 * ndtr(-z) < rules.sign_level
     paper = e.paper_rule
     terms, robust, share = fit.terms, fit.robust, fit.column_rms / max(torque, 1e-300)
-    drawn = np.full(len(value), np.nan) if fit.bootstrap is None else fit.bootstrap.sd
+    drawn = np.full(len(value), np.nan) if fit.bootstrap is None else fit.bootstrap
     out = []
     for k, name in enumerate(e.columns):
         reach = abs(value[k]) + REACH * sigma[k] if np.isfinite(sigma[k]) else 0.0

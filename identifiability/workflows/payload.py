@@ -294,7 +294,7 @@ def find_gains(found: Differences, theta: Array) -> tuple[Quantity, ...]:
         ends = [-np.inf, np.inf]
         if abs(inverse) > REACH * sd:
             ends = sorted(1.0 / (inverse + side * REACH * sd) for side in (-1, 1))
-        told = sd <= Thresholds().sigma_share * abs(inverse)
+        told = sd <= Thresholds().sigma_percent * abs(inverse) / 100
         why = "" if told else "not identifiable from this load"
         out.append(Quantity(joint, robot.torque_units[j], 1.0 / inverse, ends[0], ends[1], why))
     return tuple(out)

@@ -97,7 +97,7 @@ def test_without_a_bootstrap_verdicts_are_those_of_scores():
     _, drawn = assess(150)
     assert [v.reason for v in verdicts] == [v.reason for v in judged(fit, drawn)]
     assert np.isnan([v.sigma_bootstrap for v in verdicts]).all()
-    np.testing.assert_allclose([v.sigma_bootstrap for v in judged(fit, drawn)], drawn.bootstrap.sd)
+    np.testing.assert_allclose([v.sigma_bootstrap for v in judged(fit, drawn)], drawn.bootstrap)
 
 
 def test_a_log_of_few_memories_is_not_judged_with_a_bootstrap_or_without():

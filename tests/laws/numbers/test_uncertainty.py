@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import norm
 
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.fit import TERMS, Bootstrap, Fit, ScoreScatter
+from identifiability.estimation.fit import TERMS, Fit, ScoreScatter, merge_stretches, spread_of
 from identifiability.estimation.noise import autocorrelation, autocorrelation_time
 from identifiability.estimation.rules import Thresholds
 
@@ -21,7 +21,7 @@ def replicates(sd, count=5):
 
 
 def roads(white, resampled, scores, freedom=1e6):
-    drawn = None if resampled is None else Bootstrap(replicates(resampled), 20)
+    drawn = None if resampled is None else spread_of(replicates(resampled))
     white = np.array(white, float)
     estimate = fit_of(np.zeros(len(white)), white, np.isfinite(white))
     if scores is not None:
@@ -59,8 +59,8 @@ def test_blocks_are_as_long_as_five_memories_or_leave_twelve_of_them(rows, memor
     information = gather(W, tau)
     fit = replace(estimate(information), times=np.full(2, memory))
     found = Fit.of(information, fit, np.random.default_rng(0), 50)
-    assert found.bootstrap.blocks == round(2000 // block)
-    assert len(found.bootstrap.values) == 50
+    assert len(merge_stretches(information, memory).counts) == round(2000 // block)
+    assert len(found.bootstrap) == 2
     assert found.scores is not None
     np.testing.assert_array_equal(found.robust, found.scores.widened)  # resampling is a check
 
@@ -71,7 +71,8 @@ def test_blocks_of_two_memories_do_where_longer_ones_are_too_few(rows, memory, b
     information = gather(W[:400], tau[:400], size=1)
     fit = replace(estimate(information), times=np.full(2, memory))
     found = Fit.of(information, fit, np.random.default_rng(0), 10)
-    assert found.bootstrap.blocks == pytest.approx(400 / block, abs=1)
+    blocks = len(merge_stretches(information, memory).counts)
+    assert blocks == pytest.approx(400 / block, abs=1)
     assert found.why_unjudged(Thresholds()) == ("", "")
 
 
