@@ -183,7 +183,7 @@ class _Rows:
         same = np.arange(n), np.ones(n), np.zeros(n), np.zeros(n, bool)
         self.plain = Alternative("", "", *same, g)
         self.products, self.torque = cache(self._products), cache(self._torque)
-        self.crosses = cache(self._crosses)
+        self.crosses, self.grams = cache(self._crosses), cache(self._grams)
         #: Of the log [s].
         self.step = float(np.median(np.diff(self.seen.pieces[0].motion.t)))
 
@@ -315,10 +315,14 @@ class _Rows:
             out.append((U, 1.0 - 1.0 / np.hypot(1.0, size / weak)))
         return out
 
-    def _products(self, j: int, beside: bool) -> tuple[Array, Array]:
-        """Return the parts of a joint (N, b k), and their products."""
-        own = self._seen_at(j, self.parts[:, j].reshape(len(self.data), -1), beside)
-        return own, own.T @ own
+    def _products(self, j: int, beside: bool) -> Array:
+        """Return the parts of a joint (N, b k)."""
+        return self._seen_at(j, self.parts[:, j].reshape(len(self.data), -1), beside)
+
+    def _grams(self, beside: bool) -> Array:
+        """Return the products of the parts of each joint, (n, b k, b k)."""
+        each = [self.products(j, beside) for j in range(len(self.robot.joints))]
+        return np.array([own.T @ own for own in each])
 
     def _torque(self, j: int, by: float, beside: bool) -> Array:
         """Return all torque (N, n) as data of a joint, some time later, before any low-pass."""
@@ -339,7 +343,7 @@ class _Rows:
 
     def _crosses(self, j: int, by: float, beside: bool) -> Array:
         """Return the products of the parts of a joint with all torque, (b k, n)."""
-        return np.asarray(self.products(j, beside)[0].T @ self.torque(j, by, beside))
+        return np.asarray(self.products(j, beside).T @ self.torque(j, by, beside))
 
     def _torque_of(self, a: Alternative, j: int, beside: bool) -> Array:
         return self.torque(j, float(a.late[j]), beside)[:, a.order[j]]
@@ -350,12 +354,12 @@ class _Rows:
         Friction and rotor inertia are not negative; joints are weighed by what is left of them.
         """
         w, (b, k), n = self._weights(a), self.parts.shape[2:], len(a.lacks)
-        A, h, square = np.empty((n, b, b)), np.empty((n, b)), np.empty(n)
+        half = self.grams(beside).reshape(n, -1, k) @ w[:, :, None]
+        A = np.einsum("jpaq,ja->jpq", half.reshape(n, b, k, b), w)
+        h, square = np.empty((n, b)), np.empty(n)
         for j, own in enumerate(w):
-            gram, y = self.products(j, beside)[1], self._torque_of(a, j, beside)
-            cross = self.crosses(j, float(a.late[j]), beside)[:, a.order[j]]
-            A[j] = np.einsum("a,paqb,b->pq", own, gram.reshape(b, k, b, k), own, optimize=True)
-            h[j], square[j] = cross.reshape(b, k) @ own, y @ y
+            y, cross = self._torque_of(a, j, beside), self.crosses(j, float(a.late[j]), beside)
+            h[j], square[j] = cross[:, a.order[j]].reshape(b, k) @ own, y @ y
         scale = self.variation[a.order] * np.maximum(self.data.sum(0), 1)
         weight = 1.0 / scale
         for _ in range(3):
@@ -374,7 +378,7 @@ class _Rows:
         w, (b, k), (x, _) = self._weights(a), self.parts.shape[2:], self._solve(a, beside=True)
         left = [
             self._torque_of(a, j, beside=True)
-            - self.products(j, beside=True)[0].reshape(-1, b, k) @ own @ x
+            - self.products(j, beside=True).reshape(-1, b, k) @ own @ x
             for j, own in enumerate(w)
         ]
         new = self.data.sum(0) / autocorrelation_time(np.column_stack(left))
