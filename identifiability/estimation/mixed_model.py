@@ -19,7 +19,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import log_ndtr, logsumexp, softmax
+from scipy.special import log_ndtr, softmax
 
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.noise import THIN, ARNoise, JointRuns, whiten
@@ -286,7 +286,7 @@ class MixedModel:
                 likeliest = int(np.argmax(np.where(narrow, each, -np.inf).max(1)))
                 each = each + np.where(narrow, signs[at], signs[at][likeliest])
             member, size = np.unravel_index(int(np.argmax(each)), each.shape)
-            odds = float(logsumexp(each) - np.log(each.size)) - g.price
+            odds = float(np.logaddexp.reduce(each.ravel()) - np.log(each.size)) - g.price
             out.append(Term(g, int(member), float(self.sizes[size] ** 2), odds))
         # What is as likely stands as it came, whatever rounding says.
         return sorted(out, key=lambda t: -round(t.odds, 6))

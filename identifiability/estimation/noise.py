@@ -302,16 +302,15 @@ class RestrictedLikelihood:
                 break
         return best
 
-    def settle(self, values: Array) -> tuple[float, JointNoise]:
+    def settle(self, values: Array, best: Array) -> tuple[float, JointNoise]:
         """Return deviance with prices, and noise, where functions and noise took turns.
 
         Parameters
         ----------
-        values : (f,)
-            Precision of each function at first.
+        values, best : (f,) and (p,)
+            Precision of each function at first, and transformed partial autocorrelations.
         """
         price, none = 2.0 * RULES.smooth_price, PRECISIONS[-1]
-        best = self.maximise(values)
         for _ in range(ROUNDS):
             before, values = values, values.copy()
             G = self.whitened(whitening_filter(np.tanh(best)), self.lagged)
@@ -429,5 +428,7 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
     if every.rounding:  # it says nothing, unless something that is missing is exact
         exact = JointNoise(np.empty(0), NEARLY * every.scale / np.sqrt(rows))
         return exact if every.fixed > NEARLY**2 else silent
-    found = [every.settle(np.full(len(parts), start)) for start in (PRECISIONS[-1], 1.0)]
+    # All is noise at first, or what is missing.
+    none = np.full(len(parts), PRECISIONS[-1])
+    found = every.settle(none, every.maximise(none)), every.settle(np.ones(len(parts)), none[:0])
     return min(found, key=lambda x: x[0])[1]
