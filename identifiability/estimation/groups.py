@@ -580,7 +580,9 @@ def find_alternatives(
     if any(t.group.family == "function_of_load" for t in terms):
         model, terms = every, every.search()
     if terms and record is not None:
-        second = Missing.of(replace(plain, samples=record), families, structure.present)
+        found = {t.group.family for t in terms}
+        some = [f for f in families if f.name in found]
+        second = Missing.of(replace(plain, samples=record), some, structure.present)
         places = {t.group.place for t in second.under(missing.noise).model().search()}
         terms = model.settle(tuple(t for t in terms if t.group.place in places))
     if terms and unseen is not None:

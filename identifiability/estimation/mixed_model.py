@@ -19,7 +19,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import log_ndtr, logsumexp, softmax
+from scipy.special import log_ndtr, softmax
 
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.noise import THIN, ARNoise, JointRuns, whiten
@@ -211,15 +211,15 @@ class MixedModel:
         return target
 
     def _between(self, some: np.ndarray, others: np.ndarray) -> Array:
-        scaled: Array = self.products.between(some, others) / np.outer(
-            self.scale[some], self.scale[others]
-        )
+        scaled: Array = self.products.gram[some, others] / (self.scale[some] * self.scale[others])
         return scaled
 
     def solve(self, terms: Terms = ()) -> Solution:
         """Return values, their covariance and the restricted likelihood with some terms."""
         columns = self._columns(terms)
-        return self._solve(terms, columns, self._between(columns, columns), self.target[columns])
+        return self._solve(
+            terms, columns, self._between(columns[:, None], columns), self.target[columns]
+        )
 
     def _columns(self, terms: Terms) -> np.ndarray:
         """Return the columns of the fixed model and some terms."""
@@ -267,7 +267,7 @@ class MixedModel:
         s = self.solve(terms)
         sets = [at for g in asked for at in g.members]
         every = np.unique(np.concatenate([np.empty(0, int), *sets]))
-        along, products = s.root @ self._between(s.columns, every), self._between(every, every)
+        along = s.root @ self._between(s.columns[:, None], every)
         left = self.target[every] - along.T @ s.half
         widths = np.array([len(at) for at in sets])
         rises, signs = np.zeros((2, len(sets), len(self.sizes)))
@@ -275,7 +275,7 @@ class MixedModel:
             own = np.flatnonzero(widths == width)
             some = np.array([sets[k] for k in own])
             where = np.searchsorted(every, some)
-            S = products[where[:, :, None], where[:, None, :]]
+            S = self._between(some[:, :, None], some[:, None, :])
             rises[own], signs[own] = self.rise(S, along[:, where], left[where])
         out, stop = [], 0
         for g in asked:
@@ -286,7 +286,7 @@ class MixedModel:
                 likeliest = int(np.argmax(np.where(narrow, each, -np.inf).max(1)))
                 each = each + np.where(narrow, signs[at], signs[at][likeliest])
             member, size = np.unravel_index(int(np.argmax(each)), each.shape)
-            odds = float(logsumexp(each) - np.log(each.size)) - g.price
+            odds = float(np.logaddexp.reduce(each.ravel()) - np.log(each.size)) - g.price
             out.append(Term(g, int(member), float(self.sizes[size] ** 2), odds))
         # What is as likely stands as it came, whatever rounding says.
         return sorted(out, key=lambda t: -round(t.odds, 6))
@@ -348,7 +348,7 @@ class MixedModel:
         """
         columns = self._columns(terms)
         scale = self.scale[columns]
-        fitted, target = self._between(columns, columns), self.target[columns]
+        fitted, target = self._between(columns[:, None], columns), self.target[columns]
         both = fitted + unseen.between(columns, columns) / np.outer(scale, scale)
         aim = target + unseen.between(columns, np.array([unseen.size]))[:, 0] / scale
         before = self._solve(terms, columns, fitted, target).log_likelihood

@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -25,8 +26,9 @@ FLOOR: Tolerance = 1e-2
 #: What is left of a direction of unit columns beside the model; below it there is none.
 THIN: Tolerance = 1e-6
 #: Precisions of what may be missing that are tried beside the noise, in that of its innovations,
-#: and rounds in which those of all functions and the noise take turns.
-PRECISIONS = np.geomspace(1e-6, 1e6, 13)
+#: the last of what is not there, and rounds in which those of all functions and the noise take
+#: turns.
+PRECISIONS = np.append(np.geomspace(1e-6, 1e5, 12), np.inf)
 ROUNDS = 4
 #: Most columns of what may be missing beside which the noise is measured.
 DIRECTIONS = 120
@@ -181,24 +183,29 @@ class LaggedProducts:
                 out[i, i + lag] = out[i + lag, i] = 0.5 * (own + own.T)
         return LaggedProducts(out, int((stop - first).sum()), len(runs))
 
-    def weigh(self, pacf: Array) -> tuple[Array, float, float]:
-        """Return what products (p + 1, p + 1) count for in those of what noise leaves of the rows.
+    def among(self, columns: np.ndarray) -> LaggedProducts:
+        """Return those of some columns."""
+        own = self.products[:, :, columns][..., columns]
+        return replace(self, products=np.ascontiguousarray(own))
 
-        Beside it the log determinant of the covariance of all series, of unit innovations, and the
-        sum of squares to be expected of white noise of unit variance in their stead.
-        """
-        a = np.zeros(HIGHEST_ORDER + 1)
-        a[0], a[1 : len(pacf) + 1] = 1.0, -levinson(pacf)[0][-1]
-        order = np.arange(len(pacf)) + 1
-        logdet = -self.runs * float(order @ np.log1p(-(pacf**2)))
-        white = float(a**2 @ (self.rows - 2 * self.runs * np.arange(len(a))))
-        return np.outer(a, a), logdet, white
+    @property
+    def white(self) -> Array:
+        """Squares to be expected of white noise of unit variance after each lag, (p + 1,)."""
+        return self.rows - 2.0 * self.runs * np.arange(HIGHEST_ORDER + 1)
+
+
+def whitening_filter(pacf: Array) -> Array:
+    """Return the filter (p + 1,) of the highest order that whitens, linear in each of pacf."""
+    a = np.zeros(HIGHEST_ORDER + 1)
+    a[0], a[1 : len(pacf) + 1] = 1.0, -levinson(pacf)[0][-1]
+    return a
 
 
 class RestrictedLikelihood:
     """Restricted likelihood of autoregressive noise.
 
-    What is random has a precision, in that of the innovations; what is fixed has none.
+    What is random has a precision, in that of the innovations, infinite of what is not there; what
+    is fixed has none.
 
     Parameters
     ----------
@@ -207,7 +214,7 @@ class RestrictedLikelihood:
         Orthonormal, of what is fixed.
     runs : Runs
     random : sequence of (N, …), optional
-        What may be random.
+        Functions that may be there.
     floor : float, optional
     """
 
@@ -225,50 +232,66 @@ class RestrictedLikelihood:
         Z = np.concatenate([basis, *random], axis=1)
         # By a pivoted factor: singular values do not always converge.
         rest = beside - Z @ scipy.linalg.lstsq(Z, beside, lapack_driver="gelsy")[0]
+        widths = [basis.shape[1], *(x.shape[1] for x in random)]
+        self.owner = np.repeat(np.arange(-1, len(random)), widths)
         self.lagged = LaggedProducts.of(np.column_stack([Z, beside]), runs)
         self.rows, self.fixed = self.lagged.rows, float(beside @ beside)
+        self.dof = max(self.rows - basis.shape[1], 1)
         self.floor = floor * float(rest @ rest) / self.rows
         self.rounding = float(rest @ rest) <= RANK_TOLERANCE**2
 
-    def whitened(self, theta: Array) -> tuple[Array, float]:
-        """Return products of columns and y that noise leaves white, and its log determinant."""
-        weights, logdet, white = self.lagged.weigh(np.tanh(theta))
-        G: Array = np.tensordot(weights, self.lagged.products)
-        G[-1, -1] += self.floor * white
+    def whitened(self, a: Array, lagged: LaggedProducts) -> Array:
+        """Return products of columns and y that a filter leaves white."""
+        G: Array = np.tensordot(np.outer(a, a), lagged.products)
+        G[-1, -1] += self.floor * float(a**2 @ lagged.white)
         # Slow noise leaves of slow columns what rounding leaves of their products.
-        G.ravel()[:: len(G) + 1][:-1] += TINY * np.diag(self.lagged.products[0, 0])[:-1]
-        return G, logdet
+        G.ravel()[:: len(G) + 1][:-1] += TINY * np.diag(lagged.products[0, 0])[:-1]
+        return G
 
-    def profile(self, whitened: tuple[Array, float], prior: Array) -> tuple[float, float]:
-        """Return minus twice the log-likelihood, sigma profiled out, and that sigma.
+    def profile(self, values: Array) -> Callable[[Array], tuple[float, Array, float]]:
+        """Return what takes transformed partial autocorrelations (p,), sigma profiled out.
+
+        It gives minus twice the log-likelihood, its slope (p,) and sigma.
 
         Parameters
         ----------
-        whitened : (m + 1, m + 1) and float
-        prior : (m,)
-            Precision of each column; zero for what is fixed.
+        values : (f,)
+            Precision of each function.
         """
-        G, logdet = whitened
-        diagonal = np.diag(np.linalg.cholesky(G + np.diag(np.append(prior, 0.0))))
-        dof = max(self.rows - int(np.sum(prior == 0)), 1)
-        sigma = max(float(diagonal[-1]) / float(np.sqrt(dof)), TINY)
-        size = 2 * np.log(diagonal[:-1]).sum() - np.log(prior[prior > 0]).sum()
-        return float(2 * dof * np.log(sigma) + logdet + size), sigma * self.scale
+        prior = np.append(values, 0.0)[self.owner]
+        there = np.isfinite(prior)
+        lagged, prior = self.lagged.among(np.append(there, True)), np.append(prior[there], 0.0)
+        none = -float(np.log(prior[prior > 0]).sum())
 
-    def maximise(self, prior: Array) -> Array:
+        def of(theta: Array) -> tuple[float, Array, float]:
+            pacf = np.tanh(theta)
+            a = whitening_filter(pacf)
+            G = self.whitened(a, lagged) + np.diag(prior)
+            size = 2.0 * float(np.log(np.diag(np.linalg.cholesky(G))).sum())
+            inverse, order = np.linalg.inv(G), 2.0 * lagged.runs * np.arange(1, len(pacf) + 1)
+            square = max(1.0 / float(inverse[-1, -1]), TINY**2)
+            sized = inverse + (self.dof - 1) * square * np.outer(inverse[-1], inverse[-1])
+            turn = [0.5 * (whitening_filter(pacf + 2 * e) - a) for e in np.eye(len(pacf))]
+            by = np.tensordot(lagged.products, sized) @ a
+            by += self.floor * sized[-1, -1] * lagged.white * a
+            value = self.dof * np.log(square / self.dof) - np.log(square) + size + none
+            value -= 0.5 * float(order @ np.log1p(-(pacf**2)))
+            slope = order * pacf + 2.0 * (1 - pacf**2) * np.array([x @ by for x in turn])
+            return value, slope, float(np.sqrt(square / self.dof)) * self.scale
+
+        return of
+
+    def maximise(self, values: Array) -> Array:
         """Return the transformed partial autocorrelations (p,) of the order with the least BIC."""
-
-        def deviance(theta: Array) -> float:
-            return self.profile(self.whitened(theta), prior)[0]
-
+        profile = self.profile(values)
         best = theta = np.empty(0)
-        least, how = deviance(best), {"ftol": 1e-3 / self.rows, "gtol": 0.0, "eps": 1e-4}
+        least, how = profile(best)[0], {"ftol": 1e-3 / self.rows, "gtol": 0.0}
         for order in range(1, HIGHEST_ORDER + 1):
             start = np.append(theta, 0.3 if order == 1 else 0.0)
             limits = [(-BOUND, BOUND)] * order
             try:
                 found = scipy.optimize.minimize(
-                    deviance, start, method="L-BFGS-B", bounds=limits, options=how
+                    lambda x: profile(x)[:2], start, jac=True, bounds=limits, options=how
                 )
             except np.linalg.LinAlgError:  # noise that slow leaves nothing of the columns
                 break
@@ -278,6 +301,39 @@ class RestrictedLikelihood:
             elif order - len(best) == 2:  # of no use, nor was the one before
                 break
         return best
+
+    def settle(self, values: Array, best: Array) -> tuple[float, JointNoise]:
+        """Return deviance with prices, and noise, where functions and noise took turns.
+
+        Parameters
+        ----------
+        values, best : (f,) and (p,)
+            Precision of each function at first, and transformed partial autocorrelations.
+        """
+        price, none = 2.0 * RULES.smooth_price, PRECISIONS[-1]
+        for _ in range(ROUNDS):
+            before, values = values, values.copy()
+            G = self.whitened(whitening_filter(np.tanh(best)), self.lagged)
+            for k in range(len(values)):
+                own = np.append(self.owner == k, True)
+                prior = np.append(np.append(values, 0.0)[self.owner], none)
+                beside = np.isfinite(prior) & ~own
+                # What all others leave of it and of y, then by its principal directions.
+                A = G[np.ix_(beside, beside)] + np.diag(prior[beside])
+                B = G[np.ix_(beside, own)]
+                S = G[np.ix_(own, own)] - B.T @ np.linalg.solve(A, B)
+                squares, turn = np.linalg.eigh(S[:-1, :-1])
+                share = (turn.T @ S[:-1, -1]) ** 2
+                squares, tried = np.maximum(squares, 0.0), PRECISIONS[:, None]
+                left = np.maximum(S[-1, -1] - (share / (squares + tried)).sum(1), TINY**2)
+                each = self.dof * np.log(left) + np.log1p(squares / tried).sum(1)
+                values[k] = PRECISIONS[np.argmin(each)] if each[-1] - min(each) > price else none
+            if np.array_equal(values, before):
+                break
+            best = self.maximise(values)
+        deviance, _, sigma = self.profile(values)(best)
+        paid = price * np.sum(values < none) + len(best) * np.log(self.rows)
+        return deviance + float(paid), JointNoise(np.tanh(best), sigma)
 
 
 # `ARNoise`: autoregressive noise of each joint, fitted beside whatever the dictionary explains.
@@ -372,41 +428,7 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
     if every.rounding:  # it says nothing, unless something that is missing is exact
         exact = JointNoise(np.empty(0), NEARLY * every.scale / np.sqrt(rows))
         return exact if every.fixed > NEARLY**2 else silent
-    owner = np.repeat(np.arange(-1, len(parts)), [basis.shape[1], *(p.shape[1] for p in parts)])
-    found = [_settle(every, owner, np.full(len(parts), start)) for start in (PRECISIONS[-1], 1.0)]
+    # All is noise at first, or what is missing.
+    none = np.full(len(parts), PRECISIONS[-1])
+    found = every.settle(none, every.maximise(none)), every.settle(np.ones(len(parts)), none[:0])
     return min(found, key=lambda x: x[0])[1]
-
-
-def _settle(
-    problem: RestrictedLikelihood, owner: np.ndarray, values: Array
-) -> tuple[float, JointNoise]:
-    """Return deviance with prices, and noise, where functions and noise took turns.
-
-    Parameters
-    ----------
-    problem : RestrictedLikelihood
-    owner : (k,) int
-        Which function each column is of; −1 for the model's.
-    values : (f,)
-        Precision of each function at first.
-    """
-
-    def prior() -> Array:  # of what is fixed it is the last
-        own: Array = np.append(values, 0.0)[owner]
-        return own
-
-    price, none = 2.0 * RULES.smooth_price, PRECISIONS[-1]
-    best = problem.maximise(prior())
-    for _ in range(ROUNDS):
-        before, whitened = values.copy(), problem.whitened(best)
-        for k in range(len(values)):
-            each = []
-            for values[k] in PRECISIONS:
-                each.append(problem.profile(whitened, prior())[0])
-            values[k] = PRECISIONS[np.argmin(each)] if each[-1] - min(each) > price else none
-        if np.array_equal(values, before):
-            break
-        best = problem.maximise(prior())
-    deviance, sigma = problem.profile(problem.whitened(best), prior())
-    paid = price * np.sum(values < none) + len(best) * np.log(problem.rows)
-    return deviance + float(paid), JointNoise(np.tanh(best), sigma)

@@ -164,9 +164,7 @@ class Table:
         return f"{fill(self.caption, width)}\n{frame.to_string(index=False, line_width=width)}"
 
 
-def frame_table(
-    frame: pd.DataFrame, caption: str = "", *, digits: int = 4, filter_by: str | None = None
-) -> Table:
+def frame_table(frame: pd.DataFrame, caption: str = "", *, filter_by: str | None = None) -> Table:
     """Return a DataFrame as a table, its index (if it has a name) as the first column.
 
     Parameters
@@ -174,8 +172,6 @@ def frame_table(
     frame : DataFrame
         Cells may be numbers, text, bool or `Cell`.
     caption : str
-    digits : int
-        Significant digits of numbers.
     filter_by : str, optional
         Column of `check_cell` to filter by.
     """
@@ -185,7 +181,7 @@ def frame_table(
         Column(str(name), _kind(list(frame.iloc[:, k]), first=k == 0))
         for k, name in enumerate(frame.columns)
     ]
-    rows = [[as_cell(x, digits) for x in row] for row in frame.itertuples(index=False, name=None)]
+    rows = [[as_cell(x) for x in row] for row in frame.itertuples(index=False, name=None)]
     at = [c.title for c in columns].index(filter_by) if filter_by is not None else None
     return Table.of(caption, columns, rows, filter_by=at)
 

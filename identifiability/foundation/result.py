@@ -25,6 +25,11 @@ def shown(statement: str, frame: pd.DataFrame | None = None, more: str = "") -> 
     return html
 
 
+def by_name(frame: pd.DataFrame, column: int = 0) -> pd.DataFrame:
+    """Return a table whose rows are found by what stands in a column, which stays."""
+    return frame.set_index(frame.iloc[:, column].rename(None), drop=False)
+
+
 class Result(ABC):
     """An answer; `schema` names its kind in JSON and finds its page."""
 

@@ -351,9 +351,8 @@ class Information:
         ----------
         change : (k + 1, q)
         """
-        for part in self.parts:
-            own, columns = self._own(part)
-            yield part, own @ change[[*columns, self.size]]
+        for part, own, columns in self._seen:
+            yield part, own @ change[columns]
 
     @cached_property
     def gram(self) -> Array:
@@ -425,11 +424,15 @@ class Information:
             np.vstack([*rows, known, np.zeros((self.size + 1, self.size + 1))])
         )
 
-    def _own(self, part: ActuatorBlocks) -> tuple[Array, np.ndarray]:
-        """Return an actuator's basis of the columns W that it can see, and which these are."""
-        instruments = self._width - self.size
-        seen = part.columns >= instruments
-        return part.coordinates[:, np.append(seen, True)], part.columns[seen] - instruments
+    @cached_property
+    def _seen(self) -> list[tuple[ActuatorBlocks, Array, np.ndarray]]:
+        """Each actuator's blocks, basis of the columns W that it can see and τ, and which these."""
+        instruments, found = self._width - self.size, []
+        for part in self.parts:
+            seen = np.append(part.columns >= instruments, True)
+            columns = np.append(part.columns - instruments, self.size)[seen]
+            found.append((part, part.coordinates[:, seen], columns))
+        return found
 
     def reduce(self, M: Array, columns: Sequence[str], held: Array | None = None) -> Information:
         """Return the information of the columns ``W M``, with torque ``τ - W held``.

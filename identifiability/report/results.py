@@ -5,24 +5,27 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_type_hints
+from typing import TYPE_CHECKING, Any, ClassVar, get_type_hints
 
 import numpy as np
 import pandas as pd
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
+from pydantic import RootModel
 
-from identifiability.foundation.answers import Column, Table, frame_table
-from identifiability.foundation.errors import ModelError
+from identifiability.foundation.answers import Answer, Column, Table, frame_table
+from identifiability.foundation.documents import read_document
+from identifiability.foundation.errors import IdentifiabilityError, ModelError
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import check_ending, write_text
-from identifiability.foundation.result import Result
+from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import format_count, superscript
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
@@ -322,7 +325,7 @@ def notebook_piece(
         Of which what is detail is left out.
     """
     rest = 0 if frame is None else max(len(frame) - SHOWN, 0)
-    own = [] if frame is None or frame.empty else [frame_table(frame[:SHOWN], digits=4)]
+    own = [] if frame is None or frame.empty else [frame_table(frame[:SHOWN])]
     said = f"{rest} more rows: {more}" if rest and more else f"{rest} more rows" if rest else ""
     return (
         page_environment()
@@ -353,6 +356,92 @@ def _style() -> str:
     return f"@scope (.identifiability-piece) {{\n{own}\n{narrow}\n{tidy}\n}}"
 
 
+# A result as its JSON keeps it.
+
+
+class _Content(RootModel[dict[str, Any]]):
+    """What stands in the JSON of a result."""
+
+
+@frozen
+class KeptResult(Result):
+    """What the JSON of a result keeps of it, equal to the live one; it has neither robot nor logs.
+
+    Attributes
+    ----------
+    path : path
+    content : mapping
+    """
+
+    schema: ClassVar[str] = "identifiability/kept/1"
+
+    path: str | Path
+    content: Mapping[str, Any]
+
+    @property
+    def heading(self) -> tuple[str, str, str]:
+        """Robot, file and schema."""
+        return self.content["robot"]["name"], str(self.path), self.content["schema"]
+
+    @property
+    def statement(self) -> str:
+        """The answers in plain words."""
+        return str(self.content["statement"])
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return what every reader asks first, answered."""
+        told = []
+        for a in self.content["answers"]:
+            lines = tuple((c["what"], c["command"]) for c in a["commands"])
+            told.append(Answer(**{**a, "commands": lines}))
+        return tuple(told)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was noticed and done, by key."""
+        known = ({k: x for k, x in f.items() if k != "level"} for f in self.content["findings"])
+        return tuple(Finding(f.pop("key"), f.pop("subject"), **f) for f in known)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return the rows."""
+        return (frame_table(self.to_frame()),)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a parameter of the model to use, of a diagnosis an effect."""
+        rows = self.content.get("parameters", self.content.get("effects"))
+        frame = pd.DataFrame(rows)
+        if "interval95" in frame:
+            frame[["lower", "upper"]] = [*frame["interval95"]]
+        return by_name(frame)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result in its documented JSON schema."""
+        return {k: x for k, x in self.content.items() if k not in ("answers", "findings")}
+
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(
+            f"'{name}' is not kept in {self.path}: from_json(path, robot) reads what predicts, "
+            "all else stays in the run that made it."
+        )
+
+
+def read_result(path: str | Path) -> KeptResult:
+    """Read the JSON of a result back.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If it is none, or of a release that did not write its answers.
+    """
+    content = read_document(path, _Content, "JSON", "result", IdentifiabilityError).root
+    lacking = {"schema", "robot", "statement", "answers", "findings"} - content.keys()
+    if lacking or not {"parameters", "effects"} & content.keys():
+        raise IdentifiabilityError(
+            f"{path} is no result of analyze, prune or diagnose of this release; make it again."
+        )
+    return KeptResult(path, content)
+
+
 # The posterior for ArviZ: every draw, by chain, with names and units. Needs the extra ``arviz``.
 
 
@@ -374,8 +463,7 @@ def build_datatree(result: Analysis) -> DataTree:
         from xarray import Dataset, DataTree  # noqa: PLC0415 - an extra
     except ImportError:
         raise ModelError(
-            "A posterior for ArviZ needs the extra 'arviz': "
-            "pip install 'robot-identifiability[arviz]'."
+            "A posterior for ArviZ needs the extra 'arviz': in a checkout pip install '.[arviz]'."
         ) from None
     belief = result.belief
     submodel = result.chosen.submodel

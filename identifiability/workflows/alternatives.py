@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import cache, cached_property, partial
+from functools import cache, cached_property, lru_cache, partial
 from itertools import combinations, product
 
 import numpy as np
@@ -140,8 +140,8 @@ def find_alternative(logs: MeasuredLogs) -> Alternative | None:
     if logs.robot.base is not None or any(map(of_commands, logs.recordings)):
         return None
     rows = _Rows(logs)
-    if not rows.enough:
-        return None
+    if rows.data.sum() < 2 * rows.parts.shape[2] or not (rows.variation > 0).all():
+        return None  # they cannot tell anything
     plain = rows.fit(rows.plain)
     found: list[tuple[float, Alternative]] = []
     for a in rows.propose():
@@ -183,7 +183,7 @@ class _Rows:
         same = np.arange(n), np.ones(n), np.zeros(n), np.zeros(n, bool)
         self.plain = Alternative("", "", *same, g)
         self.products, self.torque = cache(self._products), cache(self._torque)
-        self.crosses = cache(self._crosses)
+        self.crosses, self.grams = cache(self._crosses), lru_cache(2)(self._grams)
         #: Of the log [s].
         self.step = float(np.median(np.diff(self.seen.pieces[0].motion.t)))
 
@@ -196,11 +196,6 @@ class _Rows:
         """Mean square of each column of torque about its mean, (n,)."""
         own = [y[data] for y, data in zip(self.seen.y.T, self.data.T, strict=True)]
         return np.array([y.var() if len(y) else 0.0 for y in own])
-
-    @property
-    def enough(self) -> bool:
-        """Whether they can tell anything."""
-        return bool(self.data.sum() >= 2 * self.parts.shape[2] and (self.variation > 0).all())
 
     def propose(self) -> Iterator[Alternative]:
         """Yield all alternatives but for what the sidecar says of torque."""
@@ -315,10 +310,16 @@ class _Rows:
             out.append((U, 1.0 - 1.0 / np.hypot(1.0, size / weak)))
         return out
 
-    def _products(self, j: int, beside: bool) -> tuple[Array, Array]:
-        """Return the parts of a joint (N, b k), and their products."""
-        own = self._seen_at(j, self.parts[:, j].reshape(len(self.data), -1), beside)
-        return own, own.T @ own
+    def _products(self, j: int, beside: bool) -> Array:
+        """Return the parts of a joint (N, b k)."""
+        return self._seen_at(j, self.parts[:, j].reshape(len(self.data), -1), beside)
+
+    def _grams(self, beside: bool, weights: bytes) -> Array:
+        """Return the products of the parts of each joint, multiplied by weights, (n, b, b)."""
+        b, k = self.parts.shape[2:]
+        pairs = enumerate(np.frombuffer(weights).reshape(-1, k))
+        each = [self.products(j, beside).reshape(-1, b, k) @ own for j, own in pairs]
+        return np.array([own.T @ own for own in each])
 
     def _torque(self, j: int, by: float, beside: bool) -> Array:
         """Return all torque (N, n) as data of a joint, some time later, before any low-pass."""
@@ -335,14 +336,11 @@ class _Rows:
     def _weights(self, a: Alternative) -> Array:
         """Return by what parts of each joint are multiplied, (n, 1 or 4)."""
         weight = np.column_stack([np.ones(len(a.lacks)), np.outer(~a.lacks, a.gravity)])
-        return np.asarray(weight[:, : self.parts.shape[3]] / a.factor[:, None])
+        return np.ascontiguousarray(weight[:, : self.parts.shape[3]])
 
     def _crosses(self, j: int, by: float, beside: bool) -> Array:
         """Return the products of the parts of a joint with all torque, (b k, n)."""
-        return np.asarray(self.products(j, beside)[0].T @ self.torque(j, by, beside))
-
-    def _torque_of(self, a: Alternative, j: int, beside: bool) -> Array:
-        return self.torque(j, float(a.late[j]), beside)[:, a.order[j]]
+        return np.asarray(self.products(j, beside).T @ self.torque(j, by, beside))
 
     def _solve(self, a: Alternative, beside: bool) -> tuple[Array, Array]:
         """Return values (b,), and the squares that they leave of each joint's torque (n,).
@@ -350,12 +348,12 @@ class _Rows:
         Friction and rotor inertia are not negative; joints are weighed by what is left of them.
         """
         w, (b, k), n = self._weights(a), self.parts.shape[2:], len(a.lacks)
-        A, h, square = np.empty((n, b, b)), np.empty((n, b)), np.empty(n)
+        A = self.grams(beside, w.tobytes()) / a.factor[:, None, None] ** 2
+        h, square = np.empty((n, b)), np.empty(n)
         for j, own in enumerate(w):
-            gram, y = self.products(j, beside)[1], self._torque_of(a, j, beside)
-            cross = self.crosses(j, float(a.late[j]), beside)[:, a.order[j]]
-            A[j] = np.einsum("a,paqb,b->pq", own, gram.reshape(b, k, b, k), own, optimize=True)
-            h[j], square[j] = cross.reshape(b, k) @ own, y @ y
+            when = j, float(a.late[j]), beside
+            y, cross = (x(*when)[:, a.order[j]] for x in (self.torque, self.crosses))
+            h[j], square[j] = cross.reshape(b, k) @ own / a.factor[j], y @ y
         scale = self.variation[a.order] * np.maximum(self.data.sum(0), 1)
         weight = 1.0 / scale
         for _ in range(3):
@@ -373,8 +371,8 @@ class _Rows:
         """Return how many rows of each column of the log tell something new, (n,)."""
         w, (b, k), (x, _) = self._weights(a), self.parts.shape[2:], self._solve(a, beside=True)
         left = [
-            self._torque_of(a, j, beside=True)
-            - self.products(j, beside=True)[0].reshape(-1, b, k) @ own @ x
+            self.torque(j, float(a.late[j]), beside=True)[:, a.order[j]]
+            - self.products(j, beside=True).reshape(-1, b, k) @ own @ x / a.factor[j]
             for j, own in enumerate(w)
         ]
         new = self.data.sum(0) / autocorrelation_time(np.column_stack(left))

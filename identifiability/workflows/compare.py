@@ -36,7 +36,7 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import checked
-from identifiability.foundation.result import Result
+from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -274,7 +274,7 @@ class Comparison(OfStructure, Result):
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a number that changed: what, by how much, interval, log odds."""
-        return frame_changes(self.changes)
+        return by_name(frame_changes(self.changes))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison in the documented JSON schema."""

@@ -23,7 +23,7 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Level, ledger, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
-from identifiability.foundation.result import Result
+from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import (
     NONE,
     digits,
@@ -373,14 +373,14 @@ class Inspection(OfStructure, Result):
     def to_frame(self) -> pd.DataFrame:
         """Return one row a joint; with logs, one row a joint of each log."""
         if not self.records:
-            return pd.DataFrame([asdict(j) for j in self.joints])
+            return by_name(pd.DataFrame([asdict(j) for j in self.joints]))
         each = [r.joints.assign(log=r.name) for r in self.records]
         frame = pd.concat(each, ignore_index=True)
-        return frame[["log", *frame.columns[:-1]]]
+        return by_name(frame[["log", *frame.columns[:-1]]], 1)
 
     def parameters_frame(self) -> pd.DataFrame:
         """Return one row a base parameter: name, unit and what is grouped in it."""
-        return self.base.to_frame()
+        return by_name(self.base.to_frame())
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in its documented JSON schema."""

@@ -26,7 +26,7 @@ from identifiability.foundation.errors import IdentifiabilityError, OutputError,
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.options import FilePath, OptionError, check_option, checked
 from identifiability.foundation.output import temporary_folder, write_bytes
-from identifiability.foundation.result import Result
+from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import NONE, error_text, format_count, percent
 from identifiability.foundation.values import frozen
 from identifiability.logs.formats.bags import BAGS, is_bag
@@ -248,7 +248,7 @@ class Fleet(Result):
             frame[name] = frame[name].map("; ".join)
         frame["identifiable"] = [row["verdicts"].get("identifiable") for row in self.rows]
         whole = dict.fromkeys(("parameters", "identifiable"), "Int64")
-        return frame.drop(columns="verdicts").astype(whole)
+        return by_name(frame.drop(columns="verdicts").astype(whole))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answers in their documented JSON schema."""

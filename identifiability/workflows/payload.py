@@ -26,7 +26,7 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
 from identifiability.foundation.options import OptionError, Positive, checked
-from identifiability.foundation.result import Result
+from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
@@ -424,7 +424,7 @@ class Load(Result):
         Of a load that is known one row a joint: its gain.
         """
         shown = self.quantities if self.known is None else self.gains
-        return pd.DataFrame([{**asdict(q), "told": q.told} for q in shown])
+        return by_name(pd.DataFrame([{**asdict(q), "told": q.told} for q in shown]))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the load in the documented JSON schema."""

@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict
 from identifiability.effects.base import settle_gravity
 from identifiability.effects.vocabulary import complete_values
 from identifiability.estimation.prediction import Prediction, TorqueUncertainty
+from identifiability.foundation import handed
 from identifiability.foundation.answers import Answer, Column, Table, frame_table
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.engines import Engine, one_thread
@@ -24,7 +25,7 @@ from identifiability.foundation.errors import IdentifiabilityError, RobotError, 
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import BASE, Array, shorten_paths
 from identifiability.foundation.options import Expected, OptionError, checked
-from identifiability.foundation.result import Result
+from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import digits, error_text, format_count, join
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
@@ -201,7 +202,7 @@ class TorquePrediction(Result):
         columns |= self.errors.by_joint() | {"inside": self.inside, "unknown": self.unknown}
         frame = pd.DataFrame(columns)
         frame.loc[~self.known.any(0), ["rms", "rms_raw"]] = np.nan
-        return frame
+        return by_name(frame)
 
     def to_dict(self) -> dict[str, Any]:
         """Return errors and shares in the documented JSON schema; samples go to `write`."""
@@ -305,24 +306,17 @@ class Predicts(ABC):
             return _along(self.fit, logs, engine)
 
     @staticmethod
-    def from_json(path: str | Path, robot: RobotLike) -> Fit:
-        """Read the model to use back from the JSON of a result.
+    def from_json(path: str | Path, robot: RobotLike | None = None) -> Any:
+        """Read a result back: with its robot the model to use (`Fit`), which predicts.
 
-        It has names, values, covariance and everything that predicting takes. Not read back:
-        verdicts, sentences, other models, posteriors, samples and resampled values.
-
-        Parameters
-        ----------
-        path : path
-        robot : Robot, path or shipped name
-            The robot that the result is about.
+        Without, what it says: its answers, findings, rows by name and JSON, equal to the live one.
 
         Raises
         ------
         IdentifiabilityError
             If the file is no such result, or is about another robot.
         """
-        return read_fit(path, robot)
+        return handed("read_result")(path) if robot is None else read_fit(path, robot)
 
 
 @frozen(kw_only=True)
@@ -393,7 +387,7 @@ class Fit(Predicts):
         """Return one row a parameter: name, value, standard deviation, unit."""
         sigma = np.sqrt(np.diag(self.covariance))
         columns = {"name": self.names, "value": self.values, "sigma": sigma}
-        return pd.DataFrame({**columns, "unit": self.submodel.units})
+        return by_name(pd.DataFrame({**columns, "unit": self.submodel.units}))
 
     def __repr__(self) -> str:
         """Return what it is, in one line."""
@@ -775,15 +769,15 @@ class PositionPrediction(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint, in mrad or mm."""
-        frame = self.to_frame().set_index("joint") * 1e3
-        return (frame_table(frame, "Each joint by itself [mrad or mm]", digits=3),)
+        frame = 1e3 * self.to_frame().drop(columns="joint").rename_axis("joint")
+        return (frame_table(frame, "Each joint by itself [mrad or mm]"),)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a joint: the error of each robot [rad or m]."""
         frame = pd.DataFrame({"joint": list(self.robot.joints)})
         for run in self.runs:
             frame[f"error of {run.name}"] = run.errors
-        return frame
+        return by_name(frame)
 
     def write(self, path: str | Path) -> Path:
         """Write positions sample by sample, measured and simulated, as CSV or Parquet.

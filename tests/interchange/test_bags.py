@@ -113,7 +113,7 @@ def test_without_the_extra_the_sentence_says_what_to_install(frame, states, writ
     bag = write_bag({"/joint_states": states(frame, JOINTS)})
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
     assert refused(bag) == (
-        f"{bag} is a bag, which needs the extra 'ros': pip install 'robot-identifiability[ros]'."
+        f"{bag} is a bag, which needs the extra 'ros': in a checkout pip install '.[ros]'."
     )
 
 

@@ -38,7 +38,7 @@ from identifiability.foundation.findings import of_key
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.options import check_choice
-from identifiability.foundation.result import Result
+from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import (
     LEVEL,
     NONE,
@@ -428,7 +428,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
     def ladder_frame(self) -> pd.DataFrame:
         """Return one row a model."""
-        return pd.DataFrame([m.row() for m in self.models])
+        return by_name(pd.DataFrame([m.row() for m in self.models]))
 
     def error_frame(self) -> pd.DataFrame:
         """Return the errors of the values to use by joint and by log, fitted and held out.
@@ -604,7 +604,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         result = self.chosen if model is None else self.models[self.find_model(model)]
         frame = pd.DataFrame(result.rows())
         frame[["lower", "upper"]] = [*frame["interval95"]]
-        return frame
+        return by_name(frame)
 
     def find_model(self, name: str) -> int:
         """Return the place of a model in the ladder.
@@ -746,7 +746,9 @@ class Analysis(Laddered[ModelResult]):
             row = {"name": v.name, "label": v.label, "unit": v.unit, "file": x, "value": v.value}
             rows.append({**row, "sigma": v.sigma_label, "sigmas": off, "logs": word})
         rows.sort(key=lambda r: ([*BELIEVED].index(r["logs"]), -np.nan_to_num(r["sigmas"])))
-        return pd.DataFrame(rows, columns=["name", "label", "unit", "file", *FOUND, "logs"])
+        return by_name(
+            pd.DataFrame(rows, columns=["name", "label", "unit", "file", *FOUND, "logs"])
+        )
 
     def to_arviz(self) -> Any:
         """Return the posterior of the selected model for ArviZ; needs the extra ``arviz``.

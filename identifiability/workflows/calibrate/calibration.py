@@ -30,7 +30,7 @@ from identifiability.foundation.options import (
     checked,
     settle_count,
 )
-from identifiability.foundation.result import Result
+from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import REACH, Share, exact_share, join, rough_percent
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
@@ -198,7 +198,7 @@ class Calibration(Result):
         """Return one row a parameter, the worst first: coverage with its Monte-Carlo interval."""
         pairs = zip(self.cell.names, self.cell.each, strict=True)
         rows = pd.DataFrame([{"parameter": name, **vars(found)} for name, found in pairs])
-        return rows.sort_values("value", kind="stable", ignore_index=True)
+        return by_name(rows.sort_values("value", kind="stable"))
 
     def answers(self) -> tuple[Answer, ...]:
         """Return whether to trust, how often verdicts are wrong, where, what to do next."""

@@ -21,7 +21,7 @@ from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.output import write_text
-from identifiability.foundation.result import Result
+from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import REACH, digits, error_text, join, percent
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
@@ -417,7 +417,7 @@ class Diagnosis(Result, Setting, Predicts):
                 rows += [(*where, *row, *which) for row in p.rows]
         place, parameter = "effect joint shape log_odds", "parameter value error unit"
         columns = f"{place} {parameter} or before after".split()
-        return pd.DataFrame(rows, columns=columns)
+        return by_name(pd.DataFrame(rows, columns=columns))
 
     def error_frame(self) -> pd.DataFrame:
         """Return the errors of each joint on unseen motion before and after.

@@ -21,7 +21,7 @@ from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import MOST_SAMPLES
 from identifiability.foundation.output import check_ending, csv_text, write_bytes, write_text
-from identifiability.foundation.result import Result
+from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import digits, format_count, format_number, percent
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
@@ -182,23 +182,23 @@ class Excitation(Result):
         """Return one row a joint: what it does, and the limits that it keeps."""
         _, q, v, a = self.motion
         limits = self.limits
-        return pd.DataFrame(
-            {
-                "joint": limits.joints,
-                "least": q.min(0),
-                "largest": q.max(0),
-                "lower_limit": limits.low,
-                "upper_limit": limits.high,
-                "speed": np.abs(v).max(0),
-                "speed_limit": limits.speed,
-                "acceleration": np.abs(a).max(0),
-                "acceleration_limit": limits.acceleration,
-            }
-        )
+        columns = {
+            "joint": limits.joints,
+            "least": q.min(0),
+            "largest": q.max(0),
+            "lower_limit": limits.low,
+            "upper_limit": limits.high,
+            "speed": np.abs(v).max(0),
+            "speed_limit": limits.speed,
+            "acceleration": np.abs(a).max(0),
+            "acceleration_limit": limits.acceleration,
+        }
+        return by_name(pd.DataFrame(columns))
 
     def parameters_frame(self) -> pd.DataFrame:
         """Return one row a column: how its standard deviation changes."""
-        return pd.DataFrame({"name": self.names, "unit": self.units, "sigma_ratio": self.gain})
+        own = {"name": self.names, "unit": self.units, "sigma_ratio": self.gain}
+        return by_name(pd.DataFrame(own))
 
     def play(self, rate: float = 500.0, periods: int = 1) -> PrescribedMotion:
         """Return what a controller plays: from rest, through whole periods, back to rest.

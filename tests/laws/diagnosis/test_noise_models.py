@@ -61,10 +61,7 @@ def test_the_restricted_likelihood_is_that_of_what_no_column_can_explain():
     K = np.linalg.svd(basis, full_matrices=True)[0][:, 5:]
     y = np.cumsum(rng.standard_normal(70))
     problem = RestrictedLikelihood(y, basis, RUNS, floor=0.0)
-    none = np.zeros(5)
-
-    def of(theta):
-        return problem.profile(problem.whitened(theta), none)
+    of = problem.profile(np.empty(0))
 
     def exact(pacf):
         V = K.T @ covariance(pacf, RUNS) @ K
@@ -76,11 +73,15 @@ def test_the_restricted_likelihood_is_that_of_what_no_column_can_explain():
     found = [of(np.arctanh(p))[0] for p in points]
     wanted, sigmas = zip(*(exact(p) for p in points), strict=True)
     np.testing.assert_allclose(np.diff(found), np.diff(wanted), rtol=1e-6)
-    sizes = [of(np.arctanh(p))[1] for p in points]
+    sizes = [of(np.arctanh(p))[2] for p in points]
     np.testing.assert_allclose(sizes, sigmas, rtol=1e-6)
+    # Its slope is that of its differences.
+    steps = 1e-5 * np.eye(2)
+    ways = [(of(np.arctanh(PACF) + h)[0] - of(np.arctanh(PACF) - h)[0]) / 2e-5 for h in steps]
+    np.testing.assert_allclose(of(np.arctanh(PACF))[1], ways, rtol=1e-4)
     # Of white noise: the residual's variance.
     left = K.T @ y
-    assert of(np.empty(0))[1] == pytest.approx(np.sqrt(left @ left / 65))
+    assert of(np.empty(0))[2] == pytest.approx(np.sqrt(left @ left / 65))
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-12, 1.0, 1e9])
