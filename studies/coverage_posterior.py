@@ -19,9 +19,10 @@ from shared import study_parser
 
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.fit import Fit
-from identifiability.estimation.noise import JointNoise, autocorrelation_time
+from identifiability.estimation.noise import JointNoise
 from identifiability.foundation.output import write_json
 from identifiability.foundation.rounding import REACH
+from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.information import Information
 from identifiability.report import Prose, Section, check_cell, frame_table, write_page

@@ -148,13 +148,6 @@ def settle_signs(information: Information, fit: Estimate, nonnegative: np.ndarra
     return np.where(rounded, 0.0, fit.value)
 
 
-def forbidden_signs(information: Information, fit: Estimate, nonnegative: np.ndarray) -> np.ndarray:
-    """Return which values have a sign that physics forbids, (k,) bool; as `settle_signs`."""
-    settled = settle_signs(information, fit, nonnegative)
-    forbidden: np.ndarray = nonnegative & fit.determined & (settled < 0)
-    return forbidden
-
-
 # Least squares without the bias of noise in the motion, by instruments.
 #
 # Noise in q, dq and ddq makes the columns of W noisy. Least squares takes that for motion and pulls

@@ -397,7 +397,7 @@ def find_left_out(
     sigma[kept] = np.hypot(shift, np.linalg.norm(spread, axis=1))
     projected[kept] = P @ stated
     if full is not None:
-        sigma[kept], disputed[kept] = _settle(submodel, fit, full, sigma[kept])
+        sigma[kept], disputed[kept] = _settle(P - difference, submodel, fit, full, sigma[kept])
     texts = [""] * len(submodel)
     size = np.linalg.norm(structure.G * scatter, axis=1)
     for row, column in enumerate(kept):
@@ -415,20 +415,23 @@ def find_left_out(
     )
 
 
-def _settle(submodel: Submodel, fit: Estimate, full: Estimate, sigma: Array) -> tuple[Array, Array]:
+def _settle(
+    meant: Array, submodel: Submodel, fit: Estimate, full: Estimate, sigma: Array
+) -> tuple[Array, Array]:
     """Return σ that reaches what the unpruned model finds, and that, where it had to grow, (k,).
 
     Parameters
     ----------
+    meant : (k, b)
+        Labels of the k parameters that `fit` determines, by base parameters.
     submodel : Submodel
     fit, full : Estimate
         Of the model, and of all base parameters.
     sigma : (k,)
-        By file and logs, of the parameters that `fit` determines.
+        By file and logs.
     """
     kept = list(fit.kept)
-    meant = np.linalg.pinv(submodel.M)[kept]
-    meant[np.abs(meant) < ROUNDOFF * np.abs(meant).max(1, initial=0.0, keepdims=True)] = 0.0
+    meant = np.where(np.abs(meant) < ROUNDOFF * np.abs(meant).max(1, keepdims=True), 0.0, meant)
     known = ~(meant[:, ~full.determined] != 0).any(1)
     value = meant @ (np.where(full.determined, full.value, 0.0) - submodel.fixed)
     at = list(full.kept)
@@ -460,16 +463,12 @@ def _learn(left: Array) -> tuple[Array, Array]:
 def _combination(name: str, members: Sequence[str], coefficients: Array, size: Array) -> str:
     """Return a parameter with the left-out ones that it stands for, the largest first."""
     share = np.abs(coefficients) * size
-    order = np.argsort(-share, kind="stable")
+    least = Thresholds.negligible_share * np.linalg.norm(share)
     # Members of what a number stands for that a sentence names.
-    shown = [j for j in order[:3] if share[j] > Thresholds.negligible_share * np.linalg.norm(share)]
-    if not shown:
-        return ""
-    text = name
-    for j in shown:
-        sign = "−" if coefficients[j] < 0 else "+"
-        text += f" {sign} {abs(coefficients[j]):.2g}·{members[j]}"
-    return f"{text} + …" if np.count_nonzero(share) > len(shown) else text
+    shown = [j for j in np.argsort(-share, kind="stable")[:3] if share[j] > least]
+    parts = [f"{coefficients[j]:+.2g}·{members[j]}" for j in shown]
+    told = " ".join([name, *(f"{x[0]} {x[1:]}".replace("-", "−", 1) for x in parts)])
+    return "" if not shown else f"{told} + …" if np.count_nonzero(share) > len(shown) else told
 
 
 # `Fit`: the terms of what is not known.

@@ -65,13 +65,12 @@ def whitened_information(
     total = np.zeros((len(edges) - 1, size, size) if together else 0)
     for at, own, of_joint, stretches in zip(columns, rows, noise, runs.each, strict=True):
         white = whiten(own, stretches, of_joint.pacf) / of_joint.sigma
+        each = [white[a:b] for a, b in pairwise(edges)]
         if together:
-            for sums, (a, b) in zip(total, pairwise(edges), strict=True):
-                sums[at[:, None], at] += white[a:b].T @ white[a:b]
+            total[:, at[:, None], at] += [Z.T @ Z for Z in each]
             continue
-        blocks = np.zeros((len(edges) - 1, int(np.diff(edges).max()), white.shape[1]))
-        for block, (a, b) in zip(blocks, pairwise(edges), strict=True):
-            block[: b - a] = white[a:b]
+        longest = max(map(len, each))
+        blocks = np.array([np.pad(Z, ((0, longest - len(Z)), (0, 0))) for Z in each])
         parts.append(ActuatorBlocks(at[:-1], None, blocks, np.zeros(blocks[:, 0].shape)))
     if together:
         length = np.sqrt(np.maximum(np.einsum("fii->i", total), 1e-300))

@@ -15,12 +15,12 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from identifiability.estimation.noise import autocorrelation_time
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
+from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.robot import Robot
 from identifiability.simulation.rollout import (
     COARSE,

@@ -224,8 +224,7 @@ def judge(
         plain = replace(fit, alternatives=None)
         without = judge(plain, labels, units, torque, aliases, forbidden, nominal, rules)
     with np.errstate(divide="ignore", invalid="ignore"):
-        z = np.where(e.determined & (sigma > 0), np.abs(value) / sigma, 0.0)
-        z = np.where(e.determined & (sigma == 0) & (value != 0), np.inf, z)
+        z = np.where(e.determined, np.nan_to_num(np.abs(value) / sigma, posinf=np.inf), 0.0)
     certain = 2 * ndtr(-z) < rules.sign_level
     paper = e.paper_rule
     terms, robust, share = fit.terms, fit.robust, fit.column_rms / max(torque, 1e-300)

@@ -341,3 +341,38 @@ def noise_at_rest(x: Array) -> Array:
             fitted = A @ found if found.any() else fitted
         constant[j] = found[0]
     return constant
+
+
+# How long a series remembers.
+
+
+#: Correlations are added up over so many times what they add up to.
+WINDOW: Tolerance = 5.0
+
+
+def autocorrelation(residual: Array) -> Array:
+    """Return the autocorrelation of each column of residuals (N, n) by FFT, (N, n); 1 at lag 0."""
+    size = 1 << (2 * len(residual) - 1).bit_length()
+    spectrum = np.fft.rfft(residual - residual.mean(0), size, axis=0)
+    acf = np.fft.irfft(np.abs(spectrum) ** 2, size, axis=0)[: len(residual)]
+    variance = np.where(acf[0] > 0, acf[0], 1.0)
+    scaled: Array = acf / variance
+    return scaled
+
+
+def autocorrelation_time(residual: Array) -> Array:
+    """Return the integrated autocorrelation time of each column of (N, n), at least 1, (n,).
+
+    ``1 + 2 Σ ρ_k`` up to the first lag beyond `WINDOW` times the sum so far [Sokal 1997].
+    Variances of means grow by it; standard deviations of white-noise formulas by its root.
+    """
+    return np.maximum(integrate_correlation(autocorrelation(residual)), 1.0)
+
+
+def integrate_correlation(acf: Array) -> Array:
+    """Return the integrated autocorrelation time of correlations at lags 0, 1, … (N, n), (n,)."""
+    times = 2.0 * np.cumsum(acf, axis=0) - 1.0
+    beyond = np.arange(len(acf))[:, None] >= WINDOW * times
+    window = np.where(beyond.any(0), beyond.argmax(0), len(acf) - 1)
+    time: Array = times[window, np.arange(acf.shape[1])]
+    return time

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.noise import integrate_correlation
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.logs.spectrum import integrate_correlation
 from identifiability.physical.fitted_model import PhysicalSet
 from identifiability.posterior.ensemble import ENSEMBLES, Posterior
 from identifiability.posterior.rules import RULES, Thresholds

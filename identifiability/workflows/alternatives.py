@@ -25,13 +25,13 @@ from identifiability.effects.inertia import ActuatorInertia
 from identifiability.effects.nominal import gravity_torque
 from identifiability.effects.transmission import Hysteresis
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
-from identifiability.estimation.noise import autocorrelation_time
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
+from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.quality import MeasuredLogs
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.structure import Structure

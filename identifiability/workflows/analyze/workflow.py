@@ -22,7 +22,7 @@ from identifiability.estimation.estimate import (
     settle_noise,
     with_known,
 )
-from identifiability.estimation.estimator import Estimate, Estimator, forbidden_signs
+from identifiability.estimation.estimator import Estimate, Estimator, settle_signs
 from identifiability.estimation.evidence import Evidence, Folds, HeldOut, Score, near_best
 from identifiability.estimation.fit import Fit, find_left_out
 from identifiability.estimation.groups import Alternatives
@@ -305,7 +305,8 @@ def decide_model(
     alternatives = missing.of_labels(submodel, estimate)
     fit = replace(fit, shared=shared, left_out=left_out, alternatives=alternatives)
     stated = np.linalg.lstsq(submodel.M, structure.nominal_base - submodel.fixed, rcond=None)[0]
-    forbidden = forbidden_signs(model.information, estimate, submodel.nonnegative)
+    settled = settle_signs(model.information, estimate, submodel.nonnegative)
+    forbidden = submodel.nonnegative & estimate.determined & (settled < 0)
     told = submodel.labels, submodel.units, torque, _aliases(estimate), forbidden, stated
     return fit, judge(fit, *told), tuple(np.array(submodel.columns, object)[forbidden])
 

@@ -8,8 +8,8 @@ from scipy.stats import t
 
 from identifiability.estimation.estimate import estimate, find_estimator, settle_noise
 from identifiability.estimation.estimator import measure_memory, weigh
-from identifiability.estimation.noise import autocorrelation_time
 from identifiability.foundation.rounding import ENDS
+from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.physical.fitted_model import LeastSquares
 
 from .made import ar1, gather

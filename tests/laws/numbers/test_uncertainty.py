@@ -8,8 +8,8 @@ from scipy.stats import norm
 
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.fit import TERMS, Fit, ScoreScatter, merge_stretches, spread_of
-from identifiability.estimation.noise import autocorrelation, autocorrelation_time
 from identifiability.estimation.rules import Thresholds
+from identifiability.logs.spectrum import autocorrelation, autocorrelation_time
 
 from .made import ar1, fit_known, fit_of, gather
 
