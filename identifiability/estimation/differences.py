@@ -213,7 +213,8 @@ class Differences:
         missing = Missing(tuple(every), seen, families=named)
         differing = [k for c in every[len(drifts) :][: len(may)] for k in c.columns]
         edges = np.unique(seen.log, return_index=True)[1]
-        noise = tuple(missing.noise_of(j, differing) for j in range(seen.y.shape[1]))
+        joints = range(seen.y.shape[1])
+        noise = tuple(missing.noise_of(j, differing, functions=False) for j in joints)
         own = missing.products(edges=[*edges.tolist(), len(seen.y)], noise=noise)
         own = weigh_logs(own, np.add.reduceat(seen.data, edges, dtype=int))
         own = own.weigh(np.full(len(logs), 1.0 / shared))

@@ -221,11 +221,13 @@ class Missing:
             noise[j] = self.noise_of(j, columns)
         return self.under(noise)
 
-    def noise_of(self, joint: int, named: Sequence[int] = ()) -> JointNoise:
-        """Return the noise of a joint beside functions and some columns of candidates."""
+    def noise_of(
+        self, joint: int, named: Sequence[int] = (), *, functions: bool = True
+    ) -> JointNoise:
+        """Return the noise of a joint beside some columns of candidates, and functions."""
         X, random = self.seen.X[:, joint], list[Array]()
         model = [X[:, X.any(0)]]
-        for session, columns in [(False, named), *self._beside_noise]:
+        for session, columns in [(False, named), *(self._beside_noise if functions else ())]:
             own = [self.entries[joint, k] for k in columns if (joint, k) in self.entries]
             if own:
                 (model if session else random).append(np.stack(own, 1))

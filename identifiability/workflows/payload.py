@@ -20,6 +20,7 @@ from identifiability.estimation.differences import UNTOLD, Differences, Known, p
 from identifiability.estimation.groups import describe_term
 from identifiability.estimation.mixed_model import Terms
 from identifiability.estimation.rules import Thresholds
+from identifiability.estimation.verdict import percent_of
 from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import listing
@@ -294,7 +295,7 @@ def find_gains(found: Differences, theta: Array) -> tuple[Quantity, ...]:
         ends = [-np.inf, np.inf]
         if abs(inverse) > REACH * sd:
             ends = sorted(1.0 / (inverse + side * REACH * sd) for side in (-1, 1))
-        told = sd <= Thresholds().sigma_percent * abs(inverse) / 100
+        told = percent_of(sd, inverse) <= Thresholds().sigma_percent
         why = "" if told else "not identifiable from this load"
         out.append(Quantity(joint, robot.torque_units[j], 1.0 / inverse, ends[0], ends[1], why))
     return tuple(out)
