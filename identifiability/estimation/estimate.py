@@ -196,16 +196,10 @@ def weigh_outliers(
     scatter = np.sqrt((fit.estimator.influence(weighed, fit) ** 2).sum(0))
     known = fit.determined & (scatter > 0)
     moved = np.abs(before.value - fit.value) / np.where(known, scatter, np.inf)
-    logs = np.unique(information.log)
+    logs, weight = np.unique(information.log), weights.min(0)[out]
     stop = np.concatenate([np.cumsum(information.counts[information.log == k]) for k in logs])
-    return weighed, Outliers(
-        log=information.log[out],
-        first=(stop - information.counts)[out],
-        last=stop[out],
-        beyond=beyond.T[out],
-        weight=weights.min(0)[out],
-        moved=moved,
-    )
+    at = information.log[out], (stop - information.counts)[out], stop[out]
+    return weighed, Outliers(*at, beyond.T[out], weight, moved)
 
 
 def _measure(information: Information, fit: Estimate) -> tuple[Array, Array]:

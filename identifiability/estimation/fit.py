@@ -308,7 +308,7 @@ _M = GROUPED_KINDS.index("m")
 _DIAGONAL = tuple(GROUPED_KINDS.index(k) for k in ("Ixx", "Iyy", "Izz"))
 
 
-@frozen(kw_only=True)
+@frozen
 class LeftOut:
     """What the parameters that a model leaves out do to the k that it keeps.
 
@@ -398,21 +398,13 @@ def find_left_out(
     projected[kept] = P @ stated
     if full is not None:
         sigma[kept], disputed[kept] = _settle(P - difference, submodel, fit, full, sigma[kept])
-    texts = [""] * len(submodel)
+    texts, names = [""] * len(submodel), structure.base.names
     size = np.linalg.norm(structure.G * scatter, axis=1)
     for row, column in enumerate(kept):
-        texts[column] = _combination(
-            submodel.columns[column], structure.base.names, difference[row], size
-        )
-    bodies = structure.inertial.ravel()
-    lost = (difference @ structure.G[:, bodies]).any()
-    return LeftOut(
-        sigma=sigma,
-        projected=projected,
-        stands_for=tuple(texts),
-        unknown=bool(lost and not scatter.any()),
-        disputed=disputed,
-    )
+        texts[column] = _combination(submodel.columns[column], names, difference[row], size)
+    lost = (difference @ structure.G[:, structure.inertial.ravel()]).any()
+    unknown = bool(lost and not scatter.any())
+    return LeftOut(sigma, projected, tuple(texts), unknown, disputed)
 
 
 def _settle(

@@ -29,7 +29,7 @@ from identifiability.estimation.mixed_model import (
     Terms,
     whitened_information,
 )
-from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, rich_noise
+from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, rich_noise, split_runs
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import INERTIAL_KINDS, Array
@@ -129,7 +129,7 @@ class Excerpt:
         runs = tuple(pairwise([0, *(np.flatnonzero(ends) + 1).tolist()]))
         kinds = ("W", "tau", "raw", "data")
         X, y, raw, data = (np.concatenate([getattr(c, k) for c in chunks]) for k in kinds)
-        own = JointRuns.of(runs, data)
+        own = split_runs(runs, data)
         rows = np.concatenate(seen)
         return Excerpt(plain.robot, X, y, raw, data, t, log, own, tuple(pieces), rows)
 
@@ -232,7 +232,7 @@ class Missing:
             if own:
                 (model if session else random).append(np.stack(own, 1))
         blocks = [np.column_stack(model), *random]
-        return rich_noise(blocks, self.seen.y[:, joint], self.seen.runs.each[joint])
+        return rich_noise(blocks, self.seen.y[:, joint], self.seen.runs[joint])
 
     @cached_property
     def _beside_noise(self) -> list[tuple[bool, list[int]]]:

@@ -63,7 +63,7 @@ def whitened_information(
     size = columns[0][-1] + 1
     together = together and sum(len(at) ** 2 for at in columns) > size**2
     total = np.zeros((len(edges) - 1, size, size) if together else 0)
-    for at, own, of_joint, stretches in zip(columns, rows, noise, runs.each, strict=True):
+    for at, own, of_joint, stretches in zip(columns, rows, noise, runs, strict=True):
         white = whiten(own, stretches, of_joint.pacf) / of_joint.sigma
         each = [white[a:b] for a, b in pairwise(edges)]
         if together:

@@ -43,21 +43,13 @@ DIRECTIONS = 120
 Runs = Sequence[tuple[int, int]]
 
 
-@frozen
-class JointRuns:
-    """Stretches of samples by joint, as (start, stop): between them its torque is no data.
+#: Stretches of samples by joint, as (start, stop): between them its torque is no data.
+JointRuns = tuple[Runs, ...]
 
-    Attributes
-    ----------
-    each : tuple of Runs, (n,)
-    """
 
-    each: tuple[Runs, ...]
-
-    @staticmethod
-    def of(runs: Runs, data: np.ndarray) -> JointRuns:
-        """Return the parts of stretches at which torque of each joint is `data` (N, n)."""
-        return JointRuns(tuple(_data_runs(runs, own) for own in data.T))
+def split_runs(runs: Runs, data: np.ndarray) -> JointRuns:
+    """Return the parts of stretches at which torque of each joint is `data` (N, n)."""
+    return tuple(_data_runs(runs, own) for own in data.T)
 
 
 def _data_runs(runs: Runs, data: np.ndarray) -> Runs:

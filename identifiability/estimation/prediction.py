@@ -71,11 +71,7 @@ class TorqueUncertainty:
 
 
 def measure_spread(
-    information: Information,
-    fit: Estimate,
-    known: Fit,
-    rms: tuple[Array, Array],
-    unseen: tuple[Array, Array],
+    information: Information, known: Fit, rms: tuple[Array, Array], unseen: tuple[Array, Array]
 ) -> TorqueUncertainty:
     """Return what is not known of the torque that a fit predicts.
 
@@ -83,20 +79,19 @@ def measure_spread(
     ----------
     information : Information
         About the fitted columns.
-    fit : Estimate
     known : Fit
-        Of its values.
+        Of their values.
     rms, unseen : ((n,), (n,)) [N·m or N]
         Root mean square of the error of low-passed and of raw torque on the fitted and on unseen
         motion; the latter NaN where there is none. The larger one counts: what the model misses is
         seen on unseen motion only.
     """
-    n, kept = information.actuators, list(fit.kept)
+    fit, n = known.estimate, information.actuators
     independent = information.rows_each / fit.times
-    dof = np.maximum(independent - len(kept) / n, 1.0)
+    dof = np.maximum(independent - len(fit.kept) / n, 1.0)
     swallowed = np.sqrt(independent / dof)
     low, raw = (np.fmax(own * swallowed, other) for own, other in zip(rms, unseen, strict=True))
-    covariance, unknown = measure_errors(information, fit, widening(information, fit, known))
+    covariance, unknown = measure_errors(information, fit, widening(information, known))
     covariance = covariance + known.together.T @ known.together
     return TorqueUncertainty(covariance=covariance, unknown=unknown, low=low, raw=raw, dof=dof)
 
@@ -121,13 +116,14 @@ def measure_errors(
     return covariance, _never_shown(information, fit)
 
 
-def widening(information: Information, fit: Estimate, known: Fit) -> float:
+def widening(information: Information, known: Fit) -> float:
     """Return by how much variances differ from those by formula, as resampling and scores say.
 
     One factor for all of them keeps how they depend on each other: what few parameters do not know
     of each other, torque may know well. It is below 1 where noise swings back from sample to
     sample, as steps of encoders do behind a derivative.
     """
+    fit = known.estimate
     kept = list(fit.kept)
     if not kept:
         return 1.0
@@ -171,7 +167,7 @@ def loaded_joints(rms: Array) -> list[int]:
 # In sample, on held-out logs, and by blocked cross-validation, where folds take turns.
 
 
-@frozen(kw_only=True)
+@frozen
 class Prediction:
     """Measured torque and its prediction by some models along logs.
 
@@ -235,22 +231,10 @@ class Prediction:
         low, high = tau.min(0, initial=np.inf, where=data), tau.max(0, initial=-np.inf, where=data)
         own = [log == k for k in range(len(t))]
         errors = [sum_errors((tau[k], raw[k]), predicted[k], data[k]) for k in own]
+        samples = tuple(t), tau, raw, log, data
         return Prediction(
-            total=len(tau),
-            signal=~is_constant(low, high),
-            t=tuple(t),
-            tau=tau,
-            raw=raw,
-            log=log,
-            data=data,
-            errors=np.stack(errors, 2),
-            predicted=predicted,
+            len(tau), ~is_constant(low, high), *samples, np.stack(errors, 2), predicted
         )
-
-    @property
-    def samples(self) -> int:
-        """Number of samples that the errors are of."""
-        return len(self.log)
 
     @property
     def residual(self) -> Array:
@@ -415,17 +399,6 @@ def predict_all(regression: Regression, tasks: Sequence[Task]) -> list[Predictio
                 own.append(predicted[: None if task.kept else 0])
     t, tau, raw, log, data = map(np.concatenate, zip(*rows, strict=True))
     signal, times = find_signal(surveys), tuple(t[log == k] for k in range(len(surveys)))
-    return [
-        Prediction(
-            total=int(starts[-1]),
-            signal=signal,
-            t=times,
-            tau=tau,
-            raw=raw,
-            log=log,
-            data=data,
-            errors=sums,
-            predicted=np.concatenate(own),
-        )
-        for own, sums in zip(every, errors, strict=True)
-    ]
+    held = int(starts[-1]), signal, times, tau, raw, log, data
+    found = zip(errors, map(np.concatenate, every), strict=True)
+    return [Prediction(*held, sums, predicted) for sums, predicted in found]

@@ -144,11 +144,6 @@ class Verdict:
         return percent_of(self.sigma, self.value)
 
     @property
-    def sigma_robust_percent(self) -> float:
-        """Robust σ relative to the value [%]."""
-        return percent_of(self.sigma_robust, self.value)
-
-    @property
     def sigma_label_percent(self) -> float:
         """Standard deviation from the label relative to the value [%]: what verdicts limit."""
         return percent_of(self.sigma_label, self.value)
@@ -157,7 +152,8 @@ class Verdict:
         """Return the verdict as one row of a table or of a JSON result."""
         row = {f.name: getattr(self, f.name) for f in fields(self)}
         row |= {name: list(getattr(self, name)) for name in ("interval95", "data_interval95")}
-        row |= {name: getattr(self, name) for name in ("sigma_percent", "sigma_robust_percent")}
+        row["sigma_percent"] = self.sigma_percent
+        row["sigma_robust_percent"] = percent_of(self.sigma_robust, self.value)
         row |= {"verdict": self.verdict.value, "torque_share": row.pop("share")}
         del row["believed"]
         row |= {"flags": [flag.value for flag in self.flags], "terms": dict(self.terms)}

@@ -204,8 +204,8 @@ def section_prediction(analysis: Analysis) -> Section:
 def _tell_windows(analysis: Analysis) -> str:
     """Return how many samples errors are of, where they are not of all."""
     for found in (analysis.held_out, analysis.fitted):
-        if found.samples < found.total:
-            shown, total = f"{found.samples:,}", f"{found.total:,}"
+        if len(found.log) < found.total:
+            shown, total = f"{len(found.log):,}", f"{found.total:,}"
             return sentence("analysis.windows", shown=shown, total=total)
     return ""
 
@@ -289,7 +289,7 @@ def _how(analysis: Analysis) -> tuple[Section, ...]:
             detail=True,
             seen=format_count(analysis.information.samples, "sample"),
             estimator=sentence("estimators", analysis.chosen.estimate.estimator.name),
-            out=format_count(analysis.held_out.samples, "sample"),
+            out=format_count(len(analysis.held_out.log), "sample"),
             kind=analysis.validation_kind,
         ),
         section("analysis.thresholds", level_table(), glossary, detail=True),

@@ -28,7 +28,7 @@ from identifiability.estimation.differences import (
     pooled_values,
 )
 from identifiability.estimation.groups import Excerpt
-from identifiability.estimation.noise import JointRuns
+from identifiability.estimation.noise import split_runs
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Answer, Table
 from identifiability.foundation.engines import Engine, one_thread
@@ -157,7 +157,7 @@ def subtract(structure: Structure, pairs: Sequence[Pair], known: Known) -> Compa
     apart = (np.diff(at) != 1) | (np.diff(there) != 1) | (np.diff(first.log) != 0)
     edges = np.flatnonzero(apart | signals.has_gap(first.t)) + 1
     runs = list(pairwise([0, *edges.tolist(), len(at)]))
-    both = JointRuns.of(runs, first.data & second.data)
+    both = split_runs(runs, first.data & second.data)
     return Compared.about(replace(first, runs=both), known, second)
 
 

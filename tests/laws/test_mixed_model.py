@@ -18,7 +18,7 @@ from identifiability.estimation.mixed_model import (
     Term,
     whitened_information,
 )
-from identifiability.estimation.noise import JointNoise, JointRuns, whiten
+from identifiability.estimation.noise import JointNoise, JointRuns, split_runs, whiten
 from identifiability.logs.prepare import prepare_log
 from identifiability.regression.reduction import default_ladder, ladder_model
 from identifiability.regression.structure import Structure
@@ -70,7 +70,7 @@ def model_of(products):
 def dense(Z, y, runs=RUNS):
     """Rows that are data, and the covariance of their noise."""
     rows, values, blocks = [], [], []
-    for j, own in enumerate(runs.each):
+    for j, own in enumerate(runs):
         for a, b in own:
             rows.append(Z[a:b, j])
             values.append(y[a:b, j])
@@ -149,14 +149,14 @@ def test_products_add_up_over_stretches_and_blocks(rows):
         runs = JointRuns(
             tuple(
                 tuple((max(s, a) - a, min(e, b) - a) for s, e in own if max(s, a) < min(e, b))
-                for own in RUNS.each
+                for own in RUNS
             )
         )
         parts.append((Z[a:b], y[a:b], runs, (0, b - a)))
     cut = JointRuns(
         tuple(
             tuple(r for s, e in own for r in ([(s, e)] if not s < 30 < e else [(s, 30), (30, e)]))
-            for own in RUNS.each
+            for own in RUNS
         )
     )
     every = np.arange(whole.size + 1)
@@ -232,7 +232,7 @@ def missing_in(arm, seed, rho, effect=None, gone=0.0):
         seen = found.seen
         seen = replace(
             seen, X=seen.X * data[:, :, None], y=seen.y * data, data=data,
-            runs=JointRuns.of(seen.runs.each[0], data),
+            runs=split_runs(seen.runs[0], data),
         )  # fmt: skip
         found = replace(found, seen=seen)
     return found

@@ -32,7 +32,7 @@ def test_intervals_cover_the_planted_torque_and_new_samples(rho, make_log, witho
         spread = Fit.of(information, fit, rng, 60)
         rms = found.joint_rms()[:, 0]
         none = np.full(len(rms), np.nan)
-        reach = measure_spread(information, fit, spread, (rms, rms), (none, none)).reach(W)
+        reach = measure_spread(information, spread, (rms, rms), (none, none)).reach(W)
         off = np.abs(W @ fit.value - truth)
         noise = make_log("two-link", "b", 100 + seed, rho).tau - without_noise("two-link", "b").tau
         mean.append((off <= reach[0]).mean())

@@ -412,14 +412,14 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         own, unseen = ((p.joint_rms()[:, 0], p.joint_rms(raw=True)[:, 0]) for p in both)
         used, whole = self.chosen, self.full
         part = used.submodel.reduce(self.information)
-        wider = widening(part, used.estimate, used.fit)
+        wider = widening(part, used.fit)
         M, unpruned = whole.submodel.M, whole.submodel.reduce(self.information)
         covariance, unknown = measure_errors(unpruned, whole.estimate, wider)
         return predict.Fit(
             structure=self.structure,
             submodel=used.real or used.submodel,
             values=used.recommended,
-            spread=measure_spread(part, used.estimate, used.fit, own, unseen),
+            spread=measure_spread(part, used.fit, own, unseen),
             preparation=predict.settled(self.settings["preparation"], self.samples),
             base_covariance=M @ covariance @ M.T + self.late.T @ self.late,
             base_unknown=M @ unknown,

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects import bring, find_families
-from identifiability.estimation.noise import JointRuns
+from identifiability.estimation.noise import split_runs
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Column, Table
@@ -112,7 +112,7 @@ def measure_false_names(
     data, tau = np.concatenate(moves), np.concatenate([s.tau for s in samples])
     W = np.concatenate([found.model.regressor(robot, s.motion) for s in samples])
     runs = find_runs(samples)
-    noise = fit_residual_noise(tau, W, JointRuns.of(runs, data))
+    noise = fit_residual_noise(tau, W, split_runs(runs, data))
     # Joints weigh by their torque, and where one sticks torque is what it was.
     rows = data / np.maximum(np.sqrt(np.mean(tau**2 * data, axis=0)), 1e-12)
     A, b = (W * rows[:, :, None]).reshape(data.size, -1), (tau * rows).ravel()

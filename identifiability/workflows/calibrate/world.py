@@ -18,7 +18,14 @@ from scipy.signal import lfilter
 from identifiability.estimation.estimate import Method, find_estimator, fit_whole, settle_noise
 from identifiability.estimation.fit import body_scatter
 from identifiability.estimation.groups import NO_ALTERNATIVES
-from identifiability.estimation.noise import ARNoise, JointRuns, Runs, levinson, rich_noise
+from identifiability.estimation.noise import (
+    ARNoise,
+    JointRuns,
+    Runs,
+    levinson,
+    rich_noise,
+    split_runs,
+)
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import LogError
@@ -378,7 +385,7 @@ class World:
         asked = {"method": result.estimate.estimator, "replicates": refits}
         experiment = Experiment.of(analysis.structure, true, result.submodel, **asked)
         W, tau, moves, runs = experiment.W, experiment.tau, experiment.moves, find_runs(samples)
-        noise = fit_residual_noise(tau, W, JointRuns.of(runs, moves))
+        noise = fit_residual_noise(tau, W, split_runs(runs, moves))
         robots = TrueRobots.of(analysis.structure, result)
         world = World(experiment, robots, tuple(zip(logs, samples, how, strict=True)), noise, runs)
         again = (world.measure_anew(rng)[0] for _ in range(DRAWS))
@@ -430,7 +437,7 @@ def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> ARNoise:
     runs : JointRuns
         Stretches of data without gaps.
     """
-    pairs = zip(tau.T, runs.each, strict=True)
+    pairs = zip(tau.T, runs, strict=True)
     each = [rich_noise([W[:, j]], y, own) for j, (y, own) in enumerate(pairs)]
     sure = (own.sigma if np.isfinite(own.sigma) else 0.0 for own in each)
     return tuple(replace(own, sigma=x) for own, x in zip(each, sure, strict=True))

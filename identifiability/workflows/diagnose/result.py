@@ -750,7 +750,7 @@ def keep_completed(d: Diagnosis) -> Fit:
     found = predict(structure.regression(d.samples), d.values[:, None])
     fitted, unseen = ((x.joint_rms()[:, -1], x.joint_rms(raw=True)[:, -1]) for x in (found, d.gap))
     known = Known.of(information, fit, np.random.default_rng(d.seed), 0)
-    spread = measure_spread(information, fit, known, fitted, unseen)
+    spread = measure_spread(information, known, fitted, unseen)
     return Fit(
         structure=structure,
         submodel=submodel,

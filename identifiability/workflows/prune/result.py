@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class
+from identifiability.estimation.verdict import Class, percent_of
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.output import write_text
@@ -90,7 +90,7 @@ class PrunedModel(ModelResult):
     @property
     def worst_sigma_percent(self) -> float:
         """Largest σ_robust% of its parameters [%]."""
-        return max((v.sigma_robust_percent for v in self.verdicts), default=0.0)
+        return max((percent_of(v.sigma_robust, v.value) for v in self.verdicts), default=0.0)
 
     @property
     def columns(self) -> tuple[str, ...]:

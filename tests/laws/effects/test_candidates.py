@@ -149,7 +149,7 @@ def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move):
     speed = np.concatenate([m.actuated_v for m in parts])[:, 1]
     np.testing.assert_array_equal(rows.states[1][:, 1], speed)
     assert rows.seen.log.tolist() == [0] * 120 + [1] * 180
-    assert list(rows.seen.runs.each[0]) == [(0, 120), (120, 300)]
+    assert list(rows.seen.runs[0]) == [(0, 120), (120, 300)]
     # With the values of the robot file the model's torque is taken off, and no column is left.
     fixed = Rows.of(structure, logs, know_file(structure))
     left = rows.measured - W @ structure.nominal_base
@@ -167,7 +167,7 @@ def test_no_stretch_of_rows_reaches_across_a_gap(polar, move, factor):
     model = Model.of("viscous_friction")
     structure = Structure.of(polar, model)
     rows = Rows.of(structure, [log, log], know_nothing(structure))
-    runs = rows.seen.runs.each[0]
+    runs = rows.seen.runs[0]
     assert len(runs) == 4
     for a, b in runs:
         np.testing.assert_allclose(np.diff(rows.seen.t[a:b]), 0.01 * factor)

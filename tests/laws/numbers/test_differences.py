@@ -8,7 +8,7 @@ import pytest
 from identifiability import Robot
 from identifiability.estimation.differences import Compared, Differences, Known, pooled_values
 from identifiability.estimation.mixed_model import EVERYWHERE
-from identifiability.estimation.noise import JointRuns
+from identifiability.estimation.noise import split_runs
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import number
 from identifiability.workflows.diagnose.changes import list_changes
@@ -62,7 +62,7 @@ def rows(seed, levels=(2.0, 2.0, 2.0), offset=0.0, noise=NOISE):
         data=data,
         t=t,
         log=log,
-        runs=JointRuns.of([(k * N, (k + 1) * N) for k in range(LOGS)], data),
+        runs=split_runs([(k * N, (k + 1) * N) for k in range(LOGS)], data),
         pieces=(),
         seen=np.arange(len(t)),
         torque=X @ FREE.base,

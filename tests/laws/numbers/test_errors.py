@@ -34,7 +34,7 @@ def test_the_relative_error_is_that_of_the_paper(two_logs):
     wrong = np.abs(tau[:, :, None] - predicted).sum((0, 1))
     np.testing.assert_allclose(found.relative_error(), wrong / np.abs(tau - tau.mean()).sum())
     np.testing.assert_allclose(found.rms, np.sqrt((tau**2).mean(0)))
-    assert found.samples == found.total == 300
+    assert len(found.log) == found.total == 300
 
 
 def test_a_logs_own_error_is_relative_to_how_its_own_torque_varies(two_logs):
