@@ -229,7 +229,7 @@ class Fleet(Result):
         short = [f"{len(self.rows) - len(self.failed)} of {len(self.rows)} robots have an answer."]
         short += [f"{name} has none: {why}" for name, why in [*self.failed.items()][:3]]
         tone = "amber" if self.failed else "green"
-        told = Answer("Is there an answer?", " ".join(short), "", tone)
+        told = Answer("Is there an answer?", " ".join(short), tone=tone)
         known = {r["robot"]: r for r in self.rows if r["error_unseen"] is not None}
         if not known:
             return (told,)
