@@ -378,9 +378,12 @@ class Prediction:
         rows = np.array([data[log == k].sum(0) for k in range(len(t))])
         low, high = tau.min(0, initial=np.inf, where=data), tau.max(0, initial=-np.inf, where=data)
         layout = Layout.of(counts, torque, ~is_constant(low, high), rows)
-        parts = ((k, *(x[log == k] for x in (tau, predicted, data))) for k in range(len(t)))
-        sums = reduce(add, (ErrorSums.of(layout, *part) for part in parts))
-        also = sums if raw is None else Prediction.of(t, raw, predicted, log, data).sums
+        sums, also = (
+            reduce(
+                add, (ErrorSums.of(layout, k, *(x[log == k] for x in own)) for k in range(len(t)))
+            )
+            for own in ((tau, predicted, data), (tau if raw is None else raw, predicted, data))
+        )
         return Prediction(len(tau), sums, also, tuple(t), tau, predicted, log, data)
 
     @property
@@ -553,8 +556,8 @@ def _predict_part(part: LogPart, tasks: Sequence[Task], layout: Layout) -> list[
         for task, own in zip(tasks, found, strict=True):
             predicted = task.predict(chunk.W, before + chunk.start)
             low, raw = (
-                ErrorSums.of(layout, chunk.log, tau, predicted, data)
-                for tau in (chunk.tau, chunk.raw)
+                ErrorSums.of(layout, chunk.log, tau, predicted, own_data)
+                for tau, own_data in ((chunk.tau, data), (chunk.raw, chunk.data))
             )
             kept = np.arange(len(log) if task.kept else 0)
             samples = [x[kept] for x in (chunk.t, chunk.tau, predicted, log, data)]
