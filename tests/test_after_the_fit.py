@@ -42,7 +42,13 @@ def test_covariance_and_correlation_bear_names(result):
 
 
 def test_a_fit_read_back_has_the_same_tables_and_a_short_name(result, robot, tmp_path):
-    back = Analysis.from_json(result.to_json(tmp_path / "result.json"), robot)
+    path = result.to_json(tmp_path / "result.json")
+    told = Analysis.from_json(path)  # what it says, without the robot
+    assert told.to_json(tmp_path / "again.json").read_text() == path.read_text()
+    assert list(told.to_frame().index) == list(result.to_frame().index)
+    with pytest.raises(AttributeError, match="reads what predicts"):
+        told.predict(LOGS[2])
+    back = Analysis.from_json(path, robot)
     sd = np.sqrt(np.diag(result.covariance_frame()))
     table = back.to_frame().set_index("name")
     assert np.all(np.abs(table["value"] - result.fit.values) <= 0.011 * sd)

@@ -27,7 +27,7 @@ def test_models_1_to_4_are_fitted_validated_and_counted(result):
     frame = result.ladder_frame()
     assert frame["parameters"].tolist() == [37, 24, 18, 12]
     assert frame["paper_identified"].tolist()[1:] == [12, 12, 12]
-    assert 3 <= frame["paper_identified"][0] <= 6
+    assert 3 <= frame["paper_identified"].iloc[0] <= 6
     assert frame["error_ra"].between(0.041, 0.048).all()
     # Fewer parameters fit no better, but for what weights and instruments leave to other sums.
     assert (np.diff(frame["error_ra"]) > -1e-3 * frame["error_ra"][1:]).all()

@@ -347,7 +347,8 @@ class MixedModel:
         """
         columns = self._columns(terms)
         scale = self.scale[columns]
-        fitted, target = self._between(columns[:, None], columns), self.target[columns]
+        fitted, target = self.products.between(columns, columns), self.target[columns]
+        fitted = fitted / np.outer(scale, scale)
         both = fitted + unseen.between(columns, columns) / np.outer(scale, scale)
         aim = target + unseen.between(columns, np.array([unseen.size]))[:, 0] / scale
         before = self._solve(terms, columns, fitted, target).log_likelihood

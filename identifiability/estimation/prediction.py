@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -189,7 +189,8 @@ class Prediction:
     data : (N, n) bool
         Where torque is data; elsewhere measured and predicted torque are not looked at.
     errors : (2, 2, L, n, m) [N·m or N, and squared]
-        Of low-passed and of raw torque, sums of absolute errors and of their squares.
+        Of low-passed and of raw torque, sums of absolute errors and of their squares; of raw torque
+        where no joint dwells.
     predicted : (N, n, m) [N·m or N]
         Prediction of each of m models; none of a task that keeps none.
     """
@@ -230,7 +231,7 @@ class Prediction:
         raw = tau if raw is None else raw
         low, high = tau.min(0, initial=np.inf, where=data), tau.max(0, initial=-np.inf, where=data)
         own = [log == k for k in range(len(t))]
-        errors = [sum_errors((tau[k], raw[k]), predicted[k], data[k]) for k in own]
+        errors = [sum_errors([(x[k], data[k]) for x in (tau, raw)], predicted[k]) for k in own]
         samples = tuple(t), tau, raw, log, data
         return Prediction(
             len(tau), ~is_constant(low, high), *samples, np.stack(errors, 2), predicted
@@ -342,9 +343,9 @@ def _ratio(part: Array, whole: Array | float) -> Array:
     return found
 
 
-def sum_errors(measured: Sequence[Array], predicted: Array, data: np.ndarray) -> Array:
-    """Return sums of errors and of their squares, by kind of measured torque, (2, 2, n, m)."""
-    each = [np.abs(tau[:, :, None] - predicted) * data[:, :, None] for tau in measured]
+def sum_errors(measured: Iterable[tuple[Array, np.ndarray]], predicted: Array) -> Array:
+    """Return sums of errors and of their squares, by kind of torque and its data, (2, 2, n, m)."""
+    each = [np.abs(tau[:, :, None] - predicted) * data[:, :, None] for tau, data in measured]
     return np.array([[error.sum(0), (error**2).sum(0)] for error in each])
 
 
@@ -391,11 +392,12 @@ def predict_all(regression: Regression, tasks: Sequence[Task]) -> list[Predictio
     errors = [np.zeros((*shape, task.values.shape[2])) for task in tasks]
     for part in filter(lambda part: part.is_shown, regression.parts()):
         for chunk in part.shown():
-            measured, data = (chunk.tau, chunk.raw), chunk.data | part.regression.dwelling
-            rows.append((chunk.t, *measured, np.full(len(chunk.t), chunk.log), data))
+            data, log = chunk.data | part.regression.dwelling, np.full(len(chunk.t), chunk.log)
+            measured = (chunk.tau, data), (chunk.raw, chunk.data)
+            rows.append((chunk.t, chunk.tau, chunk.raw, log, data))
             for task, own, sums in zip(tasks, every, errors, strict=True):
                 predicted = task.predict(chunk.W, int(starts[chunk.log]) + chunk.start)
-                sums[:, :, chunk.log] += sum_errors(measured, predicted, data)
+                sums[:, :, chunk.log] += sum_errors(measured, predicted)
                 own.append(predicted[: None if task.kept else 0])
     t, tau, raw, log, data = map(np.concatenate, zip(*rows, strict=True))
     signal, times = find_signal(surveys), tuple(t[log == k] for k in range(len(surveys)))

@@ -157,7 +157,7 @@ def percent_text(value: float | None, count: int = 2) -> str:
 
 def format_count(count: int, noun: str) -> str:
     """Return ``1 sample``, ``2 samples``."""
-    return f"{count:,} {noun if count == 1 else f'{noun}s'}".replace(",", "\u2009")
+    return f"{count:,} {noun if count == 1 else f'{noun}s'}".replace(",", "\u202f")
 
 
 def join(names: list[str] | tuple[str, ...], most: int = 6) -> str:

@@ -351,21 +351,22 @@ class Information:
         ----------
         change : (k + 1, q)
         """
-        for part, own, columns in self._seen:
-            yield part, own @ change[columns]
+        return ((part, own @ change[columns]) for part, own, columns in self._seen)
 
     @cached_property
     def gram(self) -> Array:
         """Products of the columns and the torque over all rows, (k + 1, k + 1)."""
-        out = np.zeros((self.size + 1, self.size + 1))
-        for part in self.parts:
-            at = [*part.columns, self.size]
-            out[np.ix_(at, at)] += part.total
-        return out
+        every = np.arange(self.size + 1)
+        return self.between(every, every)
 
     def between(self, some: np.ndarray, others: np.ndarray) -> Array:
         """Return products of some columns (a,) with others (b,) over all rows; k is the torque."""
-        return np.asarray(self.gram[np.ix_(some, others)])
+        out = np.zeros((len(some), len(others)))
+        for part, _, seen in self._seen:  # the products of all columns may be more than memory
+            rows, at = np.nonzero(some[:, None] == seen)
+            columns, by = np.nonzero(others[:, None] == seen)
+            out[np.ix_(rows, columns)] += part.total[np.ix_(at, by)]
+        return out
 
     def squares(self, change: Array) -> Array:
         """Return each actuator's sum of squares of ``[W τ] change``, (n,) or (n, m).

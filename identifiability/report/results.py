@@ -358,6 +358,9 @@ def _style() -> str:
 
 # A result as its JSON keeps it.
 
+#: Columns that its table shows.
+KEPT = ("name", "label", "value", "lower", "upper", "unit", "verdict", "effect", "log_odds")
+
 
 class _Content(RootModel[dict[str, Any]]):
     """What stands in the JSON of a result."""
@@ -404,7 +407,8 @@ class KeptResult(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Return the rows."""
-        return (frame_table(self.to_frame()),)
+        frame = self.to_frame()
+        return (frame_table(frame[[name for name in KEPT if name in frame]]),)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter of the model to use, of a diagnosis an effect."""

@@ -98,10 +98,15 @@ class Alternative:
         )
 
     @property
+    def otherwise(self) -> np.ndarray:
+        """Columns that are not read as they are given, (n,) bool."""
+        other = self.order != np.arange(len(self.order))
+        return np.asarray(other | (self.factor != 1.0) | (self.late != 0.0) | self.lacks)
+
+    @property
     def keeps_columns(self) -> bool:
         """Whether the columns are read as they are given, and gravity alone is another."""
-        same = (self.order == np.arange(len(self.order))) & (self.factor == 1.0)
-        return bool((same & (self.late == 0.0) & ~self.lacks).all())
+        return not self.otherwise.any()
 
     @property
     def scaled(self) -> np.ndarray:
@@ -114,7 +119,9 @@ class Alternative:
         if np.allclose(g, robot.gravity):
             return given
         if not g.any():
-            return Structure.of(weightless(robot), given.model)
+            model = robot.model.copy()
+            model.gravity.linear = g
+            return Structure.of(replace(robot, model=model), given.model)
         return Structure.of(robot, given.model + GravityTilt(g))
 
     def read(self, log: Log, robot: Robot) -> Log:
@@ -128,13 +135,6 @@ class Alternative:
         return replace(log, tau=np.column_stack(tau) * self.factor + weight)
 
 
-def weightless(robot: Robot) -> Robot:
-    """Return a robot whose torque holds no weight."""
-    model = robot.model.copy()
-    model.gravity.linear = np.zeros(3)
-    return replace(robot, model=model)
-
-
 def find_alternative(logs: MeasuredLogs) -> Alternative | None:
     """Return the alternative of the model that fitted rows surely prefer, if there is one."""
     if logs.robot.base is not None or any(map(of_commands, logs.recordings)):
@@ -143,10 +143,14 @@ def find_alternative(logs: MeasuredLogs) -> Alternative | None:
     if rows.data.sum() < 2 * rows.parts.shape[2] or not (rows.variation > 0).all():
         return None  # they cannot tell anything
     plain = rows.fit(rows.plain)
+    squares, least = np.exp(2 * plain), 1 - RULES.alternative_error**2
     found: list[tuple[float, Alternative]] = []
     for a in rows.propose():
+        # Columns that leave little are not wrong, but in their unit: wrong ones spoil no others.
+        if squares[a.otherwise | a.keeps_columns | a.scaled.any()].sum() < least * squares.sum():
+            continue
         left = rows.fit(a)
-        error = float(np.sqrt(np.exp(2 * left).sum() / np.exp(2 * plain).sum()))
+        error = float(np.sqrt(np.exp(2 * left).sum() / squares.sum()))
         gain = round(float((plain - left).sum()) / EVEN)
         if gain > 0 and error <= RULES.alternative_error:
             found.append((gain, replace(a, error=error)))
@@ -268,12 +272,8 @@ class _Rows:
         for width, aim in ((0.3, squares), (0.03, np.sum)):
             axes = np.column_stack(horizontal_axes(best / np.linalg.norm(best)))
             simplex = width * np.vstack([np.zeros(2), np.eye(2)])
-            found = minimize(
-                partial(left, aim, axes, best),
-                simplex[0],
-                method="Nelder-Mead",
-                options={"maxfev": 40, "initial_simplex": simplex},
-            )
+            cost, how = partial(left, aim, axes, best), {"maxfev": 40, "initial_simplex": simplex}
+            found = minimize(cost, simplex[0], method="Nelder-Mead", options=how)
             best = along(best + axes @ found.x).gravity / size
             # Where weight acts along a slide alone, negative masses would fall upwards as well.
             down = best - 2.0 * min(float(best @ up), 0.0) * up

@@ -20,7 +20,7 @@ from urllib.parse import quote
 
 import pandas as pd
 
-from identifiability.foundation.answers import Cell, Column, Note, Table
+from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing, near_match
 from identifiability.foundation.findings import Finding
@@ -35,7 +35,7 @@ from identifiability.logs.tables import write_table
 from identifiability.robot.locate import ENDINGS
 from identifiability.robot.sidecar import read_settings
 from identifiability.workflows.analyze import analyze
-from identifiability.workflows.answers import with_hints
+from identifiability.workflows.answers import TONES, grade_of, with_hints
 from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.prune import prune
 from identifiability.workflows.session import Progress, quiet, running
@@ -96,14 +96,8 @@ def _check_options(verb: str, given: Mapping[str, Any]) -> None:
 #: What the table says of a robot that has no answer yet.
 EMPTY: dict[str, Any] = {
     **{"robot": "", "logs": [], "held": [], "model": "", "parameters": None, "verdicts": {}},
-    **{
-        "error": None,
-        "error_unseen": None,
-        "missing": [],
-        "warnings": [],
-        "failed": "",
-        "page": "",
-    },
+    **{"error": None, "error_unseen": None, "missing": [], "warnings": []},
+    **{"failed": "", "page": ""},
 }
 
 
@@ -198,8 +192,8 @@ class Fleet(Result):
     @property
     def heading(self) -> tuple[str, str, str]:
         """Title of its page, what kind of page it is, and what it is about."""
-        title = self.folder.resolve().name
-        return title, "Many robots", f"{self.verb} · {format_count(len(self.rows), 'robot')}"
+        about = f"{self.verb} · {format_count(len(self.rows), 'robot')}"
+        return self.folder.resolve().name, "Many robots", about
 
     def cautions(self) -> tuple[Note, ...]:
         """Return why robots have no answer, and what to check in logs and files, by robot."""
@@ -230,16 +224,22 @@ class Fleet(Result):
         most = max(r["error_unseen"] or error for r in self.rows)
         return Cell(error_text(error), error, share=error / most)
 
-    @property
-    def statement(self) -> str:
-        """The answer in plain words."""
-        told = [f"{len(self.rows) - len(self.failed)} of {len(self.rows)} robots have an answer."]
-        told += [f"{name} has none: {why}" for name, why in [*self.failed.items()][:3]]
-        errors = [r["error_unseen"] for r in self.rows if r["error_unseen"] is not None]
-        if errors:
-            middle, most = percent(median(errors), 2), percent(max(errors), 2)
-            told.append(f"Median error on unseen motion {middle}, the largest {most}.")
-        return " ".join(told)
+    def answers(self) -> tuple[Answer, ...]:
+        """Return how many robots have an answer, how well models predict, whose page is next."""
+        short = [f"{len(self.rows) - len(self.failed)} of {len(self.rows)} robots have an answer."]
+        short += [f"{name} has none: {why}" for name, why in [*self.failed.items()][:3]]
+        tone = "amber" if self.failed else "green"
+        told = Answer("Is there an answer?", " ".join(short), tone=tone)
+        known = {r["robot"]: r for r in self.rows if r["error_unseen"] is not None}
+        if not known:
+            return (told,)
+        errors = {name: float(row["error_unseen"]) for name, row in known.items()}
+        middle, worst = median(errors.values()), max(errors, key=lambda name: errors[name])
+        most = f"the largest {percent(errors[worst], 2)} ({worst})"
+        error, tone = f"Median error on unseen motion {percent(middle, 2)}", grade_of(errors[worst])
+        good = Answer("How good are the models?", f"{error}, {most}.", "", TONES[tone])
+        page = f"Open {known[worst]['page']}: {worst} errs most, and its page says what to do."
+        return told, good, Answer("What next?", page)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a robot; errors are fractions."""

@@ -179,18 +179,18 @@ class TorquePrediction(Result):
         return (Table.of("Each joint by itself", own, self.error_frame().itertuples()),)
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row a sample: ``log``, ``t``, and of each joint nine columns [N·m or N].
+        """Return one row a sample: ``log``, ``t``, and of each joint ten columns [N·m or N].
 
         ``<joint>.tau`` and ``.tau_raw`` measured (empty where it was not), ``.predicted``,
         ``.residual`` and ``.residual_raw`` measured less predicted; the 95 % interval of the mean
         from ``.mean_from`` to ``.mean_to`` and those of new samples from ``.from`` to ``.to`` and
-        ``.raw_from`` to ``.raw_to``.
+        ``.raw_from`` to ``.raw_to``; ``.weight`` is 0 where errors leave the sample out.
         """
         columns: dict[str, Any] = {"log": np.array(self.logs)[self.log], "t": self.t}
         for k, joint in enumerate(self.robot.joints):
             tau, raw, found = self.tau[:, k], self.raw[:, k], self.predicted[:, k]
-            own = {"tau": tau, "tau_raw": raw, "predicted": found}
-            own |= {"residual": tau - found, "residual_raw": raw - found}
+            own = {"tau": tau, "tau_raw": raw, "predicted": found, "residual": tau - found}
+            own |= {"residual_raw": raw - found, "weight": self.known[:, k].astype(int)}
             for name, half in (("mean_", self.mean), ("", self.low), ("raw_", self.new)):
                 own |= {f"{name}from": found - half[:, k], f"{name}to": found + half[:, k]}
             columns |= {f"{joint}.{what}": values for what, values in own.items()}

@@ -190,9 +190,7 @@ def test_a_candidate_that_does_not_close_everywhere_pays_most(rps):
 class Bowl:
     """A told objective: two valleys, the deeper one at −3, kinks at their bottoms."""
 
-    series = SimpleNamespace(
-        draw=lambda count, rng: rng.uniform(-6, 6, (count, 1)),
-    )
+    series = SimpleNamespace(draw=lambda count, rng: rng.uniform(-6, 6, (count, 1)))
 
     def __call__(self, x):
         x = x[:, 0]

@@ -140,12 +140,7 @@ def test_of_logs_with_different_loads_it_is_said_which_has_more(fit, make_logs, 
 def test_the_command_answers_first_and_writes_what_was_asked(fit, make_logs, planted, tmp_path):
     result, loaded, bare = (tmp_path / f for f in ("result.json", "with.csv", "without.csv"))
     result.write_text(
-        json.dumps(
-            {
-                "robot": {"name": ARM},
-                "fit": {**fit(ARM).to_dict(), "preparation": {}},
-            }
-        )
+        json.dumps({"robot": {"name": ARM}, "fit": {**fit(ARM).to_dict(), "preparation": {}}})
     )
     for path, log in ((loaded, make_logs(ARM, planted, seed=2)[1]), (bare, make_logs(ARM)[1])):
         log.to_frame().to_csv(path, index=False)

@@ -337,8 +337,14 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
     @property
     def held_out(self) -> Prediction:
-        """The same on validation logs or, without any, on stretches (or logs) in turns."""
-        return self.chosen.used[1]
+        """The same on validation logs or, without any, on stretches (or logs) in turns.
+
+        Of raw torque, beside columns that are not silenced where joints stand: it is not, either.
+        """
+        own, every = self.chosen.used[1], self.everywhere
+        if every is None:
+            return own
+        return replace(own, errors=np.stack([own.errors[0], every.errors[1]]))
 
     @property
     def _physics(self) -> str:

@@ -28,6 +28,7 @@ def read(columns, joints, rules=None):
 
 
 UNDERSTOOD = {
+    "flat": (["t", *each("observation.{k}.{j}", PAIR, ("state", "effort"))], PAIR, [1, 2], [3, 4]),
     "words": (["time", *each("{j}_{k}", ARM, ("position", "effort"))], ARM, [1, 2, 3], [4, 5, 6]),
     "PlotJuggler": (
         [
