@@ -270,23 +270,39 @@ def combine_with_file(
     )
 
 
-def load_by_fit(structure: Structure, samples: Sequence[Dataset], engine: Engine) -> Structure:
+#: Fits at most until values that depend on their own loads have settled, to a tenth of an error.
+ROUNDS = 8
+
+
+def load_by_fit(
+    structure: Structure, samples: Sequence[Dataset], engine: Engine, *, named: bool = False
+) -> Structure:
     """Return the structure with loads as a fit has them: the file may be wrong of its robot.
 
-    What logs do not say of bodies is the file's. Where no effect depends on loads nothing changes.
+    What logs do not say of bodies is the file's. Where no effect depends on loads nothing changes,
+    unless one may be `named`.
     """
-    if not any(p.group in FAMILIES and FAMILIES[p.group].loaded for p in structure.parameters):
-        return structure
-    for _ in range(2):  # each leaves the share of an error that a scale is of the torque
+    before, loaded = np.inf, is_loaded(structure)
+    # Each leaves the share of an error that a scale is of the torque.
+    for _ in range(ROUNDS if loaded else named):
         rows = gather_information(structure.regression(samples), engine=engine)
         rows = with_known(rows, structure.known)
-        data = LeastSquares.of_fit(rows, find_estimator("wls").fit(rows)).through(structure.G)
+        fit = find_estimator("wls").fit(rows)
+        data = LeastSquares.of_fit(rows, fit).through(structure.G)
         both = data.R / data.unit, data.z / data.unit, np.eye(len(structure.columns))
         phi = combine_with_file(structure, *both, RULES.body_within).mean.tolist()
         known = dict(zip(structure.columns, phi, strict=True))
         loads = complete_values(structure.robot, known, keep=False)
         structure = Structure.of(replace(structure.robot, reference=loads), structure.model)
+        if np.all(np.abs(fit.value - before) <= 0.1 * np.sqrt(np.diag(fit.covariance))):
+            break
+        before = fit.value
     return structure
+
+
+def is_loaded(structure: Structure) -> bool:
+    """Return whether an effect of the model depends on loads."""
+    return any(p.group in FAMILIES and FAMILIES[p.group].loaded for p in structure.parameters)
 
 
 # Bodies to which a prior may draw: those of the robot file, and others where it states none.
@@ -441,7 +457,7 @@ def real_robot_dict(
         "masses": mass_rows(robot, parameters),
         "cad_prior": cad_weight,
         "shapes": dict(structure.shapes) if parameters else {},
-        "reference": dict(robot.reference),
+        "reference": dict(robot.reference) if is_loaded(structure) else {},
         "parameters": dict(parameters),
     }
 

@@ -22,11 +22,12 @@ from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.differences import Change
 from identifiability.estimation.estimate import Outliers, with_known
 from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.evidence import HeldOut, may_stand
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
 from identifiability.estimation.noise import JointRuns, rich_noise
-from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
+from identifiability.estimation.prediction import Prediction, predict
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import ROUNDOFF, scan_columns
 from identifiability.foundation.names import Array
@@ -34,12 +35,14 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.columns import Candidate, Refusal, list_candidates, number
 from identifiability.regression.information import Information, gather_information
+from identifiability.regression.reduction import full_model
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, known_rows
 from identifiability.robot import Robot
-from identifiability.workflows.analyze.workflow import hold_folds
+from identifiability.workflows.analyze.workflow import hold_folds, settle_robot
 from identifiability.workflows.diagnose.problem import Rows, Setting, weigh_fit
 
 #: By how much an unseen error must rise with a name that is taken out for it.
@@ -169,14 +172,14 @@ class Naming:
         ``β = base + C x``, C (b, d + m), and what standard deviation x is known to have, (d + m,).
         """
         known, last = self.setting.known, {n: k for k, n in enumerate(self.completed.columns)}
-        own, names = self._own @ known.directions, self.names(self.parts)
+        own, names = self.own @ known.directions, self.names(self.parts)
         sd = [self.completed.model.random.get(name, np.inf) for name in names]
         with np.errstate(divide="ignore"):
             both = np.append(1.0 / np.sqrt(known.precision), sd)
         return np.column_stack([own, self.completed.G[:, [last[name] for name in names]]]), both
 
     @cached_property
-    def _own(self) -> Array:
+    def own(self) -> Array:
         """Base parameters of the completed model by those of the model, (b, b0)."""
         columns = self.completed.columns
         return self.completed.G[:, [columns.index(n) for n in self.setting.structure.base.names]]
@@ -185,7 +188,7 @@ class Naming:
     def gathered(self) -> Information:
         """About the base parameters of the completed model less what is known, rows alike."""
         own = gather_information(self.completed.regression(self.setting.samples))
-        return own.reduce(np.eye(own.size), own.columns, self._own @ self.setting.known.base)
+        return own.reduce(np.eye(own.size), own.columns, self.own @ self.setting.known.base)
 
     @cached_property
     def weighed(self) -> tuple[Information, Estimator]:
@@ -215,7 +218,7 @@ class Naming:
             value = by.fit(with_known(weighed.reduce(some, names), rows, by.noise)).value
         elif names:
             value = self._weigh(with_known(self.gathered.reduce(some, names), rows))[1].value
-        base: Array = self._own @ self.setting.known.base + some @ value
+        base: Array = self.own @ self.setting.known.base + some @ value
         return base
 
     def _columns_of(self, parts: Sequence[int]) -> tuple[Array, Array]:
@@ -230,23 +233,35 @@ class Naming:
         return some, known_rows(C, sd) @ some
 
     @cached_property
-    def predicts(self) -> bool:
-        """Whether the model with all parts errs no more than without on parts of the fitted logs.
+    def held(self) -> tuple[HeldOut, str]:
+        """Parts of the fitted logs, each to be predicted by the others, and why they are short."""
+        return hold_folds(*self.weighed)
 
-        Each part by the fit of the others, rows at which joints stand or turn among them: these fit
-        neither model, and names may be paid for there.
-        """
-        (weighed, by), values = self.weighed, []
-        held = hold_folds(weighed, by)[0]
+    @cached_property
+    def predicts(self) -> bool:
+        """Whether parts of the fitted logs are predicted better with what is missing."""
+        (weighed, by), (held, _), scores = self.weighed, self.held, []
         for parts in ((), range(len(self.parts))):
             some, rows = self._columns_of(parts)
             own = weighed.reduce(some, weighed.columns[: some.shape[1]])
             fit = by.fit(with_known(own, rows, by.noise))
-            values.append(held.refit(fit, some) + self._own @ self.setting.known.base)
-        regression = replace(self.completed.regression(self.setting.samples), dwelling=True)
-        (found,) = predict_all(regression, [Task(np.stack(values, 2), held.folds)])
-        before, after = found.error_over_joints()
-        return bool(after <= WORSE * before)
+            scores.append(held.score(held.refit(fit, some), held.roots(fit, some)))
+        return not may_stand(*scores)
+
+    @cached_property
+    def best(self) -> Array:
+        """Base parameters (b,) of the completed model to predict with.
+
+        Those of the nearest real robot where it predicts parts of the fitted logs better.
+        """
+        value, (held, short) = self.fit(range(len(self.parts))), self.held
+        if self.setting.fixed or self.setting.known.precision.any() or short:
+            return value
+        (rows, by), of = self.weighed, self.completed
+        model = FittedModel(of, full_model(of.base), rows, rows, by.fit(rows))
+        found = settle_robot(model, held, None)
+        better = found.real is not None and found.real.gain(found.free).value > 0
+        return found.robot.base if better else value
 
     def predict(self, fits: Sequence[Array], samples: Sequence[Dataset]) -> Prediction:
         """Return torque along some logs as base parameters (b,) of the completed model say."""
