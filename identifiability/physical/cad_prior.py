@@ -23,7 +23,7 @@ from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines import Engine
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.linalg import NEARLY, ROUNDOFF
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import frozen
@@ -188,11 +188,9 @@ class WithFile:
         # Level at which a log contradicts that share.
         if self.p_value >= 0.001:
             return ""
-        chance = "< 1e-6" if self.p_value < NEARLY else f"= {self.p_value:.1g}"
         return (
-            f"The log contradicts {self.words} "
-            f"(p {chance}): they differ by more, or the model lacks something that they stand "
-            "for; give a larger --prior, or look with diagnose."
+            f"The log contradicts {self.words} (p < 0.001): they differ by more, or the model "
+            "lacks something that they stand for; give a larger --prior, or look with diagnose."
         )
 
 
@@ -282,9 +280,9 @@ def load_by_fit(
     What logs do not say of bodies is the file's. Where no effect depends on loads nothing changes,
     unless one may be `named`.
     """
-    before, loaded = np.inf, is_loaded(structure)
+    before, rounds = np.full(1, np.inf), ROUNDS if is_loaded(structure) else int(named)
     # Each leaves the share of an error that a scale is of the torque.
-    for _ in range(ROUNDS if loaded else named):
+    for _ in range(rounds):
         rows = gather_information(structure.regression(samples), engine=engine)
         rows = with_known(rows, structure.known)
         fit = find_estimator("wls").fit(rows)
@@ -395,7 +393,9 @@ def mass_rows(robot: Robot, parameters: Mapping[str, float]) -> list[dict[str, A
     parameters : mapping
         Standard parameters by name; empty where no real robot was found.
     """
-    masses = {b: [parameters[n] for n in _masses(b) if n in parameters] for b in robot.bodies}
+    kinds = ("m", "payload_m")
+    names = {b: [f"{b}.{kind}" for kind in kinds] for b in robot.bodies}
+    masses = {b: [parameters[n] for n in own if n in parameters] for b, own in names.items()}
     return [
         {"body": b, "mass": sum(own), "mass_file": float(robot.nominal.get(f"{b}.m", 0.0))}
         for b, own in masses.items()
@@ -405,7 +405,7 @@ def mass_rows(robot: Robot, parameters: Mapping[str, float]) -> list[dict[str, A
 
 def total_mass(robot: Robot, parameters: Mapping[str, float]) -> float:
     """Return the mass of all moving bodies with their payloads [kg]."""
-    return float(sum(parameters.get(name, 0.0) for b in robot.bodies for name in _masses(b)))
+    return float(sum(row["mass"] for row in mass_rows(robot, parameters)))
 
 
 def real_robot_dict(
@@ -486,7 +486,3 @@ def _measure_errors(
     regression = Regression(robot, structure.model, tuple(samples))
     found = predict(regression, phi * np.array(first)[:, None])
     return found.relative_error().tolist(), found.joint_error()
-
-
-def _masses(body: str) -> tuple[str, str]:
-    return f"{body}.m", f"{body}.payload_m"

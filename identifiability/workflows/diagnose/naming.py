@@ -22,7 +22,7 @@ from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.differences import Change
 from identifiability.estimation.estimate import Outliers, with_known
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.estimation.evidence import HeldOut, may_stand
+from identifiability.estimation.evidence import may_stand
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
@@ -35,15 +35,13 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.columns import Candidate, Refusal, list_candidates, number
 from identifiability.regression.information import Information, gather_information
-from identifiability.regression.reduction import full_model
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, known_rows
 from identifiability.robot import Robot
-from identifiability.workflows.analyze.workflow import hold_folds, settle_robot
-from identifiability.workflows.diagnose.problem import Rows, Setting, weigh_fit
+from identifiability.workflows.analyze.workflow import hold_folds
+from identifiability.workflows.diagnose.problem import Rows, Setting, nearest_robot, weigh_fit
 
 #: By how much an unseen error must rise with a name that is taken out for it.
 WORSE: Tolerance = 1.01
@@ -193,33 +191,25 @@ class Naming:
     @cached_property
     def weighed(self) -> tuple[Information, Estimator]:
         """The same, rows weighed beside all parts; and who knows the noise."""
-        weighed, fit = self._weigh(with_known(self.gathered, known_rows(*self.coordinates)))
+        known = with_known(self.gathered, known_rows(*self.coordinates))
+        weighed, fit = weigh_fit(self.setting.structure.robot, self.setting.samples, known)
         return weighed, fit.estimator
 
-    def _weigh(self, information: Information) -> tuple[Information, Estimate]:
-        return weigh_fit(self.setting.structure.robot, self.setting.samples, information)
-
-    def fit(self, parts: Sequence[int], *, beside_all: bool = False) -> Array:
+    def fit(self, parts: Sequence[int]) -> Array:
         """Return base parameters (b,) of the completed model, of its parts some, as `analyze` does.
 
         Whitened rows judge better what is missing, but of slow noise they keep no levels, and
-        predict worse. Functions are as large as they were found.
-
-        Parameters
-        ----------
-        parts : sequence of int
-        beside_all : bool
-            Whether rows and noise are weighed once beside all parts, to compare many models.
+        predict worse. Functions are as large as they were found. Rows and noise are weighed once
+        beside all parts, to compare many models.
         """
-        some, rows = self._columns_of(parts)
-        value, names = np.zeros(some.shape[1]), [str(k) for k in range(some.shape[1])]
-        if names and beside_all:
-            weighed, by = self.weighed
-            value = by.fit(with_known(weighed.reduce(some, names), rows, by.noise)).value
-        elif names:
-            value = self._weigh(with_known(self.gathered.reduce(some, names), rows))[1].value
-        base: Array = self.own @ self.setting.known.base + some @ value
+        fit, some = self._fit(parts)
+        base: Array = self.own @ self.setting.known.base + some @ fit.value
         return base
+
+    def _fit(self, parts: Sequence[int]) -> tuple[Estimate, Array]:
+        (weighed, by), (some, rows) = self.weighed, self._columns_of(parts)
+        own = weighed.reduce(some, weighed.columns[: some.shape[1]])
+        return by.fit(with_known(own, rows, by.noise)), some
 
     def _columns_of(self, parts: Sequence[int]) -> tuple[Array, Array]:
         """Return independent columns (b, k) of the model with some parts, and what is known."""
@@ -233,18 +223,10 @@ class Naming:
         return some, known_rows(C, sd) @ some
 
     @cached_property
-    def held(self) -> tuple[HeldOut, str]:
-        """Parts of the fitted logs, each to be predicted by the others, and why they are short."""
-        return hold_folds(*self.weighed)
-
-    @cached_property
     def predicts(self) -> bool:
         """Whether parts of the fitted logs are predicted better with what is missing."""
-        (weighed, by), (held, _), scores = self.weighed, self.held, []
-        for parts in ((), range(len(self.parts))):
-            some, rows = self._columns_of(parts)
-            own = weighed.reduce(some, weighed.columns[: some.shape[1]])
-            fit = by.fit(with_known(own, rows, by.noise))
+        held, scores = hold_folds(*self.weighed)[0], []
+        for fit, some in map(self._fit, [(), range(len(self.parts))]):
             scores.append(held.score(held.refit(fit, some), held.roots(fit, some)))
         return not may_stand(*scores)
 
@@ -252,16 +234,14 @@ class Naming:
     def best(self) -> Array:
         """Base parameters (b,) of the completed model to predict with.
 
-        Those of the nearest real robot where it predicts parts of the fitted logs better.
+        Those of the nearest real robot where it predicts parts of the fitted logs as well.
         """
-        value, (held, short) = self.fit(range(len(self.parts))), self.held
-        if self.setting.fixed or self.setting.known.precision.any() or short:
-            return value
-        (rows, by), of = self.weighed, self.completed
-        model = FittedModel(of, full_model(of.base), rows, rows, by.fit(rows))
-        found = settle_robot(model, held, None)
-        better = found.real is not None and found.real.gain(found.free).value > 0
-        return found.robot.base if better else value
+        (weighed, by), known = self.weighed, self.setting.known
+        if not (self.setting.fixed or known.precision.any()):
+            robot = nearest_robot(self.completed, weighed, by.fit(weighed))
+            if robot.as_good:
+                return robot.base
+        return self.fit(range(len(self.parts)))
 
     def predict(self, fits: Sequence[Array], samples: Sequence[Dataset]) -> Prediction:
         """Return torque along some logs as base parameters (b,) of the completed model say."""
@@ -269,9 +249,8 @@ class Naming:
 
     def errors(self, models: Sequence[Sequence[int]]) -> Array:
         """Return the errors of some models on unseen motion over each joint's own scale."""
-        fits = [self.fit(parts, beside_all=True) for parts in models]
         unseen = self.setting.validation or self.setting.samples
-        return self.predict(fits, unseen).error_over_joints()
+        return self.predict([*map(self.fit, models)], unseen).error_over_joints()
 
     @property
     def error(self) -> float:
@@ -335,7 +314,6 @@ def name_missing(looked: Naming) -> Naming:
         model = missing.model()
         kept = model.search()
         looked = replace(looked, asked=missing, whole=model, missing=missing)
-    kept = _with_names(missing, model, kept)
     refuted = list[tuple[Term, float]]()
     if looked.setting.validation and kept:
         found, products = kept, missing.products(unseen.seen, among=kept)
@@ -348,16 +326,16 @@ def name_missing(looked: Naming) -> Naming:
     parts = []
     for k, term in enumerate(kept):
         unnamed, rest = _family(missing, term).unnamed, kept[:k] + kept[k + 1 :]
-        others = [t for t in model.gains(rest) if t.group.family != term.group.family]
+        others = [t for t in model.gains(rest) if _may_rival(t.group, term.group)]
         named = [t for t in others if not _family(missing, t).unnamed]
-        own = {t.key for t in (others if unnamed else named)}
+        rivals = [t for t in (others if unnamed else named) if t.odds > term.odds - RULES.rival]
         near = [t for t in named if unnamed and t.group.place == term.group.place]
         parts += [
             Part(
                 candidate=c,
                 term=term,
                 unseen=gains.get(term.key, np.nan),
-                rivals=tuple(r for r in model.rivals(kept, k) if r.key in own),
+                rivals=tuple(rivals),
                 weight=float(softmax([term.odds, *(t.odds for t in others)])[0]),
                 nearest=tuple(near[:3]),
             )
@@ -389,14 +367,10 @@ def _without_worse(naming: Naming) -> Naming:
     return naming
 
 
-def _with_names(missing: Missing, model: MixedModel, terms: Terms) -> Terms:
-    """Return terms in which a name goes before a function without one that says no more there."""
-    for k, term in enumerate(terms):
-        if _family(missing, term).unnamed:
-            rivals = [t for t in model.rivals(terms, k) if t.group.place == term.group.place]
-            named = [t for t in rivals if not _family(missing, t).unnamed]
-            terms = (*terms[:k], *(named or [term])[:1], *terms[k + 1 :])
-    return terms
+def _may_rival(one: Group, other: Group) -> bool:
+    """Whether groups are two names: a family in a place is a part of itself everywhere."""
+    places = {one.place, other.place}
+    return one.family != other.family or (len(places) > 1 and EVERYWHERE not in places)
 
 
 def _family(missing: Missing, term: Term) -> Family:
