@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtrc
 
-from identifiability.effects import FAMILIES
 from identifiability.effects.base import settle_gravity
+from identifiability.effects.registry import is_loaded
 from identifiability.effects.vocabulary import complete_values, file_kinds, values_in_file
 from identifiability.estimation.estimate import find_estimator, with_known
 from identifiability.estimation.prediction import predict
@@ -280,7 +280,7 @@ def load_by_fit(
     What logs do not say of bodies is the file's. Where no effect depends on loads nothing changes,
     unless one may be `named`.
     """
-    before, rounds = np.full(1, np.inf), ROUNDS if is_loaded(structure) else int(named)
+    before, rounds = np.full(1, np.inf), ROUNDS if is_loaded(structure.parameters) else int(named)
     # Each leaves the share of an error that a scale is of the torque.
     for _ in range(rounds):
         rows = gather_information(structure.regression(samples), engine=engine)
@@ -296,11 +296,6 @@ def load_by_fit(
             break
         before = fit.value
     return structure
-
-
-def is_loaded(structure: Structure) -> bool:
-    """Return whether an effect of the model depends on loads."""
-    return any(p.group in FAMILIES and FAMILIES[p.group].loaded for p in structure.parameters)
 
 
 # Bodies to which a prior may draw: those of the robot file, and others where it states none.
@@ -393,13 +388,10 @@ def mass_rows(robot: Robot, parameters: Mapping[str, float]) -> list[dict[str, A
     parameters : mapping
         Standard parameters by name; empty where no real robot was found.
     """
-    kinds = ("m", "payload_m")
-    names = {b: [f"{b}.{kind}" for kind in kinds] for b in robot.bodies}
-    masses = {b: [parameters[n] for n in own if n in parameters] for b, own in names.items()}
     return [
         {"body": b, "mass": sum(own), "mass_file": float(robot.nominal.get(f"{b}.m", 0.0))}
-        for b, own in masses.items()
-        if own
+        for b in robot.bodies
+        if (own := [parameters[n] for n in (f"{b}.m", f"{b}.payload_m") if n in parameters])
     ]
 
 
@@ -457,7 +449,7 @@ def real_robot_dict(
         "masses": mass_rows(robot, parameters),
         "cad_prior": cad_weight,
         "shapes": dict(structure.shapes) if parameters else {},
-        "reference": dict(robot.reference) if is_loaded(structure) else {},
+        "reference": dict(robot.reference) if is_loaded(structure.parameters) else {},
         "parameters": dict(parameters),
     }
 

@@ -121,7 +121,9 @@ class Naming:
     @cached_property
     def terms(self) -> Terms:
         """The parts in their order, each with its variance."""
-        return _terms_of(self.model, [p.candidate for p in self.parts])
+        groups = {g.key: g for g in self.model.groups}
+        terms = tuple(Term(groups[p.candidate.group], 0, 1.0, 0.0) for p in self.parts)
+        return self.model.settle(self.model.settle(terms))
 
     def values(self, k: int) -> tuple[Array, Array]:
         """Return the values of a part (m,) and their covariance (m, m)."""
@@ -183,15 +185,14 @@ class Naming:
         return self.completed.G[:, [columns.index(n) for n in self.setting.structure.base.names]]
 
     @cached_property
-    def gathered(self) -> Information:
-        """About the base parameters of the completed model less what is known, rows alike."""
-        own = gather_information(self.completed.regression(self.setting.samples))
-        return own.reduce(np.eye(own.size), own.columns, self.own @ self.setting.known.base)
-
-    @cached_property
     def weighed(self) -> tuple[Information, Estimator]:
-        """The same, rows weighed beside all parts; and who knows the noise."""
-        known = with_known(self.gathered, known_rows(*self.coordinates))
+        """About the base parameters of the completed model less what is known, rows weighed.
+
+        Beside all parts; and who knows the noise.
+        """
+        own = gather_information(self.completed.regression(self.setting.samples))
+        own = own.reduce(np.eye(own.size), own.columns, self.own @ self.setting.known.base)
+        known = with_known(own, known_rows(*self.coordinates))
         weighed, fit = weigh_fit(self.setting.structure.robot, self.setting.samples, known)
         return weighed, fit.estimator
 
@@ -207,20 +208,16 @@ class Naming:
         return base
 
     def _fit(self, parts: Sequence[int]) -> tuple[Estimate, Array]:
-        (weighed, by), (some, rows) = self.weighed, self._columns_of(parts)
-        own = weighed.reduce(some, weighed.columns[: some.shape[1]])
-        return by.fit(with_known(own, rows, by.noise)), some
-
-    def _columns_of(self, parts: Sequence[int]) -> tuple[Array, Array]:
-        """Return independent columns (b, k) of the model with some parts, and what is known."""
-        d = len(self.setting.known.precision)
+        """Return the fit of independent columns (b, k) of the model with some parts, and these."""
+        (weighed, by), d = self.weighed, len(self.setting.known.precision)
         first = self.parts[0].candidate.columns[0] if self.parts else 0
         at = [d + k - first for p in parts for k in self.parts[p].candidate.columns]
         C, sd = (x[..., [*range(d), *at]] for x in self.coordinates)
         length = np.linalg.norm(C, axis=0)
         free = np.argsort(np.isfinite(sd), kind="stable").tolist()  # before what is random
         some = C[:, scan_columns(C / np.where(length > 0, length, 1.0), free)]
-        return some, known_rows(C, sd) @ some
+        own = weighed.reduce(some, weighed.columns[: some.shape[1]])
+        return by.fit(with_known(own, known_rows(C, sd) @ some, by.noise)), some
 
     @cached_property
     def predicts(self) -> bool:
@@ -251,11 +248,6 @@ class Naming:
         """Return the errors of some models on unseen motion over each joint's own scale."""
         unseen = self.setting.validation or self.setting.samples
         return self.predict([*map(self.fit, models)], unseen).error_over_joints()
-
-    @property
-    def error(self) -> float:
-        """That of the model with all parts."""
-        return float(self.errors([range(len(self.parts))])[0])
 
 
 def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
@@ -414,12 +406,6 @@ def _has_share(model: MixedModel, terms: Terms, k: int) -> bool:
     return bool(chdtrc(len(at), square) < Thresholds.sign_level)
 
 
-def _terms_of(model: MixedModel, candidates: Sequence[Candidate]) -> Terms:
-    groups = {g.key: g for g in model.groups}
-    terms = tuple(Term(groups[c.group], 0, 1.0, 0.0) for c in candidates)
-    return model.settle(model.settle(terms))
-
-
 def with_parts(naming: Naming, parts: Sequence[Part]) -> Naming:
     """Return a naming of some parts, numbered after friction at reversals."""
     always = [c for c in naming.missing.candidates if c.family is REVERSALS]
@@ -534,15 +520,13 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
     """
     seen, robot = naming.fitted.seen, naming.setting.structure.robot
     families = find_families([f for f in CHANGING if effects is None or f in effects])
-    if not families or not len(naming.fitted):
-        return None
     begins, log_of = _parts_of_time(seen)
     stays = _stays(log_of)
     motions = [x.motion for x in naming.fitted.samples]
     listed, _ = list_candidates(robot, families, (), motions, fixed=True)
     held = [c for c in naming.missing.candidates if c.family is REVERSALS]
     missing = replace(naming.missing, candidates=tuple(number([*held, *listed])), families=None)
-    if not len(stays) or not listed:
+    if not len(stays) or not listed:  # families that nobody may name, or logs of next to no time
         return None
     courses = _session(naming.fitted, begins, log_of)
     every = _odds_of_stays(missing, begins, stays, courses)

@@ -309,7 +309,8 @@ class _Asked:
             return named
         # Unseen rows cannot show what changed, but that nothing did.
         found = self._settle(without)
-        return named if found.error > WORSE * named.error else found
+        before, after = (x.errors([range(len(x.parts))])[0] for x in (named, found))
+        return named if after > WORSE * before else found
 
 
 def _last(changes: Sequence[Change], samples: Sequence[Dataset], outliers: Outliers) -> bool:
