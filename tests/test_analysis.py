@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Analysis, Preparation, analyze
+from identifiability import Analysis, Preparation, analyze, diagnose
 from identifiability.estimation.verdict import Class
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.robot import Robot
@@ -196,17 +196,17 @@ def test_numbers_of_a_file_are_believed_contradicted_or_left_open(simulated_sess
     assert table.caption in found.write_report(tmp_path / "page.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("joint", ["shoulder", "elbow"])
-def test_a_torque_scale_is_that_of_the_fitted_robot_not_of_a_wrong_file(simulated, tmp_path, joint):
+@pytest.mark.parametrize(("joint", "size"), [("shoulder", 0.08), ("elbow", 0.08), ("elbow", 0.5)])
+def test_a_torque_scale_is_of_the_fitted_robot_not_of_a_file(simulated, tmp_path, joint, size):
     robot, share = Robot.load("two-link"), {"link1": 0.75, "link2": 1.25}  # no friction, no rotors
     values = {n: share.get(n.partition(".")[0], 0.0) * x for n, x in robot.nominal.items()}
     file = Robot.load(save_robot(robot, values, tmp_path / "vendor.xml"))
-    log = simulated("two-link", "a", noise=Noise(additive=0.02), samples=250)
-    log = replace(log, tau=log.tau * np.where(np.array(robot.joints) == joint, 1.08, 1.0))
+    log = simulated("two-link", "a", noise=Noise(additive=0.02), samples=500)
+    log = replace(log, tau=log.tau * np.where(np.array(robot.joints) == joint, 1 + size, 1.0))
     effects = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"]
     model = ModelEntry(name="scaled", effects=[*effects, f"torque_scale@{joint}"])
     found = analyze(file, log, ladder=LadderEntry(models=[model]), replicates=0)
-    true = {**robot.nominal, f"{joint}.scale": 0.08}
+    true = {**robot.nominal, f"{joint}.scale": size}
     truth = found.structure.G @ [true[n] for n in found.structure.columns]
     pairs = zip(found.chosen.verdicts, truth, strict=True)
     off = [(v.value - x) / v.sigma_robust for v, x in pairs if v.sure]
@@ -214,3 +214,5 @@ def test_a_torque_scale_is_that_of_the_fitted_robot_not_of_a_wrong_file(simulate
     assert np.abs(off).max() < 3
     back = Analysis.from_json(found.to_json(tmp_path / "result.json"), file)
     assert back.robot.reference == pytest.approx(found.robot.reference)
+    ((p,),) = [e.placements for e in diagnose(file, log, effects=["torque_scale"]).effects]
+    assert {p.place, *(r.place for r in p.rivals)} == {*robot.joints}  # all masses would be as well

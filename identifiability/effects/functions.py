@@ -23,10 +23,10 @@ from identifiability.effects.effect import (
     actuated_joints,
     counted,
 )
-from identifiability.effects.measurement import FromJoint, is_alone, nominal_torque, other_joints
-from identifiability.effects.nominal import needs_masses, rigid_torque
+from identifiability.effects.measurement import FromJoint, is_alone, other_joints
+from identifiability.effects.nominal import needs_masses
 from identifiability.effects.registry import declare, register
-from identifiability.effects.transmission import carried_load
+from identifiability.effects.transmission import rigid_load
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -130,23 +130,10 @@ def largest_distance(span: Span) -> tuple[float, ...]:
     return (span.farthest,)
 
 
-def load_of(robot: Robot, motion: Motion) -> Array:
-    """Return the load of the joints, (N, n): all torque of the model where its values are known.
-
-    Of the file it is that of the masses: files seldom state friction and rotors.
-    """
-    return (nominal_torque if robot.reference else rigid_torque)(robot, motion)
-
-
-def carried_by(at: Along) -> Array:
-    """Return the load that an axis alone would carry, (N,) [N·m or N]."""
-    return carried_load(load_of(at.robot, at.motion), at)
-
-
 def largest_load(span: Span) -> tuple[float, ...]:
     """Return the largest load of the motions at an axis [N·m or N]."""
     axis = next(a for a in span.robot.axes if a.name == span.joint)
-    loads = [carried_by(Along(span.robot, m, axis)) for m in span.motions]
+    loads = [rigid_load(Along(span.robot, m, axis)) for m in span.motions]
     return (max(float(np.abs(x).max(initial=0.0)) for x in loads) or 1.0,)
 
 
@@ -196,7 +183,7 @@ def end_of_session(span: Span) -> tuple[float, ...]:
 POSITION = Coordinate(
     "q", "position", "position", attrgetter("travel"), largest_distance, (3.0, 0.5)
 )
-LOAD = Coordinate("τ_load", "the load", "load", carried_by, largest_load, (10.0, 100.0))
+LOAD = Coordinate("τ_load", "the load", "load", rigid_load, largest_load, (10.0, 100.0))
 TIME = Coordinate("t", "time", "time", attrgetter("motion.t"), duration, (TYPICAL,) * 2)
 SESSION = Coordinate(
     "T", "the time of the session", "session", session_of, end_of_session, (TYPICAL,) * 2

@@ -13,6 +13,7 @@ import cloudpickle
 
 from identifiability.effects.effect import Effect, Family, Law, joint_places
 from identifiability.foundation.errors import ModelError, listing, near_match
+from identifiability.foundation.names import Parameter
 from identifiability.robot import Robot
 
 #: Modules that workers have, or that are sent to them with what is defined there.
@@ -114,6 +115,11 @@ def find_families(names: Iterable[str] | None, *, commanded: bool = False) -> tu
         other = "torque" if commanded else "commands"
         return tuple(f for f in FAMILIES.values() if f.logs != other)
     return tuple(find_family(name) for name in names)
+
+
+def is_loaded(parameters: Iterable[Parameter]) -> bool:
+    """Return whether an effect of some parameters depends on loads."""
+    return any(p.group in FAMILIES and FAMILIES[p.group].loaded for p in parameters)
 
 
 def bring(families: Iterable[Family]) -> tuple[str, ...]:

@@ -173,8 +173,9 @@ def complete_values(
     bodies = {f"{body}.{kind}" for body in robot.bodies for kind in INERTIAL_KINDS}
     values = {n: v for n, v in robot.nominal.items() if keep or n in bodies} | dict(given)
     for p in _stated(robot, tuple(FAMILIES.values()), file_kinds(robot)[0]):
-        if p.owner in robot.bodies and p.kind != p.stated_as:
-            values[f"{p.owner}.{p.stated_as}"] += values.pop(p.name, 0.0)
+        of_body = f"{p.owner}.{p.stated_as}"
+        if of_body in bodies and p.kind != p.stated_as:
+            values[of_body] += values.pop(p.name, 0.0)
     settle_directions(values, given)
     return values
 

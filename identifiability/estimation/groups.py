@@ -30,6 +30,7 @@ from identifiability.estimation.mixed_model import (
     whitened_information,
 )
 from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, rich_noise, split_runs
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import INERTIAL_KINDS, Array
@@ -346,6 +347,7 @@ class Missing:
         for name, place in asked:
             sets = self.sets[name, place]
             price = float(np.log(len(places)) + np.log(places[name]))
+            price += RULES.rival * sets[0][0].family.unnamed  # what has a name is likelier
             positive = all(c.positive for some in sets for c in some)
             out.append(Group(name, place, list_members(sets, self.fixed), price, positive))
         return tuple(out)

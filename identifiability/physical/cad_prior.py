@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtrc
 
-from identifiability.effects import FAMILIES
 from identifiability.effects.base import settle_gravity
+from identifiability.effects.registry import is_loaded
 from identifiability.effects.vocabulary import complete_values, file_kinds, values_in_file
 from identifiability.estimation.estimate import find_estimator, with_known
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines import Engine
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.linalg import NEARLY, ROUNDOFF
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import frozen
@@ -188,11 +188,9 @@ class WithFile:
         # Level at which a log contradicts that share.
         if self.p_value >= 0.001:
             return ""
-        chance = "< 1e-6" if self.p_value < NEARLY else f"= {self.p_value:.1g}"
         return (
-            f"The log contradicts {self.words} "
-            f"(p {chance}): they differ by more, or the model lacks something that they stand "
-            "for; give a larger --prior, or look with diagnose."
+            f"The log contradicts {self.words} (p < 0.001): they differ by more, or the model "
+            "lacks something that they stand for; give a larger --prior, or look with diagnose."
         )
 
 
@@ -270,22 +268,33 @@ def combine_with_file(
     )
 
 
-def load_by_fit(structure: Structure, samples: Sequence[Dataset], engine: Engine) -> Structure:
+#: Fits at most until values that depend on their own loads have settled, to a tenth of an error.
+ROUNDS = 8
+
+
+def load_by_fit(
+    structure: Structure, samples: Sequence[Dataset], engine: Engine, *, named: bool = False
+) -> Structure:
     """Return the structure with loads as a fit has them: the file may be wrong of its robot.
 
-    What logs do not say of bodies is the file's. Where no effect depends on loads nothing changes.
+    What logs do not say of bodies is the file's. Where no effect depends on loads nothing changes,
+    unless one may be `named`.
     """
-    if not any(p.group in FAMILIES and FAMILIES[p.group].loaded for p in structure.parameters):
-        return structure
-    for _ in range(2):  # each leaves the share of an error that a scale is of the torque
+    before, rounds = np.full(1, np.inf), ROUNDS if is_loaded(structure.parameters) else int(named)
+    # Each leaves the share of an error that a scale is of the torque.
+    for _ in range(rounds):
         rows = gather_information(structure.regression(samples), engine=engine)
         rows = with_known(rows, structure.known)
-        data = LeastSquares.of_fit(rows, find_estimator("wls").fit(rows)).through(structure.G)
+        fit = find_estimator("wls").fit(rows)
+        data = LeastSquares.of_fit(rows, fit).through(structure.G)
         both = data.R / data.unit, data.z / data.unit, np.eye(len(structure.columns))
         phi = combine_with_file(structure, *both, RULES.body_within).mean.tolist()
         known = dict(zip(structure.columns, phi, strict=True))
         loads = complete_values(structure.robot, known, keep=False)
         structure = Structure.of(replace(structure.robot, reference=loads), structure.model)
+        if np.all(np.abs(fit.value - before) <= 0.1 * np.sqrt(np.diag(fit.covariance))):
+            break
+        before = fit.value
     return structure
 
 
@@ -379,17 +388,16 @@ def mass_rows(robot: Robot, parameters: Mapping[str, float]) -> list[dict[str, A
     parameters : mapping
         Standard parameters by name; empty where no real robot was found.
     """
-    masses = {b: [parameters[n] for n in _masses(b) if n in parameters] for b in robot.bodies}
     return [
         {"body": b, "mass": sum(own), "mass_file": float(robot.nominal.get(f"{b}.m", 0.0))}
-        for b, own in masses.items()
-        if own
+        for b in robot.bodies
+        if (own := [parameters[n] for n in (f"{b}.m", f"{b}.payload_m") if n in parameters])
     ]
 
 
 def total_mass(robot: Robot, parameters: Mapping[str, float]) -> float:
     """Return the mass of all moving bodies with their payloads [kg]."""
-    return float(sum(parameters.get(name, 0.0) for b in robot.bodies for name in _masses(b)))
+    return float(sum(row["mass"] for row in mass_rows(robot, parameters)))
 
 
 def real_robot_dict(
@@ -441,7 +449,7 @@ def real_robot_dict(
         "masses": mass_rows(robot, parameters),
         "cad_prior": cad_weight,
         "shapes": dict(structure.shapes) if parameters else {},
-        "reference": dict(robot.reference),
+        "reference": dict(robot.reference) if is_loaded(structure.parameters) else {},
         "parameters": dict(parameters),
     }
 
@@ -470,7 +478,3 @@ def _measure_errors(
     regression = Regression(robot, structure.model, tuple(samples))
     found = predict(regression, phi * np.array(first)[:, None])
     return found.relative_error().tolist(), found.joint_error()
-
-
-def _masses(body: str) -> tuple[str, str]:
-    return f"{body}.m", f"{body}.payload_m"

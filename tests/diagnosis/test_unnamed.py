@@ -45,8 +45,7 @@ def test_friction_without_a_name_is_learned_and_confirmed(logs_of, tmp_path):
     assert "function_of_velocity" in d.model.names
     path = d.write_model(tmp_path / "model.toml")
     judged = analyze("five-bar", logs[:4], logs[4], path, replicates=0).models[0]
-    assert judged.unseen_by(0) == pytest.approx(d.held_after, rel=1e-9)
-    assert judged.error_ra_validation == pytest.approx(d.held_after, rel=0.02)
+    assert judged.error_ra_validation == pytest.approx(d.held_after, rel=1e-6)
     assert (
         f"function_of_velocity.fo1+fo2+fo3+fo4@left_shoulder:{effect.placements[0].shape!r}"
         in (tmp_path / "model.toml").read_text()

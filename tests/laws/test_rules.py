@@ -69,7 +69,12 @@ def test_every_answer_names_the_tables_by_which_it_was_decided():
     ):
         import_module(workflow)
     named = {a for a in answers() if a.__module__.startswith("identifiability.")}
-    none = {"Fleet", "PositionPrediction", "Excitation", "KeptResult"}  # what they say, no table decides
+    none = {
+        "Fleet",
+        "PositionPrediction",
+        "Excitation",
+        "KeptResult",
+    }  # what they say, no table decides
     assert {a.__name__ for a in named if a.decided_by is Result.decided_by} == none
 
 

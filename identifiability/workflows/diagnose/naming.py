@@ -21,11 +21,12 @@ from identifiability.effects import Part as EffectPart
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.estimate import Outliers, with_known
 from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.evidence import may_stand
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
 from identifiability.estimation.noise import rich_noise, split_runs
-from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
+from identifiability.estimation.prediction import Prediction, predict
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import ROUNDOFF, scan_columns
 from identifiability.foundation.names import Array
@@ -40,7 +41,7 @@ from identifiability.regression.structure import Structure, known_rows
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.workflow import hold_folds
 from identifiability.workflows.diagnose.changes import Change
-from identifiability.workflows.diagnose.problem import Rows, Setting, weigh_fit
+from identifiability.workflows.diagnose.problem import Rows, Setting, nearest_robot, weigh_fit
 
 #: By how much an unseen error must rise with a name that is taken out for it.
 WORSE: Tolerance = 1.01
@@ -120,7 +121,9 @@ class Naming:
     @cached_property
     def terms(self) -> Terms:
         """The parts in their order, each with its variance."""
-        return _terms_of(self.model, [p.candidate for p in self.parts])
+        groups = {g.key: g for g in self.model.groups}
+        terms = tuple(Term(groups[p.candidate.group], 0, 1.0, 0.0) for p in self.parts)
+        return self.model.settle(self.model.settle(terms))
 
     def values(self, k: int) -> tuple[Array, Array]:
         """Return the values of a part (m,) and their covariance (m, m)."""
@@ -169,84 +172,73 @@ class Naming:
         ``β = base + C x``, C (b, d + m), and what standard deviation x is known to have, (d + m,).
         """
         known, last = self.setting.known, {n: k for k, n in enumerate(self.completed.columns)}
-        own, names = self._own @ known.directions, self.names(self.parts)
+        own, names = self.own @ known.directions, self.names(self.parts)
         sd = [self.completed.model.random.get(name, np.inf) for name in names]
         with np.errstate(divide="ignore"):
             both = np.append(1.0 / np.sqrt(known.precision), sd)
         return np.column_stack([own, self.completed.G[:, [last[name] for name in names]]]), both
 
     @cached_property
-    def _own(self) -> Array:
+    def own(self) -> Array:
         """Base parameters of the completed model by those of the model, (b, b0)."""
         columns = self.completed.columns
         return self.completed.G[:, [columns.index(n) for n in self.setting.structure.base.names]]
 
     @cached_property
-    def gathered(self) -> Information:
-        """About the base parameters of the completed model less what is known, rows alike."""
-        own = gather_information(self.completed.regression(self.setting.samples))
-        return own.reduce(np.eye(own.size), own.columns, self._own @ self.setting.known.base)
-
-    @cached_property
     def weighed(self) -> tuple[Information, Estimator]:
-        """The same, rows weighed beside all parts; and who knows the noise."""
-        weighed, fit = self._weigh(with_known(self.gathered, known_rows(*self.coordinates)))
+        """About the base parameters of the completed model less what is known, rows weighed.
+
+        Beside all parts; and who knows the noise.
+        """
+        own = gather_information(self.completed.regression(self.setting.samples))
+        own = own.reduce(np.eye(own.size), own.columns, self.own @ self.setting.known.base)
+        known = with_known(own, known_rows(*self.coordinates))
+        weighed, fit = weigh_fit(self.setting.structure.robot, self.setting.samples, known)
         return weighed, fit.estimator
 
-    def _weigh(self, information: Information) -> tuple[Information, Estimate]:
-        return weigh_fit(self.setting.structure.robot, self.setting.samples, information)
-
-    def fit(self, parts: Sequence[int], *, beside_all: bool = False) -> Array:
+    def fit(self, parts: Sequence[int]) -> Array:
         """Return base parameters (b,) of the completed model, of its parts some, as `analyze` does.
 
         Whitened rows judge better what is missing, but of slow noise they keep no levels, and
-        predict worse. Functions are as large as they were found.
-
-        Parameters
-        ----------
-        parts : sequence of int
-        beside_all : bool
-            Whether rows and noise are weighed once beside all parts, to compare many models.
+        predict worse. Functions are as large as they were found. Rows and noise are weighed once
+        beside all parts, to compare many models.
         """
-        some, rows = self._columns_of(parts)
-        value, names = np.zeros(some.shape[1]), [str(k) for k in range(some.shape[1])]
-        if names and beside_all:
-            weighed, by = self.weighed
-            value = by.fit(with_known(weighed.reduce(some, names), rows, by.noise)).value
-        elif names:
-            value = self._weigh(with_known(self.gathered.reduce(some, names), rows))[1].value
-        base: Array = self._own @ self.setting.known.base + some @ value
+        fit, some = self._fit(parts)
+        base: Array = self.own @ self.setting.known.base + some @ fit.value
         return base
 
-    def _columns_of(self, parts: Sequence[int]) -> tuple[Array, Array]:
-        """Return independent columns (b, k) of the model with some parts, and what is known."""
-        d = len(self.setting.known.precision)
+    def _fit(self, parts: Sequence[int]) -> tuple[Estimate, Array]:
+        """Return the fit of independent columns (b, k) of the model with some parts, and these."""
+        (weighed, by), d = self.weighed, len(self.setting.known.precision)
         first = self.parts[0].candidate.columns[0] if self.parts else 0
         at = [d + k - first for p in parts for k in self.parts[p].candidate.columns]
         C, sd = (x[..., [*range(d), *at]] for x in self.coordinates)
         length = np.linalg.norm(C, axis=0)
         free = np.argsort(np.isfinite(sd), kind="stable").tolist()  # before what is random
         some = C[:, scan_columns(C / np.where(length > 0, length, 1.0), free)]
-        return some, known_rows(C, sd) @ some
+        own = weighed.reduce(some, weighed.columns[: some.shape[1]])
+        return by.fit(with_known(own, known_rows(C, sd) @ some, by.noise)), some
 
     @cached_property
     def predicts(self) -> bool:
-        """Whether the model with all parts errs no more than without on parts of the fitted logs.
+        """Whether parts of the fitted logs are predicted better with what is missing."""
+        held, scores = hold_folds(*self.weighed)[0], []
+        for fit, some in map(self._fit, [(), range(len(self.parts))]):
+            scores.append(held.score(held.refit(fit, some), held.roots(fit, some)))
+        return not may_stand(*scores)
 
-        Each part by the fit of the others, rows at which joints stand or turn among them: these fit
-        neither model, and names may be paid for there.
+    @cached_property
+    def best(self) -> Array:
+        """Base parameters (b,) of the completed model to predict with.
+
+        Those of the nearest real robot where it predicts parts of the fitted logs as well.
         """
-        (weighed, by), values = self.weighed, []
-        held = hold_folds(weighed, by)[0]
-        for parts in ((), range(len(self.parts))):
-            some, rows = self._columns_of(parts)
-            own = weighed.reduce(some, weighed.columns[: some.shape[1]])
-            fit = by.fit(with_known(own, rows, by.noise))
-            values.append(held.refit(fit, some) + self._own @ self.setting.known.base)
-        regression = replace(self.completed.regression(self.setting.samples), dwelling=True)
-        (found,) = predict_all(regression, [Task(np.stack(values, 2), held.folds)])
-        before, after = found.error_over_joints()
-        return bool(after <= WORSE * before)
+        (weighed, by), known = self.weighed, self.setting.known
+        if not (self.setting.fixed or known.precision.any()):
+            robot = nearest_robot(self.completed, weighed, by.fit(weighed))
+            if robot.as_good:
+                return robot.base
+        return self.fit(range(len(self.parts)))
 
     def predict(self, fits: Sequence[Array], samples: Sequence[Dataset]) -> Prediction:
         """Return torque along some logs as base parameters (b,) of the completed model say."""
@@ -254,14 +246,8 @@ class Naming:
 
     def errors(self, models: Sequence[Sequence[int]]) -> Array:
         """Return the errors of some models on unseen motion over each joint's own scale."""
-        fits = [self.fit(parts, beside_all=True) for parts in models]
         unseen = self.setting.validation or self.setting.samples
-        return self.predict(fits, unseen).error_over_joints()
-
-    @property
-    def error(self) -> float:
-        """That of the model with all parts."""
-        return float(self.errors([range(len(self.parts))])[0])
+        return self.predict([*map(self.fit, models)], unseen).error_over_joints()
 
 
 def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
@@ -320,7 +306,6 @@ def name_missing(looked: Naming) -> Naming:
         model = missing.model()
         kept = model.search()
         looked = replace(looked, asked=missing, whole=model, missing=missing)
-    kept = _with_names(missing, model, kept)
     refuted = list[tuple[Term, float]]()
     if looked.setting.validation and kept:
         found, products = kept, missing.products(unseen.seen, among=kept)
@@ -333,16 +318,16 @@ def name_missing(looked: Naming) -> Naming:
     parts = []
     for k, term in enumerate(kept):
         unnamed, rest = _family(missing, term).unnamed, kept[:k] + kept[k + 1 :]
-        others = [t for t in model.gains(rest) if t.group.family != term.group.family]
+        others = [t for t in model.gains(rest) if _may_rival(t.group, term.group)]
         named = [t for t in others if not _family(missing, t).unnamed]
-        own = {t.key for t in (others if unnamed else named)}
+        rivals = [t for t in (others if unnamed else named) if t.odds > term.odds - RULES.rival]
         near = [t for t in named if unnamed and t.group.place == term.group.place]
         parts += [
             Part(
                 candidate=c,
                 term=term,
                 unseen=gains.get(term.key, np.nan),
-                rivals=tuple(r for r in model.rivals(kept, k) if r.key in own),
+                rivals=tuple(rivals),
                 weight=float(softmax([term.odds, *(t.odds for t in others)])[0]),
                 nearest=tuple(near[:3]),
             )
@@ -374,14 +359,10 @@ def _without_worse(naming: Naming) -> Naming:
     return naming
 
 
-def _with_names(missing: Missing, model: MixedModel, terms: Terms) -> Terms:
-    """Return terms in which a name goes before a function without one that says no more there."""
-    for k, term in enumerate(terms):
-        if _family(missing, term).unnamed:
-            rivals = [t for t in model.rivals(terms, k) if t.group.place == term.group.place]
-            named = [t for t in rivals if not _family(missing, t).unnamed]
-            terms = (*terms[:k], *(named or [term])[:1], *terms[k + 1 :])
-    return terms
+def _may_rival(one: Group, other: Group) -> bool:
+    """Whether groups are two names: a family in a place is a part of itself everywhere."""
+    places = {one.place, other.place}
+    return one.family != other.family or (len(places) > 1 and EVERYWHERE not in places)
 
 
 def _family(missing: Missing, term: Term) -> Family:
@@ -423,12 +404,6 @@ def _has_share(model: MixedModel, terms: Terms, k: int) -> bool:
     at = model.fixed + sum(t.size for t in terms[:k]) + np.arange(terms[k].size)
     square = s.value[at] @ np.linalg.solve(s.root[:, at].T @ s.root[:, at], s.value[at])
     return bool(chdtrc(len(at), square) < Thresholds.sign_level)
-
-
-def _terms_of(model: MixedModel, candidates: Sequence[Candidate]) -> Terms:
-    groups = {g.key: g for g in model.groups}
-    terms = tuple(Term(groups[c.group], 0, 1.0, 0.0) for c in candidates)
-    return model.settle(model.settle(terms))
 
 
 def with_parts(naming: Naming, parts: Sequence[Part]) -> Naming:
@@ -545,15 +520,13 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
     """
     seen, robot = naming.fitted.seen, naming.setting.structure.robot
     families = find_families([f for f in CHANGING if effects is None or f in effects])
-    if not families or not len(naming.fitted):
-        return None
     begins, log_of = _parts_of_time(seen)
     stays = _stays(log_of)
     motions = [x.motion for x in naming.fitted.samples]
     listed, _ = list_candidates(robot, families, (), motions, fixed=True)
     held = [c for c in naming.missing.candidates if c.family is REVERSALS]
     missing = replace(naming.missing, candidates=tuple(number([*held, *listed])), families=None)
-    if not len(stays) or not listed:
+    if not len(stays) or not listed:  # families that nobody may name, or logs of next to no time
         return None
     courses = _session(naming.fitted, begins, log_of)
     every = _odds_of_stays(missing, begins, stays, courses)

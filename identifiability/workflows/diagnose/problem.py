@@ -31,9 +31,13 @@ from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.physical.cad_prior import state_rows
+from identifiability.physical.feasibility import PhysicalResult
+from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.information import Information, gather_information
+from identifiability.regression.reduction import full_model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
+from identifiability.workflows.analyze.workflow import hold_folds, settle_robot
 from identifiability.workflows.predict import Fit, Predicts, read_fit
 from identifiability.workflows.session import weigh_rows
 
@@ -330,6 +334,28 @@ def fit_structure(structure: Structure, samples: Sequence[Dataset]) -> tuple[Inf
     """Return the same of the base parameters of a model, random ones as large as it says."""
     information = gather_information(structure.regression(samples))
     return weigh_fit(structure.robot, samples, with_known(information, structure.known))
+
+
+def nearest_robot(
+    structure: Structure,
+    information: Information,
+    fit: Estimate,
+    cad_weight: float | None = None,
+) -> PhysicalResult:
+    """Return the real robot nearest to a fit, and whether it predicts parts of the logs as well.
+
+    Parameters
+    ----------
+    structure : Structure
+    information : Information
+        That was fitted.
+    fit : Estimate
+    cad_weight : float, optional
+        How strongly it is drawn to the robot file; by default parts of the logs choose.
+    """
+    model = FittedModel(structure, full_model(structure.base), information, information, fit)
+    held_out, short = hold_folds(information, fit.estimator)
+    return settle_robot(model, held_out, cad_weight, choose=not short).robot
 
 
 @frozen

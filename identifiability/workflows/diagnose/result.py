@@ -27,13 +27,11 @@ from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
-from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.columns import Refusal
 from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.workflows.analyze.workflow import hold_folds, settle_robot
 from identifiability.workflows.answers import after_mass, answer_next, answer_quality, with_hints
 from identifiability.workflows.commands import (
     export_line,
@@ -45,7 +43,12 @@ from identifiability.workflows.commands import (
 )
 from identifiability.workflows.diagnose.changes import Change, table_changes
 from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
-from identifiability.workflows.diagnose.problem import Discrepancy, Setting, fit_structure
+from identifiability.workflows.diagnose.problem import (
+    Discrepancy,
+    Setting,
+    fit_structure,
+    nearest_robot,
+)
 from identifiability.workflows.predict import (
     Fit,
     PositionPrediction,
@@ -204,8 +207,10 @@ class NamedEffect:
 
     @property
     def names(self) -> list[str]:
-        """The name and its alternatives, in words."""
-        return [self.title, *map(title_of, self.alternatives)]
+        """The name with its place, and its alternatives, with theirs where these are others."""
+        rivals = [r for p in self.placements for r in p.rivals]
+        others = [title_of(r.family) if r.place in self.joints else _at(*r) for r in rivals]
+        return list(dict.fromkeys([_at(self.name, _where(self)), *others]))
 
     @property
     def called(self) -> str:
@@ -668,9 +673,8 @@ def _remark(d: Diagnosis) -> Iterator[Note]:
 
 
 def _state_effect(e: NamedEffect) -> str:
-    where = "" if e.joints == ("base",) else f" in {_where(e)}"
     sure = f" (log odds {e.odds:.3g})" if np.isfinite(e.odds) else ""
-    return f"{e.called}{where}{_state_mass(e)}{sure}"
+    return f"{e.called}{_state_mass(e)}{sure}"
 
 
 def _capital(text: str) -> str:
@@ -720,7 +724,11 @@ def _looks(d: Diagnosis) -> str:
 
 CHANGED = "What changed in the middle of a log, and was left out"
 NAMED = (
-    Column("effect", "code", lambda e: " or ".join([e.name, *e.alternatives][:LIKELIEST])),
+    Column(
+        "effect",
+        "code",
+        lambda e: " or ".join(dict.fromkeys([e.name, *e.alternatives][:LIKELIEST])),
+    ),
     Column("where", get=lambda e: ", ".join(e.joints)),
     Column("log odds", digits(3), "odds", ODDS),
     Column("on unseen motion", digits(3), "unseen"),
@@ -763,28 +771,19 @@ def keep_completed(d: Diagnosis) -> Fit:
 
 
 def fit_physical(
-    structure: Structure,
-    samples: Sequence[Dataset],
-    unseen: Sequence[Dataset] = (),
-    cad_weight: float | None = None,
+    structure: Structure, samples: Sequence[Dataset], cad_weight: float | None = None
 ) -> Physical:
     """Return the real robot that explains some logs best under a model.
 
     How strongly it is drawn to the robot file is chosen by what it predicts of stretches of the
-    logs, as of an analysis, where others are there to judge it; without any it is so weakly.
-    It is not chosen where it is given.
+    logs, as of an analysis. It is not chosen where it is given.
 
     Raises
     ------
     IdentifiabilityError
         If the solver finds none.
     """
-    information, fit = fit_structure(structure, samples)
-    submodel = full_model(structure.base)
-    model = FittedModel(structure, submodel, information, information, fit)
-    held_out, short = hold_folds(information, fit.estimator)
-    choose = bool(unseen) and not short
-    found = settle_robot(model, held_out, cad_weight, choose=choose).robot
+    found = nearest_robot(structure, *fit_structure(structure, samples), cad_weight)
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence.strip())
     return Physical(structure, found.parameters(), found.cad_weight)
@@ -803,7 +802,7 @@ def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) 
     """
     if len(d.known.precision):
         weight = share_weight(d.known.share) if d.known.share else weight
-        return fit_physical(structure, d.samples, d.validation, weight)
+        return fit_physical(structure, d.samples, weight)
     values = {name: d.robot.nominal.get(name, 0.0) for name in d.structure.columns}
     values = dict.fromkeys(structure.columns, 0.0) | values
     if structure is d.completed:

@@ -25,7 +25,7 @@ from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Dataset, Preparation
-from identifiability.physical.cad_prior import settle_prior
+from identifiability.physical.cad_prior import load_by_fit, settle_prior
 from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choose_model, free_again
 from identifiability.regression.structure import Structure
@@ -232,6 +232,8 @@ class _Asked:
             opening = session.open("diagnosed", own, seek=False)
         else:
             session, opening = session.settle("diagnosed", own)
+            at_fit = load_by_fit(opening.structure, opening.samples, session.engine, named=True)
+            opening = replace(opening, structure=at_fit)
         logs, looked = session.recordings, list[tuple[Dataset, ...]]()
         if own is None:
             looked = [tuple(map(prepare, x)) for x in (logs.fitted, logs.held_out)]
@@ -307,7 +309,8 @@ class _Asked:
             return named
         # Unseen rows cannot show what changed, but that nothing did.
         found = self._settle(without)
-        return named if found.error > WORSE * named.error else found
+        before, after = (x.errors([range(len(x.parts))])[0] for x in (named, found))
+        return named if after > WORSE * before else found
 
 
 def _last(changes: Sequence[Change], samples: Sequence[Dataset], outliers: Outliers) -> bool:
@@ -382,11 +385,14 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     families = list(dict.fromkeys(p.candidate.family.name for p in parts))
     own = [[k for k, p in enumerate(parts) if p.candidate.family.name == f] for f in families]
     models = [[k for some in own[:n] for k in some] for n in range(len(own) + 1)]
-    fits = [naming.fit(some) for some in models]
+    plain = with_parts(naming, ()) if parts else naming
+    used = naming if not parts or setting.fixed or naming.predicts else plain
+    fits = [naming.own @ plain.best, *map(naming.fit, models[1:])]
     left = naming.predict(fits[-1:], naming.fitted.samples).residual[:, :, 0]
-    better = not parts or setting.fixed or naming.predicts
-    used = naming if better else with_parts(naming, ())
-    fits += fits[: not better]  # what predicts stands last
+    if used is not plain:
+        fits[-1] = naming.best
+    elif parts:
+        fits.append(fits[0])  # what predicts stands last
     gap = naming.predict(fits, setting.validation or setting.samples)
     errors = gap.relative_error()
     before = naming.predict(fits, setting.samples).relative_error()
@@ -414,7 +420,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
             Odds(t.group.family, place_of(t), t.odds, after.get(t.key, float("nan")))
             for t in naming.before
         ),
-        values=fits[-1] if better else used.fit(()),
+        values=used.best,
         model=used.completed.model,
     )
 
