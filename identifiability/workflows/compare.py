@@ -60,7 +60,6 @@ from identifiability.workflows.diagnose.changes import (
     NAMED,
     Change,
     DifferentTorque,
-    different_torque,
     find_changes,
     frame_changes,
     list_changes,
@@ -355,7 +354,7 @@ def compare(
             hints=opening.hints,
             preparation=preparation or Preparation(),
             motion=opening.samples[0].motion,
-            torque=different_torque(found, terms),
+            torque=DifferentTorque.of(found, terms),
         )
 
 

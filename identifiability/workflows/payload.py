@@ -47,12 +47,7 @@ from identifiability.robot.robot import Point, body_of, ten_parameters, tool_bod
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.compare import find_differences, find_pairs, look
-from identifiability.workflows.diagnose.changes import (
-    Change,
-    DifferentTorque,
-    different_torque,
-    find_changes,
-)
+from identifiability.workflows.diagnose.changes import Change, DifferentTorque, find_changes
 from identifiability.workflows.predict import FitLike, Predicts, find_fit, state_missing
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Logs, Session, list_logs
@@ -132,7 +127,7 @@ def estimate_load(found: Differences, names: Sequence[str]) -> LoadEstimate:
         unknown=unknown,
         lacks=tuple(describe_term(t) for t in terms if not found.whose(t).pattern),
         changes=find_changes(found, terms, names),
-        torque=different_torque(found, terms),
+        torque=DifferentTorque.of(found, terms),
     )
 
 

@@ -342,9 +342,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         Of raw torque, beside columns that are not silenced where joints stand: it is not, either.
         """
         own, every = self.chosen.used[1], self.everywhere
-        if every is None:
-            return own
-        return replace(own, errors=np.stack([own.errors[0], every.errors[1]]))
+        raw = own if every is None else every
+        return replace(own, errors=np.stack([own.errors[0], raw.errors[1]]))
 
     @property
     def _physics(self) -> str:
@@ -752,9 +751,8 @@ class Analysis(Laddered[ModelResult]):
             row = {"name": v.name, "label": v.label, "unit": v.unit, "file": x, "value": v.value}
             rows.append({**row, "sigma": v.sigma_label, "sigmas": off, "logs": word})
         rows.sort(key=lambda r: ([*BELIEVED].index(r["logs"]), -np.nan_to_num(r["sigmas"])))
-        return by_name(
-            pd.DataFrame(rows, columns=["name", "label", "unit", "file", *FOUND, "logs"])
-        )
+        columns = ["name", "label", "unit", "file", *FOUND, "logs"]
+        return by_name(pd.DataFrame(rows, columns=columns))
 
     def to_arviz(self) -> Any:
         """Return the posterior of the selected model for ArviZ; needs the extra ``arviz``.

@@ -305,8 +305,8 @@ def decide_model(
     alternatives = missing.of_labels(submodel, estimate)
     fit = replace(fit, shared=shared, left_out=left_out, alternatives=alternatives)
     stated = np.linalg.lstsq(submodel.M, structure.nominal_base - submodel.fixed, rcond=None)[0]
-    settled = settle_signs(model.information, estimate, submodel.nonnegative)
-    forbidden = submodel.nonnegative & estimate.determined & (settled < 0)
+    signed = submodel.nonnegative & estimate.determined
+    forbidden = signed & (settle_signs(model.information, estimate, signed) < 0)
     told = submodel.labels, submodel.units, torque, _aliases(estimate), forbidden, stated
     return fit, judge(fit, *told), tuple(np.array(submodel.columns, object)[forbidden])
 
@@ -489,8 +489,7 @@ def predict_everywhere(
     regression = replace(opening.unseen or opening.regression, dwelling=True)
     turns = None if opening.validation else turns
     values = own.values[None] if turns is None else own.turned
-    task = Task(values[:, :, [which]], turns, kept=False)
-    return predict_all(regression, [task])[0]
+    return predict_all(regression, [Task(values[:, :, [which]], turns, kept=False)])[0]
 
 
 # The whole way from logs to the answer.

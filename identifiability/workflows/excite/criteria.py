@@ -136,21 +136,8 @@ def scaled(G: Array) -> tuple[Array, Array]:
 
     Columns that never act are zero, with length one.
     """
-    length = np.sqrt(
-        np.maximum(
-            np.diagonal(
-                G,
-                axis1=1,
-                axis2=2,
-            ),
-            0.0,
-        )
-    )
-    acts = length > TINY * length.max(
-        1,
-        keepdims=True,
-        initial=0.0,
-    )
+    length = np.sqrt(np.maximum(np.diagonal(G, axis1=1, axis2=2), 0.0))
+    acts = length > TINY * length.max(1, keepdims=True, initial=0.0)
     safe = np.where(acts, length, 1.0)
     unit = np.where(acts[:, :, None] & acts[:, None, :], G, 0.0)
     return unit / (safe[:, :, None] * safe[:, None, :]), safe
@@ -244,18 +231,10 @@ def pose_question(
     if separate is not None:
         k, both = len(question.columns), sum(question.model.widths(robot)[-2:])
         rule = LogDet(np.arange(k - both, k), "separate")
-        return replace(
-            question,
-            chosen=tuple(separate),
-            criterion=rule,
-        )
+        return replace(question, chosen=tuple(separate), criterion=rule)
     at = _find_parameters(question.structure.base, parameters)
     chosen = tuple(question.names[k] for k in at) if parameters else ()
-    return replace(
-        question,
-        chosen=chosen,
-        criterion=LogDet(at),
-    )
+    return replace(question, chosen=chosen, criterion=LogDet(at))
 
 
 def add_beside(robot: Robot, model: Model, effects: Sequence[Effect]) -> Question:
