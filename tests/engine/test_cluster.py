@@ -96,7 +96,5 @@ def test_a_scheduler_that_is_not_there_is_said(monkeypatch):
 
 def test_without_dask_one_sentence_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(
-        EngineError, match=r"install it with pip install 'robot-identifiability\[dist"
-    ):
+    with pytest.raises(EngineError, match=r"in a checkout pip install '.\[dist"):
         choose_engine(scheduler="tcp://a:1")
