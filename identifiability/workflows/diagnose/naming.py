@@ -260,7 +260,6 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
         Families that may be named; all by default.
     """
     s, fixed = setting.structure, setting.fixed
-    root = setting.known.root
     fitted = Rows.of(s, setting.looked or setting.samples, setting.known)
     others = setting.looked_unseen or setting.validation
     unseen = Rows.of(s, others, setting.known) if others else fitted
@@ -271,7 +270,7 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
         s.robot, tuple(every.values()), s.present, motions, fixed=fixed
     )
     candidates = with_reversals(s.robot, listed, s.present)
-    missing = Missing(candidates, fitted.seen, root, families=frozenset(asked))
+    missing = Missing(candidates, fitted.seen, setting.known.root, families=frozenset(asked))
     model = missing.model()
     before = tuple(model.gains())
     near = [t for t in before if RULES.name - RULES.rival <= t.odds < RULES.name]
@@ -299,7 +298,7 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
 def name_missing(looked: Naming) -> Naming:
     """Return what is missing: found on fitted rows, confirmed on unseen ones."""
     model, missing, unseen = looked.whole, looked.asked, looked.unseen
-    kept, gains, products = model.search(), dict[tuple[str, str], float](), None
+    kept, gains = model.search(), dict[tuple[str, str], float]()
     named = [t for t in kept if not _family(missing, t).unnamed]
     if named:  # their torque is no noise
         missing = missing.beside(named)
@@ -313,8 +312,7 @@ def name_missing(looked: Naming) -> Naming:
         for terms in (found, kept):
             news = zip(terms, model.news(terms, products), strict=True)
             gains |= {t.key: gain for t, gain in news}
-        stays = {t.key for t in kept}
-        refuted = [(t, gains[t.key]) for t in found if t.key not in stays]
+        refuted = [(t, gains[t.key]) for t in found if t.key not in {x.key for x in kept}]
     parts = []
     for k, term in enumerate(kept):
         unnamed, rest = _family(missing, term).unnamed, kept[:k] + kept[k + 1 :]
@@ -335,9 +333,8 @@ def name_missing(looked: Naming) -> Naming:
         ]
     came = [p.candidate.family.name for p in parts]
     parts.sort(key=lambda p: (came.index(p.candidate.family.name), p.candidate.columns))
-    naming = replace(looked, after=tuple(model.gains(kept)), refuted=tuple(refuted))
-    naming = with_parts(naming, parts)
-    return naming if products is None else _without_worse(naming)
+    looked = replace(looked, after=tuple(model.gains(kept)), refuted=tuple(refuted))
+    return _without_worse(with_parts(looked, parts))
 
 
 def _without_worse(naming: Naming) -> Naming:

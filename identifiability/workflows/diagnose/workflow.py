@@ -35,7 +35,6 @@ from identifiability.workflows.diagnose.changes import Change
 from identifiability.workflows.diagnose.naming import (
     WORSE,
     Naming,
-    Part,
     find_change,
     leave_out,
     look,
@@ -314,12 +313,15 @@ class _Asked:
 
 
 def _last(changes: Sequence[Change], samples: Sequence[Dataset], outliers: Outliers) -> bool:
-    """Whether most rows of a change lie out: no burst lasts so long."""
+    """Whether most rows of a change lie out: no burst lasts so long, low-passed as it was."""
     names, count = [s.name for s in samples], outliers.last - outliers.first
     for c in changes:
         k = names.index(c.log)
-        t = samples[k].output_times()
-        if 2 * count[outliers.log == k].sum() > np.sum((t >= c.start) & (t <= c.stop)):
+        t, d = samples[k].output_times(), samples[k].decimation
+        own, wider = outliers.log == k, 0.0 if d is None else 2 * d.reach / d.factor
+        begin, end = t[outliers.first[own]], t[outliers.last[own] - 1]
+        rows = count[own][(begin >= c.start) & (end <= c.stop)].sum()
+        if 2 * (rows - wider) > np.sum((t >= c.start) & (t <= c.stop)):
             return True
     return False
 
@@ -455,6 +457,8 @@ def _place(naming: Naming, k: int) -> Placement:
     value, covariance = naming.values(k)
     parameters = Placed([c.part]).parameters(robot)
     added = [naming.columns([k], j) @ value for j in naming.acts(k)]
+    every = [r.group for r in part.rivals]  # what is everywhere is here, too
+    rivals = dict.fromkeys(Rival(g.family, g.place.replace(EVERYWHERE, c.place)) for g in every)
     return Placement(
         place=c.place,
         shape=c.shape,
@@ -463,18 +467,11 @@ def _place(naming: Naming, k: int) -> Placement:
         values=value,
         errors=np.sqrt(np.maximum(np.diag(covariance), 0.0)),
         rms=max((float(np.sqrt(np.mean(x**2))) for x in added), default=0.0),
-        rivals=tuple(_rivals(part)),
+        rivals=tuple(rivals),
         weight=part.weight,
         odds=part.term.odds,
         unseen=part.unseen,
     )
-
-
-def _rivals(part: Part) -> list[Rival]:
-    """Return what the name cannot be told from, each once; what is everywhere is here, too."""
-    own, every = part.candidate.place, (r.group for r in part.rivals)
-    at = (Rival(g.family, own if g.place == EVERYWHERE else g.place) for g in every)
-    return list(dict.fromkeys(at))
 
 
 def _curve(naming: Naming, left: Array, k: int, placed: Placement) -> Curve:
