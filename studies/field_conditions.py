@@ -350,17 +350,15 @@ CONDITIONS = {
     "overhead": Condition(3, GRAVITY, machine=_turned(180.0), of=ARMS, labels=False),
     "tilted by 2 degrees": Condition(3, GRAVITY, machine=_turned(2.0), of=ARMS),
     "noisy positions": Condition(4, "noise", _noisy, sealed="sound"),
-    "offsets by run": Condition(5, "offset", _offsets, sealed="sound"),
-    "friction warms up": Condition(5, "friction|time", labels=False),
+    "offsets by run": Condition(5, r"offset|\.off\b", _offsets, sealed="sound"),
+    "friction warms up": Condition(5, r"friction|time|\.F[cv]\b", labels=False),
     "stops and dwells": Condition(6, "", machine=_stops),
     "guided by hand": Condition(6, "weighed down|outlier|influential", _guided, sealed="sound"),
     "point to point": Condition(7, "", machine=_point_to_point, of=ARMS),
     "gains off by 5-15 %": Condition(8, r"\bgain|scale|torque column", _gains, labels=False),
     "passive friction": Condition(9, "passive", machine=_passive, of=CHAINS),
     "columns exchanged": Condition(9, "exchanged|joints.*are other", _exchanged, labels=False),
-    "a column of zeros": Condition(
-        9, "not measured|every row|no data", _still(0.0, 1.0), sealed="sound"
-    ),
+    "a column of zeros": Condition(9, "not measured|every row|no data", _still(0.0, 1.0)),
     "quadruped, gains stated": Condition(10, "", case=Commanded("quadruped", QUADRUPED, (15.0,))),
     "hobby arm, gains stated": Condition(
         10, "", case=Commanded("hobby-arm", HOBBY, EPISODES, folder=True)
@@ -500,14 +498,15 @@ def examine(x: Logged, which: Condition) -> dict[str, Any]:
         (x.path / "said.txt").write_text(f"{error}\n")
         return row | examine_told([str(error)], which.says)
     row |= {"seconds": time.process_time() - begin, "trust": a.answers()[2].tone}
-    sealed, scale = Log.read(logs[-1]), None
+    sealed: Any = logs[-1]
+    scale = None
     if which.sealed == "sound":
-        x.notes["sound"].to_parquet(x.path / "sound.parquet")
-        sealed = Log.read(x.path / "sound.parquet")
+        sealed = x.path / "sound.parquet"
+        x.notes["sound"].to_parquet(sealed)
     elif which.sealed == "sound scale":
         scale = x.notes["sound"][[f"{j}.tau" for j in robot.joints]].to_numpy().std(0)
     if a.alternative is not None:  # under which all is said
-        sealed = a.alternative.read(sealed, robot)
+        sealed = a.alternative.read(Log.read(sealed), robot)
     row["error"] = sealed_error(a, sealed, scale)
     row |= examine_told(told(a), which.says)
     row["identifiable"] = int(a.to_frame().verdict.eq("identifiable").sum())
