@@ -21,7 +21,6 @@ from identifiability.foundation.options import OptionError
 from identifiability.logs.commands import held_mean, servo_log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.preparation import make_plan, settle_cutoff
 from identifiability.physical.cad_prior import combine_with_file, thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.regression.reduction import find_ladder, ladder_model
