@@ -214,10 +214,10 @@ def choose_band(
     """Return the low-pass for all logs that are judged together.
 
     Torque and columns are kept up to ten times the band of the motion, at least `cutoff_lowest`;
-    less where noise would have more than `noise_share` of the power of an acceleration, but never
-    less than `cutoff_lowered` of that; and a fifth of the sampling rate at most. The
-    motion is low-passed there, or wherever above that noise and the rate of samples that columns
-    are computed of allow.
+    less where noise would have more than `small` of the power of an acceleration, but never less
+    than twice the band of the motion; and a fifth of the sampling rate at most. The motion is
+    low-passed there, or wherever above that noise and the rate of samples that columns are
+    computed of allow.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def choose_band(
         power = np.sum([s.noise_in_acceleration(at) for s in spectra], axis=0)
         return float((power[counts] / signal[counts]).max(initial=0.0))
 
-    tried = np.geomspace(0.5 * most, 0.5 * highest / RULES.cutoff_highest, 129)
+    tried = np.geomspace(2.0 * max(band, 0.1), 0.5 * highest / RULES.cutoff_highest, 129)
     loud = np.flatnonzero([noise(at) > RULES.small for at in tried])
     limit = float(tried[max(loud[0] - 1, 0)] if len(loud) else tried[-1])
     if cutoff is not None:

@@ -15,7 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
+from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
 from identifiability.robot.sidecar import ServoEntry, by_name
 
@@ -124,6 +126,22 @@ class Servo:
             "if they measured all the time, which intervals allow for; say it in the sidecar "
             "([servo] rate = …) where Fv itself matters, as rollouts hardly change."
         )
+
+    def doubt_scale(self, larger: Array, shares: Sequence[float]) -> list[Finding]:
+        """Return that stated gains seem to be off by one factor; none where logs told them.
+
+        Commands and positions tell ratios alone: gains that are too high make all bodies heavier.
+
+        Parameters
+        ----------
+        larger : (b,)
+            Logarithms of how much heavier than the file's bodies are by rollouts,
+        shares : sequence of b float
+            and within which shares they were taken for the file's.
+        """
+        if self.numbers or abs(np.sum(larger / shares)) <= REACH * np.sqrt(len(shares)):
+            return []
+        return [Finding("gains_scale", self.source, factor=np.exp(np.mean(larger)))]
 
     @property
     def doubted(self) -> tuple[Servo, ...]:

@@ -47,12 +47,11 @@ def give_torque(logs: Sequence[Log], servo: Servo | None) -> list[Log]:
     """
     out: list[Log] = []
     for log in logs:
-        if servo is None or not (log.commanded and log.motion_alone):
-            out.append(log)
-            continue
-        check_commands(log)
-        # What is told of speeds elsewhere is not what the same recording of a rollout would hold.
-        out.append(servo_log(log.without(("dq", "ddq")), servo, servo.delay or 0.0))
+        if servo is not None and log.commanded and log.motion_alone:
+            check_commands(log)
+            # What is told of speeds elsewhere is not what a recording of a rollout would hold.
+            log = servo_log(log.without(("dq", "ddq")), servo, servo.delay or 0.0)  # noqa: PLW2901
+        out.append(log)
     return out
 
 
@@ -95,13 +94,14 @@ def follow_commands(
         if sd
     ]
     later += [{k: moved(x, servo, other) for k, x in own.items()} for other in servo.doubted]
-    rolled = any(x.rollout is not None for x in own.values())
+    scale = servo.doubt_scale(2.0 * found.numbers["sizes"], [*file_shares(robot).values()])
     unseen = (calibrated(x, servo.delay) if of_commands(x) else x for x in recordings.held_out)
+    rolled = any(x.rollout is not None for x in own.values())
     return replace(
         recordings,
         fitted=tuple(own.get(k, x) for k, x in enumerate(fitted)),
         held_out=tuple(unseen),
-        hints=(Finding("commands" if rolled else "rollouts", text=text), *recordings.hints),
+        hints=(Finding("commands" if rolled else "rollouts", text=text), *scale, *recordings.hints),
         later=tuple(later),
         rolled=found,
         values=found.parameters,

@@ -8,6 +8,7 @@ noise of 2 %.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -193,8 +194,17 @@ def robot_text() -> str:
     return text
 
 
-def walk(seed: int, kind: str, rate: float = RATE) -> dict[str, Array]:
-    """Return how the quadruped moved, low-passed and sampled: its channels by name."""
+def walk(
+    seed: int,
+    kind: str,
+    rate: float = RATE,
+    seconds: float = 0.0,
+    change: Callable[[mujoco.MjModel], None] | None = None,
+) -> dict[str, Array]:
+    """Return how the quadruped moved, low-passed and sampled: its channels by name.
+
+    For as long as its kind, unless `seconds` says otherwise; `change` makes another machine of it.
+    """
     rng = np.random.default_rng(seed)
     text = robot_text()
     floor = '<geom name="floor" type="plane" size="5 5 1" contype="1" conaffinity="1"/>'
@@ -204,8 +214,11 @@ def walk(seed: int, kind: str, rate: float = RATE) -> dict[str, Array]:
     m.opt.timestep, m.opt.integrator = STEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     m.geom_solref[:], m.dof_solref[:] = [0.01, 1], [2 * STEP, 1]
     m.dof_solimp[:] = [0.99, 0.999, 0.001, 0.5, 2]
+    if change is not None:
+        change(m)
+        mujoco.mj_setConst(m, mujoco.MjData(m))
     d = mujoco.MjData(m)
-    t = np.arange(0, KINDS[kind], STEP)
+    t = np.arange(0, seconds or KINDS[kind], STEP)
     q = plan_legs(t, kind, rng)
     v = np.gradient(q, STEP, axis=0)
     d.qpos[3], d.qpos[7:], d.qpos[2] = 1.0, q[0], 0.31
@@ -245,7 +258,31 @@ def joint_columns(q: Array, tau: Array, rng: np.random.Generator) -> dict[str, A
 
 def walking_log(seed: int, kind: str, rate: float = RATE, *, wrenches: bool = True) -> pd.DataFrame:
     """Return a log of the walk, with flags of the feet and what they measure if they do."""
-    s, rng = walk(seed, kind, rate), np.random.default_rng(1000 + seed)
+    return table_of(walk(seed, kind, rate), np.random.default_rng(1000 + seed), wrenches)
+
+
+def drawn_walk(
+    seed: int, seconds: float, shares: Array, bias: Array, rate: float = 125.0
+) -> tuple[pd.DataFrame, float]:
+    """Return the log of another machine whose feet swing in turn, and its mass [kg].
+
+    Its bodies are shares (13,) of the file's, and what its inertial sensor reads too much (6,)
+    [m/s², rad/s].
+    """
+    masses = []
+
+    def change(m: mujoco.MjModel) -> None:
+        m.body_mass[1:] *= shares
+        m.body_inertia[1:] *= shares[:, None]
+        masses.append(float(m.body_mass.sum()))
+
+    s = walk(seed, "swing", rate, seconds, change)
+    s["acc"], s["gyro"] = s["acc"] + bias[:3], s["gyro"] + bias[3:]
+    return table_of(s, np.random.default_rng(1000 + seed), wrenches=False), masses[0]
+
+
+def table_of(s: dict[str, Array], rng: np.random.Generator, wrenches: bool) -> pd.DataFrame:
+    """Return how it moved as a log, with noise."""
     table = {"t": s["t"]} | joint_columns(s["q"], s["tau"], rng)
     table |= columns("base.acc.", s["acc"] + 0.05 * rng.standard_normal(s["acc"].shape))
     table |= columns("base.gyro.", s["gyro"] + 0.005 * rng.standard_normal(s["gyro"].shape))
