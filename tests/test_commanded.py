@@ -21,6 +21,7 @@ from identifiability.foundation.options import OptionError
 from identifiability.logs.commands import held_mean, servo_log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare.preparation import make_plan, settle_cutoff
 from identifiability.physical.cad_prior import combine_with_file, thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.regression.reduction import find_ladder, ladder_model
@@ -176,6 +177,16 @@ def test_torque_is_the_servos_law_and_saturated_torque_no_data():
     assert 0.2 < inside.mean() < 0.95
     np.testing.assert_allclose(made.tau[inside], raw[inside], atol=1e-6)
     np.testing.assert_array_equal(made.unmeasured, ~inside)
+
+
+def test_reversals_are_data_where_a_rollout_turns_by_the_same_friction(arm, frames):
+    given = servo_log(read(arm, frames[1]), arm.servo, 0.007)
+    how = replace(settle_cutoff(arm, [given], None), stands=True)
+    turning = [
+        make_plan(arm, log, how).dwells.turning
+        for log in (given, replace(given, servo_delay=None))  # the same torque, as if measured
+    ]
+    assert turning[0] == 0 < turning[1]
 
 
 def test_stated_gains_that_make_all_bodies_heavier_alike_are_said(arm):

@@ -22,6 +22,7 @@ from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.base import ACC, GYRO
+from identifiability.logs.commands import of_commands
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.gaps import Gaps, Grid, StaleRule, fill
 from identifiability.logs.log import join_logs
@@ -747,7 +748,7 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
         stands = how.stands if isinstance(how, SettledPreparation) else None
         stands = ever_stand([stays]) if stands is None else stands
         # What friction does as a joint turns, a rollout does, too, and calibrated torque lacks.
-        dwells = stays.rule().masking(stands)
+        dwells = stays.rule().masking(stands and not of_commands(log))
     return replace(
         plan,
         dwells=dwells,
