@@ -526,7 +526,13 @@ def draw_curve(
         axes.plot(x[rows], learned[rows], ".", markersize=3.0, color=BLUE, label="learned")
     else:
         axes.fill_between(x[order], low, high, color=BLUE, alpha=0.2, linewidth=0, label="95 %")
-        axes.plot(x[order], along, linewidth=1.2, color=BLUE, label="learned")
+        axes.plot(
+            x[order],
+            along,
+            color=BLUE,
+            linewidth=1.2,
+            label="learned",
+        )
     legend_above(axes, handlelength=1.4)
     label_axes(axes, *labels, title, pad=26)
     return figure

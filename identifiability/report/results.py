@@ -382,11 +382,6 @@ class KeptResult(Result):
     content: Mapping[str, Any]
 
     @property
-    def heading(self) -> tuple[str, str, str]:
-        """Robot, file and schema."""
-        return self.content["robot"]["name"], str(self.path), self.content["schema"]
-
-    @property
     def statement(self) -> str:
         """The answers in plain words."""
         return str(self.content["statement"])
@@ -438,8 +433,8 @@ def read_result(path: str | Path) -> KeptResult:
         If it is none, or of a release that did not write its answers.
     """
     content = read_document(path, _Content, "JSON", "result", IdentifiabilityError).root
-    lacking = {"schema", "robot", "statement", "answers", "findings"} - content.keys()
-    if lacking or not {"parameters", "effects"} & content.keys():
+    told, rows = {"statement", "answers", "findings"}, {"parameters", "effects"}
+    if told - content.keys() or not rows & content.keys():
         raise IdentifiabilityError(
             f"{path} is no result of analyze, prune or diagnose of this release; make it again."
         )
