@@ -189,7 +189,16 @@ def peak_rows(lines: Sequence[Array], most: int) -> np.ndarray:
         return np.arange(count)
     edges = np.linspace(0, count, max(most // 2, 1) + 1).astype(int)
     found = {
-        a + int(np.argmax(np.where(np.isnan(y[a:b]), -np.inf, sign * y[a:b])))
+        a
+        + int(
+            np.argmax(
+                np.where(
+                    np.isnan(y[a:b]),
+                    -np.inf,
+                    sign * y[a:b],
+                )
+            )
+        )
         for y in lines
         for a, b in pairwise(edges)
         for sign in (1.0, -1.0)

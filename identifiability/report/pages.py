@@ -232,7 +232,12 @@ def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
         Column("before", percent, hint="Of the distance moved, at the end."),
         Column("after", percent),
     )
-    rows = zip(joints, gap.before[:, -1].mean(0), gap.after[:, -1].mean(0), strict=True)
+    rows = zip(
+        joints,
+        gap.before[:, -1].mean(0),
+        gap.after[:, -1].mean(0),
+        strict=True,
+    )
     table = Table.of("Position error at the end of a stretch", columns, rows)
     shown = picture("forward", figure, stretches=len(gap.before))
     return section("diagnosis.motion", shown, table, horizon=horizon)

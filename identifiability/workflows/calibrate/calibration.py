@@ -123,7 +123,13 @@ def measure_false_names(
         for log, s, part, m in zip(logs, samples, each, moves, strict=True)
     ]
     again = partial(judge, model=found.structure.model)
-    named = partial(_name, again, find_families(None), whole, partial(simulate_noise, noise, runs))
+    named = partial(
+        _name,
+        again,
+        find_families(None),
+        whole,
+        partial(simulate_noise, noise, runs),
+    )
     items = [(seed + k, s) for k, s in enumerate(np.random.SeedSequence(seed).spawn(trials))]
     return FalseNames(trials, tuple(filter(None, engine.map(named, items, progress=steps))))
 
@@ -134,7 +140,11 @@ def _name(judge: Any, families: Any, logs: Any, simulate: Any, item: Any) -> str
     noise, at, fake = simulate(np.random.default_rng(stream)), 0, []
     for log, kept, exact, moves in logs:
         tau = np.array(log.tau)
-        tau[kept] = np.where(moves, exact + noise[at : at + len(exact)], tau[kept])
+        tau[kept] = np.where(
+            moves,
+            exact + noise[at : at + len(exact)],
+            tau[kept],
+        )
         fake.append(replace(log, tau=tau))
         at += len(exact)
     d = judge(fake, effects=bring(families), seed=seed)  # workers do not know plugins
@@ -196,7 +206,11 @@ class Calibration(Result):
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter, the worst first: coverage with its Monte-Carlo interval."""
-        pairs = zip(self.cell.names, self.cell.each, strict=True)
+        pairs = zip(
+            self.cell.names,
+            self.cell.each,
+            strict=True,
+        )
         rows = pd.DataFrame([{"parameter": name, **vars(found)} for name, found in pairs])
         return by_name(rows.sort_values("value", kind="stable"))
 
@@ -290,11 +304,24 @@ def calibrate(
     result = analysis.models[analysis.find_model(model or alone)]
     repeating, making = np.random.SeedSequence(seed).spawn(2)
     runner, say = engine or Serial(), progress or quiet
-    world = World.of(analysis, result, refits, np.random.default_rng(making))
+    world = World.of(
+        analysis,
+        result,
+        refits,
+        np.random.default_rng(making),
+    )
     steps = share(say, "simulating repetitions", 0.0, 0.6)
-    found = runner.map(world.repeat, repeating.spawn(trials), progress=steps)
+    found = runner.map(
+        world.repeat,
+        repeating.spawn(trials),
+        progress=steps,
+    )
     outcomes, truth = zip(*found, strict=True)
-    cell = count_outcomes(outcomes, np.array(truth), result.submodel.columns)
+    cell = count_outcomes(
+        outcomes,
+        np.array(truth),
+        result.submodel.columns,
+    )
     named, hints = None, analysis.hints
     if names:
         steps = share(say, "diagnosing repetitions", 0.6, 1.0)

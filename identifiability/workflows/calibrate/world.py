@@ -244,7 +244,11 @@ def count_outcomes(trials: Sequence[Outcome], truth: Array, names: Sequence[str]
         names=tuple(names),
         held=held,
         called=float(called.sum(1).mean()),
-        wrong=clustered_share(off > 0.5 * np.abs(truth), called, ~held),
+        wrong=clustered_share(
+            off > 0.5 * np.abs(truth),
+            called,
+            ~held,
+        ),
         not_judged=float(np.mean([not t.judged for t in trials])),
     )
 
@@ -375,7 +379,13 @@ class World:
         samples, logs = in_memory(analysis.samples), in_memory(analysis.recordings.fitted)
         given: Any = analysis.settings["preparation"]
         how = [
-            given if s.cutoff is None else replace(given, cutoff=s.cutoff, outputs=s.band)
+            given
+            if s.cutoff is None
+            else replace(
+                given,
+                cutoff=s.cutoff,
+                outputs=s.band,
+            )
             for s in samples
         ]
         # The true motion is as prepared; the signs of its speeds are those of the motion itself.
@@ -387,18 +397,36 @@ class World:
         W, tau, moves, runs = experiment.W, experiment.tau, experiment.moves, find_runs(samples)
         noise = fit_residual_noise(tau, W, split_runs(runs, moves))
         robots = TrueRobots.of(analysis.structure, result)
-        world = World(experiment, robots, tuple(zip(logs, samples, how, strict=True)), noise, runs)
+        world = World(
+            experiment,
+            robots,
+            tuple(zip(logs, samples, how, strict=True)),
+            noise,
+            runs,
+        )
         again = (world.measure_anew(rng)[0] for _ in range(DRAWS))
         made = np.mean([((x - W) @ robots.draw(rng)) ** 2 for x in again], axis=(0, 1))
         made /= np.maximum(moves.mean(0) * analysis.full.estimate.variance, 1e-300)
-        left = zip(noise, np.sqrt(np.maximum(1.0 - made, LEAST)).tolist(), strict=True)
+        left = zip(
+            noise,
+            np.sqrt(np.maximum(1.0 - made, LEAST)).tolist(),
+            strict=True,
+        )
         scaled = tuple(replace(own, sigma=x * own.sigma) for own, x in left)
         return replace(world, noise=scaled)
 
     def measure_anew(self, rng: np.random.Generator) -> tuple[Array, Array | None]:
         """Return columns of base parameters along logs with new errors, and instruments."""
         structure = self.robots.structure
-        return base_columns(structure.regression(sample_anew(structure.robot, self.logs, rng)))
+        return base_columns(
+            structure.regression(
+                sample_anew(
+                    structure.robot,
+                    self.logs,
+                    rng,
+                )
+            )
+        )
 
     def repeat(self, seed: np.random.SeedSequence) -> tuple[Outcome, Array]:
         """Return one repetition, fitted and judged, and what the labels meant in it, (k,)."""

@@ -77,7 +77,11 @@ def nested_halves(fit: Normal, h: Array, free: np.ndarray) -> Array:
         How many of the first values each leaves free; the others are zero.
     """
     inside = np.arange(len(fit.factor))[:, None] < free
-    half = solve_triangular(fit.factor, np.where(inside, h, 0.0), lower=True)
+    half = solve_triangular(
+        fit.factor,
+        np.where(inside, h, 0.0),
+        lower=True,
+    )
     return np.where(inside, half, 0.0)
 
 
@@ -116,12 +120,20 @@ class Refits:
         k, member = len(R) - 1, np.vstack([np.ones(train.shape[1]), train])
         _, to_x, both = full.estimator.equations(information, full)
         # What was known beforehand counts in each.
-        member = np.pad(member, ((0, 0), (0, len(both) - member.shape[1])), constant_values=1.0)
+        member = np.pad(
+            member,
+            ((0, 0), (0, len(both) - member.shape[1])),
+            constant_values=1.0,
+        )
         sums = np.tensordot(member, both, 1)
         to_y = R[:k, :k] @ to_x  # the unit matrix of least squares
         turned = to_y @ sums[:, :, :k] @ np.linalg.inv(to_y)
         grams = 0.5 * (turned + turned.swapaxes(1, 2))  # as the sum over all blocks is
-        return Refits(R[:k, k], grams, sums[:, :, k] @ to_y.T)
+        return Refits(
+            R[:k, k],
+            grams,
+            sums[:, :, k] @ to_y.T,
+        )
 
     @property
     def whole(self) -> Array:
@@ -210,7 +222,14 @@ class WhitenedRegression:
         values = (self.refits.centre + delta) @ self.inverse.T
         left = np.concatenate([-delta[:, 1:], np.ones((len(free), self.folds.count, 1))], 2)
         squares = self.tests.squares_of_blocks(left)
-        about, density = (self.variation, self.folds.ratio), self._densities(left, turn, free)
+        about, density = (
+            (self.variation, self.folds.ratio),
+            self._densities(
+                left,
+                turn,
+                free,
+            ),
+        )
         steps = zip(
             path,
             density,
@@ -275,14 +294,25 @@ def whiten_regression(
     """
     kept, columns = list(full.kept), information.columns
     every = np.arange(len(columns))
-    start = Partition(columns, np.where(np.isin(every, kept), every, ZERO))
+    start = Partition(
+        columns,
+        np.where(
+            np.isin(every, kept),
+            every,
+            ZERO,
+        ),
+    )
     if len(kept) < len(columns):
         information = information.select(kept)
         full = full.estimator.fit(information)
     k = information.size
     R = full.estimator.loss(information, full)
     length = float(np.linalg.norm(R[:, k]))
-    R[k, k] = max(abs(R[k, k]), 1e-9 * length, 1e-300)
+    R[k, k] = max(
+        abs(R[k, k]),
+        1e-9 * length,
+        1e-300,
+    )
     turned = unit_coordinates(R[:k, :k])
     floor, folds = least_noise(information), Folds.of(information, float(full.times.max()))
     tests = information.reduce(turned, information.columns, turned @ R[:k, k]).summed(folds.tested)
@@ -553,7 +583,17 @@ def find_path(
     idle = tuple(whitened.start.zeroed())
     if idle:  # what the motion does not excite is the first move
         why = "The motion does not excite it, or only together with what is left"
-        steps.insert(0, replace(first, move=Move(Kind.UNEXCITED, idle, why=why)))
+        steps.insert(
+            0,
+            replace(
+                first,
+                move=Move(
+                    Kind.UNEXCITED,
+                    idle,
+                    why=why,
+                ),
+            ),
+        )
         first = replace(first, partition=Partition.of(full.columns))
     return Search(
         full,
@@ -578,7 +618,11 @@ def best_step(steps: Sequence[Step]) -> int:
 def good_steps(steps: Sequence[Step]) -> list[int]:
     """Return the steps that may stand for the best, the smallest first."""
     best = steps[best_step(steps)].score
-    down = range(len(steps) - 1, first_allowed(steps) - 1, -1)
+    down = range(
+        len(steps) - 1,
+        first_allowed(steps) - 1,
+        -1,
+    )
     return [k for k in down if may_stand(steps[k].score, best)]
 
 

@@ -246,7 +246,11 @@ class Attachment:
         """Return its image in a mirror."""
         n = mirror.normal
         p = self.position - 2 * (self.position @ n - mirror.offset) * n
-        return Attachment(self.kind, p, self.axis - 2 * (self.axis @ n) * n)
+        return Attachment(
+            self.kind,
+            p,
+            self.axis - 2 * (self.axis @ n) * n,
+        )
 
 
 @frozen
@@ -285,7 +289,13 @@ def attachments(robot: Robot) -> list[list[Attachment]]:
         for point in (loop.first, loop.second):
             if point.joint in body_of:
                 at = np.asarray(point.position, float)
-                found[body_of[point.joint]].append(Attachment("point", at, np.zeros(3)))
+                found[body_of[point.joint]].append(
+                    Attachment(
+                        "point",
+                        at,
+                        np.zeros(3),
+                    )
+                )
     return found
 
 

@@ -268,7 +268,11 @@ def _choose(question: Question, search: Search, cad_prior: float | None) -> tupl
     model whose values a real robot has stands for it if these two predict alike.
     """
     steps, tried = search.steps, []
-    held_out = HeldOut.of(question.rows.information, search.full.noise, search.whitened.folds)
+    held_out = HeldOut.of(
+        question.rows.information,
+        search.full.noise,
+        search.whitened.folds,
+    )
     for k in range(good_steps(steps)[0], len(steps))[: 1 + CERTIFIED]:
         model = question.fit(steps[k])
         try:
@@ -280,7 +284,17 @@ def _choose(question: Question, search: Search, cad_prior: float | None) -> tupl
             break
     found = []
     for k, model, *certified in tried[:1] + tried[1:][-1:]:
-        found.append((k, settle_robot(model, held_out, cad_prior, certified=certified)))
+        found.append(
+            (
+                k,
+                settle_robot(
+                    model,
+                    held_out,
+                    cad_prior,
+                    certified=certified,
+                ),
+            )
+        )
     (_, first), (_, last) = found[0], found[-1]
     pair = [x.real for x in (last, first) if x.real is not None]
     alike = len(pair) > 1 and near_best(pair)[0]
@@ -320,7 +334,12 @@ class Question:
             name = f"{size} parameter{'' if size == 1 else 's'}"
             submodel = step.partition.submodel(submodel, name)
         structure = self.rows.opening.structure
-        return FittedModel.of(structure, submodel, self.rows.information, self.estimator)
+        return FittedModel.of(
+            structure,
+            submodel,
+            self.rows.information,
+            self.estimator,
+        )
 
     def recall(self, submodel: Submodel, estimate: Estimate) -> FittedModel:
         """Return a model that was fitted before; all of them at once would fill the memory."""
