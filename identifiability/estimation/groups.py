@@ -343,11 +343,11 @@ class Missing:
         may = self.families
         asked = [key for key in self.sets if may is None or key[0] in may]
         places = Counter(name for name, _ in asked)
+        likely = {k[0]: np.exp(-RULES.rival * self.sets[k][0][0].family.unnamed) for k in asked}
         out = []
         for name, place in asked:
             sets = self.sets[name, place]
-            price = float(np.log(len(places)) + np.log(places[name]))
-            price += RULES.rival * sets[0][0].family.unnamed  # what has a name is likelier
+            price = float(np.log(sum(likely.values()) / likely[name]) + np.log(places[name]))
             positive = all(c.positive for some in sets for c in some)
             out.append(Group(name, place, list_members(sets, self.fixed), price, positive))
         return tuple(out)

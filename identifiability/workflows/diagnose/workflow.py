@@ -313,15 +313,15 @@ class _Asked:
 
 
 def _last(changes: Sequence[Change], samples: Sequence[Dataset], outliers: Outliers) -> bool:
-    """Whether most rows of a change lie out: no burst lasts so long, low-passed as it was."""
+    """Whether most rows of a change lie out, for longer than a burst that was low-passed."""
     names, count = [s.name for s in samples], outliers.last - outliers.first
     for c in changes:
         k = names.index(c.log)
         t, d = samples[k].output_times(), samples[k].decimation
-        own, wider = outliers.log == k, 0.0 if d is None else 2 * d.reach / d.factor
+        own, wider = outliers.log == k, 0.0 if d is None else d.reach / d.factor
         begin, end = t[outliers.first[own]], t[outliers.last[own] - 1]
         rows = count[own][(begin >= c.start) & (end <= c.stop)].sum()
-        if 2 * (rows - wider) > np.sum((t >= c.start) & (t <= c.stop)):
+        if 2 * rows > np.sum((t >= c.start) & (t <= c.stop)) > 2 * wider:
             return True
     return False
 
