@@ -155,6 +155,9 @@ def test_every_sample_is_predicted_by_the_fit_that_has_not_seen_it_over_several_
     np.testing.assert_allclose(whole.relative_error(), wrong / np.abs(tau - tau.mean()).sum())
     wrong = np.abs(tau[:, :, None] - W @ values[0]).sum((0, 1))
     np.testing.assert_allclose(plain.relative_error(), wrong / np.abs(tau - tau.mean()).sum())
+    own = tau[24:64]
+    wrong = np.abs(own[:, :, None] - expected[24:64]).sum((0, 1)) / np.abs(own - own.mean()).sum()
+    np.testing.assert_allclose(whole.relative_error(1), wrong)
     assert len(plain.predicted) == 0
     one = predict(Rows(W, tau, logs), values[0])
     np.testing.assert_allclose(one.relative_error(), plain.relative_error())

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.stats import binom, ttest_ind_from_stats
+from scipy.stats import ttest_ind_from_stats
 
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.fit import ScoreScatter, _differ, compare_motions
@@ -48,10 +48,10 @@ def shifted(logs, odd, change):
 
 @pytest.mark.parametrize("logs", [2, pytest.param(3, marks=pytest.mark.everything)])
 def test_logs_of_one_robot_are_seldom_said_to_differ_and_then_add_nothing(logs):
-    trials = 60
+    trials = 100
     found = [compare(np.tile(VALUES, (logs, 1)), [logs, seed])[0] for seed in range(trials)]
     fired = sum(bool(m.moved.any()) for m in found)
-    assert fired <= binom.ppf(0.999, trials, Thresholds.sign_level)
+    assert fired <= Thresholds.sign_level * trials
     for m in found:
         assert (m.between.max() > 0) == bool(m.moved.any())
 
