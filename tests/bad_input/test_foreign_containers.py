@@ -127,9 +127,7 @@ def test_sheets_are_read_with_titles_and_units(bare, arrays, known, tmp_path, mo
     assert "only its sheet 'run' was read, not other" in log.notes
     assert "t from ms" in log.notes[-1]
     monkeypatch.setitem(sys.modules, "openpyxl", None)
-    with pytest.raises(
-        LogError, match=r"needs the extra 'excel': pip install 'robot-identifiability\["
-    ):
+    with pytest.raises(LogError, match=r"needs the extra 'excel': in a checkout pip install '\.\["):
         Log.read(path, known)
 
 
