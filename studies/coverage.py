@@ -23,6 +23,7 @@ from shared import study_parser
 
 from identifiability.estimation.estimate import find_estimator, weigh_outliers
 from identifiability.estimation.noise import JointNoise
+from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_json
 from identifiability.foundation.rounding import REACH
@@ -241,8 +242,8 @@ def measure_noises(trials: int, seed: int) -> pd.DataFrame:
                 value, sigma = (np.array([getattr(o, x) for o in out]) for x in ("value", "robust"))
                 held = np.abs(value - truth) <= REACH * sigma
                 sd = value.std(0, ddof=1)
-                z, wide = np.abs(value) / sd, sd / np.abs(value) > 0.01 * e.thresholds.sigma_percent
-                certain = np.array([2 * len(x) * ndtr(-x) < e.thresholds.sign_level for x in z])
+                z, wide = np.abs(value) / sd, sd / np.abs(value) > 0.01 * Thresholds.sigma_percent
+                certain = np.array([2 * len(x) * ndtr(-x) < Thresholds.sign_level for x in z])
                 oracle, given = certain & ~wide, np.array([o.identifiable for o in out])
                 rows.append(
                     {

@@ -268,8 +268,8 @@ def combine_with_file(
     )
 
 
-#: Fits at most until values that depend on their own loads have settled, to this of an error.
-ROUNDS, SETTLED = 8, 0.1
+#: Fits at most until values that depend on their own loads have settled.
+ROUNDS = 8
 
 
 def load_by_fit(
@@ -292,7 +292,8 @@ def load_by_fit(
         known = dict(zip(structure.columns, phi, strict=True))
         loads = complete_values(structure.robot, known, keep=False)
         structure = Structure.of(replace(structure.robot, reference=loads), structure.model)
-        if np.all(np.abs(fit.value - before) <= SETTLED * fit.sigma):
+        # Settled to a tenth of an error.
+        if np.all(np.abs(fit.value - before) <= 0.1 * fit.sigma):
             break
         before = fit.value
     return structure
