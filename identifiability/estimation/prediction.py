@@ -322,6 +322,8 @@ class Prediction:
         Of the difference of absolute errors over stretches of the samples that are held, as a name
         is confirmed on unseen motion; False where none are held.
         """
+        if not len(self.predicted):
+            return False
         size = np.abs(self.residual[:, :, [one, other]]).sum(1)
         parts = [x.sum() for x in np.array_split(size[:, 1] - size[:, 0], LEVELS.folds)]
         return bool(np.sum(parts) > np.std(parts, ddof=1) * np.sqrt(len(parts)))

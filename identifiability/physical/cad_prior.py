@@ -280,22 +280,22 @@ def load_by_fit(
     What logs do not say of bodies is the file's. Where no effect depends on loads nothing changes,
     unless one may be `named`.
     """
-    before, rounds = np.full(1, np.inf), ROUNDS if is_loaded(structure.parameters) else int(named)
+    before, rounds = np.empty(0), ROUNDS if is_loaded(structure.parameters) else int(named)
     # Each leaves the share of an error that a scale is of the torque.
     for _ in range(rounds):
         rows = gather_information(structure.regression(samples), engine=engine)
-        rows = with_known(rows, structure.known)
-        fit = find_estimator("wls").fit(rows)
+        fit = find_estimator("wls").fit(rows := with_known(rows, structure.known))
         data = LeastSquares.of_fit(rows, fit).through(structure.G)
         both = data.R / data.unit, data.z / data.unit, np.eye(len(structure.columns))
         phi = combine_with_file(structure, *both, RULES.body_within).mean.tolist()
         known = dict(zip(structure.columns, phi, strict=True))
         loads = complete_values(structure.robot, known, keep=False)
         structure = Structure.of(replace(structure.robot, reference=loads), structure.model)
-        # Settled to a tenth of an error.
-        if np.all(np.abs(fit.value - before) <= 0.1 * fit.sigma):
+        x = fit.value
+        # Settled to a tenth of an error; other loads may let more base parameters be told.
+        if x.shape == before.shape and np.all(np.abs(x - before) <= 0.1 * fit.sigma):
             break
-        before = fit.value
+        before = x
     return structure
 
 

@@ -159,5 +159,6 @@ def test_every_sample_is_predicted_by_the_fit_that_has_not_seen_it_over_several_
     wrong = np.abs(own[:, :, None] - expected[24:64]).sum((0, 1)) / np.abs(own - own.mean()).sum()
     np.testing.assert_allclose(whole.relative_error(1), wrong)
     assert len(plain.predicted) == 0
+    assert not plain.surely_better(0, 1)  # nothing is held that could tell
     one = predict(Rows(W, tau, logs), values[0])
     np.testing.assert_allclose(one.relative_error(), plain.relative_error())
