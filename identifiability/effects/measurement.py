@@ -29,7 +29,7 @@ from identifiability.effects.nominal import (
     rigid_torque,
 )
 from identifiability.effects.registry import declare
-from identifiability.effects.springs import JointStiffness
+from identifiability.effects.springs import FreeSpring, GravitySpring, JointStiffness
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.linalg import without_rounding
 from identifiability.foundation.names import Array, Parameter
@@ -118,15 +118,17 @@ def smooth_torque(robot: Robot, motion: Motion) -> Array:
 
     How that turns within a sample no slope says, least of all by a file's levels.
     """
-    effects = ViscousFriction(), ActuatorInertia(), JointStiffness()
+    effects = ViscousFriction(), ActuatorInertia(), JointStiffness(), FreeSpring(), GravitySpring()
     return sum((_stated_torque(robot, motion, e) for e in effects), rigid_torque(robot, motion))
 
 
 def _stated_torque(robot: Robot, motion: Motion, effect: Effect) -> Array:
     parameters, known = effect.parameters(robot), reference_values(robot)
-    W = np.zeros((len(motion), len(robot.joints), len(parameters)))
-    effect.fill(robot, motion, W)
-    tau: Array = np.dot(W, [known.get(p.name, 0.0) for p in parameters])
+    values = np.array([known.get(p.name, 0.0) for p in parameters])
+    W = np.zeros((len(motion), len(robot.joints), len(values)))
+    if values.any():
+        effect.fill(robot, motion, W)
+    tau: Array = W @ values
     return tau
 
 

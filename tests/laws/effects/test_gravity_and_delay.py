@@ -9,6 +9,7 @@ from identifiability.effects import find_families
 from identifiability.effects.base import GravityTilt, horizontal_axes
 from identifiability.effects.inertia import Payload, RigidBody
 from identifiability.effects.measurement import CommandDelay, EncoderBias, TimeDelay, nominal_torque
+from identifiability.effects.nominal import reference_values
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.servo import Servo
@@ -204,6 +205,16 @@ def test_the_delayed_torque_holds_the_files_springs(make, tables, polar, move):
     change = nominal_torque(robot, m) - nominal_torque(polar, m)
     np.testing.assert_allclose(change[:, 0], 0.0, atol=1e-9)
     np.testing.assert_allclose(change[:, 1], 40 * (m.actuated_q[:, 1] - 1.0), atol=1e-9)
+
+
+def test_the_delayed_torque_holds_the_springs_of_a_fit(polar, move):
+    m, joint = move(polar, T), polar.joints[0]
+    known = dict(reference_values(polar))
+    plain, held = (
+        nominal_torque(replace(polar, reference=known | own), m)
+        for own in ({}, {f"{joint}.k": 5.0, f"{joint}.kq0": 2.0})
+    )
+    np.testing.assert_allclose((held - plain)[:, 0], 5.0 * m.actuated_q[:, 0] - 2.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("forward", [2.5, None])
