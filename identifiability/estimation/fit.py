@@ -458,8 +458,9 @@ def _combination(name: str, members: Sequence[str], coefficients: Array, size: A
     least = Thresholds.negligible_share * np.linalg.norm(share)
     # Members of what a number stands for that a sentence names.
     shown = [j for j in np.argsort(-share, kind="stable")[:3] if share[j] > least]
-    parts = [f"{coefficients[j]:+.2g}·{members[j]}" for j in shown]
-    told = " ".join([name, *(f"{x[0]} {x[1:]}".replace("-", "−", 1) for x in parts)])
+    signs = ["−" if coefficients[j] < 0 else "+" for j in shown]
+    parts = [f"{abs(coefficients[j]):.2g}·{members[j]}" for j in shown]
+    told = " ".join([name, *(f"{sign} {x}" for sign, x in zip(signs, parts, strict=True))])
     return "" if not shown else f"{told} + …" if np.count_nonzero(share) > len(shown) else told
 
 
