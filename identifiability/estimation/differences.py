@@ -283,7 +283,7 @@ class Differences:
         precision = np.concatenate([self.known.precision, sizes**2, drift**-2])
         fixed = len(precision)
         every = np.arange(fixed)
-        diagonal = np.diag(own.between(every, every))
+        diagonal = own.between(every, every)
         none = np.where(diagonal > 0, 0.0, np.finfo(float).eps)  # what does not act is no value
         length = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
         scale = np.concatenate([length[: fixed - drifts], self.scale])

@@ -359,7 +359,7 @@ class Missing:
         variance that it has beside the model.
         """
         own, p = self.products(together=True), self.fixed
-        diagonal = np.diag(own.between(np.arange(p), np.arange(p)))
+        diagonal = own.between(np.arange(p), np.arange(p))
         acts = diagonal > ROUNDOFF**2 * diagonal.max(initial=0.0)  # else rounding is left of it
         scale = np.concatenate([np.sqrt(np.where(acts, diagonal, 1.0)), self.scale])
         prior, always = self.root.T @ self.root, (REVERSALS.name, EVERYWHERE)

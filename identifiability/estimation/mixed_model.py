@@ -206,11 +206,11 @@ class MixedModel:
     def target(self) -> Array:
         """Products of all columns with the torque, (m,)."""
         p = self.products
-        target: Array = p.between(np.arange(p.size), np.array([p.size]))[:, 0] / self.scale
+        target: Array = p.between(np.arange(p.size), np.array(p.size)) / self.scale
         return target
 
     def _between(self, some: np.ndarray, others: np.ndarray) -> Array:
-        scaled: Array = self.products.gram[some, others] / (self.scale[some] * self.scale[others])
+        scaled: Array = self.products.between(some, others) / (self.scale[some] * self.scale[others])
         return scaled
 
     def solve(self, terms: Terms = ()) -> Solution:
@@ -347,10 +347,9 @@ class MixedModel:
         """
         columns = self._columns(terms)
         scale = self.scale[columns]
-        fitted, target = self.products.between(columns, columns), self.target[columns]
-        fitted = fitted / np.outer(scale, scale)
-        both = fitted + unseen.between(columns, columns) / np.outer(scale, scale)
-        aim = target + unseen.between(columns, np.array([unseen.size]))[:, 0] / scale
+        fitted, target = self._between(columns[:, None], columns), self.target[columns]
+        both = fitted + unseen.between(columns[:, None], columns) / np.outer(scale, scale)
+        aim = target + unseen.between(columns, np.array(unseen.size)) / scale
         before = self._solve(terms, columns, fitted, target).log_likelihood
         return self._solve(terms, columns, both, aim).log_likelihood - before
 

@@ -61,7 +61,7 @@ class ActuatorBlocks:
         Z = self.blocks.reshape(-1, self.blocks.shape[2])
         return np.asarray(Z.T @ Z)
 
-    @cached_property
+    @property
     def total(self) -> Array:
         """Products of the columns and the torque over all blocks, (v + 1, v + 1)."""
         return (
@@ -353,19 +353,20 @@ class Information:
         """
         return ((part, own @ change[columns]) for part, own, columns in self._seen)
 
-    @cached_property
-    def gram(self) -> Array:
-        """Products of the columns and the torque over all rows, (k + 1, k + 1)."""
-        every = np.arange(self.size + 1)
-        return self.between(every, every)
-
     def between(self, some: np.ndarray, others: np.ndarray) -> Array:
-        """Return products of some columns (a,) with others (b,) over all rows; k is the torque."""
-        out = np.zeros((len(some), len(others)))
-        for part, _, seen in self._seen:  # the products of all columns may be more than memory
-            rows, at = np.nonzero(some[:, None] == seen)
-            columns, by = np.nonzero(others[:, None] == seen)
-            out[np.ix_(rows, columns)] += part.total[np.ix_(at, by)]
+        """Return products of columns over all rows; column k is the torque.
+
+        Parameters
+        ----------
+        some, others : int
+            Columns, of shapes that broadcast as indices do: products of all may not fit in memory.
+        """
+        out = np.zeros(np.broadcast_shapes(some.shape, others.shape))
+        for products, place in self._totals:
+            seen = place[some] < len(products) - 1
+            rows = np.flatnonzero(seen.reshape(len(seen), -1).any(1))
+            by = others[rows] if others.ndim == some.ndim else others
+            out[rows] += products[place[some[rows]], place[by]]
         return out
 
     def squares(self, change: Array) -> Array:
@@ -433,6 +434,17 @@ class Information:
             seen = np.append(part.columns >= instruments, True)
             columns = np.append(part.columns - instruments, self.size)[seen]
             found.append((part, part.coordinates[:, seen], columns))
+        return found
+
+    @cached_property
+    def _totals(self) -> list[tuple[Array, np.ndarray]]:
+        """Each actuator's products and where columns stand in them, last of all what it lacks."""
+        found = []
+        for part, _, columns in self._seen:
+            place = np.full(self.size + 1, len(columns))
+            place[columns] = np.arange(len(columns))
+            own = part.total[-len(columns) :, -len(columns) :]  # instruments stand before them
+            found.append((np.pad(own, (0, 1)), place))
         return found
 
     def reduce(self, M: Array, columns: Sequence[str], held: Array | None = None) -> Information:
@@ -507,7 +519,7 @@ class Information:
 #: Blocks of time a log is divided into at most; the bootstrap draws whole blocks.
 BLOCKS = 256
 #: Blocks that would take more [bytes] are fewer, down to so many: robots of many joints.
-LARGEST, FEWEST = 2**30, 32
+LARGEST, FEWEST = 2**28, 32
 
 
 @checked
@@ -532,7 +544,8 @@ def gather_information(
     """
     names = tuple(p.name for p in regression.parameters)
     acts = _acting(regression)
-    room = LARGEST // (8 * int(((acts.sum(1) + 1) ** 2).sum()))
+    # Fits hold a block's equations of all columns in some four copies.
+    room = LARGEST // (8 * max(int(((acts.sum(1) + 1) ** 2).sum()), 4 * len(names) ** 2))
     size = max(1, -(-regression.outputs // min(blocks, max(room, FEWEST))))
     edges = [_block_edges(samples, size) for samples in regression.samples]
     ends = [np.diff([*own, s.outputs]) for own, s in zip(edges, regression.samples, strict=True)]

@@ -160,10 +160,10 @@ def test_products_add_up_over_stretches_and_blocks(rows):
         )
     )
     every = np.arange(whole.size + 1)
-    both = sum(products_of(*part).between(every, every) for part in parts)
-    np.testing.assert_allclose(both, products_of(Z, y, cut).between(every, every), atol=1e-9)
-    halves = sum(whole.take(np.array([k])).between(every, every) for k in (0, 1))
-    np.testing.assert_allclose(halves, whole.between(every, every))
+    both = sum(products_of(*part).between(every[:, None], every) for part in parts)
+    np.testing.assert_allclose(both, products_of(Z, y, cut).between(every[:, None], every), atol=1e-9)
+    halves = sum(whole.take(np.array([k])).between(every[:, None], every) for k in (0, 1))
+    np.testing.assert_allclose(halves, whole.between(every[:, None], every))
 
 
 def test_evidence_is_the_density_of_unseen_rows_given_fitted_ones(rows):
@@ -336,5 +336,5 @@ def test_weights_of_rows_multiply_products():
     whole, weights, every = products_of(Z, y), np.array([4.0, 0.25]), np.arange(FIXED + RANDOM + 1)
     root = np.sqrt(weights)
     heavier = products_of(Z * root[:, None], y * root)
-    found = whole.weigh(weights[:, None]).between(every, every)
-    np.testing.assert_allclose(found, heavier.between(every, every), atol=1e-12)
+    found = whole.weigh(weights[:, None]).between(every[:, None], every)
+    np.testing.assert_allclose(found, heavier.between(every[:, None], every), atol=1e-12)

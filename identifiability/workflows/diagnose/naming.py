@@ -610,7 +610,7 @@ def _odds_of_stays(
     model = replace(missing.model(), sizes=CHANGES)
     blocks = missing.products(edges=begins.tolist())
     c, scale, parts = blocks.size, np.append(model.scale, 1.0), np.arange(len(begins) - 1)
-    rows = [blocks.take(parts[[b]]).between(np.arange(c), np.arange(c + 1)) for b in parts]
+    rows = [blocks.take(parts[[b]]).between(np.arange(c)[:, None], np.arange(c + 1)) for b in parts]
     each = np.array(rows) / np.outer(scale[:-1], scale)
     on = (parts >= stays[:, :1]) & (parts < stays[:, 1:])
     weights = np.concatenate([on, courses])
