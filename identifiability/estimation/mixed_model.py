@@ -210,7 +210,9 @@ class MixedModel:
         return target
 
     def _between(self, some: np.ndarray, others: np.ndarray) -> Array:
-        scaled: Array = self.products.between(some, others) / (self.scale[some] * self.scale[others])
+        scaled: Array = self.products.between(some, others) / (
+            self.scale[some] * self.scale[others]
+        )
         return scaled
 
     def solve(self, terms: Terms = ()) -> Solution:

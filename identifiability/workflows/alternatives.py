@@ -184,6 +184,8 @@ class _Rows:
             bare = 0.5 * (self.seen.X + self._look(self.robot.turned(-g)).X)
             axes = [self._look(self.robot.turned(a)).X - bare for a in size * np.eye(3)]
             self.parts = np.stack([bare, *(x / size for x in axes)], 3)
+        #: Which columns act in each joint: in a tree few do.
+        self.acts = [np.flatnonzero(self.parts[:, j].any((0, 2))) for j in range(n)]
         same = np.arange(n), np.ones(n), np.zeros(n), np.zeros(n, bool)
         self.plain = Alternative("", "", *same, g)
         self.products, self.torque = cache(self._products), cache(self._torque)
@@ -311,15 +313,21 @@ class _Rows:
         return out
 
     def _products(self, j: int, beside: bool) -> Array:
-        """Return the parts of a joint (N, b k)."""
-        return self._seen_at(j, self.parts[:, j].reshape(len(self.data), -1), beside)
+        """Return the parts of a joint (N, c k), of the c columns that act in it."""
+        own = self.parts[:, j, self.acts[j]]
+        return self._seen_at(j, own.reshape(len(self.data), -1), beside)
 
-    def _grams(self, beside: bool, weights: bytes) -> Array:
-        """Return the products of the parts of each joint, multiplied by weights, (n, b, b)."""
-        b, k = self.parts.shape[2:]
-        pairs = enumerate(np.frombuffer(weights).reshape(-1, k))
-        each = [self.products(j, beside).reshape(-1, b, k) @ own for j, own in pairs]
-        return np.array([own.T @ own for own in each])
+    def _columns(self, j: int, beside: bool, weights: Array) -> Array:
+        """Return the parts of a joint multiplied by weights (k,), (N, c)."""
+        parts = self.products(j, beside)
+        own: Array = parts.reshape(len(parts), -1, len(weights)) @ weights
+        return own
+
+    def _grams(self, beside: bool, weights: bytes) -> list[Array]:
+        """Return the products of the columns of each joint, (c, c)."""
+        pairs = enumerate(np.frombuffer(weights).reshape(-1, self.parts.shape[3]))
+        each = [self._columns(j, beside, own) for j, own in pairs]
+        return [own.T @ own for own in each]
 
     def _torque(self, j: int, by: float, beside: bool) -> Array:
         """Return all torque (N, n) as data of a joint, some time later, before any low-pass."""
@@ -339,7 +347,7 @@ class _Rows:
         return np.ascontiguousarray(weight[:, : self.parts.shape[3]])
 
     def _crosses(self, j: int, by: float, beside: bool) -> Array:
-        """Return the products of the parts of a joint with all torque, (b k, n)."""
+        """Return the products of the parts of a joint with all torque, (c k, n)."""
         return np.asarray(self.products(j, beside).T @ self.torque(j, by, beside))
 
     def _solve(self, a: Alternative, beside: bool) -> tuple[Array, Array]:
@@ -347,19 +355,24 @@ class _Rows:
 
         Friction and rotor inertia are not negative; joints are weighed by what is left of them.
         """
-        w, (b, k), n = self._weights(a), self.parts.shape[2:], len(a.lacks)
-        A = self.grams(beside, w.tobytes()) / a.factor[:, None, None] ** 2
-        h, square = np.empty((n, b)), np.empty(n)
-        for j, own in enumerate(w):
+        w, (b, k) = self._weights(a), self.parts.shape[2:]
+        grams, each = self.grams(beside, w.tobytes()), []
+        for j, (own, factor) in enumerate(zip(w, a.factor, strict=True)):
             when = j, float(a.late[j]), beside
             y, cross = (x(*when)[:, a.order[j]] for x in (self.torque, self.crosses))
-            h[j], square[j] = cross.reshape(b, k) @ own / a.factor[j], y @ y
+            each.append(
+                (self.acts[j], grams[j] / factor**2, cross.reshape(-1, k) @ own / factor, y @ y)
+            )
         scale = self.variation[a.order] * np.maximum(self.data.sum(0), 1)
         weight = 1.0 / scale
         for _ in range(3):
-            G, g = np.einsum("j,jpq->pq", weight, A), weight @ h
+            G, g = np.zeros((b, b)), np.zeros(b)
+            for by, (at, A, h, _) in zip(weight, each, strict=True):
+                G[np.ix_(at, at)] += by * A
+                g[at] += by * h
             x = _solve(G, g, self.structure.base.nonnegative)
-            left = np.maximum(square - 2.0 * h @ x + (A @ x) @ x, 1e-9 * scale)
+            left = np.array([y + x[at] @ (A @ x[at] - 2.0 * h) for at, A, h, y in each])
+            left = np.maximum(left, 1e-9 * scale)
             weight = 1.0 / left
         return x, left / scale
 
@@ -369,10 +382,10 @@ class _Rows:
 
     def count(self, a: Alternative) -> Array:
         """Return how many rows of each column of the log tell something new, (n,)."""
-        w, (b, k), (x, _) = self._weights(a), self.parts.shape[2:], self._solve(a, beside=True)
+        w, (x, _) = self._weights(a), self._solve(a, beside=True)
         left = [
             self.torque(j, float(a.late[j]), beside=True)[:, a.order[j]]
-            - self.products(j, beside=True).reshape(-1, b, k) @ own @ x / a.factor[j]
+            - self._columns(j, True, own) @ x[self.acts[j]] / a.factor[j]
             for j, own in enumerate(w)
         ]
         new = self.data.sum(0) / autocorrelation_time(np.column_stack(left))
