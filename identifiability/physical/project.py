@@ -18,6 +18,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dposv
 
 from identifiability.foundation.engines import one_thread
@@ -230,14 +231,14 @@ class Projection:
             Of the prior [σ²], the heaviest first.
         """
         program = self._state(data)
-        for at in follow(program, self.region, self.nominal, weights):
+        for at in follow(program, self.region, self.nominal, weights, ROUGHLY):
             assert at.curve is not None
             size = 1 / np.sqrt(np.diag(at.curve))
             try:
                 factor = np.linalg.cholesky(size[:, None] * at.curve * size)
             except np.linalg.LinAlgError:  # nothing but rounding is known of some of them
                 return
-            root = np.sqrt(2.0) * (program.along * size) @ np.linalg.inv(factor).T
+            root = np.sqrt(2.0) * solve_triangular(factor, (program.along * size).T, lower=True).T
             yield self._phi(program, at), program.scale[:, None] * root
 
     def _phi(self, program: Program, found: Optimum) -> Array:
@@ -339,6 +340,9 @@ def project(data: LeastSquares, region: PhysicalSet, **options: Any) -> Feasible
 #: after that.
 STEPS = 40
 
+#: Accuracy of optima of which only predictions are compared, in some nats [σ²].
+ROUGHLY: Tolerance = 1e-3
+
 #: Share of the way to the edge that one step goes.
 EDGE: Tolerance = 0.95
 
@@ -352,7 +356,11 @@ TWICE = np.where(ROW == COLUMN, 1.0, np.sqrt(2.0))
 
 
 def follow(
-    program: Program, region: PhysicalSet, maps: Array, weights: Sequence[float]
+    program: Program,
+    region: PhysicalSet,
+    maps: Array,
+    weights: Sequence[float],
+    accuracy: float = 0.0,
 ) -> Iterator[Optimum]:
     """Yield the optimum under each weight of the prior, as far as they are reached.
 
@@ -364,6 +372,8 @@ def follow(
         To pseudo-inertias that the nominal bodies make the identity (`Projection.nominal`).
     weights : sequence of float
         Of the prior [σ²], the heaviest first.
+    accuracy : float
+        Of the cost [σ²]; the solver's own where that is less.
     """
     cone, start, sign = maps @ program.along, maps @ program.free, program.rows
     x = program.free.copy()  # with the nominal bodies
@@ -376,7 +386,7 @@ def follow(
     at, left = 0, STEPS
     while left and at < len(weights):
         left, light = left - 1, weights[at]
-        reached = RIDGE * max(1.0, light)  # Newton decrement and complementarity
+        reached = max(accuracy, RIDGE * max(1.0, light))  # Newton decrement and complementarity
         lack, product = sign @ z + program.slack - slack, slack * y
         J = (cone @ z + start).reshape(-1, 4, 4)
         root = weight**0.25 * np.linalg.inv(np.linalg.cholesky(J))

@@ -364,7 +364,7 @@ class Information:
         out = np.zeros(np.broadcast_shapes(some.shape, others.shape))
         for products, place in self._totals:
             seen = place[some] < len(products) - 1
-            rows = np.flatnonzero(seen.reshape(len(seen), -1).any(1))
+            rows = np.flatnonzero(seen.any(tuple(range(1, seen.ndim))))
             by = others[rows] if others.ndim == some.ndim else others
             out[rows] += products[place[some[rows]], place[by]]
         return out
