@@ -61,12 +61,17 @@ class ActuatorBlocks:
         Z = self.blocks.reshape(-1, self.blocks.shape[2])
         return np.asarray(Z.T @ Z)
 
+    @cached_property
+    def sums_made(self) -> dict[Any, Any]:
+        """Sums of these blocks that were asked for, of all that is reduced from them."""
+        return {}
+
     @property
     def total(self) -> Array:
         """Products of the columns and the torque over all blocks, (v + 1, v + 1)."""
-        return (
-            self.gram if self.basis is None else np.asarray(self.basis.T @ self.gram @ self.basis)
-        )
+        Z = self.blocks.reshape(-1, self.blocks.shape[2])
+        gram: Array = Z.T @ Z  # that of many columns is not kept
+        return gram if self.basis is None else np.asarray(self.basis.T @ gram @ self.basis)
 
     @cached_property
     def root(self) -> Array:
@@ -89,7 +94,7 @@ class ActuatorBlocks:
             Q, basis = np.linalg.qr(basis)
             return ActuatorBlocks(columns, basis, self.blocks @ Q, self.sums @ Q)
         reduced = replace(self, columns=columns, basis=basis)
-        vars(reduced)["gram"] = self.gram
+        vars(reduced).update(gram=self.gram, sums_made=self.sums_made)
         return reduced
 
     def take(self, kept: np.ndarray) -> ActuatorBlocks:
@@ -103,12 +108,18 @@ class ActuatorBlocks:
 
     def summed(self, members: Array) -> ActuatorBlocks:
         """Return a block for each row of members (F, B): blocks counted so often, added up."""
-        r, out = self.blocks.shape[2], []
-        for weights in members:
-            own = weights > 0
-            Z = (np.sqrt(weights[own])[:, None, None] * self.blocks[own]).reshape(-1, r)
-            out.append(Z.T @ Z)
-        return replace(self, blocks=factor_each(np.array(out)), sums=members @ self.sums)
+        r = self.blocks.shape[2]
+
+        def make() -> Array:
+            out = []
+            for weights in members:
+                own = weights > 0
+                Z = (np.sqrt(weights[own])[:, None, None] * self.blocks[own]).reshape(-1, r)
+                out.append(Z.T @ Z)
+            return factor_each(np.array(out))
+
+        blocks = remember(self.sums_made, members.tobytes(), make, 2)
+        return replace(self, blocks=blocks, sums=members @ self.sums)
 
 
 def factor_each(grams: Array) -> Array:
@@ -440,7 +451,9 @@ class Information:
     def _totals(self) -> list[tuple[Array, np.ndarray]]:
         """Each actuator's products and where columns stand in them, last of all what it lacks."""
         found = []
-        for part, _, columns in self._seen:
+        for part in self.parts:
+            columns = np.append(part.columns + self.size - self._width, self.size)
+            columns = columns[columns >= 0]
             place = np.full(self.size + 1, len(columns))
             place[columns] = np.arange(len(columns))
             own = part.total[-len(columns) :, -len(columns) :]  # instruments stand before them
