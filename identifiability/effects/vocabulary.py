@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
+from itertools import product
 from typing import Literal
 
 from identifiability.effects.effect import AlongAxes, Family
@@ -47,16 +48,16 @@ def biased_places(robot: Robot, kind: Kind) -> tuple[str, ...]:
 @lru_cache(maxsize=8)
 def _stated(robot: Robot, families: tuple[Family, ...], kind: Kind) -> tuple[Parameter, ...]:
     """Return the parameters that a file of a robot can state."""
-    tendons = robot.tendon_axes if kind == "mjcf" else ()
-    places = {
-        **dict.fromkeys(robot.bodies, INERTIAL_KINDS),
-        **dict.fromkeys((*robot.tree.single, *tendons), joint_numbers(kind)),
-        BASE: ("gravity",),
+    axes = {*robot.tree.single, *(robot.tendon_axes if kind == "mjcf" else ())}
+    # A body, a joint and the base may have one name.
+    stated = {
+        (BASE, "gravity"),
+        *product(robot.bodies, INERTIAL_KINDS),
+        *product(axes, joint_numbers(kind)),
+        *product(axes & {*biased_places(robot, kind)}, ("offset",)),
     }
-    for place in set(places) & set(biased_places(robot, kind)):
-        places[place] = (*places[place], "offset")
     every = (p for family in families for p in family.effect.parameters(robot))
-    return tuple(p for p in every if p.stated_as in places.get(p.owner, ()))
+    return tuple(p for p in every if (p.owner, p.stated_as) in stated)
 
 
 def values_in_file(
@@ -188,7 +189,7 @@ def stated_numbers(robot: Robot, values: Mapping[str, float]) -> dict[str, dict[
     for place in set(out) & set(biased_places(robot, kind)):
         out[place]["offset"] = 0.0
     own = _stated(robot, tuple(FAMILIES.values()), kind)
-    for p in {p.name: p for p in own if p.owner in out}.values():
+    for p in {p.name: p for p in own if p.stated_as in out.get(p.owner, ())}.values():
         out[p.owner][p.stated_as] += values.get(p.name, 0.0)
     return out
 

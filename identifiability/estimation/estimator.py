@@ -28,7 +28,7 @@ from identifiability.foundation.linalg import (
 )
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import frozen, remember
 from identifiability.regression.information import Information
 
 
@@ -233,7 +233,7 @@ def combine(information: Information, plain: Estimate) -> Combined:
         return Combined(T, B, x, rss, scale, bias, Yt @ root / wider[:, None])
 
     key = "instruments", weights.tobytes(), plain.times.tobytes()
-    found: Combined = information.remember(key, make)
+    found: Combined = remember(information.made, key, make, 4)
     return found
 
 

@@ -12,7 +12,7 @@ from decimal import Decimal
 from functools import partial
 
 import numpy as np
-import scipy
+from scipy.special import betaincinv
 
 from identifiability.foundation.values import frozen
 
@@ -228,9 +228,8 @@ def exact_share(count: float, total: float, level: float = LEVEL) -> Share:
     if not total > 0:
         return Share(float("nan"), float("nan"), float("nan"))
     tail = 0.5 * (1 - level)
-    beta = scipy.stats.beta
-    low = float(beta.ppf(tail, count, total - count + 1)) if count > 0 else 0.0
-    high = float(beta.ppf(1 - tail, count + 1, total - count)) if count < total else 1.0
+    low = float(betaincinv(count, total - count + 1, tail)) if count > 0 else 0.0
+    high = float(betaincinv(count + 1, total - count, 1 - tail)) if count < total else 1.0
     return Share(count / total, low, high)
 
 
@@ -249,8 +248,7 @@ def clustered_share(events: np.ndarray, among: np.ndarray, related: np.ndarray) 
     total = float(among.sum())
     if not total:
         return exact_share(0, 0)
-    together = max(design_effect(events, among), design_effect(related, among), 1.0)
-    effective = total / together
+    effective = total / max(design_effect(events, among), design_effect(related, among), 1.0)
     return exact_share(float((events & among).sum()) / total * effective, effective)
 
 

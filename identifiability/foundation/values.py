@@ -5,7 +5,7 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, fields
-from functools import partial
+from functools import cached_property, partial
 from textwrap import shorten
 from typing import Any, TypeVar, dataclass_transform
 
@@ -23,8 +23,8 @@ def frozen(cls: Any = None, *, kw_only: bool = False) -> Any:
     """
     if cls is None:
         return partial(frozen, kw_only=kw_only)
-    annotations = vars(cls).get("__annotations__", {})
-    arrays = tuple(n for n, a in annotations.items() if "ndarray" in str(a) or "Array" in str(a))
+    # Of NumPy's arrays, under its name or ours.
+    arrays = tuple(n for n, a in vars(cls).get("__annotations__", {}).items() if "rray" in str(a))
     own = getattr(cls, "__post_init__", None)
     if arrays:
         import numpy as np  # noqa: PLC0415
@@ -42,10 +42,16 @@ def frozen(cls: Any = None, *, kw_only: bool = False) -> Any:
         cls.__post_init__ = freeze
     if cls.__repr__ is object.__repr__:
         cls.__repr__ = _short
-    above = getattr(cls, "__dataclass_fields__", {}).values()
-    above = any("ndarray" in str(f.type) or "Array" in str(f.type) for f in above)
-    equal = not (arrays or above)
-    return dataclass(frozen=True, eq=equal, repr=False, kw_only=kw_only)(cls)
+    above = any("rray" in str(f.type) for f in getattr(cls, "__dataclass_fields__", {}).values())
+    cls.__getstate__ = _state
+    return dataclass(frozen=True, eq=not (arrays or above), repr=False, kw_only=kw_only)(cls)
+
+
+def _state(self: Any) -> dict[str, Any]:
+    """Return what is its own: what follows is neither sent to workers nor part of keys."""
+    kind = type(self)
+    own = (k for k in vars(self) if not isinstance(getattr(kind, k, None), cached_property))
+    return {k: vars(self)[k] for k in own}
 
 
 def _short(self: Any) -> str:

@@ -356,11 +356,7 @@ TWICE = np.where(ROW == COLUMN, 1.0, np.sqrt(2.0))
 
 
 def follow(
-    program: Program,
-    region: PhysicalSet,
-    maps: Array,
-    weights: Sequence[float],
-    accuracy: float = 0.0,
+    program: Program, region: PhysicalSet, maps: Array, weights: Sequence[float], near: float = 0.0
 ) -> Iterator[Optimum]:
     """Yield the optimum under each weight of the prior, as far as they are reached.
 
@@ -372,8 +368,8 @@ def follow(
         To pseudo-inertias that the nominal bodies make the identity (`Projection.nominal`).
     weights : sequence of float
         Of the prior [σ²], the heaviest first.
-    accuracy : float
-        Of the cost [σ²]; the solver's own where that is less.
+    near : float
+        How near optima are in cost [σ²]; the solver's own where that is less.
     """
     cone, start, sign = maps @ program.along, maps @ program.free, program.rows
     x = program.free.copy()  # with the nominal bodies
@@ -386,7 +382,7 @@ def follow(
     at, left = 0, STEPS
     while left and at < len(weights):
         left, light = left - 1, weights[at]
-        reached = max(accuracy, RIDGE * max(1.0, light))  # Newton decrement and complementarity
+        reached = max(near, RIDGE * max(1.0, light))  # Newton decrement and complementarity
         lack, product = sign @ z + program.slack - slack, slack * y
         J = (cone @ z + start).reshape(-1, 4, 4)
         root = weight**0.25 * np.linalg.inv(np.linalg.cholesky(J))

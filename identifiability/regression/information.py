@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import fields, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import Annotated, Any
 
@@ -76,12 +76,7 @@ class ActuatorBlocks:
     @cached_property
     def root(self) -> Array:
         """A factor of ``Zᵀ Z`` over all blocks, (r, r): Z are at right angles, nothing is lost."""
-        found: Array = factor_each(self.gram[None])[0]
-        return found
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return its fields: what follows from them is neither sent to workers nor part of keys."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+        return np.asarray(factor_each(self.gram[None])[0])
 
     def reduce(self, map_: Array) -> ActuatorBlocks:
         """Return the blocks of ``[W τ] map_``, for a map (k + 1, m + 1) that keeps the torque."""
@@ -312,25 +307,16 @@ class Information:
     @cached_property
     def rows_each(self) -> np.ndarray:
         """Number of rows of each actuator that are data, one at least, (n,)."""
-        rows: np.ndarray = np.maximum(self.data.sum(0), 1)
-        return rows
+        return np.asarray(np.maximum(self.data.sum(0), 1))
 
     @cached_property
-    def _made(self) -> dict[Any, Any]:
+    def made(self) -> dict[Any, Any]:
+        """Some of what was made of the sums over all blocks: a fit asks for the same often."""
         return {}
-
-    def remember(self, key: Any, make: Callable[[], Any]) -> Any:
-        """Return what is made of the sums over all blocks: a fit asks for the same many times."""
-        # How much of what is made of the sums over all blocks is kept.
-        return remember(self._made, key, make, 4)
 
     @property
     def _width(self) -> int:
         return self.size * (1 + self.instrumented)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return its fields: what follows from them is neither sent to workers nor part of keys."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @cached_property
     def joint(self) -> Information:
@@ -352,8 +338,7 @@ class Information:
         """Each actuator's sum of squares of its torque about its mean, (n,): its own scale."""
         parts = self.of_actuators(np.eye(self.size + 1)[:, [-1]])
         total = np.array([part.sums.sum(0) @ own[:, 0] for part, own in parts])
-        about: Array = np.maximum(self.torque - total**2 / self.rows_each, 0.0)
-        return about
+        return np.asarray(np.maximum(self.torque - total**2 / self.rows_each, 0.0))
 
     def of_actuators(self, change: Array) -> Iterator[tuple[ActuatorBlocks, Array]]:
         """Yield the blocks of each actuator with ``[W τ] change`` in their coordinates, (r, q).
@@ -374,8 +359,8 @@ class Information:
         """
         out = np.zeros(np.broadcast_shapes(some.shape, others.shape))
         for products, place in self._totals:
-            seen = place[some] < len(products) - 1
-            rows = np.flatnonzero(seen.any(tuple(range(1, seen.ndim))))
+            inner = tuple(range(1, some.ndim))
+            rows = np.flatnonzero((place[some] < len(products) - 1).any(inner))
             by = others[rows] if others.ndim == some.ndim else others
             out[rows] += products[place[some[rows]], place[by]]
         return out
@@ -398,11 +383,9 @@ class Information:
         change : (…, B, k + 1) or (k + 1,)
             x of each block, or of all.
         """
-        out = []
-        for part, basis in self.of_actuators(np.eye(self.size + 1)):
-            Z = part.blocks @ (change @ basis.T)[..., None]
-            out.append((Z * Z).sum((-2, -1)))
-        return np.stack(out, -1)
+        every = self.of_actuators(np.eye(self.size + 1))
+        rows = (part.blocks @ (change @ basis.T)[..., None] for part, basis in every)
+        return np.stack([np.square(Z).sum((-2, -1)) for Z in rows], -1)
 
     def products(self, weights: Array, left: Array, right: Array) -> Array:
         """Return ``([W τ] left)ᵀ ([W τ] right)`` of each block, actuators weighted, (B, p, q).
@@ -425,7 +408,7 @@ class Information:
     def factor(self, weights: Array | None = None) -> Array:
         """Return R (k + 1, k + 1), upper triangular, with ``RᵀR = [W τ]ᵀ [W τ]``, prior and all."""
         w = np.ones(self.actuators) if weights is None else np.asarray(weights, float)
-        found: Array = self.remember(w.tobytes(), partial(self._factor, w)).copy()
+        found: Array = remember(self.made, w.tobytes(), partial(self._factor, w), 4).copy()
         return found
 
     def _factor(self, weights: Array) -> Array:
@@ -473,11 +456,8 @@ class Information:
             Parameter values that are held fixed.
         """
         k, m = M.shape
-        own = np.zeros((k + 1, m + 1))
-        own[:k, :m] = M
-        own[k, m] = 1.0
-        if held is not None:
-            own[:k, m] = -held
+        moved = np.zeros((k, 1)) if held is None else -held[:, None]
+        own = np.block([[M, moved], [np.zeros((1, m)), np.ones((1, 1))]])
         map_ = block_diag(M, own) if self.instrumented else own
         parts = tuple(part.reduce(map_) for part in self.parts)
         prior = None if self.prior is None else self.prior @ own

@@ -10,7 +10,7 @@ import hashlib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import field as default
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
@@ -469,10 +469,6 @@ class Description(Stated):
     upright: Array | None = None
     servo: Servo | None = None
     base_option: str | None = None
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return what is pickled: the fields, without what was derived from them meanwhile."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @cached_property
     def sha256(self) -> str:

@@ -313,21 +313,14 @@ class _Rows:
         return out
 
     def _products(self, j: int, beside: bool) -> Array:
-        """Return the parts of a joint (N, c k), of the c columns that act in it."""
+        """Return the parts of a joint (N, c, k), of the c columns that act in it."""
         own = self.parts[:, j, self.acts[j]]
-        return self._seen_at(j, own.reshape(len(self.data), -1), beside)
-
-    def _columns(self, j: int, beside: bool, weights: Array) -> Array:
-        """Return the parts of a joint multiplied by weights (k,), (N, c)."""
-        parts = self.products(j, beside)
-        own: Array = parts.reshape(len(parts), -1, len(weights)) @ weights
-        return own
+        return self._seen_at(j, own.reshape(len(own), -1), beside).reshape(own.shape)
 
     def _grams(self, beside: bool, weights: bytes) -> list[Array]:
         """Return the products of the columns of each joint, (c, c)."""
         pairs = enumerate(np.frombuffer(weights).reshape(-1, self.parts.shape[3]))
-        each = [self._columns(j, beside, own) for j, own in pairs]
-        return [own.T @ own for own in each]
+        return [Z.T @ Z for Z in (self.products(j, beside) @ own for j, own in pairs)]
 
     def _torque(self, j: int, by: float, beside: bool) -> Array:
         """Return all torque (N, n) as data of a joint, some time later, before any low-pass."""
@@ -347,22 +340,20 @@ class _Rows:
         return np.ascontiguousarray(weight[:, : self.parts.shape[3]])
 
     def _crosses(self, j: int, by: float, beside: bool) -> Array:
-        """Return the products of the parts of a joint with all torque, (c k, n)."""
-        return np.asarray(self.products(j, beside).T @ self.torque(j, by, beside))
+        """Return the products of the parts of a joint with all torque, (n, c, k)."""
+        return np.tensordot(self.torque(j, by, beside), self.products(j, beside), (0, 0))
 
     def _solve(self, a: Alternative, beside: bool) -> tuple[Array, Array]:
         """Return values (b,), and the squares that they leave of each joint's torque (n,).
 
         Friction and rotor inertia are not negative; joints are weighed by what is left of them.
         """
-        w, (b, k) = self._weights(a), self.parts.shape[2:]
+        w, b = self._weights(a), self.parts.shape[2]
         grams, each = self.grams(beside, w.tobytes()), []
         for j, (own, factor) in enumerate(zip(w, a.factor, strict=True)):
             when = j, float(a.late[j]), beside
-            y, cross = (x(*when)[:, a.order[j]] for x in (self.torque, self.crosses))
-            each.append(
-                (self.acts[j], grams[j] / factor**2, cross.reshape(-1, k) @ own / factor, y @ y)
-            )
+            y, cross = self.torque(*when)[:, a.order[j]], self.crosses(*when)[a.order[j]]
+            each.append((self.acts[j], grams[j] / factor**2, cross @ own / factor, y @ y))
         scale = self.variation[a.order] * np.maximum(self.data.sum(0), 1)
         weight = 1.0 / scale
         for _ in range(3):
@@ -385,7 +376,7 @@ class _Rows:
         w, (x, _) = self._weights(a), self._solve(a, beside=True)
         left = [
             self.torque(j, float(a.late[j]), beside=True)[:, a.order[j]]
-            - self._columns(j, True, own) @ x[self.acts[j]] / a.factor[j]
+            - self.products(j, beside=True) @ own @ x[self.acts[j]] / a.factor[j]
             for j, own in enumerate(w)
         ]
         new = self.data.sum(0) / autocorrelation_time(np.column_stack(left))

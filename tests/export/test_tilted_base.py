@@ -56,6 +56,19 @@ def test_a_small_tilt_among_the_values_is_gravity_in_the_file(tmp_path):
     assert np.linalg.norm(expected) == pytest.approx(np.linalg.norm(g))
 
 
+@pytest.mark.parametrize("ending", [".xml", ".urdf"])
+def test_a_joint_may_have_the_name_of_the_base_or_of_a_body(ending, tmp_path):
+    text = Robot.load("six-dof-arm").path.read_text()
+    (tmp_path / "arm.urdf").write_text(text.replace("joint_1", "base").replace("joint_2", "link_3"))
+    robot = Robot.load(tmp_path / "arm.urdf")
+    written = write_parameters(robot, {**robot.nominal, "link_3.Fv": 3.0}, tmp_path / f"c{ending}")
+    again = Robot.load(written.robot).nominal
+    kept = {n: x for n, x in robot.nominal.items() if n[-2:] not in ("Ia", "Fv", "Fc")}
+    assert again == pytest.approx(
+        again | kept | {"link_3.Fv": 3.0, "base.Fc": robot.nominal["base.Fc"]}
+    )
+
+
 def test_gravity_of_an_mjcf_that_is_not_down_turns_the_base_of_its_urdf(tmp_path):
     text = Robot.load("two-link").path.read_text()
     text = text.replace("<worldbody", '<option gravity="9.81 0 0"/><worldbody', 1)

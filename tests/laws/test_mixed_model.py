@@ -161,7 +161,9 @@ def test_products_add_up_over_stretches_and_blocks(rows):
     )
     every = np.arange(whole.size + 1)
     both = sum(products_of(*part).between(every[:, None], every) for part in parts)
-    np.testing.assert_allclose(both, products_of(Z, y, cut).between(every[:, None], every), atol=1e-9)
+    np.testing.assert_allclose(
+        both, products_of(Z, y, cut).between(every[:, None], every), atol=1e-9
+    )
     halves = sum(whole.take(np.array([k])).between(every[:, None], every) for k in (0, 1))
     np.testing.assert_allclose(halves, whole.between(every[:, None], every))
 
