@@ -218,11 +218,10 @@ def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult
     unsure = "" if nearest.accurate else " The solver is not sure that no real robot is nearer."
     replaced = draw_bodies(structure)[1] if cad_weight else ""
     sentence = f"{unsure} {replaced}".rstrip()
-    value = model.to_x @ nearest.phi
     return replace(
         found,
         nearest=nearest,
-        value=value,
+        value=model.to_x @ nearest.phi,
         base=base[0],
         in_files=base[1:],
         sentence=sentence,
@@ -335,8 +334,8 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
             return Certificate(margin, phi, np.zeros_like(beta), 0.0)
         force = np.einsum("kep,ke->p", cones, Z) + multiplier @ rows
         combination = np.linalg.lstsq(G.T, force)[0]
-        level = float(multiplier @ region.least)
-        return Certificate(margin, phi, combination, float(combination @ beta), level)
+        value, level = combination @ beta, multiplier @ region.least
+        return Certificate(margin, phi, combination, float(value), float(level))
 
 
 def _most_room(

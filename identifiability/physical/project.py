@@ -231,7 +231,8 @@ class Projection:
             Of the prior [σ²], the heaviest first.
         """
         program = self._state(data)
-        for at in follow(program, self.region, self.nominal, weights, ROUGHLY):
+        # Only predictions of these are compared, in some nats.
+        for at in follow(program, self.region, self.nominal, weights, np.sqrt(RIDGE)):
             assert at.curve is not None
             size = 1 / np.sqrt(np.diag(at.curve))
             try:
@@ -339,9 +340,6 @@ def project(data: LeastSquares, region: PhysicalSet, **options: Any) -> Feasible
 #: Steps within which an optimum is reached; about twenty are needed. The general solver is asked
 #: after that.
 STEPS = 40
-
-#: Accuracy of optima of which only predictions are compared, in some nats [σ²].
-ROUGHLY: Tolerance = 1e-3
 
 #: Share of the way to the edge that one step goes.
 EDGE: Tolerance = 0.95

@@ -372,8 +372,7 @@ class Information:
         ----------
         change : (k + 1,) or (k + 1, m)
         """
-        rows = (part.root @ turned for part, turned in self.of_actuators(change))
-        return np.array([np.square(own).sum(0) for own in rows])
+        return np.array([np.square(p.root @ x).sum(0) for p, x in self.of_actuators(change)])
 
     def squares_of_blocks(self, change: Array) -> Array:
         """Return each actuator's sum of squares of ``[W τ] x`` in each block, (…, B, n).
