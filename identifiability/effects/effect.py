@@ -318,7 +318,7 @@ class Span:
 
 #: Motions that tell effects from what they resemble.
 SPEEDS = "run slow and fast passes through the same positions"
-RESTS = "rest the joints, or move one joint while another stands still,"
+RESTS = "rest the joints, or move one joint while another stands still"
 POSTURES = "move through the whole range of each joint with the others in other postures"
 
 
