@@ -20,7 +20,7 @@ from identifiability.effects import Family, Placed, find_families
 from identifiability.effects import Part as EffectPart
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.estimate import Outliers, with_known
-from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import may_stand
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
@@ -34,17 +34,24 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.physical.feasibility import PhysicalResult
 from identifiability.regression.columns import Candidate, Refusal, list_candidates, number
-from identifiability.regression.information import Information, gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, known_rows
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.workflow import hold_folds
 from identifiability.workflows.diagnose.changes import Change
-from identifiability.workflows.diagnose.problem import Rows, Setting, nearest_robot, weigh_fit
+from identifiability.workflows.diagnose.problem import (
+    KnownValues,
+    Rows,
+    Setting,
+    WeighedFit,
+    know_nothing,
+    nearest_robot,
+    weigh_fit,
+)
 
-#: By how much an unseen error must rise with a name that is taken out for it.
-WORSE: Tolerance = 1.01
 #: Share of all places from which on an effect is said to be everywhere.
 MOST: Tolerance = 0.75
 
@@ -149,9 +156,11 @@ class Naming:
     @cached_property
     def completed(self) -> Structure:
         """The robot under the model with all parts, functions as large as they were found."""
-        robot, model = self.setting.structure.robot, self.setting.structure.model
+        robot, model = self.setting.structure.robot, self.setting.plain.model
         random, own = dict(model.random), dict[str, list[EffectPart]]()
         for p, term in zip(self.parts, self.terms, strict=True):
+            if set(self.names([p])) <= set(self.setting.plain.columns):
+                continue
             own.setdefault(p.candidate.family.name, []).append(p.candidate.part)
             if p.candidate.family.flexible:
                 sd = np.sqrt(term.variance) / self.model.scale[term.columns]
@@ -171,30 +180,35 @@ class Naming:
 
         ``β = base + C x``, C (b, d + m), and what standard deviation x is known to have, (d + m,).
         """
-        known, last = self.setting.known, {n: k for k, n in enumerate(self.completed.columns)}
+        known, last = self.known, {n: k for k, n in enumerate(self.completed.columns)}
         own, names = self.own @ known.directions, self.names(self.parts)
         sd = [self.completed.model.random.get(name, np.inf) for name in names]
         with np.errstate(divide="ignore"):
             both = np.append(1.0 / np.sqrt(known.precision), sd)
         return np.column_stack([own, self.completed.G[:, [last[name] for name in names]]]), both
 
+    @property
+    def known(self) -> KnownValues:
+        """What is known of the base parameters that parts are added to."""
+        same = self.setting.plain is self.setting.structure
+        return self.setting.known if same else know_nothing(self.setting.plain)
+
     @cached_property
     def own(self) -> Array:
-        """Base parameters of the completed model by those of the model, (b, b0)."""
+        """Base parameters of the completed model by those that parts are added to, (b, b0)."""
         columns = self.completed.columns
-        return self.completed.G[:, [columns.index(n) for n in self.setting.structure.base.names]]
+        return self.completed.G[:, [columns.index(n) for n in self.setting.plain.base.names]]
 
     @cached_property
-    def weighed(self) -> tuple[Information, Estimator]:
+    def weighed(self) -> WeighedFit:
         """About the base parameters of the completed model less what is known, rows weighed.
 
-        Beside all parts; and who knows the noise.
+        Beside all parts.
         """
         own = gather_information(self.completed.regression(self.setting.samples))
-        own = own.reduce(np.eye(own.size), own.columns, self.own @ self.setting.known.base)
+        own = own.reduce(np.eye(own.size), own.columns, self.own @ self.known.base)
         known = with_known(own, known_rows(*self.coordinates))
-        weighed, fit = weigh_fit(self.setting.structure.robot, self.setting.samples, known)
-        return weighed, fit.estimator
+        return weigh_fit(self.setting.structure.robot, self.setting.samples, known)
 
     def fit(self, parts: Sequence[int]) -> Array:
         """Return base parameters (b,) of the completed model, of its parts some, as `analyze` does.
@@ -204,12 +218,12 @@ class Naming:
         beside all parts, to compare many models.
         """
         fit, some = self._fit(parts)
-        base: Array = self.own @ self.setting.known.base + some @ fit.value
+        base: Array = self.own @ self.known.base + some @ fit.value
         return base
 
     def _fit(self, parts: Sequence[int]) -> tuple[Estimate, Array]:
         """Return the fit of independent columns (b, k) of the model with some parts, and these."""
-        (weighed, by), d = self.weighed, len(self.setting.known.precision)
+        weighed, by, d = self.weighed.rows, self.weighed.fit.estimator, len(self.known.precision)
         first = self.parts[0].candidate.columns[0] if self.parts else 0
         at = [d + k - first for p in parts for k in self.parts[p].candidate.columns]
         C, sd = (x[..., [*range(d), *at]] for x in self.coordinates)
@@ -222,32 +236,31 @@ class Naming:
     @cached_property
     def predicts(self) -> bool:
         """Whether parts of the fitted logs are predicted better with what is missing."""
-        held, scores = hold_folds(*self.weighed)[0], []
+        held, scores = hold_folds(self.weighed.rows, self.weighed.fit.estimator)[0], []
         for fit, some in map(self._fit, [(), range(len(self.parts))]):
             scores.append(held.score(held.refit(fit, some), held.roots(fit, some)))
         return not may_stand(*scores)
 
     @cached_property
+    def real(self) -> PhysicalResult | None:
+        """The real robot nearest to the completed model, where values are those of the logs."""
+        if self.setting.values_known:
+            return None
+        return nearest_robot(self.completed, self.weighed.rows, self.weighed.fit)
+
+    @property
     def best(self) -> Array:
         """Base parameters (b,) of the completed model to predict with.
 
         Those of the nearest real robot where it predicts parts of the fitted logs as well.
         """
-        (weighed, by), known = self.weighed, self.setting.known
-        if not (self.setting.fixed or known.precision.any()):
-            robot = nearest_robot(self.completed, weighed, by.fit(weighed))
-            if robot.as_good:
-                return robot.base
+        if self.real is not None and self.real.as_good:
+            return self.real.base
         return self.fit(range(len(self.parts)))
 
     def predict(self, fits: Sequence[Array], samples: Sequence[Dataset]) -> Prediction:
         """Return torque along some logs as base parameters (b,) of the completed model say."""
         return predict(self.completed.regression(samples), np.stack(fits, axis=1))
-
-    def errors(self, models: Sequence[Sequence[int]]) -> Array:
-        """Return the errors of some models on unseen motion over each joint's own scale."""
-        unseen = self.setting.validation or self.setting.samples
-        return self.predict([*map(self.fit, models)], unseen).error_over_joints()
 
 
 def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
@@ -334,26 +347,7 @@ def name_missing(looked: Naming) -> Naming:
     came = [p.candidate.family.name for p in parts]
     parts.sort(key=lambda p: (came.index(p.candidate.family.name), p.candidate.columns))
     looked = replace(looked, after=tuple(model.gains(kept)), refuted=tuple(refuted))
-    return _without_worse(with_parts(looked, parts))
-
-
-def _without_worse(naming: Naming) -> Naming:
-    """Return a naming without parts beside which unseen torque is predicted worse.
-
-    However likely a name is: what it is worth is the error of the model that has it.
-    """
-    while naming.parts:
-        every = range(len(naming.parts))
-        subsets = [[k for k in every if k != gone] for gone in (-1, *every)]
-        whole, *each = naming.errors(subsets).tolist()
-        worst = int(np.argmin(each))
-        if not each[worst] < whole / WORSE:
-            break
-        part = naming.parts[worst]
-        term = replace(part.term, group=replace(part.term.group, place=part.candidate.place))
-        naming = replace(naming, refuted=(*naming.refuted, (term, part.unseen)))
-        naming = with_parts(naming, [p for k, p in enumerate(naming.parts) if k != worst])
-    return naming
+    return with_parts(looked, parts)
 
 
 def _may_rival(one: Group, other: Group) -> bool:

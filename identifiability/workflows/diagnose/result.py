@@ -27,6 +27,7 @@ from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
+from identifiability.physical.feasibility import PhysicalResult
 from identifiability.regression.columns import Refusal
 from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
 from identifiability.regression.regression import Model
@@ -269,6 +270,10 @@ class Diagnosis(Result, Setting, Predicts):
         Base parameters of that model.
     model : Model
         The base model, with the named effects where folds of the fitted logs prefer it.
+    improved : bool
+        Whether what was named is in the model.
+    nearest : PhysicalResult or None
+        The real robot nearest to it, where that was asked.
     moved : PositionPrediction or None
         How far rollouts of the nearest real robot are off, of logs of commands.
     forward : ForwardGap or None
@@ -297,6 +302,8 @@ class Diagnosis(Result, Setting, Predicts):
     evidence: tuple[Odds, ...]
     values: Array
     model: Model
+    improved: bool = False
+    nearest: PhysicalResult | None = None
     forward: ForwardGap | None = None
     hints: tuple[str, ...] = ()
     nothing: str = ""
@@ -313,11 +320,6 @@ class Diagnosis(Result, Setting, Predicts):
     def base(self) -> tuple[str, ...]:
         """Names of the effects of the model that was diagnosed."""
         return self.structure.model.names
-
-    @property
-    def improved(self) -> bool:
-        """Whether what was named is in the model."""
-        return self.model.texts != self.structure.model.texts
 
     @cached_property
     def completed(self) -> Structure:
@@ -551,7 +553,7 @@ def simulate_forward(d: Diagnosis, rng: np.random.Generator) -> ForwardGap:
     """Return the gap in motion of a diagnosis, on the motion that verified it."""
     try:
         after = real_robot(d, d.completed)
-        before = real_robot(d, d.structure, after.cad_weight)
+        before = real_robot(d, d.plain, after.cad_weight)
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
     found = compare_forward(before, after, d.validation, rng)
@@ -697,8 +699,7 @@ def _state_refuted(x: Odds, d: Diagnosis) -> str:
     gain = f"{x.unseen:.2g}".replace("-", "−")
     return (
         f"{what} stood out from the fitted motion (log odds {x.before:.3g}) and is left out: on "
-        f"{d.verified_on} the torque is not surely likelier with it (log likelihood ratio {gain}), "
-        "or its error is larger."
+        f"{d.verified_on} the torque is not surely likelier with it (log likelihood ratio {gain})."
     )
 
 
@@ -754,7 +755,7 @@ def keep_completed(d: Diagnosis) -> Fit:
     """
     structure = d.completed
     submodel = full_model(structure.base, "the diagnosed model")
-    information, fit = fit_structure(structure, d.samples)
+    information, fit, *_ = fit_structure(structure, d.samples)
     found = predict(structure.regression(d.samples), d.values[:, None])
     fitted, unseen = ((x.joint_rms()[:, -1], x.joint_rms(raw=True)[:, -1]) for x in (found, d.gap))
     known = Known.of(information, fit, np.random.default_rng(d.seed), 0)
@@ -771,9 +772,12 @@ def keep_completed(d: Diagnosis) -> Fit:
 
 
 def fit_physical(
-    structure: Structure, samples: Sequence[Dataset], cad_weight: float | None = None
+    structure: Structure,
+    samples: Sequence[Dataset],
+    cad_weight: float | None = None,
+    found: PhysicalResult | None = None,
 ) -> Physical:
-    """Return the real robot that explains some logs best under a model.
+    """Return the real robot that explains some logs best under a model, found before or not.
 
     How strongly it is drawn to the robot file is chosen by what it predicts of stretches of the
     logs, as of an analysis. It is not chosen where it is given.
@@ -783,7 +787,9 @@ def fit_physical(
     IdentifiabilityError
         If the solver finds none.
     """
-    found = nearest_robot(structure, *fit_structure(structure, samples), cad_weight)
+    if found is None:
+        own = fit_structure(structure, samples)
+        found = nearest_robot(structure, own.rows, own.fit, cad_weight)
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence.strip())
     return Physical(structure, found.parameters(), found.cad_weight)
@@ -802,7 +808,8 @@ def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) 
     """
     if len(d.known.precision):
         weight = share_weight(d.known.share) if d.known.share else weight
-        return fit_physical(structure, d.samples, weight)
+        found = d.nearest if structure is d.completed else None
+        return fit_physical(structure, d.samples, weight, found)
     values = {name: d.robot.nominal.get(name, 0.0) for name in d.structure.columns}
     values = dict.fromkeys(structure.columns, 0.0) | values
     if structure is d.completed:

@@ -10,30 +10,40 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from identifiability.effects import Placed, default_effects, find_families, title_of
 from identifiability.effects.measurement import CommandDelay
-from identifiability.estimation.estimate import Outliers, find_estimator
-from identifiability.estimation.groups import place_of
+from identifiability.estimation.estimate import Outliers
+from identifiability.estimation.groups import NO_ALTERNATIVES, place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.prediction import Prediction
 from identifiability.foundation.engines import Engine, Serial, one_thread
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.physical.cad_prior import load_by_fit, settle_prior
-from identifiability.regression.information import gather_information
-from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choose_model, free_again
+from identifiability.regression.reduction import (
+    USUAL_EFFECTS,
+    LadderEntry,
+    ModelLike,
+    build_comparison,
+    choose_model,
+    find_ladder,
+    free_again,
+    full_model,
+    ladder_model,
+)
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike, complete_motion
-from identifiability.workflows.analyze.workflow import say_band
+from identifiability.workflows.analyze.workflow import conclude_analysis, say_band
 from identifiability.workflows.diagnose.changes import Change
 from identifiability.workflows.diagnose.naming import (
-    WORSE,
     Naming,
     find_change,
     leave_out,
@@ -79,7 +89,6 @@ from identifiability.workflows.session import (
     require_signal,
     settle_gains,
     state_provenance,
-    weigh_rows,
     where_outlying,
 )
 
@@ -159,7 +168,11 @@ def diagnose(
         structure, known = _settle_values(robot, model, fixed, commanded=commanded)
         session = Session(structure, given, preparation, say, engine or Serial())
         given = session.follow(np.random.default_rng(seed)).recordings
-        asked = _Asked(session, effects, known, streams[0], near, fixed is not False, seed)
+        ladder = None
+        if model is None:
+            ladder = find_ladder(robot, None, beside=True).settle(commanded=commanded)
+        own = near, fixed is not False, seed, ladder
+        asked = _Asked(session, effects, known, streams[0], *own)
         found, opening = asked.look(given)
         later = common_delay(found)
         if later and robot.servo is not None:
@@ -208,6 +221,8 @@ class _Asked:
     fixed : bool
         Whether values are those that are known, and the file's direction of gravity one of them.
     seed : int
+    ladder : LadderEntry or None
+        Models that `analyze` compares, where no model is given.
     """
 
     session: Session
@@ -217,6 +232,7 @@ class _Asked:
     near: float
     fixed: bool
     seed: int
+    ladder: LadderEntry | None
 
     def look(self, given: Recordings) -> tuple[Diagnosis, Opening]:
         """Name what is missing in recordings, under the model that the fitted ones prefer."""
@@ -248,10 +264,15 @@ class _Asked:
         require_signal(validation, "verified")
         session.say("building columns", 0.1)
         near = know_share(self.near, opening.structure, refitted=True) if self.near else None
+        known = near or (self.known if self.fixed else know_nothing(opening.structure))
+        best: dict[str, Any] = {}
+        if not (self.fixed or known.precision.any()):
+            best = self._recommend(session, opening)
         setting = Setting(
+            **best,
             structure=opening.structure,
             samples=samples,
-            known=near or (self.known if self.fixed else know_nothing(opening.structure)),
+            known=known,
             validation=validation,
             **dict(zip(("looked", "looked_unseen"), looked, strict=False)),
             fixed=self.fixed,
@@ -264,34 +285,51 @@ class _Asked:
         asked = self if self.fixed or not opening.misread else replace(self, effects=())
         return asked.name(setting), opening
 
+    def _recommend(self, session: Session, opening: Opening) -> dict[str, Any]:
+        """Return the model and values that `analyze` recommends."""
+        if self.ladder is None:
+            structure = opening.structure
+            models = (full_model(structure.base),)
+        else:
+            structure = Structure.of(session.structure.robot, ladder_model(self.ladder))
+            if opening.alternative is not None:
+                structure = opening.alternative.structure(structure)
+            structure = load_by_fit(structure, opening.samples, session.engine)
+            models = build_comparison(self.ladder, structure)
+        rows = session.weigh(replace(opening, structure=structure), "wls", "auto")
+        how = {"cad_prior": None, "replicates": 0}
+        rng = np.random.default_rng(self.seed)
+        found = conclude_analysis(session, rows, models, rng, how, NO_ALTERNATIVES)
+        chosen, own = found.chosen, opening.structure
+        base = chosen.physical.base if chosen.real else chosen.submodel.expand(chosen.recommended)
+        # A model that leaves out what the diagnosed one has not is that.
+        common = [n for n in structure.columns if n in own.columns]
+        G, to = (s.G[:, [s.columns.index(n) for n in common]] for s in (structure, own))
+        phi = np.linalg.lstsq(G, base, rcond=None)[0]
+        if np.abs(G @ phi - base).max(initial=0.0) <= NEARLY * np.abs(base).max(initial=0.0):
+            return {"recommended": to @ phi}
+        return {"recommended": base, "under": structure}
+
     def name(self, setting: Setting) -> Diagnosis:
-        """Name what is missing.
+        """Name what is missing, add it, verify.
 
         Rows that hardly count even beside what was named are no data for names.
         """
-        found = self.run(setting)
-        if setting.fixed:
-            return found
-        joints, wls = found.robot.joints, find_estimator("wls")
-        information = gather_information(found.completed.regression(setting.samples))
-        _, decided, outliers = weigh_rows(joints, setting.samples, information, wls)
-        # Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
-        outliers = None if outliers is None else outliers.below(0.1)
-        if outliers is None or _last(found.changes, setting.samples, outliers):
-            decided = "" if found.changes else decided
-        else:
-            again = self.run(without_outliers(setting, outliers))
-            if again.held_after <= WORSE * found.held_after:
-                where = where_outlying(joints, setting.samples, outliers)
-                decided = decided or f"{where} was left out. Look at what happened there."
-                found = again
-        return replace(found, hints=(decided,) if decided else ())
-
-    def run(self, setting: Setting) -> Diagnosis:
-        """Name what is missing, add it, verify."""
-        naming = self._settle(setting)
+        found, said = self._settle(setting), ""
+        if not setting.fixed:
+            *_, said, outliers = found.weighed
+            # Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
+            outliers = None if outliers is None else outliers.below(0.1)
+            if outliers is None or _last(found.setting.changes, setting.samples, outliers):
+                said = "" if found.setting.changes else said
+            else:
+                where = where_outlying(
+                    found.setting.structure.robot.joints, setting.samples, outliers
+                )
+                said = said or f"{where} was left out. Look at what happened there."
+                found = self._settle(without_outliers(setting, outliers))
         self.session.say("verifying", 0.9)
-        return conclude(naming, self.stream)
+        return replace(conclude(found, self.stream), hints=(said,) if said else ())
 
     def _settle(self, setting: Setting) -> Naming:
         """Return what is missing in logs without what changed in their midst.
@@ -303,13 +341,7 @@ class _Asked:
         self.session.say("naming effects", 0.3)
         change = None if setting.fixed else find_change(looked, self.effects)
         without = None if change is None else leave_out(setting, change)
-        named = name_missing(looked)
-        if without is None:
-            return named
-        # Unseen rows cannot show what changed, but that nothing did.
-        found = self._settle(without)
-        before, after = (x.errors([range(len(x.parts))])[0] for x in (named, found))
-        return named if after > WORSE * before else found
+        return name_missing(looked) if without is None else self._settle(without)
 
 
 def _last(changes: Sequence[Change], samples: Sequence[Dataset], outliers: Outliers) -> bool:
@@ -387,15 +419,15 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     families = list(dict.fromkeys(p.candidate.family.name for p in parts))
     own = [[k for k, p in enumerate(parts) if p.candidate.family.name == f] for f in families]
     models = [[k for some in own[:n] for k in some] for n in range(len(own) + 1)]
-    plain = with_parts(naming, ()) if parts else naming
-    used = naming if not parts or setting.fixed or naming.predicts else plain
-    fits = [naming.own @ plain.best, *map(naming.fit, models[1:])]
+    plain = setting.recommended if len(setting.recommended) else with_parts(naming, ()).fit(())
+    fits = [naming.own @ plain, *map(naming.fit, models[1:])]
     left = naming.predict(fits[-1:], naming.fitted.samples).residual[:, :, 0]
-    if used is not plain:
-        fits[-1] = naming.best
-    elif parts:
-        fits.append(fits[0])  # what predicts stands last
+    fits[-1] = naming.best if parts else fits[0]
     gap = naming.predict(fits, setting.validation or setting.samples)
+    # Folds of the fitted logs choose what predicts, and unseen motion may refute that.
+    better = bool(parts) and (setting.fixed or naming.predicts) and not gap.surely_better(0, -1)
+    if parts and not better:  # what predicts stands last
+        fits, gap = [*fits, fits[0]], gap.select([*range(len(fits)), 0])
     errors = gap.relative_error()
     before = naming.predict(fits, setting.samples).relative_error()
     placed = [_place(naming, k) for k in range(len(parts))]
@@ -422,8 +454,10 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
             Odds(t.group.family, place_of(t), t.odds, after.get(t.key, float("nan")))
             for t in naming.before
         ),
-        values=used.best,
-        model=used.completed.model,
+        values=fits[-1] if better else plain,
+        model=naming.completed.model if better else setting.plain.model,
+        improved=better,
+        nearest=naming.real if better else None,
     )
 
 
