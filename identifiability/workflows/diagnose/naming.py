@@ -193,11 +193,15 @@ class Naming:
         same = self.setting.plain is self.setting.structure
         return self.setting.known if same else know_nothing(self.setting.plain)
 
+    def of(self, smaller: Structure) -> Array:
+        """Return base parameters of the completed model by those of a smaller one, (b, b0)."""
+        columns = self.completed.columns
+        return self.completed.G[:, [columns.index(n) for n in smaller.base.names]]
+
     @cached_property
     def own(self) -> Array:
         """Base parameters of the completed model by those that parts are added to, (b, b0)."""
-        columns = self.completed.columns
-        return self.completed.G[:, [columns.index(n) for n in self.setting.plain.base.names]]
+        return self.of(self.setting.plain)
 
     @cached_property
     def weighed(self) -> WeighedFit:
@@ -286,12 +290,6 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
     missing = Missing(candidates, fitted.seen, setting.known.root, families=frozenset(asked))
     model = missing.model()
     before = tuple(model.gains())
-    near = [t for t in before if RULES.name - RULES.rival <= t.odds < RULES.name]
-    near = [t for t in near if t.group.place != EVERYWHERE and not _family(missing, t).unnamed]
-    if near and before[0].odds < RULES.name:
-        missing = missing.beside(near[:1])
-        model = missing.model()
-        before = tuple(model.gains())
     found = Naming(
         setting=setting,
         fitted=fitted,

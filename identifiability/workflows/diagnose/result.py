@@ -270,8 +270,8 @@ class Diagnosis(Result, Setting, Predicts):
         Base parameters of that model.
     model : Model
         The base model, with the named effects where folds of the fitted logs prefer it.
-    improved : bool
-        Whether what was named is in the model.
+    included : int
+        How many of the effects are in the model, the first ones.
     nearest : PhysicalResult or None
         The real robot nearest to it, where that was asked.
     moved : PositionPrediction or None
@@ -302,7 +302,7 @@ class Diagnosis(Result, Setting, Predicts):
     evidence: tuple[Odds, ...]
     values: Array
     model: Model
-    improved: bool = False
+    included: int = 0
     nearest: PhysicalResult | None = None
     forward: ForwardGap | None = None
     hints: tuple[str, ...] = ()
@@ -320,6 +320,11 @@ class Diagnosis(Result, Setting, Predicts):
     def base(self) -> tuple[str, ...]:
         """Names of the effects of the model that was diagnosed."""
         return self.structure.model.names
+
+    @property
+    def improved(self) -> bool:
+        """Whether something that was named is in the model."""
+        return self.included > 0
 
     @cached_property
     def completed(self) -> Structure:
@@ -599,7 +604,7 @@ def _what(d: Diagnosis) -> Answer:
             f"{why}: {d.known.words} predict{'' if d.fixed else 's'} unseen motion "
             f"({d.verified_on}) with an error of {percent(d.held_before)}."
         )
-    short = f"{_capital(join(named))}." if named else "Nothing that can be named."
+    short = f"{_capital(join(named, PLACES))}." if named else "Nothing that can be named."
     tone = "vermilion" if named else "grey"
     return Answer("What is missing?", short, " ".join(told), tone)
 
@@ -608,13 +613,16 @@ def _gap(d: Diagnosis) -> Answer:
     question = "How much of the gap does it explain?"
     if not d.improved:
         short = f"The error on unseen motion stays at {percent(d.held_before)}."
-        why = " With it parts of the fitted logs are predicted worse." if d.effects else ""
+        why = " With it other motion is not predicted better." if d.effects else ""
         return Answer(question, short, f"Measured on {d.verified_on}.{why}")
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
     before = f"{percent(d.held_before)} ({d.known.words.rstrip(',')})"
     short = f"The error goes from {before} to {percent(d.held_after)}"
     short += f" (95 %: {' … '.join(ends)} points)."
     text = f"All joints together on {d.verified_on}, which was not fitted."
+    if d.included < len(d.effects):
+        some = join([e.title for e in d.effects[: d.included]])
+        text += f" By {some} alone: with the rest other motion is not predicted better."
     return Answer(question, short, text, "green" if d.interval[1] < 0 else "amber")
 
 

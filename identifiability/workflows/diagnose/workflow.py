@@ -21,6 +21,7 @@ from identifiability.estimation.groups import NO_ALTERNATIVES, place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.prediction import Prediction
 from identifiability.foundation.engines import Engine, Serial, one_thread
+from identifiability.foundation.errors import ModelError
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Effects, Seed, checked
@@ -28,6 +29,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.physical.cad_prior import load_by_fit, settle_prior
+from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import (
     USUAL_EFFECTS,
     LadderEntry,
@@ -68,6 +70,7 @@ from identifiability.workflows.diagnose.problem import (
     know_share,
     prepare_rows,
     read_given,
+    weigh_fit,
 )
 from identifiability.workflows.diagnose.result import (
     Curve,
@@ -295,7 +298,10 @@ class _Asked:
             if opening.alternative is not None:
                 structure = opening.alternative.structure(structure)
             structure = load_by_fit(structure, opening.samples, session.engine)
-            models = build_comparison(self.ladder, structure)
+            try:
+                models = build_comparison(self.ladder, structure)
+            except ModelError:  # of parameters of the model as it was given
+                models = (full_model(structure.base),)
         rows = session.weigh(replace(opening, structure=structure), "wls", "auto")
         how = {"cad_prior": None, "replicates": 0}
         rng = np.random.default_rng(self.seed)
@@ -315,17 +321,19 @@ class _Asked:
 
         Rows that hardly count even beside what was named are no data for names.
         """
-        found, said = self._settle(setting), ""
+        found, said, samples = self._settle(setting), "", setting.samples
         if not setting.fixed:
-            *_, said, outliers = found.weighed
+            robot, changes, weighed = setting.structure.robot, found.setting.changes, found.weighed
+            if changes:  # a burst may look like one
+                rows = gather_information(found.completed.regression(samples))
+                weighed = weigh_fit(robot, samples, rows)
+            said, outliers = weighed.said, weighed.outliers
             # Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
             outliers = None if outliers is None else outliers.below(0.1)
-            if outliers is None or _last(found.setting.changes, setting.samples, outliers):
-                said = "" if found.setting.changes else said
+            if outliers is None or _last(changes, samples, outliers):
+                said = "" if changes else said
             else:
-                where = where_outlying(
-                    found.setting.structure.robot.joints, setting.samples, outliers
-                )
+                where = where_outlying(robot.joints, samples, outliers)
                 said = said or f"{where} was left out. Look at what happened there."
                 found = self._settle(without_outliers(setting, outliers))
         self.session.say("verifying", 0.9)
@@ -420,16 +428,25 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     own = [[k for k, p in enumerate(parts) if p.candidate.family.name == f] for f in families]
     models = [[k for some in own[:n] for k in some] for n in range(len(own) + 1)]
     plain = setting.recommended if len(setting.recommended) else with_parts(naming, ()).fit(())
-    fits = [naming.own @ plain, *map(naming.fit, models[1:])]
+    fits = [naming.of(setting.plain) @ plain, *map(naming.fit, models[1:])]
     left = naming.predict(fits[-1:], naming.fitted.samples).residual[:, :, 0]
-    fits[-1] = naming.best if parts else fits[0]
-    gap = naming.predict(fits, setting.validation or setting.samples)
-    # Folds of the fitted logs choose what predicts, and unseen motion may refute that.
-    better = bool(parts) and (setting.fixed or naming.predicts) and not gap.surely_better(0, -1)
-    if parts and not better:  # what predicts stands last
-        fits, gap = [*fits, fits[0]], gap.select([*range(len(fits)), 0])
+    # Folds of the fitted logs choose what predicts, and unseen motion may refute that: what came
+    # last is left out first.
+    values, last, unseen = plain, fits[0], setting.validation or setting.samples
+    included, used, gap = 0, with_parts(naming, ()), naming.predict(fits[:1], unseen)
+    for n in range(len(own), 0, -1):
+        some = [parts[k] for k in models[n]]
+        tried = naming if n == len(own) else with_parts(naming, some)
+        best = naming.of(tried.completed) @ tried.best
+        each = naming.predict([*fits[: len(fits) - (tried is naming)], best], unseen)
+        if (setting.fixed or tried.predicts) and not each.surely_better(0, -1):
+            included, used, gap, values, last = n, tried, each, tried.best, best
+            break
+    else:
+        if parts:
+            gap = naming.predict([*fits, last], unseen)
     errors = gap.relative_error()
-    before = naming.predict(fits, setting.samples).relative_error()
+    before = naming.predict([fits[0], last], setting.samples).relative_error()
     placed = [_place(naming, k) for k in range(len(parts))]
     effects = [
         _effect(naming, gap, some, [placed[k] for k in some], n, rng) for n, some in enumerate(own)
@@ -454,10 +471,10 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
             Odds(t.group.family, place_of(t), t.odds, after.get(t.key, float("nan")))
             for t in naming.before
         ),
-        values=fits[-1] if better else plain,
-        model=naming.completed.model if better else setting.plain.model,
-        improved=better,
-        nearest=naming.real if better else None,
+        values=values,
+        model=used.completed.model,
+        included=included,
+        nearest=used.real if included else None,
     )
 
 
