@@ -628,9 +628,8 @@ def conclude_analysis(
     best = max(scores, key=lambda score: float(score.density.sum()))
     near, judged = near_best(scores), [Evidence.of(score, best) for score in scores]
     values = np.concatenate([one.values for one in settled], axis=1)
-    tasks = [Task(values[None])]
-    if not opening.validation:
-        tasks.append(Task(np.concatenate([one.turned for one in settled], axis=2), folds))
+    turned = np.concatenate([one.turned for one in settled], axis=2)
+    tasks = [Task(values[None]), *([] if opening.validation else [Task(turned, folds)])]
     say("predicting torque", 0.65)
     fitted, *others = predict_all(opening.regression, tasks)
     if opening.unseen is not None:

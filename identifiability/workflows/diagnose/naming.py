@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import zip_longest
+from itertools import starmap, zip_longest
 
 import numpy as np
 from scipy.special import chdtrc, logsumexp, softmax
@@ -25,7 +25,6 @@ from identifiability.estimation.evidence import may_stand
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
-from identifiability.estimation.noise import rich_noise, split_runs
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import ROUNDOFF, scan_columns
@@ -98,14 +97,14 @@ class Naming:
         All that may be missing,
     whole : MixedModel
         and the model of that.
+    missing : Missing
+        The parts alone, after friction at reversals, beside the model and its noise.
     before, after : tuple of Term
         Log odds of all groups beside the model, and beside what was named.
     refuted : tuple of (Term, float)
         What fitted rows named and unseen rows did not confirm, with what it gains on these [nat].
     parts : tuple of Part
         What is missing, families as they came, each in the order of the robot's places.
-    missing : Missing
-        The parts alone, after friction at reversals, beside the model and its noise.
     """
 
     setting: Setting
@@ -114,11 +113,11 @@ class Naming:
     refusals: tuple[Refusal, ...]
     asked: Missing
     whole: MixedModel
+    missing: Missing
     before: Terms
     after: Terms
-    refuted: tuple[tuple[Term, float], ...]
-    parts: tuple[Part, ...]
-    missing: Missing
+    refuted: tuple[tuple[Term, float], ...] = ()
+    parts: tuple[Part, ...] = ()
 
     @cached_property
     def model(self) -> MixedModel:
@@ -181,7 +180,7 @@ class Naming:
         ``β = base + C x``, C (b, d + m), and what standard deviation x is known to have, (d + m,).
         """
         known, last = self.known, {n: k for k, n in enumerate(self.completed.columns)}
-        own, names = self.own @ known.directions, self.names(self.parts)
+        own, names = self.of(self.setting.plain) @ known.directions, self.names(self.parts)
         sd = [self.completed.model.random.get(name, np.inf) for name in names]
         with np.errstate(divide="ignore"):
             both = np.append(1.0 / np.sqrt(known.precision), sd)
@@ -196,12 +195,13 @@ class Naming:
     def of(self, smaller: Structure) -> Array:
         """Return base parameters of the completed model by those of a smaller one, (b, b0)."""
         columns = self.completed.columns
-        return self.completed.G[:, [columns.index(n) for n in smaller.base.names]]
+        found: Array = self.completed.G[:, [columns.index(n) for n in smaller.base.names]]
+        return found
 
-    @cached_property
-    def own(self) -> Array:
-        """Base parameters of the completed model by those that parts are added to, (b, b0)."""
-        return self.of(self.setting.plain)
+    @property
+    def start(self) -> Array:
+        """Base parameters (b,) of the completed model before anything is fitted."""
+        return self.of(self.setting.plain) @ self.known.base
 
     @cached_property
     def weighed(self) -> WeighedFit:
@@ -210,7 +210,7 @@ class Naming:
         Beside all parts.
         """
         own = gather_information(self.completed.regression(self.setting.samples))
-        own = own.reduce(np.eye(own.size), own.columns, self.own @ self.known.base)
+        own = own.reduce(np.eye(own.size), own.columns, self.start)
         known = with_known(own, known_rows(*self.coordinates))
         return weigh_fit(self.setting.structure.robot, self.setting.samples, known)
 
@@ -222,12 +222,13 @@ class Naming:
         beside all parts, to compare many models.
         """
         fit, some = self._fit(parts)
-        base: Array = self.own @ self.known.base + some @ fit.value
+        base: Array = self.start + some @ fit.value
         return base
 
     def _fit(self, parts: Sequence[int]) -> tuple[Estimate, Array]:
         """Return the fit of independent columns (b, k) of the model with some parts, and these."""
-        weighed, by, d = self.weighed.rows, self.weighed.fit.estimator, len(self.known.precision)
+        (weighed, whole, *_), d = self.weighed, len(self.known.precision)
+        by = whole.estimator
         first = self.parts[0].candidate.columns[0] if self.parts else 0
         at = [d + k - first for p in parts for k in self.parts[p].candidate.columns]
         C, sd = (x[..., [*range(d), *at]] for x in self.coordinates)
@@ -240,7 +241,8 @@ class Naming:
     @cached_property
     def predicts(self) -> bool:
         """Whether parts of the fitted logs are predicted better with what is missing."""
-        held, scores = hold_folds(self.weighed.rows, self.weighed.fit.estimator)[0], []
+        weighed, whole, *_ = self.weighed
+        held, scores = hold_folds(weighed, whole.estimator)[0], []
         for fit, some in map(self._fit, [(), range(len(self.parts))]):
             scores.append(held.score(held.refit(fit, some), held.roots(fit, some)))
         return not may_stand(*scores)
@@ -250,7 +252,7 @@ class Naming:
         """The real robot nearest to the completed model, where values are those of the logs."""
         if self.setting.values_known:
             return None
-        return nearest_robot(self.completed, self.weighed.rows, self.weighed.fit)
+        return nearest_robot(self.completed, *self.weighed[:2])
 
     @property
     def best(self) -> Array:
@@ -297,11 +299,9 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
         refusals=tuple(r for r in refused if r.family in asked),
         asked=missing,
         whole=model,
+        missing=missing,
         before=before,
         after=before,
-        refuted=(),
-        parts=(),
-        missing=missing,
     )
     return with_parts(found, ())
 
@@ -483,18 +483,6 @@ def _stays(log: np.ndarray) -> np.ndarray:
     return np.concatenate(out)
 
 
-def _session(rows: Rows, begins: np.ndarray, log: np.ndarray) -> Array:
-    """Return how what warms up through a session may go, by part of time, (2, P)."""
-    starts = [s.motion.start for s in rows.samples]
-    lasting = np.array([np.ptp(s.output_times()) for s in rows.samples])
-    begun = np.cumsum(lasting) - lasting
-    if None not in starts:
-        begun = np.array([float(x or 0.0) for x in starts])
-    clock = rows.seen.t[begins[:-1]] + begun[log]
-    x = (clock - clock.min()) / max(float(np.ptp(clock)), 1e-9)
-    return np.array([x, np.exp(-3.0 * x)])
-
-
 def find_change(naming: Naming, effects: Collection[str] | None = None) -> Change | None:
     """Return the likeliest change in the middle of a log beside what was named, if it is sure.
 
@@ -517,26 +505,12 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
     missing = replace(naming.missing, candidates=tuple(number([*held, *listed])), families=None)
     if not len(stays) or not listed:  # families that nobody may name, or logs of next to no time
         return None
-    courses = _session(naming.fitted, begins, log_of)
-    every = _odds_of_stays(missing, begins, stays, courses)
-    known = None
-    for _ in range(2):  # what it adds is no noise: once it is roughly known, that is without
-        first, last = begins[stays[int(every[0].odds.argmax())]].tolist()
-        if known == (first, last):
-            break
-        known = first, last
-        outside = np.ones((len(seen.y), 1), bool)
-        outside[first:last] = False
-        noise = list(naming.missing.noise)
-        for j in {j for j, k in missing.entries if k in every[0].candidate.columns}:
-            (runs,) = split_runs(seen.runs[j], outside)
-            noise[j] = rich_noise([seen.X[:, j, seen.X[:, j].any(0)]], seen.y[:, j], runs)
-        every = _odds_of_stays(missing.under(noise), begins, stays, courses)
+    every = _odds_of_stays(missing, begins, stays)
     best, at = every[0], int(every[0].odds.argmax())
     first, last = stays[at].tolist()
     own = np.flatnonzero(log_of == log_of[first])
     begun, whole = first > own[0], last > own[-1]
-    always = [*(x.drifts for x in every), *(t.odds for t in naming.before[:1])]
+    always = [t.odds for t in naming.before[:1]]
     needed = max(RULES.name + RULES.keep, *always) + RULES.rival
     if best.total < needed or (not begun and whole and len(np.unique(log_of)) < 3):
         return None
@@ -576,14 +550,13 @@ class _Stay:
 
     Attributes
     ----------
-    total, drifts : float
-        Averaged over the instants, or of what goes with the session instead, less the price.
+    total : float
+        Averaged over the instants, less the price.
     """
 
     candidate: Candidate
     odds: Array
     total: float
-    drifts: float
     value: Array
     covariance: Array
 
@@ -595,34 +568,31 @@ class _Stay:
         return f"{what} of {self.candidate.place}"
 
 
-def _odds_of_stays(
-    missing: Missing, begins: np.ndarray, stays: np.ndarray, courses: Array
-) -> list[_Stay]:
+def _odds_of_stays(missing: Missing, begins: np.ndarray, stays: np.ndarray) -> list[_Stay]:
     """Return candidates that act between two parts of time, (w, 2), the likeliest first."""
     model = replace(missing.model(), sizes=CHANGES)
     blocks = missing.products(edges=begins.tolist())
     c, scale, parts = blocks.size, np.append(model.scale, 1.0), np.arange(len(begins) - 1)
     rows = [blocks.take(parts[[b]]).between(np.arange(c), np.arange(c + 1)) for b in parts]
     each = np.array(rows) / np.outer(scale[:-1], scale)
-    on = (parts >= stays[:, :1]) & (parts < stays[:, 1:])
-    weights = np.concatenate([on, courses])
+    on = ((parts >= stays[:, :1]) & (parts < stays[:, 1:])).astype(float)
     s, p, out = model.solve(), model.fixed, list[_Stay]()
     candidates = [x for x in missing.candidates if x.family is not REVERSALS]
     places = Counter(x.family.name for x in candidates)
     for x in candidates:
         at = np.array(x.columns) + missing.fixed
-        S = np.tensordot(weights**2, each[:, at][:, :, at], 1)
-        P = np.tensordot(weights, each[:, at][:, :, [*range(p), c]], 1)
+        S = np.tensordot(on, each[:, at][:, :, at], 1)
+        P = np.tensordot(on, each[:, at][:, :, [*range(p), c]], 1)
         part = np.einsum("ij,wkj->iwk", s.root, P[:, :, :-1], optimize=True)
         left = P[:, :, -1] - np.einsum("iwk,i->wk", part, s.half)
         rise, _ = model.rise(S, part, left)
         odds = logsumexp(rise, axis=1) - np.log(rise.shape[1] * len(places) * places[x.family.name])
-        total, drifts = (float(logsumexp(o) - np.log(len(o))) for o in np.split(odds, [len(on)]))
-        w, size = np.unravel_index(int(rise[: len(on)].argmax()), rise.shape)
+        total = float(logsumexp(odds) - np.log(len(odds)))
+        w, size = np.unravel_index(int(rise.argmax()), rise.shape)
         outside = S[w] - part[:, w].T @ part[:, w] + np.eye(len(at)) / model.sizes[size] ** 2
         likely, unit = Normal.of(outside, left[w]), model.scale[at]
         covariance = likely.covariance / np.outer(unit, unit)
-        out.append(_Stay(x, odds[: len(on)], total, drifts, likely.value / unit, covariance))
+        out.append(_Stay(x, odds, total, likely.value / unit, covariance))
     return sorted(out, key=lambda x: -x.total)
 
 
@@ -637,22 +607,18 @@ def _ends(at: np.ndarray, likely: Array, time: Array) -> tuple[float, float]:
 
 def without_outliers(setting: Setting, outliers: Outliers) -> Setting:
     """Return a setting in which outlying stretches are no data, as where a joint stands."""
-    stretches = list[tuple[int, float, float]]()
-    for k, a, b in zip(outliers.log, outliers.first, outliers.last, strict=True):
-        at = setting.samples[k].output_times()
+
+    def without(k: int, s: Dataset) -> Dataset:
+        at, t, own = setting.samples[k].output_times(), s.motion.t[:, None], outliers.log == k
         beside = at[1] - at[0]
-        stretches.append((int(k), at[a] - beside, at[b - 1] + beside))
+        first, last = at[outliers.first[own]] - beside, at[outliers.last[own] - 1] + beside
+        lies_out = ((t >= first) & (t <= last)).any(1)
+        return replace(s, weight=1.0 * ((s.weight > 0) & ~lies_out))
 
-    def without(samples: Sequence[Dataset]) -> tuple[Dataset, ...]:
-        out = []
-        for k, s in enumerate(samples):
-            t, gone = s.motion.t, s.weight <= 0
-            for _, start, stop in (x for x in stretches if x[0] == k):
-                gone[(t >= start) & (t <= stop)] = True
-            out.append(replace(s, weight=1.0 - gone))
-        return tuple(out)
-
-    return replace(setting, samples=without(setting.samples), looked=without(setting.looked))
+    samples, looked = (
+        tuple(starmap(without, enumerate(x))) for x in (setting.samples, setting.looked)
+    )
+    return replace(setting, samples=samples, looked=looked)
 
 
 def leave_out(setting: Setting, change: Change) -> Setting | None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.linalg import orth
@@ -337,20 +337,15 @@ def change_of(
     return change_interval(np.abs(gap.residual[:, :, [first, second]]), gap.apart(), rng)
 
 
-class WeighedFit(NamedTuple):
-    """Rows weighed by their noise, the fit of their columns, a sentence on outliers, and these."""
-
-    rows: Information
-    fit: Estimate
-    said: str
-    outliers: Outliers | None
+#: Rows weighed by their noise, the fit of their columns, a sentence on outliers, and these.
+WeighedFit = tuple[Information, Estimate, str, Outliers | None]
 
 
 def weigh_fit(robot: Robot, samples: Sequence[Dataset], information: Information) -> WeighedFit:
     """Return rows weighed by their noise, and the fit of their columns, as `analyze` has them."""
     estimator = replace(find_estimator("wls"), instruments=information.instrumented)
     weighed, said, outliers = weigh_rows(robot.joints, samples, information, estimator)
-    return WeighedFit(weighed, settle_noise(estimator, weighed).fit(weighed), said, outliers)
+    return weighed, settle_noise(estimator, weighed).fit(weighed), said, outliers
 
 
 def fit_structure(structure: Structure, samples: Sequence[Dataset]) -> WeighedFit:

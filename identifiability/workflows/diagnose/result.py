@@ -796,8 +796,7 @@ def fit_physical(
         If the solver finds none.
     """
     if found is None:
-        own = fit_structure(structure, samples)
-        found = nearest_robot(structure, own.rows, own.fit, cad_weight)
+        found = nearest_robot(structure, *fit_structure(structure, samples)[:2], cad_weight)
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence.strip())
     return Physical(structure, found.parameters(), found.cad_weight)

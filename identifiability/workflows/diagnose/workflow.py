@@ -8,6 +8,7 @@ is then the model that the fitted logs prefer.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -19,7 +20,6 @@ from identifiability.effects.measurement import CommandDelay
 from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import NO_ALTERNATIVES, place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
-from identifiability.estimation.prediction import Prediction
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.linalg import NEARLY
@@ -34,6 +34,7 @@ from identifiability.regression.reduction import (
     USUAL_EFFECTS,
     LadderEntry,
     ModelLike,
+    Submodel,
     build_comparison,
     choose_model,
     find_ladder,
@@ -171,10 +172,8 @@ def diagnose(
         structure, known = _settle_values(robot, model, fixed, commanded=commanded)
         session = Session(structure, given, preparation, say, engine or Serial())
         given = session.follow(np.random.default_rng(seed)).recordings
-        ladder = None
-        if model is None:
-            ladder = find_ladder(robot, None, beside=True).settle(commanded=commanded)
-        own = near, fixed is not False, seed, ladder
+        ladder = find_ladder(robot, None, beside=True).settle(commanded=commanded)
+        own = near, fixed is not False, seed, ladder if model is None else None
         asked = _Asked(session, effects, known, streams[0], *own)
         found, opening = asked.look(given)
         later = common_delay(found)
@@ -267,47 +266,42 @@ class _Asked:
         require_signal(validation, "verified")
         session.say("building columns", 0.1)
         near = know_share(self.near, opening.structure, refitted=True) if self.near else None
-        known = near or (self.known if self.fixed else know_nothing(opening.structure))
-        best: dict[str, Any] = {}
-        if not (self.fixed or known.precision.any()):
-            best = self._recommend(session, opening)
         setting = Setting(
-            **best,
             structure=opening.structure,
             samples=samples,
-            known=known,
+            known=near or (self.known if self.fixed else know_nothing(opening.structure)),
             validation=validation,
-            **dict(zip(("looked", "looked_unseen"), looked, strict=False)),
+            looked=looked[0] if looked else (),
+            looked_unseen=looked[1] if looked else (),
             fixed=self.fixed,
             verified_on=verified_on,
             preparation=how or Preparation(),
             commanded=given.commanded,
             seed=self.seed,
         )
+        if not setting.values_known:
+            setting = replace(setting, **self._recommend(session, opening))
         # Values that are kept are those of the file, and a wrong scale or sign is an effect.
         asked = self if self.fixed or not opening.misread else replace(self, effects=())
         return asked.name(setting), opening
 
     def _recommend(self, session: Session, opening: Opening) -> dict[str, Any]:
         """Return the model and values that `analyze` recommends."""
-        if self.ladder is None:
-            structure = opening.structure
-            models = (full_model(structure.base),)
-        else:
-            structure = Structure.of(session.structure.robot, ladder_model(self.ladder))
+        structure = own = opening.structure
+        models: tuple[Submodel, ...] = (full_model(own.base),)
+        if self.ladder is not None:
+            other = Structure.of(session.structure.robot, ladder_model(self.ladder))
             if opening.alternative is not None:
-                structure = opening.alternative.structure(structure)
-            structure = load_by_fit(structure, opening.samples, session.engine)
-            try:
-                models = build_comparison(self.ladder, structure)
-            except ModelError:  # of parameters of the model as it was given
-                models = (full_model(structure.base),)
+                other = opening.alternative.structure(other)
+            other = load_by_fit(other, opening.samples, session.engine)
+            with suppress(ModelError):  # its models are of parameters of the model as it was given
+                models, structure = build_comparison(self.ladder, other), other
         rows = session.weigh(replace(opening, structure=structure), "wls", "auto")
-        how = {"cad_prior": None, "replicates": 0}
-        rng = np.random.default_rng(self.seed)
+        how, rng = {"cad_prior": None, "replicates": 0}, np.random.default_rng(self.seed)
         found = conclude_analysis(session, rows, models, rng, how, NO_ALTERNATIVES)
-        chosen, own = found.chosen, opening.structure
-        base = chosen.physical.base if chosen.real else chosen.submodel.expand(chosen.recommended)
+        chosen = found.chosen
+        real = chosen.physical if chosen.physical_used else None
+        base = chosen.submodel.expand(chosen.recommended) if real is None else real.base
         # A model that leaves out what the diagnosed one has not is that.
         common = [n for n in structure.columns if n in own.columns]
         G, to = (s.G[:, [s.columns.index(n) for n in common]] for s in (structure, own))
@@ -327,7 +321,7 @@ class _Asked:
             if changes:  # a burst may look like one
                 rows = gather_information(found.completed.regression(samples))
                 weighed = weigh_fit(robot, samples, rows)
-            said, outliers = weighed.said, weighed.outliers
+            *_, said, outliers = weighed
             # Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
             outliers = None if outliers is None else outliers.below(0.1)
             if outliers is None or _last(changes, samples, outliers):
@@ -402,12 +396,8 @@ def common_delay(found: Diagnosis) -> float:
     A log's delay is found of all joints together, so that one that is late, or whose gain is wrong,
     makes the others early. What most of them have is the log's.
     """
-    named = {
-        p.place: float(p.values[0])
-        for e in found.effects
-        if e.name == CommandDelay.name
-        for p in e.placements
-    }
+    own = [e.placements for e in found.effects if e.name == CommandDelay.name]
+    named = {p.place: float(p.values[0]) for some in own for p in some}
     every = sorted(named.get(j, 0.0) for j in found.robot.motor_joints)
     return every[(len(every) - 1) // 2]
 
@@ -432,25 +422,32 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     left = naming.predict(fits[-1:], naming.fitted.samples).residual[:, :, 0]
     # Folds of the fitted logs choose what predicts, and unseen motion may refute that: what came
     # last is left out first.
-    values, last, unseen = plain, fits[0], setting.validation or setting.samples
-    included, used, gap = 0, with_parts(naming, ()), naming.predict(fits[:1], unseen)
-    for n in range(len(own), 0, -1):
-        some = [parts[k] for k in models[n]]
-        tried = naming if n == len(own) else with_parts(naming, some)
-        best = naming.of(tried.completed) @ tried.best
-        each = naming.predict([*fits[: len(fits) - (tried is naming)], best], unseen)
-        if (setting.fixed or tried.predicts) and not each.surely_better(0, -1):
-            included, used, gap, values, last = n, tried, each, tried.best, best
+    for n in range(len(own), -1, -1):
+        used = naming if n == len(own) else with_parts(naming, [parts[k] for k in models[n]])
+        values = used.best if n else plain
+        last = naming.of(used.completed) @ values
+        steps = fits[: -1 if 0 < n == len(own) else None]
+        gap = naming.predict([*steps, last], setting.validation or setting.samples)
+        if not n or ((setting.fixed or used.predicts) and not gap.surely_better(0, -1)):
             break
-    else:
-        if parts:
-            gap = naming.predict([*fits, last], unseen)
     errors = gap.relative_error()
     before = naming.predict([fits[0], last], setting.samples).relative_error()
     placed = [_place(naming, k) for k in range(len(parts))]
-    effects = [
-        _effect(naming, gap, some, [placed[k] for k in some], n, rng) for n, some in enumerate(own)
-    ]
+    effects = list[NamedEffect]()
+    for at, some in enumerate(own):
+        family = parts[some[0]].candidate.family
+        near = [title_of(t.group.family) for k in some for t in parts[k].nearest]
+        effects.append(
+            NamedEffect(
+                name=family.name,
+                placements=tuple(placed[k] for k in some),
+                before=float(errors[at]),
+                after=float(errors[at + 1]),
+                interval=change_of(gap, at, at + 1, rng),
+                everywhere=1 < len(family.places(robot)) == len(some),
+                nearest=tuple(dict.fromkeys(near)),
+            )
+        )
     after = {t.key: t.odds for t in naming.after}
     return Diagnosis(
         **vars(setting),
@@ -473,31 +470,8 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         ),
         values=values,
         model=used.completed.model,
-        included=included,
-        nearest=used.real if included else None,
-    )
-
-
-def _effect(
-    naming: Naming,
-    gap: Prediction,
-    own: Sequence[int],
-    placements: Sequence[Placement],
-    n: int,
-    rng: np.random.Generator,
-) -> NamedEffect:
-    """Return an effect with what unseen motion shows of it where it is."""
-    parts = [naming.parts[k] for k in own]
-    family, errors = parts[0].candidate.family, gap.relative_error().tolist()
-    places = family.places(naming.setting.structure.robot)
-    return NamedEffect(
-        name=family.name,
-        placements=tuple(placements),
-        before=errors[n],
-        after=errors[n + 1],
-        interval=change_of(gap, n, n + 1, rng),
-        everywhere=1 < len(places) == len(placements),
-        nearest=tuple(dict.fromkeys(title_of(t.group.family) for p in parts for t in p.nearest)),
+        included=n,
+        nearest=used.real if n else None,
     )
 
 
