@@ -25,6 +25,7 @@ from identifiability.estimation.evidence import may_stand
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
+from identifiability.estimation.noise import rich_noise, split_runs
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import ROUNDOFF, scan_columns
@@ -198,11 +199,6 @@ class Naming:
         found: Array = self.completed.G[:, [columns.index(n) for n in smaller.base.names]]
         return found
 
-    @property
-    def start(self) -> Array:
-        """Base parameters (b,) of the completed model before anything is fitted."""
-        return self.of(self.setting.plain) @ self.known.base
-
     @cached_property
     def weighed(self) -> WeighedFit:
         """About the base parameters of the completed model less what is known, rows weighed.
@@ -210,7 +206,9 @@ class Naming:
         Beside all parts.
         """
         own = gather_information(self.completed.regression(self.setting.samples))
-        own = own.reduce(np.eye(own.size), own.columns, self.start)
+        own = own.reduce(
+            np.eye(own.size), own.columns, self.of(self.setting.plain) @ self.known.base
+        )
         known = with_known(own, known_rows(*self.coordinates))
         return weigh_fit(self.setting.structure.robot, self.setting.samples, known)
 
@@ -222,7 +220,7 @@ class Naming:
         beside all parts, to compare many models.
         """
         fit, some = self._fit(parts)
-        base: Array = self.start + some @ fit.value
+        base: Array = self.of(self.setting.plain) @ self.known.base + some @ fit.value
         return base
 
     def _fit(self, parts: Sequence[int]) -> tuple[Estimate, Array]:
@@ -250,7 +248,7 @@ class Naming:
     @cached_property
     def real(self) -> PhysicalResult | None:
         """The real robot nearest to the completed model, where values are those of the logs."""
-        if self.setting.values_known:
+        if not len(self.setting.recommended):
             return None
         return nearest_robot(self.completed, *self.weighed[:2])
 
@@ -284,10 +282,8 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
     unseen = Rows.of(s, others, setting.known) if others else fitted
     asked = {f.name: f for f in find_families(effects, commanded=setting.commanded)}
     every = {f.name: f for f in find_families(None, commanded=setting.commanded)} | asked
-    motions = [x.motion for x in fitted.samples]
-    listed, refused = list_candidates(
-        s.robot, tuple(every.values()), s.present, motions, fixed=fixed
-    )
+    families, motions = tuple(every.values()), [x.motion for x in fitted.samples]
+    listed, refused = list_candidates(s.robot, families, s.present, motions, fixed=fixed)
     candidates = with_reversals(s.robot, listed, s.present)
     missing = Missing(candidates, fitted.seen, setting.known.root, families=frozenset(asked))
     model = missing.model()
@@ -483,6 +479,14 @@ def _stays(log: np.ndarray) -> np.ndarray:
     return np.concatenate(out)
 
 
+def _session(rows: Rows, begins: np.ndarray, log: np.ndarray) -> Array:
+    """Return how what warms up through a session may go, by part of time, (2, P)."""
+    lasting = np.array([np.ptp(s.output_times()) for s in rows.samples])
+    clock = rows.seen.t[begins[:-1]] + (np.cumsum(lasting) - lasting)[log]
+    x = (clock - clock.min()) / max(float(np.ptp(clock)), 1e-9)
+    return np.array([x, np.exp(-3.0 * x)])
+
+
 def find_change(naming: Naming, effects: Collection[str] | None = None) -> Change | None:
     """Return the likeliest change in the middle of a log beside what was named, if it is sure.
 
@@ -505,12 +509,22 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
     missing = replace(naming.missing, candidates=tuple(number([*held, *listed])), families=None)
     if not len(stays) or not listed:  # families that nobody may name, or logs of next to no time
         return None
-    every = _odds_of_stays(missing, begins, stays)
+    courses = _session(naming.fitted, begins, log_of)
+    every = _odds_of_stays(missing, begins, stays, courses)
+    for _ in range(2):  # what it adds is no noise: once it is roughly known, that is without
+        first, last = begins[stays[int(every[0].odds.argmax())]].tolist()
+        outside = np.ones((len(seen.y), 1), bool)
+        outside[first:last] = False
+        noise = list(naming.missing.noise)
+        for j in {j for j, k in missing.entries if k in every[0].candidate.columns}:
+            (runs,) = split_runs(seen.runs[j], outside)
+            noise[j] = rich_noise([seen.X[:, j, seen.X[:, j].any(0)]], seen.y[:, j], runs)
+        every = _odds_of_stays(missing.under(noise), begins, stays, courses)
     best, at = every[0], int(every[0].odds.argmax())
     first, last = stays[at].tolist()
     own = np.flatnonzero(log_of == log_of[first])
     begun, whole = first > own[0], last > own[-1]
-    always = [t.odds for t in naming.before[:1]]
+    always = [*(x.drifts for x in every), *(t.odds for t in naming.before[:1])]
     needed = max(RULES.name + RULES.keep, *always) + RULES.rival
     if best.total < needed or (not begun and whole and len(np.unique(log_of)) < 3):
         return None
@@ -550,13 +564,14 @@ class _Stay:
 
     Attributes
     ----------
-    total : float
-        Averaged over the instants, less the price.
+    total, drifts : float
+        Averaged over the instants, or of what goes with the session instead, less the price.
     """
 
     candidate: Candidate
     odds: Array
     total: float
+    drifts: float
     value: Array
     covariance: Array
 
@@ -568,31 +583,34 @@ class _Stay:
         return f"{what} of {self.candidate.place}"
 
 
-def _odds_of_stays(missing: Missing, begins: np.ndarray, stays: np.ndarray) -> list[_Stay]:
+def _odds_of_stays(
+    missing: Missing, begins: np.ndarray, stays: np.ndarray, courses: Array
+) -> list[_Stay]:
     """Return candidates that act between two parts of time, (w, 2), the likeliest first."""
     model = replace(missing.model(), sizes=CHANGES)
     blocks = missing.products(edges=begins.tolist())
     c, scale, parts = blocks.size, np.append(model.scale, 1.0), np.arange(len(begins) - 1)
     rows = [blocks.take(parts[[b]]).between(np.arange(c), np.arange(c + 1)) for b in parts]
     each = np.array(rows) / np.outer(scale[:-1], scale)
-    on = ((parts >= stays[:, :1]) & (parts < stays[:, 1:])).astype(float)
+    on = (parts >= stays[:, :1]) & (parts < stays[:, 1:])
+    weights = np.concatenate([on, courses])
     s, p, out = model.solve(), model.fixed, list[_Stay]()
     candidates = [x for x in missing.candidates if x.family is not REVERSALS]
     places = Counter(x.family.name for x in candidates)
     for x in candidates:
         at = np.array(x.columns) + missing.fixed
-        S = np.tensordot(on, each[:, at][:, :, at], 1)
-        P = np.tensordot(on, each[:, at][:, :, [*range(p), c]], 1)
+        S = np.tensordot(weights**2, each[:, at][:, :, at], 1)
+        P = np.tensordot(weights, each[:, at][:, :, [*range(p), c]], 1)
         part = np.einsum("ij,wkj->iwk", s.root, P[:, :, :-1], optimize=True)
         left = P[:, :, -1] - np.einsum("iwk,i->wk", part, s.half)
         rise, _ = model.rise(S, part, left)
         odds = logsumexp(rise, axis=1) - np.log(rise.shape[1] * len(places) * places[x.family.name])
-        total = float(logsumexp(odds) - np.log(len(odds)))
-        w, size = np.unravel_index(int(rise.argmax()), rise.shape)
+        total, drifts = (float(logsumexp(o) - np.log(len(o))) for o in np.split(odds, [len(on)]))
+        w, size = np.unravel_index(int(rise[: len(on)].argmax()), rise.shape)
         outside = S[w] - part[:, w].T @ part[:, w] + np.eye(len(at)) / model.sizes[size] ** 2
         likely, unit = Normal.of(outside, left[w]), model.scale[at]
         covariance = likely.covariance / np.outer(unit, unit)
-        out.append(_Stay(x, odds, total, likely.value / unit, covariance))
+        out.append(_Stay(x, odds[: len(on)], total, drifts, likely.value / unit, covariance))
     return sorted(out, key=lambda x: -x.total)
 
 
@@ -613,7 +631,7 @@ def without_outliers(setting: Setting, outliers: Outliers) -> Setting:
         beside = at[1] - at[0]
         first, last = at[outliers.first[own]] - beside, at[outliers.last[own] - 1] + beside
         lies_out = ((t >= first) & (t <= last)).any(1)
-        return replace(s, weight=1.0 * ((s.weight > 0) & ~lies_out))
+        return replace(s, weight=np.where(lies_out[:, None], 0.0, s.weight > 0))
 
     samples, looked = (
         tuple(starmap(without, enumerate(x))) for x in (setting.samples, setting.looked)

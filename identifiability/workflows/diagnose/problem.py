@@ -93,11 +93,6 @@ class Setting:
         """The robot under the model that predicts: what is named is added to it."""
         return self.under or self.structure
 
-    @property
-    def values_known(self) -> bool:
-        """Whether more than the logs says what the values are."""
-        return self.fixed or bool(self.known.precision.any())
-
 
 #: What a diagnosis may be told of the values it keeps.
 Given = bool | float | str | Path | Fit | Predicts

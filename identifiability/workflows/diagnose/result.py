@@ -321,11 +321,6 @@ class Diagnosis(Result, Setting, Predicts):
         """Names of the effects of the model that was diagnosed."""
         return self.structure.model.names
 
-    @property
-    def improved(self) -> bool:
-        """Whether something that was named is in the model."""
-        return self.included > 0
-
     @cached_property
     def completed(self) -> Structure:
         """The robot under the model."""
@@ -574,7 +569,7 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     ask = f"identifiability diagnose {robot} {logs} --next motion.json"
     find = "Find the motion that tells one name from the other:"
     apart = [(find, ask)] if any(e.alternatives for e in d.effects) else []
-    if not d.improved:
+    if not d.included:
         return [*apart, ("See which parameters these logs determine:", analyze)]
     again = f"identifiability diagnose {robot} {logs}"
     judge = f"identifiability analyze {robot} {logs} --ladder {{file}} --report report.html"
@@ -611,7 +606,7 @@ def _what(d: Diagnosis) -> Answer:
 
 def _gap(d: Diagnosis) -> Answer:
     question = "How much of the gap does it explain?"
-    if not d.improved:
+    if not d.included:
         short = f"The error on unseen motion stays at {percent(d.held_before)}."
         why = " With it other motion is not predicted better." if d.effects else ""
         return Answer(question, short, f"Measured on {d.verified_on}.{why}")

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from identifiability.effects import Placed, default_effects, find_families, title_of
-from identifiability.effects.measurement import CommandDelay
 from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import NO_ALTERNATIVES, place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
@@ -176,10 +175,6 @@ def diagnose(
         own = near, fixed is not False, seed, ladder if model is None else None
         asked = _Asked(session, effects, known, streams[0], *own)
         found, opening = asked.look(given)
-        later = common_delay(found)
-        if later and robot.servo is not None:
-            given = given.acting_later(robot.servo, later)
-            found, opening = asked.look(given)
         options = {
             "effects": "all" if effects is None else list(effects),
             "fixed": fixed if isinstance(fixed, bool) else known.words,
@@ -200,7 +195,7 @@ def diagnose(
             hints=(*hints, *free_again(model)),
             provenance=state_provenance(robot, used, seed, None, options),
         ).moved_by(given)
-        if quick or not (forward and found.improved) or found.robot.base is not None:
+        if quick or not (forward and found.included) or found.robot.base is not None:
             return found
         say("simulating forward", 0.95)
         return replace(found, forward=simulate_forward(found, streams[1]))
@@ -279,7 +274,7 @@ class _Asked:
             commanded=given.commanded,
             seed=self.seed,
         )
-        if not setting.values_known:
+        if not (self.fixed or setting.known.precision.any()):
             setting = replace(setting, **self._recommend(session, opening))
         # Values that are kept are those of the file, and a wrong scale or sign is an effect.
         asked = self if self.fixed or not opening.misread else replace(self, effects=())
@@ -306,7 +301,7 @@ class _Asked:
         common = [n for n in structure.columns if n in own.columns]
         G, to = (s.G[:, [s.columns.index(n) for n in common]] for s in (structure, own))
         phi = np.linalg.lstsq(G, base, rcond=None)[0]
-        if np.abs(G @ phi - base).max(initial=0.0) <= NEARLY * np.abs(base).max(initial=0.0):
+        if np.linalg.norm(G @ phi - base) <= NEARLY * np.linalg.norm(base):
             return {"recommended": to @ phi}
         return {"recommended": base, "under": structure}
 
@@ -390,18 +385,6 @@ def usual_effects(robot: Robot, *, commanded: bool = False) -> tuple[str, ...]:
     return default_effects(robot, (*USUAL_EFFECTS, *offsets))
 
 
-def common_delay(found: Diagnosis) -> float:
-    """Return by how much commands act later at most joints than was taken of their logs [s].
-
-    A log's delay is found of all joints together, so that one that is late, or whose gain is wrong,
-    makes the others early. What most of them have is the log's.
-    """
-    own = [e.placements for e in found.effects if e.name == CommandDelay.name]
-    named = {p.place: float(p.values[0]) for some in own for p in some}
-    every = sorted(named.get(j, 0.0) for j in found.robot.motor_joints)
-    return every[(len(every) - 1) // 2]
-
-
 def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     """Return the diagnosis.
 
@@ -412,8 +395,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     rng : numpy.random.Generator
         For intervals.
     """
-    setting, parts = naming.setting, naming.parts
-    robot = setting.structure.robot
+    setting, parts, robot = naming.setting, naming.parts, naming.setting.structure.robot
     families = list(dict.fromkeys(p.candidate.family.name for p in parts))
     own = [[k for k, p in enumerate(parts) if p.candidate.family.name == f] for f in families]
     models = [[k for some in own[:n] for k in some] for n in range(len(own) + 1)]
