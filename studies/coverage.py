@@ -24,6 +24,7 @@ from shared import study_parser
 from identifiability.estimation.estimate import find_estimator, weigh_outliers
 from identifiability.estimation.noise import JointNoise
 from identifiability.estimation.rules import Thresholds
+from identifiability.estimation.verdict import Class
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_json
 from identifiability.foundation.rounding import REACH
@@ -42,6 +43,7 @@ from identifiability.report.figures import (
 )
 from identifiability.robot import Robot
 from identifiability.simulation import (
+    Campaign,
     Noise,
     PrescribedMotion,
     random_trajectory,
@@ -263,6 +265,61 @@ def measure_noises(trials: int, seed: int) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+#: What is hidden in a joint of its robots, of 1 to 3 times the noise; a closed chain is among them.
+HIDDEN = ("stribeck_friction", "rising_friction", "coulomb_asymmetry", "position_ripple",
+          "load_dependent_friction", "joint_stiffness", "torque_drift")  # fmt: skip
+SIZES, LEVEL = (1.0, 3.0), 0.01
+
+
+def measure_hidden(trials: int, seed: int) -> pd.DataFrame:
+    """Return coverage of labels that are called identifiable with an effect hidden, by noise.
+
+    Beside them those that would be called if nothing could be missing (`plain`). An effect is a
+    family in a drawn joint, its torque as large as the noise there times a factor of `SIZES`.
+    """
+    rows = []
+    for name in CASES:
+        robot, rng = Robot.load(name), np.random.default_rng(seed)
+        motions = [random_trajectory(robot, rng, samples=1000, period=10.0) for _ in range(2)]
+        campaign = Campaign.of(robot, motions)
+        none = campaign.logs((), Noise(), rng)
+        rms = np.sqrt(np.mean([(x.tau**2).mean(0) for x in none], axis=0))
+        for kind, stream in zip(NOISES, rng.spawn(len(NOISES)), strict=True):
+            counts = []
+            for own in stream.spawn(trials):
+                family, k = str(own.choice(HIDDEN)), int(own.integers(len(robot.joints)))
+                some = campaign.logs((f"{family}@{robot.joints[k]}=0.05",), Noise(), own)
+                more = [a.tau - b.tau for a, b in zip(some, none, strict=True)]
+                size = np.sqrt(np.mean([(x[:, k] ** 2).mean() for x in more]))
+                more = [x * (own.uniform(*SIZES) * LEVEL * rms[k] / size) for x in more]
+                logs = [
+                    replace(x, tau=x.tau + y + LEVEL * rms * draw_noise(kind, x.tau, own))
+                    for x, y in zip(none, more, strict=True)
+                ]
+                counts.append(count_labels(analyze(robot, logs, replicates=0)))
+            n, ok, n_plain, ok_plain = np.sum(counts, axis=0)
+            rows.append({"robot": name, "noise": kind, "labels": n, "coverage": ok / n,
+                         "plain labels": n_plain, "plain coverage": ok_plain / n_plain,
+                         "fewer": 1 - n / n_plain})  # fmt: skip
+            print(rows[-1], flush=True)
+    return pd.DataFrame(rows)
+
+
+def count_labels(found: Analysis) -> tuple[int, int, int, int]:
+    """Return labels of the full model that are called and hold, and the same of nothing missing."""
+    model, plain = found.full, replace(found.full.fit, alternatives=None)
+    own = model.submodel
+    truth = np.linalg.lstsq(own.M, found.structure.nominal_base - own.fixed, rcond=None)[0]
+    called = np.array([v.verdict is Class.IDENTIFIABLE for v in model.verdicts])
+    ends = np.array([v.interval95 for v in model.verdicts])
+    holds = (ends[:, 0] <= truth) & (truth <= ends[:, 1])
+    size = np.abs(plain.value)
+    before = (plain.sigma <= 0.01 * Thresholds.sigma_percent * size) & plain.estimate.determined
+    inside = np.abs(plain.value - truth) <= REACH * plain.sigma
+    return (int(called.sum()), int((called & holds).sum()),
+            int(before.sum()), int((before & inside).sum()))  # fmt: skip
+
+
 def label(cell: Cell) -> str:
     """Return what a cell simulates, ``noise × 0.3, ρ = 0.9``."""
     return f"noise × {cell.noise:g}, ρ = {cell.rho:g}"
@@ -425,6 +482,7 @@ def main(argv: Sequence[str] | None = None) -> Result | None:
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--noises", action="store_true", help="print the table of six noises")
+    parser.add_argument("--hidden", action="store_true", help="print that with an effect hidden")
     parser.add_argument("--posterior", action="store_true", help="of posteriors, with its options")
     given, others = parser.parse_known_args(argv)
     if given.posterior:
@@ -435,6 +493,9 @@ def main(argv: Sequence[str] | None = None) -> Result | None:
     trials = 8 if given.quick else given.trials
     if given.noises:
         print(measure_noises(trials, given.seed).round(3).to_string(index=False))
+        return None
+    if given.hidden:
+        print(measure_hidden(trials, given.seed).round(3).to_string(index=False))
         return None
 
     def say(text: str, done: float) -> None:

@@ -36,14 +36,23 @@ from hidden_physics_cases import FITTED, KINDS, load_logs, load_robot, make_case
 from shared import study_parser
 
 from identifiability import analyze, diagnose
+from identifiability.estimation.mixed_model import EVERYWHERE, MixedModel, Term
+from identifiability.estimation.noise import JointNoise
+from identifiability.estimation.rules import RULES as NAMES
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.output import plain, write_json
 from identifiability.report import Prose, Section, check_cell, frame_table, write_page
 from identifiability.report.results import answer_first
+from identifiability.workflows.diagnose.naming import look, name_missing
+from identifiability.workflows.diagnose.problem import Setting
 
 ROOT = Path(__file__).resolve().parents[1]
 #: z from which on an effect counts as visible, and weight from which on a name is sure.
 VISIBLE, SURE = 4.0, 0.95
+#: z from which on it is asked where its evidence was lost.
+STRONG = 5.0
+#: Outcomes that lost nothing.
+FOUND = ("exact", "A or B", "described", "silent")
 #: Names of one curve.
 CURVE = {"sigmoid_friction": "rising_friction"}
 #: Edges of z between which outcomes are counted.
@@ -126,7 +135,86 @@ def examine(path: Path) -> dict[str, Any]:
         "seconds": seconds,
         "card": card,
     }
-    return {**row, **judge(truth, named, falls=error[1] < error[0]), "named": named}
+    row |= judge(truth, named, falls=error[1] < error[0])
+    row["lost"] = [] if row["outcome"] in FOUND else [
+        trace(d, e, truth) for e in effects if not any(_says(n, e) for n in named)
+    ]  # fmt: skip
+    return {**row, "named": named}
+
+
+#: Steps at which the evidence of what is hidden may be lost, in words.
+STEPS = {
+    "price": "its price: an oracle's evidence would not pay it",
+    "preparation": "measured motion: encoders, rows at rest and turns",
+    "band": "low-pass and shapes, under the noise that was put on",
+    "noise": "noise of the rich model",
+    "rivals": "other groups of the search",
+    "unseen log": "the log that may refute",
+    "beside other names": "nothing of it: more is named beside it",
+    "no group": "no group at its place",
+}
+
+
+def count_losses(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return at which step effects of z ≥ 5 that were not named were lost, inside and outside."""
+    lost = [
+        {"kind": r["kind"], "at": x["at"]}
+        for r in frame.to_dict("records")
+        for x in (r["lost"] if isinstance(r.get("lost"), list) else [])
+        if x["z"] >= STRONG
+    ]
+    table = pd.DataFrame(lost, columns=["kind", "at"])
+    table["lost to"] = table["at"].map(STEPS)
+    return pd.crosstab(table["lost to"], table["kind"], margins=True).reset_index()
+
+
+def trace(d: Any, effect: dict[str, Any], truth: dict[str, Any]) -> dict[str, Any]:
+    """Return what each step leaves of the evidence of a hidden effect [nat], and where it is lost.
+
+    It is lost at the first step that leaves less than a name needs beside its price: that of the
+    likeliest of its groups, with what an average over shapes and sizes costs. Steps are the motion
+    as encoders tell it, the band and the shapes of the groups under the noise that was put upon the
+    torque, that of the rich model, other groups, and the log that may refute.
+    """
+    setting = Setting(**{name: getattr(d, name) for name in Setting.__dataclass_fields__})
+    looked = look(setting)
+    found = name_missing(looked)
+
+    def true(t: Term) -> bool:
+        return t.group.place != EVERYWHERE and _is(*t.key, effect)
+
+    missing, model, level = found.asked, found.whole, truth["noise"]["level"]
+    step = float(np.median(np.diff(found.fitted.seen.t)))
+    rho = truth["noise"]["rho at 100 Hz"] ** (100.0 * step)
+    put = [JointNoise(np.array([rho]), level * x * np.sqrt(1 - rho**2)) for x in truth["rms"]]
+    own = next(filter(true, found.before), None)
+    if own is None:
+        return {"family": effect["family"], "z": effect["z"], "at": "no group"}
+
+    def gain(m: MixedModel) -> float:
+        return m.solve((own,)).log_likelihood - m.solve().log_likelihood
+
+    kept = model.search()
+    paid = gain(model) - own.odds
+    left = {
+        "oracle": effect["z"] ** 2 / 2 - paid,
+        "preparation": effect["z measured"] ** 2 / 2 - paid,
+        "band": gain(missing.under(put).model()) - paid,
+        "noise": own.odds,
+    }
+    rest = tuple(t for t in kept if not true(t))
+    beside = [t for t in model.gains(rest) if true(t)]
+    steps = {"oracle": "price", "preparation": "preparation", "band": "band", "noise": "noise"}
+    at = next((steps[k] for k, x in left.items() if x < NAMES.name), "")
+    left |= {"rivals": max((t.odds for t in beside), default=np.nan), "paid": paid}
+    if not at and not any(map(true, kept)):
+        at = "rivals"
+    stays = [t for t in kept if t.key not in {x.key for x, _ in found.refuted}]
+    if not at and not any(map(true, stays)):
+        at = "unseen log"
+    said = "; ".join(f"{t.group.family}@{t.group.place} {t.odds:.1f}" for t in kept)
+    return {"family": effect["family"], "z": effect["z"], "at": at or "beside other names",
+            **left, "search": said}  # fmt: skip
 
 
 def sealed_error(d: Any, sealed: Sequence[Any]) -> float:
@@ -151,6 +239,11 @@ def _is(family: str, place: str, effect: dict[str, Any]) -> bool:
     whole = "base" in (place, effect["place"])
     fits = {CURVE.get(f, f) for f in effect["fits"]}
     return CURVE.get(family, family) in fits and (whole or place == effect["place"])
+
+
+def _says(named: dict[str, Any], effect: dict[str, Any]) -> bool:
+    """Whether what is hidden is among the names of a part."""
+    return any(_is(f, p, effect) for f, p in [[named["family"], named["joint"]], *named["or"]])
 
 
 def judge(truth: dict[str, Any], named: Sequence[dict[str, Any]], *, falls: bool) -> dict[str, Any]:
@@ -182,8 +275,7 @@ def judge(truth: dict[str, Any], named: Sequence[dict[str, Any]], *, falls: bool
             return bool(n["unnamed"]) or presliding
         return bool(n["unnamed"]) and (n["joint"] in places or "base" in places)
 
-    found = [any(_is(f, p, e) for n in named for f, p in ([n["family"], n["joint"]], *n["or"]))
-             for e in effects]  # fmt: skip
+    found = [any(_says(n, e) for n in named) for e in effects]
     wrong = [n for n in named if not among(n) and not harmless(n)]
     right = bool(effects) and all(found)
     if not named:
@@ -305,6 +397,7 @@ def count(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
         "z": pd.crosstab([hides.kind, least.rename("z from")], hides.outcome).reset_index(),
         "robot": pd.crosstab(frame.robot, frame.outcome).reset_index(),
         "card": pd.crosstab(nulls.robot, nulls.card.rename("card")).reset_index(),
+        "lost": count_losses(frame),
     }  # fmt: skip
 
 
@@ -338,7 +431,7 @@ def show(frame: pd.DataFrame, out: Path, told: str) -> None:
     failed = [r["what"] for r in rows if r.get("holds") is False]
     verdict = f"Not met: {'; '.join(failed)}." if failed else "All that was asked for holds."
     statement = f"{len(frame)} cases, {told}. {verdict}"
-    trials = frame.drop(columns="named")
+    trials = frame.drop(columns=["named", "lost"], errors="ignore")
     data = {"schema": "identifiability/study/hidden-physics/1", "statement": statement,
             "checks": rows, "trials": trials.to_dict("records")}  # fmt: skip
     write_json(out, plain(data))
@@ -354,7 +447,8 @@ def show(frame: pd.DataFrame, out: Path, told: str) -> None:
     shown = {"z": 1, "z_measured": 1, "before": 4, "after": 4}
     sections = (
         Section("checks", "What must hold", spent, (frame_table(table),)),
-        Section("counts", "Outcomes", "By kind, by z of the oracle, by robot; cards of nulls.",
+        Section("counts", "Outcomes", "By kind, by z of the oracle, by robot; cards of nulls; to "
+                "what effects of z ≥ 5 that were not named lost their evidence.",
                 tuple(frame_table(t) for t in counts.values())),
         Section("failures", "Failures", "", (frame_table(failures[columns].round(shown)),)),
         Section("cases", "Cases", "", (frame_table(trials[columns].round(shown)),)),

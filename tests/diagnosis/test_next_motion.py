@@ -152,7 +152,7 @@ def test_what_is_a_or_b_has_its_true_name_after_the_motion_that_is_asked_for(tmp
     """The file of the motion says what it tells apart, with which chance."""
     robot, rng = Robot.load("two-link"), np.random.default_rng([4, 17])
     motions = [random_trajectory(robot, rng, harmonics=1) for _ in range(3)]
-    hidden = ["stribeck_friction@elbow=0.02"]
+    hidden = ["stribeck_friction@elbow=0.025"]
     logs = Campaign.of(robot, motions).logs(hidden, NOISE, np.random.default_rng(5))
     paths = [str(tmp_path / f"run{k}.csv") for k in range(3)]
     for log, path in zip(logs, paths, strict=True):

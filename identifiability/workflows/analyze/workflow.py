@@ -593,7 +593,7 @@ def analyze(
                 "prior": share_,
                 "preparation": preparation or Preparation(),
             }
-            found = _conclude(session, rows, submodels, streams[1], settings)
+            found = conclude_analysis(session, rows, submodels, streams[1], settings)
         found = tell_with_file(replace(found, source=source), share_)
         return believe(found, streams[2], say, share_) if posterior else found
 
@@ -611,12 +611,13 @@ def believe(found: Analysis, rng: np.random.Generator, say: Progress, within: fl
     return replace(found, models=tuple(models), belief=belief)
 
 
-def _conclude(
+def conclude_analysis(
     session: Session,
     rows: Weighed,
     submodels: Sequence[Submodel],
     rng: np.random.Generator,
     settings: Mapping[str, Any],
+    missing: Alternatives | None = None,
 ) -> Analysis:
     """Fit the models, predict torque by them, judge every parameter and choose one model."""
     say, opening = session.say, rows.opening
@@ -627,14 +628,13 @@ def _conclude(
     best = max(scores, key=lambda score: float(score.density.sum()))
     near, judged = near_best(scores), [Evidence.of(score, best) for score in scores]
     values = np.concatenate([one.values for one in settled], axis=1)
-    tasks = [Task(values[None])]
-    if not opening.validation:
-        tasks.append(Task(np.concatenate([one.turned for one in settled], axis=2), folds))
+    turned = np.concatenate([one.turned for one in settled], axis=2)
+    tasks = [Task(values[None]), *([] if opening.validation else [Task(turned, folds)])]
     say("predicting torque", 0.65)
     fitted, *others = predict_all(opening.regression, tasks)
     if opening.unseen is not None:
         others = [predict(opening.unseen, values)]
-    unseen, missing = (others or [fitted])[0], find_missing(opening)
+    unseen, missing = (others or [fitted])[0], missing or find_missing(opening)
     given = rng, settings["replicates"], missing, late
     results = assess_ladder(settled, fitted, unseen, judged, *given)
     at = select_model(results, near)

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import zip_longest
+from itertools import starmap, zip_longest
 
 import numpy as np
 from scipy.special import chdtrc, logsumexp, softmax
@@ -20,7 +20,7 @@ from identifiability.effects import Family, Placed, find_families
 from identifiability.effects import Part as EffectPart
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.estimate import Outliers, with_known
-from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import may_stand
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
@@ -34,17 +34,24 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.physical.feasibility import PhysicalResult
 from identifiability.regression.columns import Candidate, Refusal, list_candidates, number
-from identifiability.regression.information import Information, gather_information
+from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, known_rows
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.workflow import hold_folds
 from identifiability.workflows.diagnose.changes import Change
-from identifiability.workflows.diagnose.problem import Rows, Setting, nearest_robot, weigh_fit
+from identifiability.workflows.diagnose.problem import (
+    KnownValues,
+    Rows,
+    Setting,
+    WeighedFit,
+    know_nothing,
+    nearest_robot,
+    weigh_fit,
+)
 
-#: By how much an unseen error must rise with a name that is taken out for it.
-WORSE: Tolerance = 1.01
 #: Share of all places from which on an effect is said to be everywhere.
 MOST: Tolerance = 0.75
 
@@ -91,14 +98,14 @@ class Naming:
         All that may be missing,
     whole : MixedModel
         and the model of that.
+    missing : Missing
+        The parts alone, after friction at reversals, beside the model and its noise.
     before, after : tuple of Term
         Log odds of all groups beside the model, and beside what was named.
     refuted : tuple of (Term, float)
         What fitted rows named and unseen rows did not confirm, with what it gains on these [nat].
     parts : tuple of Part
         What is missing, families as they came, each in the order of the robot's places.
-    missing : Missing
-        The parts alone, after friction at reversals, beside the model and its noise.
     """
 
     setting: Setting
@@ -107,11 +114,11 @@ class Naming:
     refusals: tuple[Refusal, ...]
     asked: Missing
     whole: MixedModel
+    missing: Missing
     before: Terms
     after: Terms
-    refuted: tuple[tuple[Term, float], ...]
-    parts: tuple[Part, ...]
-    missing: Missing
+    refuted: tuple[tuple[Term, float], ...] = ()
+    parts: tuple[Part, ...] = ()
 
     @cached_property
     def model(self) -> MixedModel:
@@ -149,9 +156,11 @@ class Naming:
     @cached_property
     def completed(self) -> Structure:
         """The robot under the model with all parts, functions as large as they were found."""
-        robot, model = self.setting.structure.robot, self.setting.structure.model
+        robot, model = self.setting.structure.robot, self.setting.plain.model
         random, own = dict(model.random), dict[str, list[EffectPart]]()
         for p, term in zip(self.parts, self.terms, strict=True):
+            if set(self.names([p])) <= set(self.setting.plain.columns):
+                continue
             own.setdefault(p.candidate.family.name, []).append(p.candidate.part)
             if p.candidate.family.flexible:
                 sd = np.sqrt(term.variance) / self.model.scale[term.columns]
@@ -171,30 +180,37 @@ class Naming:
 
         ``β = base + C x``, C (b, d + m), and what standard deviation x is known to have, (d + m,).
         """
-        known, last = self.setting.known, {n: k for k, n in enumerate(self.completed.columns)}
-        own, names = self.own @ known.directions, self.names(self.parts)
+        known, last = self.known, {n: k for k, n in enumerate(self.completed.columns)}
+        own, names = self.of(self.setting.plain) @ known.directions, self.names(self.parts)
         sd = [self.completed.model.random.get(name, np.inf) for name in names]
         with np.errstate(divide="ignore"):
             both = np.append(1.0 / np.sqrt(known.precision), sd)
         return np.column_stack([own, self.completed.G[:, [last[name] for name in names]]]), both
 
-    @cached_property
-    def own(self) -> Array:
-        """Base parameters of the completed model by those of the model, (b, b0)."""
+    @property
+    def known(self) -> KnownValues:
+        """What is known of the base parameters that parts are added to."""
+        same = self.setting.plain is self.setting.structure
+        return self.setting.known if same else know_nothing(self.setting.plain)
+
+    def of(self, smaller: Structure) -> Array:
+        """Return base parameters of the completed model by those of a smaller one, (b, b0)."""
         columns = self.completed.columns
-        return self.completed.G[:, [columns.index(n) for n in self.setting.structure.base.names]]
+        found: Array = self.completed.G[:, [columns.index(n) for n in smaller.base.names]]
+        return found
 
     @cached_property
-    def weighed(self) -> tuple[Information, Estimator]:
+    def weighed(self) -> WeighedFit:
         """About the base parameters of the completed model less what is known, rows weighed.
 
-        Beside all parts; and who knows the noise.
+        Beside all parts.
         """
         own = gather_information(self.completed.regression(self.setting.samples))
-        own = own.reduce(np.eye(own.size), own.columns, self.own @ self.setting.known.base)
+        own = own.reduce(
+            np.eye(own.size), own.columns, self.of(self.setting.plain) @ self.known.base
+        )
         known = with_known(own, known_rows(*self.coordinates))
-        weighed, fit = weigh_fit(self.setting.structure.robot, self.setting.samples, known)
-        return weighed, fit.estimator
+        return weigh_fit(self.setting.structure.robot, self.setting.samples, known)
 
     def fit(self, parts: Sequence[int]) -> Array:
         """Return base parameters (b,) of the completed model, of its parts some, as `analyze` does.
@@ -204,12 +220,13 @@ class Naming:
         beside all parts, to compare many models.
         """
         fit, some = self._fit(parts)
-        base: Array = self.own @ self.setting.known.base + some @ fit.value
+        base: Array = self.of(self.setting.plain) @ self.known.base + some @ fit.value
         return base
 
     def _fit(self, parts: Sequence[int]) -> tuple[Estimate, Array]:
         """Return the fit of independent columns (b, k) of the model with some parts, and these."""
-        (weighed, by), d = self.weighed, len(self.setting.known.precision)
+        (weighed, whole, *_), d = self.weighed, len(self.known.precision)
+        by = whole.estimator
         first = self.parts[0].candidate.columns[0] if self.parts else 0
         at = [d + k - first for p in parts for k in self.parts[p].candidate.columns]
         C, sd = (x[..., [*range(d), *at]] for x in self.coordinates)
@@ -222,32 +239,32 @@ class Naming:
     @cached_property
     def predicts(self) -> bool:
         """Whether parts of the fitted logs are predicted better with what is missing."""
-        held, scores = hold_folds(*self.weighed)[0], []
+        weighed, whole, *_ = self.weighed
+        held, scores = hold_folds(weighed, whole.estimator)[0], []
         for fit, some in map(self._fit, [(), range(len(self.parts))]):
             scores.append(held.score(held.refit(fit, some), held.roots(fit, some)))
         return not may_stand(*scores)
 
     @cached_property
+    def real(self) -> PhysicalResult | None:
+        """The real robot nearest to the completed model, where values are those of the logs."""
+        if not len(self.setting.recommended):
+            return None
+        return nearest_robot(self.completed, *self.weighed[:2])
+
+    @property
     def best(self) -> Array:
         """Base parameters (b,) of the completed model to predict with.
 
         Those of the nearest real robot where it predicts parts of the fitted logs as well.
         """
-        (weighed, by), known = self.weighed, self.setting.known
-        if not (self.setting.fixed or known.precision.any()):
-            robot = nearest_robot(self.completed, weighed, by.fit(weighed))
-            if robot.as_good:
-                return robot.base
+        if self.real is not None and self.real.as_good:
+            return self.real.base
         return self.fit(range(len(self.parts)))
 
     def predict(self, fits: Sequence[Array], samples: Sequence[Dataset]) -> Prediction:
         """Return torque along some logs as base parameters (b,) of the completed model say."""
         return predict(self.completed.regression(samples), np.stack(fits, axis=1))
-
-    def errors(self, models: Sequence[Sequence[int]]) -> Array:
-        """Return the errors of some models on unseen motion over each joint's own scale."""
-        unseen = self.setting.validation or self.setting.samples
-        return self.predict([*map(self.fit, models)], unseen).error_over_joints()
 
 
 def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
@@ -265,20 +282,12 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
     unseen = Rows.of(s, others, setting.known) if others else fitted
     asked = {f.name: f for f in find_families(effects, commanded=setting.commanded)}
     every = {f.name: f for f in find_families(None, commanded=setting.commanded)} | asked
-    motions = [x.motion for x in fitted.samples]
-    listed, refused = list_candidates(
-        s.robot, tuple(every.values()), s.present, motions, fixed=fixed
-    )
+    families, motions = tuple(every.values()), [x.motion for x in fitted.samples]
+    listed, refused = list_candidates(s.robot, families, s.present, motions, fixed=fixed)
     candidates = with_reversals(s.robot, listed, s.present)
     missing = Missing(candidates, fitted.seen, setting.known.root, families=frozenset(asked))
     model = missing.model()
     before = tuple(model.gains())
-    near = [t for t in before if RULES.name - RULES.rival <= t.odds < RULES.name]
-    near = [t for t in near if t.group.place != EVERYWHERE and not _family(missing, t).unnamed]
-    if near and before[0].odds < RULES.name:
-        missing = missing.beside(near[:1])
-        model = missing.model()
-        before = tuple(model.gains())
     found = Naming(
         setting=setting,
         fitted=fitted,
@@ -286,11 +295,9 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
         refusals=tuple(r for r in refused if r.family in asked),
         asked=missing,
         whole=model,
+        missing=missing,
         before=before,
         after=before,
-        refuted=(),
-        parts=(),
-        missing=missing,
     )
     return with_parts(found, ())
 
@@ -334,26 +341,7 @@ def name_missing(looked: Naming) -> Naming:
     came = [p.candidate.family.name for p in parts]
     parts.sort(key=lambda p: (came.index(p.candidate.family.name), p.candidate.columns))
     looked = replace(looked, after=tuple(model.gains(kept)), refuted=tuple(refuted))
-    return _without_worse(with_parts(looked, parts))
-
-
-def _without_worse(naming: Naming) -> Naming:
-    """Return a naming without parts beside which unseen torque is predicted worse.
-
-    However likely a name is: what it is worth is the error of the model that has it.
-    """
-    while naming.parts:
-        every = range(len(naming.parts))
-        subsets = [[k for k in every if k != gone] for gone in (-1, *every)]
-        whole, *each = naming.errors(subsets).tolist()
-        worst = int(np.argmin(each))
-        if not each[worst] < whole / WORSE:
-            break
-        part = naming.parts[worst]
-        term = replace(part.term, group=replace(part.term.group, place=part.candidate.place))
-        naming = replace(naming, refuted=(*naming.refuted, (term, part.unseen)))
-        naming = with_parts(naming, [p for k, p in enumerate(naming.parts) if k != worst])
-    return naming
+    return with_parts(looked, parts)
 
 
 def _may_rival(one: Group, other: Group) -> bool:
@@ -493,12 +481,8 @@ def _stays(log: np.ndarray) -> np.ndarray:
 
 def _session(rows: Rows, begins: np.ndarray, log: np.ndarray) -> Array:
     """Return how what warms up through a session may go, by part of time, (2, P)."""
-    starts = [s.motion.start for s in rows.samples]
     lasting = np.array([np.ptp(s.output_times()) for s in rows.samples])
-    begun = np.cumsum(lasting) - lasting
-    if None not in starts:
-        begun = np.array([float(x or 0.0) for x in starts])
-    clock = rows.seen.t[begins[:-1]] + begun[log]
+    clock = rows.seen.t[begins[:-1]] + (np.cumsum(lasting) - lasting)[log]
     x = (clock - clock.min()) / max(float(np.ptp(clock)), 1e-9)
     return np.array([x, np.exp(-3.0 * x)])
 
@@ -527,12 +511,8 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
         return None
     courses = _session(naming.fitted, begins, log_of)
     every = _odds_of_stays(missing, begins, stays, courses)
-    known = None
     for _ in range(2):  # what it adds is no noise: once it is roughly known, that is without
         first, last = begins[stays[int(every[0].odds.argmax())]].tolist()
-        if known == (first, last):
-            break
-        known = first, last
         outside = np.ones((len(seen.y), 1), bool)
         outside[first:last] = False
         noise = list(naming.missing.noise)
@@ -645,22 +625,18 @@ def _ends(at: np.ndarray, likely: Array, time: Array) -> tuple[float, float]:
 
 def without_outliers(setting: Setting, outliers: Outliers) -> Setting:
     """Return a setting in which outlying stretches are no data, as where a joint stands."""
-    stretches = list[tuple[int, float, float]]()
-    for k, a, b in zip(outliers.log, outliers.first, outliers.last, strict=True):
-        at = setting.samples[k].output_times()
+
+    def without(k: int, s: Dataset) -> Dataset:
+        at, t, own = setting.samples[k].output_times(), s.motion.t[:, None], outliers.log == k
         beside = at[1] - at[0]
-        stretches.append((int(k), at[a] - beside, at[b - 1] + beside))
+        first, last = at[outliers.first[own]] - beside, at[outliers.last[own] - 1] + beside
+        lies_out = ((t >= first) & (t <= last)).any(1)
+        return replace(s, weight=np.where(lies_out[:, None], 0.0, s.weight > 0))
 
-    def without(samples: Sequence[Dataset]) -> tuple[Dataset, ...]:
-        out = []
-        for k, s in enumerate(samples):
-            t, gone = s.motion.t, s.weight <= 0
-            for _, start, stop in (x for x in stretches if x[0] == k):
-                gone[(t >= start) & (t <= stop)] = True
-            out.append(replace(s, weight=1.0 - gone))
-        return tuple(out)
-
-    return replace(setting, samples=without(setting.samples), looked=without(setting.looked))
+    samples, looked = (
+        tuple(starmap(without, enumerate(x))) for x in (setting.samples, setting.looked)
+    )
+    return replace(setting, samples=samples, looked=looked)
 
 
 def leave_out(setting: Setting, change: Change) -> Setting | None:

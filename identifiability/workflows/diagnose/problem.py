@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from scipy.stats import rankdata
 
 from identifiability.effects.functions import has_session
 from identifiability.estimation.differences import Known
-from identifiability.estimation.estimate import find_estimator, settle_noise, with_known
+from identifiability.estimation.estimate import Outliers, find_estimator, settle_noise, with_known
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.groups import LAST, Excerpt, divide
 from identifiability.estimation.prediction import Prediction
@@ -67,6 +67,10 @@ class Setting:
         What changed in the middle of fitted logs: what was logged meanwhile was left out.
     commanded : bool
         Whether torque is what servos made of commands.
+    under : Structure or None
+        The robot under the model that predicts without what is missing, where that is another.
+    recommended : (b,)
+        Base parameters that `analyze` recommends of it; empty where values are known.
     """
 
     structure: Structure
@@ -81,6 +85,13 @@ class Setting:
     commanded: bool = False
     looked: tuple[Dataset, ...] = ()
     looked_unseen: tuple[Dataset, ...] = ()
+    under: Structure | None = None
+    recommended: Array = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def plain(self) -> Structure:
+        """The robot under the model that predicts: what is named is added to it."""
+        return self.under or self.structure
 
 
 #: What a diagnosis may be told of the values it keeps.
@@ -321,16 +332,18 @@ def change_of(
     return change_interval(np.abs(gap.residual[:, :, [first, second]]), gap.apart(), rng)
 
 
-def weigh_fit(
-    robot: Robot, samples: Sequence[Dataset], information: Information
-) -> tuple[Information, Estimate]:
+#: Rows weighed by their noise, the fit of their columns, a sentence on outliers, and these.
+WeighedFit = tuple[Information, Estimate, str, Outliers | None]
+
+
+def weigh_fit(robot: Robot, samples: Sequence[Dataset], information: Information) -> WeighedFit:
     """Return rows weighed by their noise, and the fit of their columns, as `analyze` has them."""
     estimator = replace(find_estimator("wls"), instruments=information.instrumented)
-    weighed = weigh_rows(robot.joints, samples, information, estimator)[0]
-    return weighed, settle_noise(estimator, weighed).fit(weighed)
+    weighed, said, outliers = weigh_rows(robot.joints, samples, information, estimator)
+    return weighed, settle_noise(estimator, weighed).fit(weighed), said, outliers
 
 
-def fit_structure(structure: Structure, samples: Sequence[Dataset]) -> tuple[Information, Estimate]:
+def fit_structure(structure: Structure, samples: Sequence[Dataset]) -> WeighedFit:
     """Return the same of the base parameters of a model, random ones as large as it says."""
     information = gather_information(structure.regression(samples))
     return weigh_fit(structure.robot, samples, with_known(information, structure.known))

@@ -27,6 +27,7 @@ from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
+from identifiability.physical.feasibility import PhysicalResult
 from identifiability.regression.columns import Refusal
 from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
 from identifiability.regression.regression import Model
@@ -269,6 +270,10 @@ class Diagnosis(Result, Setting, Predicts):
         Base parameters of that model.
     model : Model
         The base model, with the named effects where folds of the fitted logs prefer it.
+    included : int
+        How many of the effects are in the model, the first ones.
+    nearest : PhysicalResult or None
+        The real robot nearest to it, where that was asked.
     moved : PositionPrediction or None
         How far rollouts of the nearest real robot are off, of logs of commands.
     forward : ForwardGap or None
@@ -297,6 +302,8 @@ class Diagnosis(Result, Setting, Predicts):
     evidence: tuple[Odds, ...]
     values: Array
     model: Model
+    included: int = 0
+    nearest: PhysicalResult | None = None
     forward: ForwardGap | None = None
     hints: tuple[str, ...] = ()
     nothing: str = ""
@@ -313,11 +320,6 @@ class Diagnosis(Result, Setting, Predicts):
     def base(self) -> tuple[str, ...]:
         """Names of the effects of the model that was diagnosed."""
         return self.structure.model.names
-
-    @property
-    def improved(self) -> bool:
-        """Whether what was named is in the model."""
-        return self.model.texts != self.structure.model.texts
 
     @cached_property
     def completed(self) -> Structure:
@@ -551,7 +553,7 @@ def simulate_forward(d: Diagnosis, rng: np.random.Generator) -> ForwardGap:
     """Return the gap in motion of a diagnosis, on the motion that verified it."""
     try:
         after = real_robot(d, d.completed)
-        before = real_robot(d, d.structure, after.cad_weight)
+        before = real_robot(d, d.plain, after.cad_weight)
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
     found = compare_forward(before, after, d.validation, rng)
@@ -567,7 +569,7 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     ask = f"identifiability diagnose {robot} {logs} --next motion.json"
     find = "Find the motion that tells one name from the other:"
     apart = [(find, ask)] if any(e.alternatives for e in d.effects) else []
-    if not d.improved:
+    if not d.included:
         return [*apart, ("See which parameters these logs determine:", analyze)]
     again = f"identifiability diagnose {robot} {logs}"
     judge = f"identifiability analyze {robot} {logs} --ladder {{file}} --report report.html"
@@ -597,22 +599,25 @@ def _what(d: Diagnosis) -> Answer:
             f"{why}: {d.known.words} predict{'' if d.fixed else 's'} unseen motion "
             f"({d.verified_on}) with an error of {percent(d.held_before)}."
         )
-    short = f"{_capital(join(named))}." if named else "Nothing that can be named."
+    short = f"{_capital(join(named, PLACES))}." if named else "Nothing that can be named."
     tone = "vermilion" if named else "grey"
     return Answer("What is missing?", short, " ".join(told), tone)
 
 
 def _gap(d: Diagnosis) -> Answer:
     question = "How much of the gap does it explain?"
-    if not d.improved:
+    if not d.included:
         short = f"The error on unseen motion stays at {percent(d.held_before)}."
-        why = " With it parts of the fitted logs are predicted worse." if d.effects else ""
+        why = " With it other motion is not predicted better." if d.effects else ""
         return Answer(question, short, f"Measured on {d.verified_on}.{why}")
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
     before = f"{percent(d.held_before)} ({d.known.words.rstrip(',')})"
     short = f"The error goes from {before} to {percent(d.held_after)}"
     short += f" (95 %: {' … '.join(ends)} points)."
     text = f"All joints together on {d.verified_on}, which was not fitted."
+    if d.included < len(d.effects):
+        some = join([e.title for e in d.effects[: d.included]])
+        text += f" By {some} alone: with the rest other motion is not predicted better."
     return Answer(question, short, text, "green" if d.interval[1] < 0 else "amber")
 
 
@@ -697,8 +702,7 @@ def _state_refuted(x: Odds, d: Diagnosis) -> str:
     gain = f"{x.unseen:.2g}".replace("-", "−")
     return (
         f"{what} stood out from the fitted motion (log odds {x.before:.3g}) and is left out: on "
-        f"{d.verified_on} the torque is not surely likelier with it (log likelihood ratio {gain}), "
-        "or its error is larger."
+        f"{d.verified_on} the torque is not surely likelier with it (log likelihood ratio {gain})."
     )
 
 
@@ -754,7 +758,7 @@ def keep_completed(d: Diagnosis) -> Fit:
     """
     structure = d.completed
     submodel = full_model(structure.base, "the diagnosed model")
-    information, fit = fit_structure(structure, d.samples)
+    information, fit, *_ = fit_structure(structure, d.samples)
     found = predict(structure.regression(d.samples), d.values[:, None])
     fitted, unseen = ((x.joint_rms()[:, -1], x.joint_rms(raw=True)[:, -1]) for x in (found, d.gap))
     known = Known.of(information, fit, np.random.default_rng(d.seed), 0)
@@ -771,9 +775,12 @@ def keep_completed(d: Diagnosis) -> Fit:
 
 
 def fit_physical(
-    structure: Structure, samples: Sequence[Dataset], cad_weight: float | None = None
+    structure: Structure,
+    samples: Sequence[Dataset],
+    cad_weight: float | None = None,
+    found: PhysicalResult | None = None,
 ) -> Physical:
-    """Return the real robot that explains some logs best under a model.
+    """Return the real robot that explains some logs best under a model, found before or not.
 
     How strongly it is drawn to the robot file is chosen by what it predicts of stretches of the
     logs, as of an analysis. It is not chosen where it is given.
@@ -783,7 +790,8 @@ def fit_physical(
     IdentifiabilityError
         If the solver finds none.
     """
-    found = nearest_robot(structure, *fit_structure(structure, samples), cad_weight)
+    if found is None:
+        found = nearest_robot(structure, *fit_structure(structure, samples)[:2], cad_weight)
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence.strip())
     return Physical(structure, found.parameters(), found.cad_weight)
@@ -802,7 +810,8 @@ def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) 
     """
     if len(d.known.precision):
         weight = share_weight(d.known.share) if d.known.share else weight
-        return fit_physical(structure, d.samples, weight)
+        found = d.nearest if structure is d.completed else None
+        return fit_physical(structure, d.samples, weight, found)
     values = {name: d.robot.nominal.get(name, 0.0) for name in d.structure.columns}
     values = dict.fromkeys(structure.columns, 0.0) | values
     if structure is d.completed:

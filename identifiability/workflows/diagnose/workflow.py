@@ -8,18 +8,20 @@ is then the model that the fitted logs prefer.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from identifiability.effects import Placed, default_effects, find_families, title_of
-from identifiability.effects.measurement import CommandDelay
-from identifiability.estimation.estimate import Outliers, find_estimator
-from identifiability.estimation.groups import place_of
+from identifiability.estimation.estimate import Outliers
+from identifiability.estimation.groups import NO_ALTERNATIVES, place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
-from identifiability.estimation.prediction import Prediction
 from identifiability.foundation.engines import Engine, Serial, one_thread
+from identifiability.foundation.errors import ModelError
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.values import frozen
@@ -27,13 +29,23 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.physical.cad_prior import load_by_fit, settle_prior
 from identifiability.regression.information import gather_information
-from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choose_model, free_again
+from identifiability.regression.reduction import (
+    USUAL_EFFECTS,
+    LadderEntry,
+    ModelLike,
+    Submodel,
+    build_comparison,
+    choose_model,
+    find_ladder,
+    free_again,
+    full_model,
+    ladder_model,
+)
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike, complete_motion
-from identifiability.workflows.analyze.workflow import say_band
+from identifiability.workflows.analyze.workflow import conclude_analysis, say_band
 from identifiability.workflows.diagnose.changes import Change
 from identifiability.workflows.diagnose.naming import (
-    WORSE,
     Naming,
     find_change,
     leave_out,
@@ -58,6 +70,7 @@ from identifiability.workflows.diagnose.problem import (
     know_share,
     prepare_rows,
     read_given,
+    weigh_fit,
 )
 from identifiability.workflows.diagnose.result import (
     Curve,
@@ -79,7 +92,6 @@ from identifiability.workflows.session import (
     require_signal,
     settle_gains,
     state_provenance,
-    weigh_rows,
     where_outlying,
 )
 
@@ -159,12 +171,10 @@ def diagnose(
         structure, known = _settle_values(robot, model, fixed, commanded=commanded)
         session = Session(structure, given, preparation, say, engine or Serial())
         given = session.follow(np.random.default_rng(seed)).recordings
-        asked = _Asked(session, effects, known, streams[0], near, fixed is not False, seed)
+        ladder = find_ladder(robot, None, beside=True).settle(commanded=commanded)
+        own = near, fixed is not False, seed, ladder if model is None else None
+        asked = _Asked(session, effects, known, streams[0], *own)
         found, opening = asked.look(given)
-        later = common_delay(found)
-        if later and robot.servo is not None:
-            given = given.acting_later(robot.servo, later)
-            found, opening = asked.look(given)
         options = {
             "effects": "all" if effects is None else list(effects),
             "fixed": fixed if isinstance(fixed, bool) else known.words,
@@ -185,7 +195,7 @@ def diagnose(
             hints=(*hints, *free_again(model)),
             provenance=state_provenance(robot, used, seed, None, options),
         ).moved_by(given)
-        if quick or not (forward and found.improved) or found.robot.base is not None:
+        if quick or not (forward and found.included) or found.robot.base is not None:
             return found
         say("simulating forward", 0.95)
         return replace(found, forward=simulate_forward(found, streams[1]))
@@ -208,6 +218,8 @@ class _Asked:
     fixed : bool
         Whether values are those that are known, and the file's direction of gravity one of them.
     seed : int
+    ladder : LadderEntry or None
+        Models that `analyze` compares, where no model is given.
     """
 
     session: Session
@@ -217,6 +229,7 @@ class _Asked:
     near: float
     fixed: bool
     seed: int
+    ladder: LadderEntry | None
 
     def look(self, given: Recordings) -> tuple[Diagnosis, Opening]:
         """Name what is missing in recordings, under the model that the fitted ones prefer."""
@@ -253,45 +266,67 @@ class _Asked:
             samples=samples,
             known=near or (self.known if self.fixed else know_nothing(opening.structure)),
             validation=validation,
-            **dict(zip(("looked", "looked_unseen"), looked, strict=False)),
+            looked=looked[0] if looked else (),
+            looked_unseen=looked[1] if looked else (),
             fixed=self.fixed,
             verified_on=verified_on,
             preparation=how or Preparation(),
             commanded=given.commanded,
             seed=self.seed,
         )
+        if not (self.fixed or setting.known.precision.any()):
+            setting = replace(setting, **self._recommend(session, opening))
         # Values that are kept are those of the file, and a wrong scale or sign is an effect.
         asked = self if self.fixed or not opening.misread else replace(self, effects=())
         return asked.name(setting), opening
 
+    def _recommend(self, session: Session, opening: Opening) -> dict[str, Any]:
+        """Return the model and values that `analyze` recommends."""
+        structure = own = opening.structure
+        models: tuple[Submodel, ...] = (full_model(own.base),)
+        if self.ladder is not None:
+            other = Structure.of(session.structure.robot, ladder_model(self.ladder))
+            if opening.alternative is not None:
+                other = opening.alternative.structure(other)
+            other = load_by_fit(other, opening.samples, session.engine)
+            with suppress(ModelError):  # its models are of parameters of the model as it was given
+                models, structure = build_comparison(self.ladder, other), other
+        rows = session.weigh(replace(opening, structure=structure), "wls", "auto")
+        how, rng = {"cad_prior": None, "replicates": 0}, np.random.default_rng(self.seed)
+        found = conclude_analysis(session, rows, models, rng, how, NO_ALTERNATIVES)
+        chosen = found.chosen
+        real = chosen.physical if chosen.physical_used else None
+        base = chosen.submodel.expand(chosen.recommended) if real is None else real.base
+        # A model that leaves out what the diagnosed one has not is that.
+        common = [n for n in structure.columns if n in own.columns]
+        G, to = (s.G[:, [s.columns.index(n) for n in common]] for s in (structure, own))
+        phi = np.linalg.lstsq(G, base, rcond=None)[0]
+        if np.linalg.norm(G @ phi - base) <= NEARLY * np.linalg.norm(base):
+            return {"recommended": to @ phi}
+        return {"recommended": base, "under": structure}
+
     def name(self, setting: Setting) -> Diagnosis:
-        """Name what is missing.
+        """Name what is missing, add it, verify.
 
         Rows that hardly count even beside what was named are no data for names.
         """
-        found = self.run(setting)
-        if setting.fixed:
-            return found
-        joints, wls = found.robot.joints, find_estimator("wls")
-        information = gather_information(found.completed.regression(setting.samples))
-        _, decided, outliers = weigh_rows(joints, setting.samples, information, wls)
-        # Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
-        outliers = None if outliers is None else outliers.below(0.1)
-        if outliers is None or _last(found.changes, setting.samples, outliers):
-            decided = "" if found.changes else decided
-        else:
-            again = self.run(without_outliers(setting, outliers))
-            if again.held_after <= WORSE * found.held_after:
-                where = where_outlying(joints, setting.samples, outliers)
-                decided = decided or f"{where} was left out. Look at what happened there."
-                found = again
-        return replace(found, hints=(decided,) if decided else ())
-
-    def run(self, setting: Setting) -> Diagnosis:
-        """Name what is missing, add it, verify."""
-        naming = self._settle(setting)
+        found, said, samples = self._settle(setting), "", setting.samples
+        if not setting.fixed:
+            robot, changes, weighed = setting.structure.robot, found.setting.changes, found.weighed
+            if changes:  # a burst may look like one
+                rows = gather_information(found.completed.regression(samples))
+                weighed = weigh_fit(robot, samples, rows)
+            *_, said, outliers = weighed
+            # Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
+            outliers = None if outliers is None else outliers.below(0.1)
+            if outliers is None or _last(changes, samples, outliers):
+                said = "" if changes else said
+            else:
+                where = where_outlying(robot.joints, samples, outliers)
+                said = said or f"{where} was left out. Look at what happened there."
+                found = self._settle(without_outliers(setting, outliers))
         self.session.say("verifying", 0.9)
-        return conclude(naming, self.stream)
+        return replace(conclude(found, self.stream), hints=(said,) if said else ())
 
     def _settle(self, setting: Setting) -> Naming:
         """Return what is missing in logs without what changed in their midst.
@@ -303,13 +338,7 @@ class _Asked:
         self.session.say("naming effects", 0.3)
         change = None if setting.fixed else find_change(looked, self.effects)
         without = None if change is None else leave_out(setting, change)
-        named = name_missing(looked)
-        if without is None:
-            return named
-        # Unseen rows cannot show what changed, but that nothing did.
-        found = self._settle(without)
-        before, after = (x.errors([range(len(x.parts))])[0] for x in (named, found))
-        return named if after > WORSE * before else found
+        return name_missing(looked) if without is None else self._settle(without)
 
 
 def _last(changes: Sequence[Change], samples: Sequence[Dataset], outliers: Outliers) -> bool:
@@ -356,22 +385,6 @@ def usual_effects(robot: Robot, *, commanded: bool = False) -> tuple[str, ...]:
     return default_effects(robot, (*USUAL_EFFECTS, *offsets))
 
 
-def common_delay(found: Diagnosis) -> float:
-    """Return by how much commands act later at most joints than was taken of their logs [s].
-
-    A log's delay is found of all joints together, so that one that is late, or whose gain is wrong,
-    makes the others early. What most of them have is the log's.
-    """
-    named = {
-        p.place: float(p.values[0])
-        for e in found.effects
-        if e.name == CommandDelay.name
-        for p in e.placements
-    }
-    every = sorted(named.get(j, 0.0) for j in found.robot.motor_joints)
-    return every[(len(every) - 1) // 2]
-
-
 def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     """Return the diagnosis.
 
@@ -382,26 +395,41 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     rng : numpy.random.Generator
         For intervals.
     """
-    setting, parts = naming.setting, naming.parts
-    robot = setting.structure.robot
+    setting, parts, robot = naming.setting, naming.parts, naming.setting.structure.robot
     families = list(dict.fromkeys(p.candidate.family.name for p in parts))
     own = [[k for k, p in enumerate(parts) if p.candidate.family.name == f] for f in families]
     models = [[k for some in own[:n] for k in some] for n in range(len(own) + 1)]
-    plain = with_parts(naming, ()) if parts else naming
-    used = naming if not parts or setting.fixed or naming.predicts else plain
-    fits = [naming.own @ plain.best, *map(naming.fit, models[1:])]
+    plain = setting.recommended if len(setting.recommended) else with_parts(naming, ()).fit(())
+    fits = [naming.of(setting.plain) @ plain, *map(naming.fit, models[1:])]
     left = naming.predict(fits[-1:], naming.fitted.samples).residual[:, :, 0]
-    if used is not plain:
-        fits[-1] = naming.best
-    elif parts:
-        fits.append(fits[0])  # what predicts stands last
-    gap = naming.predict(fits, setting.validation or setting.samples)
+    # Folds of the fitted logs choose what predicts, and unseen motion may refute that: what came
+    # last is left out first.
+    for n in range(len(own), -1, -1):
+        used = naming if n == len(own) else with_parts(naming, [parts[k] for k in models[n]])
+        values = used.best if n else plain
+        last = naming.of(used.completed) @ values
+        steps = fits[: -1 if 0 < n == len(own) else None]
+        gap = naming.predict([*steps, last], setting.validation or setting.samples)
+        if not n or ((setting.fixed or used.predicts) and not gap.surely_better(0, -1)):
+            break
     errors = gap.relative_error()
-    before = naming.predict(fits, setting.samples).relative_error()
+    before = naming.predict([fits[0], last], setting.samples).relative_error()
     placed = [_place(naming, k) for k in range(len(parts))]
-    effects = [
-        _effect(naming, gap, some, [placed[k] for k in some], n, rng) for n, some in enumerate(own)
-    ]
+    effects = list[NamedEffect]()
+    for at, some in enumerate(own):
+        family = parts[some[0]].candidate.family
+        near = [title_of(t.group.family) for k in some for t in parts[k].nearest]
+        effects.append(
+            NamedEffect(
+                name=family.name,
+                placements=tuple(placed[k] for k in some),
+                before=float(errors[at]),
+                after=float(errors[at + 1]),
+                interval=change_of(gap, at, at + 1, rng),
+                everywhere=1 < len(family.places(robot)) == len(some),
+                nearest=tuple(dict.fromkeys(near)),
+            )
+        )
     after = {t.key: t.odds for t in naming.after}
     return Diagnosis(
         **vars(setting),
@@ -422,31 +450,10 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
             Odds(t.group.family, place_of(t), t.odds, after.get(t.key, float("nan")))
             for t in naming.before
         ),
-        values=used.best,
+        values=values,
         model=used.completed.model,
-    )
-
-
-def _effect(
-    naming: Naming,
-    gap: Prediction,
-    own: Sequence[int],
-    placements: Sequence[Placement],
-    n: int,
-    rng: np.random.Generator,
-) -> NamedEffect:
-    """Return an effect with what unseen motion shows of it where it is."""
-    parts = [naming.parts[k] for k in own]
-    family, errors = parts[0].candidate.family, gap.relative_error().tolist()
-    places = family.places(naming.setting.structure.robot)
-    return NamedEffect(
-        name=family.name,
-        placements=tuple(placements),
-        before=errors[n],
-        after=errors[n + 1],
-        interval=change_of(gap, n, n + 1, rng),
-        everywhere=1 < len(places) == len(placements),
-        nearest=tuple(dict.fromkeys(title_of(t.group.family) for p in parts for t in p.nearest)),
+        included=n,
+        nearest=used.real if n else None,
     )
 
 
