@@ -148,14 +148,20 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
     return (*facts, *locked, *outside)
 
 
-def required_columns(names: Sequence[str]) -> tuple[str, ...]:
+def required_columns(names: Sequence[str], torque: str = "tau") -> tuple[str, ...]:
     """Return the columns that a log must have, of joints or of motors."""
-    return ("t", *(f"{name}.{kind}" for name in names for kind in ("q", "tau")))
+    return ("t", *(f"{name}.{kind}" for name in names for kind in ("q", torque)))
 
 
 def robot_columns(robot: Robot) -> tuple[str, ...]:
-    """Return the columns that a log of a robot must have; of a base that floats, of a sensor."""
-    columns, base = required_columns(robot.motor_joints), robot.base
+    """Return the columns that a log of a robot must have: of servos commands, they make torque.
+
+    Of a base that floats those of a sensor, too.
+    """
+    columns, base = (
+        required_columns(robot.motor_joints, "cmd" if robot.servo else "tau"),
+        robot.base,
+    )
     if base is None:
         return columns
     sensor = tuple(f"base.{kind}.{axis}" for kind in ("acc", "gyro") for axis in "xyz")
@@ -364,10 +370,9 @@ class Inspection(OfStructure, Result):
         if not self.records:
             return (Table.of("Joints of the robot file", JOINTS, self.joints),)
         clocks = pd.DataFrame([{"log": r.name, **r.clock} for r in self.records])
-        first = Column("joint", get=lambda row: Cell(row.joint, note=row.log))
         return (
             Table.of("Clock and preparation", CLOCK, clocks.itertuples()),
-            Table.of("Each joint [SI units]", (first, *MOTION), self.to_frame().itertuples()),
+            Table.of("Each joint [SI units]", MOTION, self.to_frame().itertuples()),
         )
 
     def to_frame(self) -> pd.DataFrame:
@@ -527,6 +532,7 @@ def _most(result: Inspection) -> Answer:
     short = f"{len(result.columns)} columns: {columns}."
     size = f"{format_count(base.rank, 'base parameter')} of {len(base.parameters)}"
     text = f"They tell {size} at most; the others act only together with these, or never."
+    text += " Measured torque, '<joint>.tau', does as well as commands." * bool(result.robot.servo)
     return Answer("What must a log have?", short, text, "blue")
 
 
@@ -560,6 +566,8 @@ def _share(value: float) -> str:
 
 MOTION = with_hints(
     "inspection.motion",
+    Column("joint", get="joint"),
+    Column("log", get="log"),
     Column("least", digits(3), "low"),
     Column("largest", digits(3), "high"),
     Column("of its range", rough_percent, "room"),
