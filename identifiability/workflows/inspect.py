@@ -20,7 +20,7 @@ from identifiability.effects.nominal import has_masses
 from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.engines import Engine
 from identifiability.foundation.errors import listing
-from identifiability.foundation.findings import Level, ledger, phrase
+from identifiability.foundation.findings import ledger, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
 from identifiability.foundation.result import Result, by_name
@@ -47,7 +47,7 @@ from identifiability.regression.reduction import ModelLike, choose_model, find_l
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.sidecar import read_sidecar
-from identifiability.workflows.answers import answer_next, with_hints
+from identifiability.workflows.answers import answer_next, hint_note, with_hints
 from identifiability.workflows.commands import name_logs, source_name
 from identifiability.workflows.session import (
     Logs,
@@ -500,7 +500,7 @@ SHOWN = 3
 
 def find_odd(result: Inspection) -> tuple[str, ...]:
     """Return the hints that say more than how logs were read, and what was done without a doubt."""
-    return tuple(h for h in result.hints if getattr(h, "level", None) is not Level.INFO)
+    return tuple(h for h in result.hints if hint_note(h).level == "warning")
 
 
 def _usable(result: Inspection) -> Answer:

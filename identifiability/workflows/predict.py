@@ -818,13 +818,14 @@ class PositionPrediction(Result):
     @property
     def told(self) -> str:
         """The errors of the file's and of the fitted robot, as their result says them."""
-        file, own = (
+        errors = (
             f"errs by {1e3 * x:.3g} {self.unit} (rms)" if np.isfinite(x) else "diverges"
             for x in self.totals
         )
         logs = listing([log.name for log in self.logs], 3)
         of = "not fitted" if self.unseen else "fitted"
-        return f"Moved by the commands of {logs} ({of}), the fitted robot {own}, the file's {file}."
+        each = [f"{run.name} {error}" for run, error in zip(self.runs, errors, strict=True)]
+        return f"Moved by the commands of {logs} ({of}), {', '.join(each[::-1])}."
 
     def to_rollout(self) -> dict[str, Any]:
         """Return it as the JSON of the fitted robot's result has it."""
@@ -886,7 +887,8 @@ def move_fitted(
     if not (own and values):
         return None
     try:
-        runs = tuple(_move(robot, "", given, own) for given in ({}, values))
+        pairs = {"the file's": {}, "the fitted robot": values}.items()
+        runs = tuple(_move(robot, *pair, own) for pair in pairs)
     except RobotError:
         return None
     return PositionPrediction(robot=robot, logs=own, runs=runs, unseen=bool(unseen))

@@ -8,7 +8,7 @@ from dataclasses import replace
 from difflib import unified_diff
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pinocchio as pin
@@ -27,10 +27,10 @@ from identifiability.effects.vocabulary import (
     settle_springs,
     stated_numbers,
 )
-from identifiability.estimation.prediction import predict
+from identifiability.estimation import prediction
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
-from identifiability.foundation.findings import Finding
+from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.foundation.options import ExportFormat, FilePath, checked
@@ -48,9 +48,10 @@ from identifiability.robot.table import write_converted
 from identifiability.robot.write import write_robot
 from identifiability.workflows.export.snippet import write_snippet
 from identifiability.workflows.predict import (
-    FitEntry,
+    PositionPrediction,
     RealEntry,
     ResultEntry,
+    predict,
     read_real,
     state_missing,
 )
@@ -253,8 +254,9 @@ class Exported:
     error_ra, error_ra_file : float or None
         ε_RA on the fitted logs of all that was fitted, and of what the robot file alone holds;
         None where the torque does not vary.
-    unseen : Unseen or None
-        Errors of the files on logs that were not fitted, where some were given.
+    unseen : Unseen, PositionPrediction or None
+        Errors of the files on logs that were not fitted, where some were given; of logs of commands
+        those of positions.
     mass : str
         What is wrong with the total mass, and the remedy; empty if nothing is.
     notes : tuple of str
@@ -271,7 +273,7 @@ class Exported:
     error_ra: float | None
     error_ra_file: float | None
     mass: str
-    unseen: Unseen | None = None
+    unseen: Unseen | PositionPrediction | None = None
     notes: tuple[str, ...] = ()
     snippet: Path | None = None
     added: tuple[str, ...] = ()
@@ -295,7 +297,7 @@ class Exported:
                 f"On the fitted logs the real robot errs by {percent(self.error_ra)}, and what "
                 f"{self.robot.name} alone holds by {percent(self.error_ra_file)}."
             )
-        parts += [self.unseen.text] if self.unseen is not None else []
+        parts += [self.unseen.told] if self.unseen is not None else []
         return " ".join([*parts, *self.notes])
 
 
@@ -346,7 +348,8 @@ def export(
     check_result(robot, Path(result), content, {*known, *robot.nominal})
     given |= _as_stated(robot, given)
     loaded = any(x and n in known and FAMILIES[known[n].group].loaded for n, x in given.items())
-    unseen, snippet, added = None, None, list[str]()
+    unseen: Unseen | PositionPrediction | None = None
+    snippet, added = None, list[str]()
     alone, written = physical.error_ra, Written(Path(out), None, ())
     kind: Kind | None = None
     if wanted == "json":
@@ -366,12 +369,10 @@ def export(
         if list_logs(validate):
             with temporary_folder() as folder:
                 tried = write_parameters(robot, given, Path(folder) / Path(out).name, **what)
-                unseen = judge_files(own, tried, validate, content.fit)
-            if unseen.written > unseen.before and not force:
-                raise IdentifiabilityError(
-                    f"{unseen.text} So {Path(out).name} would be worse than the file that it comes "
-                    "from: export to .json, or write it all the same with --force."
-                )
+                unseen = judge_files(own, tried, validate, content)
+            if unseen.totals[1] > unseen.totals[0] and not force:
+                worse = phrase("exported", "worse", name=Path(out).name)
+                raise IdentifiabilityError(f"{unseen.told} {worse}")
         written = write_parameters(robot, given, out, **what)
         if written.sidecar is not None:
             read = partial(_reread, own, written.robot, written.sidecar)
@@ -380,7 +381,7 @@ def export(
     # A level of one direction, where no effect has it, is part of that of both.
     own_names = (n for n in written.beside if n in known or n[:-1] not in written.beside)
     beside = by_effect(robot, own_names, shapes)
-    if unseen is not None and snippet is not None and set(beside) == set(added):
+    if isinstance(unseen, Unseen) and snippet is not None and set(beside) == set(added):
         unseen = replace(unseen, callback=snippet.name)
     return Exported(
         robot=written.robot,
@@ -431,23 +432,14 @@ def _notes(robot: Robot, content: ResultEntry, kind: Kind | None, name: str) -> 
     """Return what else a user has to know of a file that was written."""
     said = [] if content.rollout is None else [content.rollout.statement]
     if content.rollout is None and robot.servo is not None and robot.servo.delay is None:
-        said.append(
-            "Measured torque does not say when commands act, but predict --forward of a log with "
-            "both does: state it in the sidecar, [servo] delay = …."
-        )
+        said.append(phrase("exported", "late"))
     if robot.tilt is not None:
-        said.append(f"{name} holds a tilted base: gravity {robot.tilt.text}.")
+        said.append(phrase("exported", "tilt", name=name, how=robot.tilt.text))
     if kind is not None and robot.known_torque:
         known = "; ".join(k.text for k in robot.known_torque)
-        said.append(
-            f"Torque that is known beforehand ({known}) is beside what was fitted: it stands in "
-            f"the sidecar alone, and {name} moves without it."
-        )
+        said.append(phrase("exported", "known", name=name, known=known))
     if kind not in (None, file_kinds(robot)[0]):
-        said.append(
-            f"{name} is of another format than the robot's own file: it has no geometry, so "
-            "nothing is seen and nothing collides."
-        )
+        said.append(phrase("exported", "format", name=name))
     return (*said, *state_missing(content.missing))
 
 
@@ -481,7 +473,12 @@ class Unseen:
     callback: str = ""
 
     @property
-    def text(self) -> str:
+    def totals(self) -> tuple[float, float]:
+        """Of the robot's own file, and of the written one."""
+        return self.before, self.written
+
+    @property
+    def told(self) -> str:
         """They, in a sentence."""
         before, written, both = map(percent, (self.before, self.written, self.both))
         whole = f"its sidecar, or in MuJoCo {self.callback}," if self.callback else "its sidecar"
@@ -492,7 +489,9 @@ class Unseen:
         )
 
 
-def judge_files(robot: Robot, written: Written, logs: Logs, fit: FitEntry | None) -> Unseen:
+def judge_files(
+    robot: Robot, written: Written, logs: Logs, content: ResultEntry
+) -> Unseen | PositionPrediction:
     """Return how much a robot's own file and another one err, each read as any file is.
 
     Parameters
@@ -500,11 +499,14 @@ def judge_files(robot: Robot, written: Written, logs: Logs, fit: FitEntry | None
     robot : Robot
     written : Written
     logs : log, path, DataFrame, or several
-        With torque.
-    fit : FitEntry or None
-        Which says how logs become motion.
+        With torque; of commands where the fitted ones were, which move what the files alone hold.
+    content : ResultEntry
+        Which says that, and how logs become motion.
     """
-    how = None if fit is None else fit.preparation
+    if content.rollout is not None:
+        copy = _reread(robot, written.robot, written.sidecar, alone=True)
+        return cast("PositionPrediction", predict(robot, copy, logs, forward=True))
+    how = None if content.fit is None else content.fit.preparation
     paths = [(robot.path, robot.sidecar, True), (written.robot, written.sidecar, True)]
     paths += [(written.robot, written.sidecar, False)] if written.sidecar else []
     errors = []
@@ -522,7 +524,7 @@ def judge_files(robot: Robot, written: Written, logs: Logs, fit: FitEntry | None
         structure = Structure.of(copy, model)
         session = Session.read(structure, logs, preparation=how, commands=False)
         samples = tuple(session.prepare(session.recordings.fitted, "compared"))
-        found = predict(Regression(copy, model, samples), structure.nominal[:, None])
+        found = prediction.predict(Regression(copy, model, samples), structure.nominal[:, None])
         errors.append(float(found.relative_error()[0]))
     names = tuple(s.name for s in samples)
     return Unseen(names, (robot.path.name, written.robot.name), errors[0], errors[1], errors[-1])
