@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identifiability.effects import find_effect, title_of
+from identifiability.effects import title_of
 from identifiability.foundation.answers import Cell, Column, Note, Table
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
@@ -297,16 +297,11 @@ def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
         Term(" in ".join(filter(None, (title, join(list(filter(None, places)), PLACES)))), reason)
         for (title, reason), places in why.items()
     )
-    names = dict.fromkeys([*d.base, *(x.name for x in d.evidence)])
-    effects = [(name, find_effect(name)) for name in names]
-    terms = Terms(tuple(Term(title_of(n), e.source, formula=e.equation) for n, e in effects))
-    prepared = tuple(f"{s.name}: {'; '.join(s.notes)}." for s in (*d.samples, *d.validation))
-    roles = sentence("diagnosis.roles", verified=d.verified_on)
-    told = Prose((roles, *prepared))
+    told = Prose((sentence("diagnosis.roles", verified=d.verified_on),))
     return (
         section("diagnosis.evidence", table, detail=True),
         section("diagnosis.refusals", Terms(refused) if refused else "Every family was asked."),
-        section("diagnosis.method", terms, level_table(), told, detail=True),
+        section("diagnosis.method", level_table(), told, detail=True),
     )
 
 

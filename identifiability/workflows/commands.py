@@ -42,9 +42,8 @@ def export_line(robot: Robot, result: str = "{file}") -> tuple[str, str]:
 
 def reading_options(robot: Robot) -> str:
     """Return the options by which a command reads logs as they were read; begins with a space."""
-    own = robot.said  # of the sidecar, which is read again
-    rules = (rule for rule in robot.columns.rules if rule not in own.columns.items())
-    words = [f"--map {quote('='.join(rule))}" for rule in rules]
+    own, said = robot.said, robot.said.columns.items()  # the sidecar is read again
+    words = [f"--map {quote('='.join(x))}" for x in robot.columns.rules if x not in said]
     words += [f"--set time_unit={robot.time_unit}"] * (robot.time_unit != (own.time.unit or ""))
     words += [f"--set angles={robot.angles}"] * (robot.angles != own.angles)
     return "".join(f" {word}" for word in words)

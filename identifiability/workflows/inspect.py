@@ -47,7 +47,7 @@ from identifiability.regression.reduction import ModelLike, choose_model, find_l
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.sidecar import read_sidecar
-from identifiability.workflows.answers import answer_next, hint_note, with_hints
+from identifiability.workflows.answers import answer_next, hint_note, sentence, with_hints
 from identifiability.workflows.commands import name_logs, source_name
 from identifiability.workflows.session import (
     Logs,
@@ -498,22 +498,13 @@ def _with_logs(
 SHOWN = 3
 
 
-def find_odd(result: Inspection) -> tuple[str, ...]:
-    """Return the hints that say more than how logs were read, and what was done without a doubt."""
-    return tuple(h for h in result.hints if hint_note(h).level == "warning")
-
-
 def _usable(result: Inspection) -> Answer:
     question = "Can these logs be used?"
-    if odd := find_odd(result):
+    odd = [hint for hint in result.hints if hint_note(hint).level == "warning"]
+    if odd:
         count = format_count(len(odd), "thing")
         return Answer(question, f"Check {count} first.", odd[0], "amber")
-    return Answer(
-        question,
-        "Yes: nothing is odd.",
-        "Neither the robot file nor limits nor physics contradict them.",
-        "green",
-    )
+    return Answer(question, "Yes: nothing is odd.", sentence("inspection.sound"), "green")
 
 
 def _content(result: Inspection) -> Answer:

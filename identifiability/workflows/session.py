@@ -672,7 +672,7 @@ def weigh_rows(
 
 
 def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Outliers) -> str:
-    """Return where the farthest outlier is, of how many, and how far from the model."""
+    """Return where the farthest outlier is, and how far from the model."""
     at, worst = divmod(int(found.beyond.argmax()), len(joints))
     log = samples[int(found.log[at])]
     new = (np.diff(found.log) != 0) | (found.first[1:] > found.last[:-1])
@@ -681,7 +681,7 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Out
     ends = log.output_times(np.array([found.first[own][0], found.last[own][-1] - 1]))
     far = float(np.sqrt(found.beyond[at, worst]))
     told = {"start": ends[0], "stop": ends[1], "joint": joints[worst], "far": far}
-    return phrase("outliers", "where", log=log.name, places=int(place[-1]) + 1, **told)
+    return phrase("outliers", "where", log=log.name, **told)
 
 
 def settle_gains(robot: Robot, logs: Logs) -> Robot:

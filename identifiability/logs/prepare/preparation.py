@@ -569,7 +569,6 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
     if len(grid.breaks):
         told = {"where": gaps.tell(split), "parts": len(grid.breaks) + 1}
         hints.append(Finding("split", gaps.name, **told))
-        notes.append(hints[-1])
     return replace(
         plan,
         grid=grid,

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-import pinocchio as pin
 
 from identifiability.effects import FAMILIES
 from identifiability.effects.base import settle_gravity
@@ -30,15 +29,14 @@ from identifiability.effects.vocabulary import (
 from identifiability.estimation import prediction
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
-from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS
+from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.foundation.options import ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import state_mass
-from identifiability.physical.pseudo_inertia import check_body
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
@@ -80,11 +78,6 @@ def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]
             f"{path} has no mass of {listing(missing)}, and a robot file needs one of every body: "
             "make a result whose model has the effect rigid_body, at each of them."
         )
-    whole = complete_values(robot, given, keep=False)
-    for body in robot.bodies:
-        wrong = check_body(np.array([whole[f"{body}.{kind}"] for kind in GROUPED_KINDS]), body)
-        if wrong:
-            raise IdentifiabilityError(f"{path}: {wrong}")
 
 
 # The real robot of a result as plain JSON, for programs of one's own.
@@ -93,14 +86,8 @@ def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]
 def write_parameters_json(
     robot: Robot, given: Mapping[str, float], physical: RealEntry, out: Path
 ) -> Path:
-    """Write names, values and units of the real robot, and each body as it is usually stated."""
+    """Write names, values and units of the real robot."""
     known = every_parameter(robot, physical.shapes)
-    whole = complete_values(robot, given, keep=False)
-    bodies = dict[str, dict[str, object]]()
-    for body in robot.bodies:
-        theta = np.array([whole[f"{body}.{kind}"] for kind in INERTIAL_KINDS])
-        own = pin.Inertia.FromDynamicParameters(theta)  # inertia about the centre, in joint axes
-        bodies[body] = {"mass": own.mass, "centre": own.lever, "inertia": own.inertia}
     told = {
         "schema": "identifiability/robot/1",
         "robot": robot.identity,
@@ -109,7 +96,6 @@ def write_parameters_json(
             for name, value in given.items()
         ],
         "shapes": physical.shapes,
-        "bodies": bodies,
         "error_ra": physical.error_ra,
         "error_joints": [{k: e.get(k) for k in ("joint", "error")} for e in physical.error_joints],
     }
@@ -371,8 +357,10 @@ def export(
                 tried = write_parameters(robot, given, Path(folder) / Path(out).name, **what)
                 unseen = judge_files(own, tried, validate, content)
             if unseen.totals[1] > unseen.totals[0] and not force:
-                worse = phrase("exported", "worse", name=Path(out).name)
-                raise IdentifiabilityError(f"{unseen.told} {worse}")
+                raise IdentifiabilityError(
+                    f"{unseen.told} So {Path(out).name} would be worse than the file that it comes "
+                    "from: export to .json, or write it all the same with --force."
+                )
         written = write_parameters(robot, given, out, **what)
         if written.sidecar is not None:
             read = partial(_reread, own, written.robot, written.sidecar)
@@ -432,14 +420,23 @@ def _notes(robot: Robot, content: ResultEntry, kind: Kind | None, name: str) -> 
     """Return what else a user has to know of a file that was written."""
     said = [] if content.rollout is None else [content.rollout.statement]
     if content.rollout is None and robot.servo is not None and robot.servo.delay is None:
-        said.append(phrase("exported", "late"))
+        said.append(
+            "Measured torque does not say when commands act, but predict --forward of a log with "
+            "both does: state it in the sidecar, [servo] delay = …."
+        )
     if robot.tilt is not None:
-        said.append(phrase("exported", "tilt", name=name, how=robot.tilt.text))
+        said.append(f"{name} holds a tilted base: gravity {robot.tilt.text}.")
     if kind is not None and robot.known_torque:
         known = "; ".join(k.text for k in robot.known_torque)
-        said.append(phrase("exported", "known", name=name, known=known))
+        said.append(
+            f"Torque that is known beforehand ({known}) is beside what was fitted: it stands in "
+            f"the sidecar alone, and {name} moves without it."
+        )
     if kind not in (None, file_kinds(robot)[0]):
-        said.append(phrase("exported", "format", name=name))
+        said.append(
+            f"{name} is of another format than the robot's own file: it has no geometry, so "
+            "nothing is seen and nothing collides."
+        )
     return (*said, *state_missing(content.missing))
 
 
