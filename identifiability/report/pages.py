@@ -397,11 +397,6 @@ def inspection_moving(result: Inspection) -> Moving | None:
     return move_with_torque(result.robot, motion, first.t, first.tau, lines, first.name)
 
 
-def inspection_notes(result: Inspection) -> list[Note]:
-    """Return what was odd, or how logs were read."""
-    return [*map(hint_note, result.hints)] if result.records else []
-
-
 def inspection_sections(result: Inspection) -> list[Section]:
     """Return the sections of the page: what logs hold comes first, then the robot on demand."""
     own = _robot(result)

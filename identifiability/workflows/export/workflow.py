@@ -31,12 +31,13 @@ from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import INERTIAL_KINDS
+from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.foundation.options import ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import state_mass
+from identifiability.physical.pseudo_inertia import check_body
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
@@ -78,6 +79,11 @@ def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]
             f"{path} has no mass of {listing(missing)}, and a robot file needs one of every body: "
             "make a result whose model has the effect rigid_body, at each of them."
         )
+    whole = complete_values(robot, given, keep=False)
+    for body in robot.bodies:
+        wrong = check_body(np.array([whole[f"{body}.{kind}"] for kind in GROUPED_KINDS]), body)
+        if wrong:
+            raise IdentifiabilityError(f"{path}: {wrong}")
 
 
 # The real robot of a result as plain JSON, for programs of one's own.
@@ -334,8 +340,7 @@ def export(
     check_result(robot, Path(result), content, {*known, *robot.nominal})
     given |= _as_stated(robot, given)
     loaded = any(x and n in known and FAMILIES[known[n].group].loaded for n, x in given.items())
-    unseen: Unseen | PositionPrediction | None = None
-    snippet, added = None, list[str]()
+    unseen, snippet, added = None, None, list[str]()
     alone, written = physical.error_ra, Written(Path(out), None, ())
     kind: Kind | None = None
     if wanted == "json":
