@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, field, replace
-from shlex import quote
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -539,7 +538,7 @@ def _open(result: Inspection) -> Answer:
 def _next_commands(result: Inspection) -> list[tuple[str, str]]:
     robot = source_name(result.robot)
     if not result.records:
-        study = f"identifiability new study --robot {quote(str(result.robot.path))}"
+        study = f"identifiability new study --robot {robot.partition(' --')[0]}"
         motion = f"identifiability excite {robot} --out motion.json --report motion.html"
         return [
             ("Begin a folder with an empty log of the right columns:", study),
