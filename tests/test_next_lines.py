@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from identifiability import Robot, simulate
 from identifiability.cli import app, common
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability.workflows.commands import reading_options
 
 COMMANDS = vars(typer.main.get_command(app))["commands"]
 
@@ -187,3 +188,12 @@ def test_the_line_that_a_new_study_begins_with_works_where_it_says(
     folder, line = re.search(r"Begin with: cd (\S+) && identifiability (.*)", said).groups()
     monkeypatch.chdir(tmp_path / folder)
     call(shlex.split(line))
+
+
+def test_what_the_sidecar_says_of_logs_is_not_said_again(tmp_path):
+    path = tmp_path / "robot.xml"
+    path.write_bytes(Robot.load("two-link").path.read_bytes())
+    path.with_suffix(".toml").write_text('angles = "deg"\n[columns]\na1 = "shoulder"\n')
+    assert reading_options(Robot.load(path)) == ""
+    told = reading_options(Robot.load(path, columns={"a2": "elbow"}, time_unit="ms"))
+    assert told == " --map a2=elbow --set time_unit=ms"

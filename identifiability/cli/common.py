@@ -137,9 +137,8 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
         shown = max(12, (table.marked or 0) + 4)
         print_table(table, shown, getattr(robot, "title", ""))
         if (left := len(table.rows) - shown) > 0:
-            which = "with smaller errors" if table.worst is not None else "below them"
             where = "the page" if any(p.suffix == ".html" for p in written) else "--report"
-            print_end([f"{format_count(left, 'row')} {which}: {where} shows them all."])
+            print_end([f"{format_count(left, 'row')} below them: {where} shows them all."])
     print_end(hints if every else [f"{format_count(len(hints), 'hint')}: see -v."] if hints else [])
     print_next(result)
     print_end([], written)

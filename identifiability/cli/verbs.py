@@ -460,7 +460,7 @@ class Searched:
     harmonics: kinds.Harmonics = 5
     at_rest: bool = False
     samples: int = 750
-    evaluations: kinds.Count = 15_000
+    evaluations: kinds.Count = 11_000
 
 
 @dataclass(frozen=True)

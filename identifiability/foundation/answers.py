@@ -110,8 +110,6 @@ class Table:
         Row that is emphasised.
     long : bool
         Whether it is too long for a terminal.
-    worst : int or None
-        Column whose largest numbers decide which rows are shown where not all are.
     """
 
     caption: str
@@ -120,7 +118,6 @@ class Table:
     filter_by: int | None = None
     marked: int | None = None
     long: bool = False
-    worst: int | None = None
     kind: ClassVar[str] = "table"
 
     @classmethod
@@ -136,21 +133,16 @@ class Table:
             Say what of each row they show, and how.
         rows : iterable
         options
-            `filter_by`, `marked`, `long` and `worst`.
+            `filter_by`, `marked` and `long`.
         """
         cells = (tuple(c.cell(row, k) for k, c in enumerate(columns)) for row in rows)
         return cls(caption, tuple(columns), tuple(cells), **options)
 
     def brief(self, most: int | None = None) -> Table:
-        """Return it without what is detail, with at most so many rows, in their order."""
+        """Return it without what is detail, with at most so many of its first rows."""
         shown = [k for k, c in enumerate(self.columns) if not c.detail]
-        at = list(range(len(self.rows)))
-        if most is not None and len(at) > most:
-            if self.worst is not None:
-                at.sort(key=lambda r: -_number(self.rows[r][self.worst or 0]))
-            at = sorted(at[:most])
-        rows = tuple(tuple(self.rows[r][k] for k in shown) for r in at)
-        marked = at.index(self.marked) if self.marked in at else None
+        rows = tuple(tuple(row[k] for k in shown) for row in self.rows[:most])
+        marked = self.marked if (self.marked or 0) < len(rows) else None
         chips = None if self.filter_by is None else self.filter_by % len(self.columns)
         filter_by = shown.index(chips) if chips in shown else None
         columns = tuple(self.columns[k] for k in shown)
@@ -205,10 +197,6 @@ def as_cell(x: Any, digits: int = 4) -> Cell:
     if isinstance(x, Real):
         return Cell(format_number(float(x), digits), float(x))
     return Cell(NONE if x is None else str(x))
-
-
-def _number(cell: Cell) -> float:
-    return cell.key if isinstance(cell.key, float) and not math.isnan(cell.key) else -math.inf
 
 
 def _kind(values: Sequence[Any], *, first: bool) -> Kind:

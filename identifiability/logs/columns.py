@@ -545,7 +545,7 @@ def tell_missing(
     """Return what to say of columns that are missing, of some of the joints that are wanted."""
     joints = list(dict.fromkeys(map(_owner, missing)))
     locks = "".join(f" --lock {j}" for j in joints)  # where all miss some, their names are others
-    others = listing(dict.fromkeys(_owner(n) or n for n in free))
+    others = listing(dict.fromkeys(_owner(n) if _kind(n) in SPELLED else n for n in free))
     first = missing[0] if len(missing) < 2 * len(joints) else joints[0]
     return Finding(
         "columns.missing",

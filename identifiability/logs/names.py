@@ -106,7 +106,7 @@ RULES = tuple(
         ("ff feedforward", "tau_ff"),
         ("joint joints dof dofs j axis axes state states robot arm actual act measured", "silent"),
         ("meas mes msr feedback fbk field data log value values achse axe ist wert a m", "silent"),
-        ("observation observations", "silent"),
+        ("observation observations ax present", "silent"),
         ("policy controller servo motor motors output pd", "silent of commands"),
         ("acc accel accelerometer acceleration linear_acceleration a", "base.acc"),
         ("gyro gyroscope angular_velocity angular w omega ang_vel", "base.gyro"),

@@ -119,7 +119,7 @@ def section_parameters(analysis: Analysis) -> Section:
     return section(
         "analysis.parameters",
         *tables,
-        figure,
+        Fold("How well each of them is known", (figure,)),
         Fold("Which numbers of the robot file may I believe?", (file_table(analysis),)),
         _name_key(analysis),
         title=model_title(chosen),

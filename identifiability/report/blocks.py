@@ -336,7 +336,7 @@ def fold_rows(table: Table, first: Sequence[bool], those: str) -> tuple[Table | 
         for kind in (True, False)
     )
     counts = ", ".join(f"{n} {word}" for word, n in words_of(replace(table, rows=hidden)))
-    said = f"The other {len(hidden)}: {counts}"
+    said = f"The other {len(hidden)}{f': {counts}' if counts else ''}"
     more = replace(
         table,
         caption="",

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identifiability.effects import find_effect, title_of
+from identifiability.effects import title_of
 from identifiability.foundation.answers import Cell, Column, Note, Table
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
@@ -38,6 +38,7 @@ from identifiability.report.blocks import (
     Terms,
     Traces,
     count_joints,
+    fold_rows,
     gallery,
     level_table,
     motion_traces,
@@ -50,7 +51,7 @@ from identifiability.report.figures import draw_curve, draw_forward, draw_interv
 from identifiability.report.skeleton import move_skeletons, move_with_torque
 from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import Point
-from identifiability.workflows.answers import note, sentence, words
+from identifiability.workflows.answers import hint_note, sentence, words
 
 if TYPE_CHECKING:
     from identifiability.workflows.calibrate.calibration import Calibration
@@ -87,10 +88,14 @@ def calibration_below(calibration: Calibration) -> Picture:
 
 def calibration_sections(calibration: Calibration) -> list[Section | None]:
     """Return the sections of the page."""
-    names = calibration.false_names
+    names, (every,) = calibration.false_names, calibration.tables()
+    worst = [k < SHOWN_FIRST for k in range(len(every.rows))]
     how = {"trials": len(calibration.cell.held), "seed": calibration.provenance["seed"]}
     return [
-        section("calibration.parameters", *calibration.tables()),
+        section(
+            "calibration.parameters",
+            *fold_rows(every, worst, "parameters whose intervals hold the truth least often"),
+        ),
         section("calibration.names", statement=names.statement) if names is not None else None,
         section("calibration.method", Prose(tuple(words("calibration.how", **how).values()))),
     ]
@@ -292,16 +297,11 @@ def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
         Term(" in ".join(filter(None, (title, join(list(filter(None, places)), PLACES)))), reason)
         for (title, reason), places in why.items()
     )
-    names = dict.fromkeys([*d.base, *(x.name for x in d.evidence)])
-    effects = [(name, find_effect(name)) for name in names]
-    terms = Terms(tuple(Term(title_of(n), e.source, formula=e.equation) for n, e in effects))
-    prepared = tuple(f"{s.name}: {'; '.join(s.notes)}." for s in (*d.samples, *d.validation))
-    roles = sentence("diagnosis.roles", verified=d.verified_on)
-    told = Prose((roles, *prepared))
+    told = Prose((sentence("diagnosis.roles", verified=d.verified_on),))
     return (
         section("diagnosis.evidence", table, detail=True),
         section("diagnosis.refusals", Terms(refused) if refused else "Every family was asked."),
-        section("diagnosis.method", terms, level_table(), told, detail=True),
+        section("diagnosis.method", level_table(), told, detail=True),
     )
 
 
@@ -341,7 +341,7 @@ def excitation_below(result: Excitation) -> Picture:
 
 def excitation_notes(result: Excitation) -> list[Note]:
     """Return what should be known with the answer."""
-    return [*result.cautions(), *(note("hint", hint=hint) for hint in result.hints)]
+    return [*result.cautions(), *map(hint_note, result.hints)]
 
 
 def excitation_sections(result: Excitation) -> list[Section]:
@@ -395,16 +395,6 @@ def inspection_moving(result: Inspection) -> Moving | None:
     motion = complete_motion(result.robot, first.t, first.q, still, still)
     lines = {"measured": first.tau}
     return move_with_torque(result.robot, motion, first.t, first.tau, lines, first.name)
-
-
-def inspection_notes(result: Inspection) -> list[Note]:
-    """Return what was odd, or how logs were read."""
-    from identifiability.workflows.inspect import find_odd  # noqa: PLC0415
-
-    if not result.records:
-        return []
-    odd = find_odd(result)
-    return [note("hint" if hint in odd else "read", hint=hint) for hint in result.hints]
 
 
 def inspection_sections(result: Inspection) -> list[Section]:

@@ -41,7 +41,7 @@ from identifiability.report.blocks import (
     words_of,
 )
 from identifiability.report.figures import TEMPLATES, mark_of
-from identifiability.workflows.answers import note
+from identifiability.workflows.answers import hint_note
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -198,7 +198,7 @@ def build_page(result: Result) -> Page:
         title = robot if isinstance(robot, str) else robot.title or robot.name
         overline, subtitle = own
     first = answer_first(result)
-    hints = tuple(note("hint", hint=hint) for hint in getattr(result, "hints", ()))
+    hints = map(hint_note, getattr(result, "hints", ()))
     notes = tuple(_of_page(result, "notes", result.cautions() or hints))
     rules = result.decided_by()
     tables = [

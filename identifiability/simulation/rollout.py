@@ -85,7 +85,8 @@ class CommandedRobot:
         if robot.closed or robot.cables or robot.transmission is not None:
             raise RobotError(
                 f"{robot.path}: positions are predicted of robots whose joints are moved one by "
-                "one; it has loops, cables or motors that mix joints."
+                "one; it has loops, cables or motors that mix joints. Torque is predicted without "
+                "--forward."
             )
         self.robot, self.servo = robot, servo
         self._forward = ForwardRobot(robot, parameters, servo)

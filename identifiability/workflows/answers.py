@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.foundation.answers import Answer, Cell, Column, Note, measured_cells
+from identifiability.foundation.findings import Finding, Level
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import error_text, format_count
 from identifiability.workflows.rules import RULES
@@ -38,6 +39,13 @@ def sentence(name: str, what: str = "text", /, **holes: Any) -> str:
 def note(name: str, /, **holes: Any) -> Note:
     """Return a caveat."""
     return Note(**words(f"note.{name}", **holes))
+
+
+def hint_note(hint: str) -> Note:
+    """Return a hint as a caveat; how logs were read, and torque was made, is none."""
+    if not isinstance(hint, Finding) or hint.level is not Level.INFO:
+        return note("hint", hint=hint)
+    return note("commands" if hint.key == "commands" else "read", hint=hint)
 
 
 def with_hints(table: str, *own: Column) -> tuple[Column, ...]:

@@ -185,7 +185,7 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
         names=names,
         source=robot.servo.source,
         late=state_delay(found.delays),
-        known="as is stated" if robot.servo.delay is not None else "found from rollouts",
+        stated=robot.servo.delay is not None,
         before=before,
         after=after,
     )

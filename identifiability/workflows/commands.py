@@ -42,9 +42,10 @@ def export_line(robot: Robot, result: str = "{file}") -> tuple[str, str]:
 
 def reading_options(robot: Robot) -> str:
     """Return the options by which a command reads logs as they were read; begins with a space."""
-    words = [f"--map {quote(f'{old}={new}')}" for old, new in robot.columns.rules]
-    words += [f"--set time_unit={robot.time_unit}"] if robot.time_unit else []
-    words += [f"--set angles={robot.angles}"] if robot.angles is not None else []
+    own, said = robot.said, robot.said.columns.items()  # the sidecar is read again
+    words = [f"--map {quote('='.join(x))}" for x in robot.columns.rules if x not in said]
+    words += [f"--set time_unit={robot.time_unit}"] * (robot.time_unit != (own.time.unit or ""))
+    words += [f"--set angles={robot.angles}"] * (robot.angles != own.angles)
     return "".join(f" {word}" for word in words)
 
 

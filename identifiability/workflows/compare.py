@@ -11,7 +11,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from shlex import quote
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -365,8 +364,7 @@ def _next_commands(result: Comparison) -> list[tuple[str, str]]:
     loads = [c.place for c in result.changes if c.kind == "load"]
     if loads:
         fitted = f"identifiability analyze {robot} {before} --json analyze.json"
-        without = "".join(f" --without {quote(path)}" for path in dict.fromkeys(result.before))
-        weigh = f"{name_logs(result.robot, result.after)}{without} --body {loads[0]}"
+        weigh = f"{name_logs(result.robot, result.after)} --body {loads[0]}"
         call = f"{fitted} && identifiability payload {robot} analyze.json {weigh}"
         return [("Fit the robot without the load, and weigh the load:", call)]
     fit = f"identifiability analyze {robot} {after} --json analyze.json --report report.html"

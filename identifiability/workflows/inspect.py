@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, field, replace
-from shlex import quote
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -20,7 +19,7 @@ from identifiability.effects.nominal import has_masses
 from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.engines import Engine
 from identifiability.foundation.errors import listing
-from identifiability.foundation.findings import Level, ledger, phrase
+from identifiability.foundation.findings import ledger, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
 from identifiability.foundation.result import Result, by_name
@@ -47,7 +46,7 @@ from identifiability.regression.reduction import ModelLike, choose_model, find_l
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.sidecar import read_sidecar
-from identifiability.workflows.answers import answer_next, with_hints
+from identifiability.workflows.answers import answer_next, hint_note, sentence, with_hints
 from identifiability.workflows.commands import name_logs, source_name
 from identifiability.workflows.session import (
     Logs,
@@ -148,14 +147,20 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
     return (*facts, *locked, *outside)
 
 
-def required_columns(names: Sequence[str]) -> tuple[str, ...]:
+def required_columns(names: Sequence[str], torque: str = "tau") -> tuple[str, ...]:
     """Return the columns that a log must have, of joints or of motors."""
-    return ("t", *(f"{name}.{kind}" for name in names for kind in ("q", "tau")))
+    return ("t", *(f"{name}.{kind}" for name in names for kind in ("q", torque)))
 
 
 def robot_columns(robot: Robot) -> tuple[str, ...]:
-    """Return the columns that a log of a robot must have; of a base that floats, of a sensor."""
-    columns, base = required_columns(robot.motor_joints), robot.base
+    """Return the columns that a log of a robot must have: of servos commands, they make torque.
+
+    Of a base that floats those of a sensor, too.
+    """
+    columns, base = (
+        required_columns(robot.motor_joints, "cmd" if robot.servo else "tau"),
+        robot.base,
+    )
     if base is None:
         return columns
     sensor = tuple(f"base.{kind}.{axis}" for kind in ("acc", "gyro") for axis in "xyz")
@@ -364,10 +369,9 @@ class Inspection(OfStructure, Result):
         if not self.records:
             return (Table.of("Joints of the robot file", JOINTS, self.joints),)
         clocks = pd.DataFrame([{"log": r.name, **r.clock} for r in self.records])
-        first = Column("joint", get=lambda row: Cell(row.joint, note=row.log))
         return (
             Table.of("Clock and preparation", CLOCK, clocks.itertuples()),
-            Table.of("Each joint [SI units]", (first, *MOTION), self.to_frame().itertuples()),
+            Table.of("Each joint [SI units]", MOTION, self.to_frame().itertuples()),
         )
 
     def to_frame(self) -> pd.DataFrame:
@@ -493,22 +497,13 @@ def _with_logs(
 SHOWN = 3
 
 
-def find_odd(result: Inspection) -> tuple[str, ...]:
-    """Return the hints that say more than how logs were read, and what was done without a doubt."""
-    return tuple(h for h in result.hints if getattr(h, "level", None) is not Level.INFO)
-
-
 def _usable(result: Inspection) -> Answer:
     question = "Can these logs be used?"
-    if odd := find_odd(result):
+    odd = [hint for hint in result.hints if hint_note(hint).level == "warning"]
+    if odd:
         count = format_count(len(odd), "thing")
         return Answer(question, f"Check {count} first.", odd[0], "amber")
-    return Answer(
-        question,
-        "Yes: nothing is odd.",
-        "Neither the robot file nor limits nor physics contradict them.",
-        "green",
-    )
+    return Answer(question, "Yes: nothing is odd.", sentence("inspection.sound"), "green")
 
 
 def _content(result: Inspection) -> Answer:
@@ -527,6 +522,7 @@ def _most(result: Inspection) -> Answer:
     short = f"{len(result.columns)} columns: {columns}."
     size = f"{format_count(base.rank, 'base parameter')} of {len(base.parameters)}"
     text = f"They tell {size} at most; the others act only together with these, or never."
+    text += " Measured torque, '<joint>.tau', does as well as commands." * bool(result.robot.servo)
     return Answer("What must a log have?", short, text, "blue")
 
 
@@ -542,7 +538,7 @@ def _open(result: Inspection) -> Answer:
 def _next_commands(result: Inspection) -> list[tuple[str, str]]:
     robot = source_name(result.robot)
     if not result.records:
-        study = f"identifiability new study --robot {quote(str(result.robot.path))}"
+        study = f"identifiability new study --robot {robot.partition(' --')[0]}"
         motion = f"identifiability excite {robot} --out motion.json --report motion.html"
         return [
             ("Begin a folder with an empty log of the right columns:", study),
@@ -560,6 +556,8 @@ def _share(value: float) -> str:
 
 MOTION = with_hints(
     "inspection.motion",
+    Column("joint", get="joint"),
+    Column("log", get="log"),
     Column("least", digits(3), "low"),
     Column("largest", digits(3), "high"),
     Column("of its range", rough_percent, "room"),

@@ -55,16 +55,16 @@ def _find(folder: Path) -> tuple[Path, list[Path], list[Path]]:
         If there is no folder, no log, or not one robot file.
     """
     if not folder.is_dir():
-        raise OptionError(Finding("fleet.none", folder))
+        raise OptionError(Finding("fleet.none", folder.name))
     there = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
     files = [path for path in there if path.suffix.lower() in ENDINGS]
     files = [p for p in files if p.name in ("robot.xml", "robot.urdf")][-1:] or files
     if len(files) != 1:
         has = f"has {listing([p.name for p in files])}" if files else "has no robot file"
-        raise OptionError(f"'{folder}' {has}; there must be one robot.urdf or robot.xml.")
+        raise OptionError(f"'{folder.name}' {has}; there must be one robot.urdf or robot.xml.")
     logs = [p for p in there if p.suffix.lower() in (".csv", ".parquet", *BAGS) or is_bag(p)]
     if not logs:
-        raise OptionError(Finding("fleet.logs", folder))
+        raise OptionError(Finding("fleet.logs", folder.name))
     fitted = logs[:-1] or logs
     return files[0], fitted, logs[len(fitted) :]
 
@@ -210,19 +210,12 @@ class Fleet(Result):
             Column("model", "text", itemgetter("model")),
             Column("size", "number", itemgetter("parameters")),
             Column("identifiable", "number", lambda r: r["verdicts"].get("identifiable")),
-            Column("error", error_text, lambda r: math.nan if r["error"] is None else r["error"]),
-            Column("unseen", "bar", self._unseen),
+            Column("error", error_text, lambda r: _known(r["error"])),
+            Column("unseen", error_text, lambda r: _known(r["error_unseen"])),
             Column("missing", "text", lambda r: "; ".join(r["missing"]) or NONE),
             Column("warnings", "number", lambda r: len(r["warnings"])),
         )
         return (Table.of("One row a robot, whose name leads to its own page", own, self.rows),)
-
-    def _unseen(self, row: Mapping[str, Any]) -> Cell:
-        """Return the error of a robot on unseen motion, beside the largest of all."""
-        if (error := row["error_unseen"]) is None:
-            return Cell(NONE, math.nan)
-        most = max(r["error_unseen"] or error for r in self.rows)
-        return Cell(error_text(error), error, share=error / most)
 
     def answers(self) -> tuple[Answer, ...]:
         """Return how many robots have an answer, how well models predict, whose page is next."""
@@ -311,6 +304,10 @@ def analyze_many(
     result.to_json(folder / JSON)
     result.write_report(folder / PAGE)
     return result
+
+
+def _known(error: float | None) -> float:
+    return math.nan if error is None else error
 
 
 def _open(folder: Path) -> None:

@@ -815,20 +815,28 @@ class PositionPrediction(Result):
             "rollouts": rollouts,
         }
 
+    def warn(self, answer: Answer) -> Answer:
+        """Return how good a model is, behind that it moves worse than without what was named."""
+        if not self.totals[-1] < self.totals[1]:
+            return answer
+        short = phrase("predicted", "worse", told=self.told)
+        return replace(answer, short=short, text=f"{answer.short} {answer.text}", tone="amber")
+
     @property
     def told(self) -> str:
         """The errors of the file's and of the fitted robot, as their result says them."""
-        file, own = (
+        errors = (
             f"errs by {1e3 * x:.3g} {self.unit} (rms)" if np.isfinite(x) else "diverges"
             for x in self.totals
         )
         logs = listing([log.name for log in self.logs], 3)
         of = "not fitted" if self.unseen else "fitted"
-        return f"Moved by the commands of {logs} ({of}), the fitted robot {own}, the file's {file}."
+        each = [f"{run.name} {error}" for run, error in zip(self.runs, errors, strict=True)]
+        return f"Moved by the commands of {logs} ({of}), {', '.join(each[::-1])}."
 
     def to_rollout(self) -> dict[str, Any]:
         """Return it as the JSON of the fitted robot's result has it."""
-        servo, (file, own) = self.robot.servo, self.totals.tolist()
+        servo, (file, own, *_) = self.robot.servo, self.totals.tolist()
         gains = servo.by_joint(self.robot.joints) if servo and servo.source == FOUND else {}
         return {
             "statement": self.told,
@@ -844,8 +852,8 @@ class PositionPrediction(Result):
 def _position_error(result: PositionPrediction) -> Answer:
     totals, unit = 1e3 * result.totals, result.unit
     told = " → ".join(f"{x:.3g} {unit}" if np.isfinite(x) else "it diverges" for x in totals)
-    windows = f"windows of {WINDOW:g} s that begin with what was measured"
-    over = "whole logs" if any(map(has_commands, result.logs)) else windows
+    over = f"windows of {WINDOW:g} s that begin with what was measured"
+    over = "whole logs" if any(map(has_commands, result.logs)) else over
     text = f"{' → '.join(run.name for run in result.runs)}: over {over} (rms)."
     tone = "blue" if len(totals) == 1 else "green" if totals[1] < totals[0] else "amber"
     question = "By how much do positions err?"
@@ -863,7 +871,7 @@ def _driven(result: PositionPrediction) -> Answer:
 
 
 def move_fitted(
-    robot: Robot, values: Mapping[str, float], logs: Recordings
+    robot: Robot, values: Mapping[str, float], logs: Recordings, beside: Mapping[str, float]
 ) -> PositionPrediction | None:
     """Return how the robot of the file and the fitted one move by commands of unseen logs.
 
@@ -877,6 +885,8 @@ def move_fitted(
     values : mapping
         The fitted standard parameters by name.
     logs : Recordings
+    beside : mapping
+        Those of a robot without what was named; empty for none.
     """
     unseen, fitted = (
         tuple(x.select(robot.joints) for x in own if of_commands(x))
@@ -886,7 +896,9 @@ def move_fitted(
     if not (own and values):
         return None
     try:
-        runs = tuple(_move(robot, "", given, own) for given in ({}, values))
+        pairs = {"the file's": {}, "the fitted robot": values}
+        pairs |= {"one without what was named": beside} if beside else {}
+        runs = tuple(_move(robot, *pair, own) for pair in pairs.items())
     except RobotError:
         return None
     return PositionPrediction(robot=robot, logs=own, runs=runs, unseen=bool(unseen))

@@ -17,7 +17,6 @@ from contextlib import contextmanager
 from dataclasses import field, replace
 from functools import cached_property, partial
 from hashlib import sha256
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 
@@ -663,19 +662,16 @@ def weigh_rows(
 
 
 def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Outliers) -> str:
-    """Return where outliers are, the farthest first, and how far from the model."""
-    ends = np.flatnonzero((np.diff(found.log) != 0) | (found.first[1:] > found.last[:-1])) + 1
-    stretches = list(pairwise([0, *ends.tolist(), len(found.log)]))
-    stretches.sort(key=lambda ab: -float(found.beyond[ab[0] : ab[1]].max()))
-    named = []
-    for a, b in stretches:
-        log = samples[int(found.log[a])]
-        start, stop = log.output_times(np.array([found.first[a], found.last[b - 1] - 1]))
-        named.append(f"{log.name} from t = {start:.5g} to {stop:.5g} s")
-    beyond = found.beyond.max(0)
-    worst = int(np.argmax(beyond))
-    far = float(np.sqrt(beyond[worst]))
-    return phrase("outliers", "where", stretches=named, joint=joints[worst], far=far)
+    """Return where the farthest outlier is, and how far from the model."""
+    at, worst = divmod(int(found.beyond.argmax()), len(joints))
+    log = samples[int(found.log[at])]
+    new = (np.diff(found.log) != 0) | (found.first[1:] > found.last[:-1])
+    place = np.cumsum([False, *new])
+    own = place == place[at]
+    ends = log.output_times(np.array([found.first[own][0], found.last[own][-1] - 1]))
+    far = float(np.sqrt(found.beyond[at, worst]))
+    told = {"start": ends[0], "stop": ends[1], "joint": joints[worst], "far": far}
+    return phrase("outliers", "where", log=log.name, **told)
 
 
 def settle_gains(robot: Robot, logs: Logs) -> Robot:

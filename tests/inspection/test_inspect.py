@@ -58,6 +58,10 @@ def test_every_joint_has_its_part_and_the_columns_follow_from_it(gripper):
     assert {j.name: j.remark for j in locked.joints if j.role == "locked"} == {
         "finger1": "held at 0.02", "finger2": "held at -0.03"}  # fmt: skip
     assert locked.columns == ("t", "lift.q", "lift.tau")
+    assert inspect("hobby-arm").columns[1:3] == (
+        "base_yaw.q",
+        "base_yaw.cmd",
+    )  # servos make its torque
 
 
 @pytest.mark.parametrize("name", ["3-rps", "five-bar", "two-link"])

@@ -567,11 +567,8 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
             )
         )
     if len(grid.breaks):
-        hints.append(
-            f"{gaps.name} lacks samples for {gaps.tell(split)}: it was taken as "
-            f"{len(grid.breaks) + 1} stretches, and nothing was computed from one to the next."
-        )
-        notes.append(Finding("split", gaps.name, parts=len(grid.breaks) + 1))
+        told = {"where": gaps.tell(split), "parts": len(grid.breaks) + 1}
+        hints.append(Finding("split", gaps.name, **told))
     return replace(
         plan,
         grid=grid,

@@ -74,6 +74,7 @@ from identifiability.workflows.answers import (
     answer_quality,
     answer_trust,
     grade_of,
+    hint_note,
     note,
     sentence,
     with_hints,
@@ -398,7 +399,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     @cached_property
     def moved(self) -> predict.PositionPrediction | None:
         """How far rollouts of the nearest real robot are off, of logs of commands."""
-        return predict.move_fitted(self.robot, self.real_robot["parameters"], self.recordings)
+        return predict.move_fitted(self.robot, self.real_robot["parameters"], self.recordings, {})
 
     @cached_property
     def fit(self) -> predict.Fit:
@@ -580,9 +581,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     def _notes(self) -> Iterator[Note]:
         """Say what physics, the motion, its samples and the fit speak against."""
         chosen, base, kept = self.chosen, self.base, self.full.estimate.kept
-        kinds = {"commands": "commands", "reading": "read"}
-        for hint in self.hints:
-            yield note(kinds.get(getattr(hint, "key", ""), "hint"), hint=hint)
+        yield from map(hint_note, self.hints)
         for found in of_key(self.findings, "unclosed", "singular"):
             yield note(found.key, log=found.subject, text=found)
         if chosen.infeasible and not self.nothing and not chosen.physical_used:
@@ -850,13 +849,13 @@ def error_tables(result: Laddered[Any]) -> tuple[Table, ...]:
     errors, samples = result.error_frame(), (*result.samples, *result.validation)
     joints = errors[errors["of"] == "joint"].iloc[loaded_joints(result.held_out.rms)]
     caption = "Each joint by itself, over how much its own torque varies"
-    each = Table.of(caption, JOINTS, joints.itertuples(), worst=3)
+    each = Table.of(caption, JOINTS, joints.itertuples())
     if len(samples) == 1:
         return (each,)
     logs = errors[errors["of"] == "log"].assign(
         name=[s.name for s in samples], samples=[s.outputs for s in samples]
     )
-    return each, Table.of("Each log by itself", LOGS, logs.itertuples(), worst=3)
+    return each, Table.of("Each log by itself", LOGS, logs.itertuples())
 
 
 ERRORS = (
@@ -878,16 +877,17 @@ LOGS = (Column("log", get="name"), Column("samples", "number", "samples"), *ERRO
 
 def parameter_table(result: ModelResult) -> Table:
     """Return one row for each parameter of a model, filtered by verdict."""
-    most = max((v.share for v in result.verdicts if np.isfinite(v.share)), default=0.0)
+    most = max((v.share for v in result.verdicts if np.isfinite(v.share)), default=0.0) or 1.0
     values = zip(result.recommended.tolist(), result.meanings, strict=True)
     used = dict(zip(result.submodel.columns, values, strict=True))
+    limit = Thresholds().sigma_percent  # a whole bar is what verdicts allow, or more
 
     def in_model(v: Verdict) -> Cell:
         value, meaning = used[v.name]
         return Cell(stated_text(value, v.sigma_robust), value, meaning)
 
-    def share(v: Verdict) -> Cell:
-        return Cell(percent_text(100 * v.share), v.share, share=v.share / (most or 1.0))
+    def bar(x: float, whole: float) -> Cell:
+        return Cell(percent_text(x), x, share=float(np.nan_to_num(min(x / whole, 1.0))))
 
     def drawn(v: Verdict) -> float:
         return percent_of(v.sigma_bootstrap, v.value)
@@ -897,11 +897,11 @@ def parameter_table(result: ModelResult) -> Table:
         VALUE,
         SIGMA,
         UNIT,
-        Column("σ label", percent_text, "sigma_label_percent"),
+        Column("σ label", "bar", lambda v: bar(v.sigma_label_percent, limit)),
         Column("σ bootstrap", percent_text, drawn, detail=True),
         Column("σ is of", get=_terms_cell, detail=True),
         Column("used", "number", in_model, detail=not any(result.meanings)),
-        Column("share of torque", "bar", share),
+        Column("share of torque", "bar", lambda v: bar(100 * v.share, 100 * most)),
         Column("10× rule", get=lambda v: "✓" if v.paper_rule else "–", detail=True),
         VERDICT,
     )

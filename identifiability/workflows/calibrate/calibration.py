@@ -276,7 +276,7 @@ def calibrate(
     model : str, optional
         Which model of the ladder; by default the one to use, of a model file its only one.
     replicates : int, optional
-        Simulated repetitions; by default 240, or 32 if `quick`.
+        Simulated repetitions; by default 240, or 28 if `quick`.
     refits : int
         Of the bootstrap in each.
     names : int, optional
@@ -297,7 +297,7 @@ def calibrate(
         If the logs do not fit in memory.
     """
     analysis.robot.check_stands("calibration")
-    trials = settle_count(replicates, 240, 32, quick=quick)
+    trials = settle_count(replicates, 240, 28, quick=quick)
     names = settle_count(names, 40, 0, quick=quick)
     entry = None if analysis.source is None else analysis.source.entry.models
     alone = entry[0].name if entry and len(entry) == 1 else analysis.chosen.name

@@ -348,7 +348,8 @@ class Diagnosis(Result, Setting, Predicts):
         """Return the diagnosis with how far rollouts are off, where logs are of commands."""
         if not logs.commanded:
             return self
-        moved = move_fitted(self.robot, self.physical["parameters"], logs)
+        beside = logs.values if self.improved else {}
+        moved = move_fitted(self.robot, self.physical["parameters"], logs, beside)
         said = () if moved is None else (moved.told,)
         return replace(self, moved=moved, hints=(*said, *self.hints))
 
@@ -624,7 +625,8 @@ def _gap(d: Diagnosis) -> Answer:
 def _left(d: Diagnosis) -> Answer:
     question = "How good is the model then?"
     each = d.error_frame()["after"].to_numpy()
-    return answer_quality(d.held_after, d.robot.joints, each, d.unexplained, question)
+    told = answer_quality(d.held_after, d.robot.joints, each, d.unexplained, question)
+    return told if d.moved is None else d.moved.warn(told)
 
 
 #: Places that the headline lists of each effect.

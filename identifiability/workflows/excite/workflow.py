@@ -54,7 +54,7 @@ def excite(
     start_from: Logs | None = None,
     separate: Names | None = None,
     preparation: Preparation | None = None,
-    evaluations: Count = 15_000,
+    evaluations: Count = 11_000,
     seed: Seed = 0,
     progress: Progress | None = None,
     engine: Engine | None = None,

@@ -8,10 +8,9 @@ from dataclasses import replace
 from difflib import unified_diff
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
-import pinocchio as pin
 
 from identifiability.effects import FAMILIES
 from identifiability.effects.base import settle_gravity
@@ -27,7 +26,7 @@ from identifiability.effects.vocabulary import (
     settle_springs,
     stated_numbers,
 )
-from identifiability.estimation.prediction import predict
+from identifiability.estimation import prediction
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
 from identifiability.foundation.findings import Finding
@@ -48,9 +47,10 @@ from identifiability.robot.table import write_converted
 from identifiability.robot.write import write_robot
 from identifiability.workflows.export.snippet import write_snippet
 from identifiability.workflows.predict import (
-    FitEntry,
+    PositionPrediction,
     RealEntry,
     ResultEntry,
+    predict,
     read_real,
     state_missing,
 )
@@ -92,14 +92,8 @@ def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]
 def write_parameters_json(
     robot: Robot, given: Mapping[str, float], physical: RealEntry, out: Path
 ) -> Path:
-    """Write names, values and units of the real robot, and each body as it is usually stated."""
+    """Write names, values and units of the real robot."""
     known = every_parameter(robot, physical.shapes)
-    whole = complete_values(robot, given, keep=False)
-    bodies = dict[str, dict[str, object]]()
-    for body in robot.bodies:
-        theta = np.array([whole[f"{body}.{kind}"] for kind in INERTIAL_KINDS])
-        own = pin.Inertia.FromDynamicParameters(theta)  # inertia about the centre, in joint axes
-        bodies[body] = {"mass": own.mass, "centre": own.lever, "inertia": own.inertia}
     told = {
         "schema": "identifiability/robot/1",
         "robot": robot.identity,
@@ -108,7 +102,6 @@ def write_parameters_json(
             for name, value in given.items()
         ],
         "shapes": physical.shapes,
-        "bodies": bodies,
         "error_ra": physical.error_ra,
         "error_joints": [{k: e.get(k) for k in ("joint", "error")} for e in physical.error_joints],
     }
@@ -253,8 +246,9 @@ class Exported:
     error_ra, error_ra_file : float or None
         ε_RA on the fitted logs of all that was fitted, and of what the robot file alone holds;
         None where the torque does not vary.
-    unseen : Unseen or None
-        Errors of the files on logs that were not fitted, where some were given.
+    unseen : Unseen, PositionPrediction or None
+        Errors of the files on logs that were not fitted, where some were given; of logs of commands
+        those of positions.
     mass : str
         What is wrong with the total mass, and the remedy; empty if nothing is.
     notes : tuple of str
@@ -271,7 +265,7 @@ class Exported:
     error_ra: float | None
     error_ra_file: float | None
     mass: str
-    unseen: Unseen | None = None
+    unseen: Unseen | PositionPrediction | None = None
     notes: tuple[str, ...] = ()
     snippet: Path | None = None
     added: tuple[str, ...] = ()
@@ -295,7 +289,7 @@ class Exported:
                 f"On the fitted logs the real robot errs by {percent(self.error_ra)}, and what "
                 f"{self.robot.name} alone holds by {percent(self.error_ra_file)}."
             )
-        parts += [self.unseen.text] if self.unseen is not None else []
+        parts += [self.unseen.told] if self.unseen is not None else []
         return " ".join([*parts, *self.notes])
 
 
@@ -366,10 +360,10 @@ def export(
         if list_logs(validate):
             with temporary_folder() as folder:
                 tried = write_parameters(robot, given, Path(folder) / Path(out).name, **what)
-                unseen = judge_files(own, tried, validate, content.fit)
-            if unseen.written > unseen.before and not force:
+                unseen = judge_files(own, tried, validate, content)
+            if unseen.totals[1] > unseen.totals[0] and not force:
                 raise IdentifiabilityError(
-                    f"{unseen.text} So {Path(out).name} would be worse than the file that it comes "
+                    f"{unseen.told} So {Path(out).name} would be worse than the file that it comes "
                     "from: export to .json, or write it all the same with --force."
                 )
         written = write_parameters(robot, given, out, **what)
@@ -381,7 +375,7 @@ def export(
     # A level of one direction, where no effect has it, is part of that of both.
     own_names = (n for n in written.beside if n in known or n[:-1] not in written.beside)
     beside = by_effect(robot, own_names, shapes)
-    if unseen is not None and snippet is not None and set(beside) == set(added):
+    if isinstance(unseen, Unseen) and snippet is not None and set(beside) == set(added):
         unseen = replace(unseen, callback=snippet.name)
     return Exported(
         robot=written.robot,
@@ -482,7 +476,12 @@ class Unseen:
     callback: str = ""
 
     @property
-    def text(self) -> str:
+    def totals(self) -> tuple[float, float]:
+        """Of the robot's own file, and of the written one."""
+        return self.before, self.written
+
+    @property
+    def told(self) -> str:
         """They, in a sentence."""
         before, written, both = map(percent, (self.before, self.written, self.both))
         whole = f"its sidecar, or in MuJoCo {self.callback}," if self.callback else "its sidecar"
@@ -493,7 +492,9 @@ class Unseen:
         )
 
 
-def judge_files(robot: Robot, written: Written, logs: Logs, fit: FitEntry | None) -> Unseen:
+def judge_files(
+    robot: Robot, written: Written, logs: Logs, content: ResultEntry
+) -> Unseen | PositionPrediction:
     """Return how much a robot's own file and another one err, each read as any file is.
 
     Parameters
@@ -501,11 +502,14 @@ def judge_files(robot: Robot, written: Written, logs: Logs, fit: FitEntry | None
     robot : Robot
     written : Written
     logs : log, path, DataFrame, or several
-        With torque.
-    fit : FitEntry or None
-        Which says how logs become motion.
+        With torque; of commands where the fitted ones were, which move what the files alone hold.
+    content : ResultEntry
+        Which says that, and how logs become motion.
     """
-    how = None if fit is None else fit.preparation
+    if content.rollout is not None:
+        copy = _reread(robot, written.robot, written.sidecar, alone=True)
+        return cast("PositionPrediction", predict(robot, copy, logs, forward=True))
+    how = None if content.fit is None else content.fit.preparation
     paths = [(robot.path, robot.sidecar, True), (written.robot, written.sidecar, True)]
     paths += [(written.robot, written.sidecar, False)] if written.sidecar else []
     errors = []
@@ -523,7 +527,7 @@ def judge_files(robot: Robot, written: Written, logs: Logs, fit: FitEntry | None
         structure = Structure.of(copy, model)
         session = Session.read(structure, logs, preparation=how, commands=False)
         samples = tuple(session.prepare(session.recordings.fitted, "compared"))
-        found = predict(Regression(copy, model, samples), structure.nominal[:, None])
+        found = prediction.predict(Regression(copy, model, samples), structure.nominal[:, None])
         errors.append(float(found.relative_error()[0]))
     names = tuple(s.name for s in samples)
     return Unseen(names, (robot.path.name, written.robot.name), errors[0], errors[1], errors[-1])
