@@ -20,6 +20,7 @@ from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
+from identifiability.logs.commands import servo_log
 from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.robot import Robot
 from identifiability.simulation.rollout import (
@@ -130,12 +131,18 @@ def fit_rollouts(
     assert robot.servo is not None
     rows = [round(LONG / len(logs) / signals.sampling_step(log.t)) for log in logs]
     logs = [log.rows(0, min(len(log), most)) for log, most in zip(logs, rows, strict=True)]
-    free, n = np.ones((len(KINDS), len(robot.joints)), bool), len(robot.joints)
-    spoken = all(log.dq_ref is not None for log in logs)
-    free[-2:] = spoken & np.isnan(robot.servo.kv), np.isnan(robot.servo.kp)
     # Logs often begin and end at rest.
     thirds = [log.rows(len(log) // 3, 2 * len(log) // 3) for log in logs]
     machine, numbers = start_rollouts(robot, min(thirds, key=len))
+    free, n = np.ones((len(KINDS), len(robot.joints)), bool), len(robot.joints)
+    spoken = all(log.dq_ref is not None for log in logs)
+    made = np.concatenate([servo_log(log, machine.servo, delay or 0.0).tau for log in logs])
+    # What a servo makes of speeds counts within its limits, and what friction does not.
+    limited = np.any((made <= machine.servo.low) | (made >= machine.servo.high), axis=0)
+    free[-2:] = np.isnan(robot.servo.kv) & (spoken | limited), np.isnan(robot.servo.kp)
+    held = free[-2] & limited
+    numbers["kv"] = np.where(held, numbers["Fv"], numbers["kv"])
+    numbers["Fv"] = np.where(held, 0.0, numbers["Fv"])
     problem = Problem(machine, logs, free, delay, shares)
     x = problem.pack(numbers, delay or 0.0)
     before = problem.errors(problem.roll([x])[0])
