@@ -321,9 +321,9 @@ def _sample(path: Array, at: Array) -> Array:
 def start_rollouts(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Array]]:
     """Return a robot and joints' numbers from which the search begins.
 
-    They are the best of a grid of natural frequencies and damping ratios, or the file's own. A
-    known gain and a frequency tell an inertia: files without rotors or damping state servos that
-    follow nothing.
+    They are the file's, if all gains are known and it follows the log as well as a command that is
+    merely delayed, else the best of a grid of natural frequencies and damping ratios: a known gain
+    and a frequency tell an inertia, as files without rotors and damping do not follow at all.
     """
     servo = robot.servo
     assert servo is not None
@@ -334,14 +334,17 @@ def start_rollouts(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Ar
     bodies = inertia - numbers["Ia"]
     # Frequencies [rad/s] and damping ratios of a servo and what it moves.
     speeds = np.geomspace(2, 250, 17)
-    tries = [numbers]
+    tries, late = [numbers], servo.delay or 0.0
+    apart = machine.roll(log, tries, late, step=COARSE * STEP)[0] - log.q
+    if not servo.unknown.any() and np.all(np.sqrt(np.mean(apart**2, 0)) < explicable([log])):
+        return machine, numbers
     for w in speeds[speeds < 1.0 / signals.sampling_step(log.t)]:
         whole = np.where(free, inertia, np.maximum(servo.kp / w**2, bodies))
         kp = np.where(free, inertia * w**2, servo.kp)
         for ratio in (0.2, 0.5, 1.0, 2.0, 4.0):
             damping = np.maximum(2 * whole * w * ratio - guess.kv, 0.0)
             tries.append({**numbers, "Ia": whole - bodies, "Fv": damping, "kp": kp})
-    q = machine.roll(log, tries, servo.delay or 0.0, step=COARSE * STEP)
+    q = machine.roll(log, tries, late, step=COARSE * STEP)
     best = np.nan_to_num((q - log.q) ** 2, nan=1e6).mean(1).argmin(0)
     chosen = {k: np.array([x[k] for x in tries])[best, range(len(best))] for k in numbers}
     return CommandedRobot(robot, {}, replace(guess, kp=chosen["kp"])), chosen
