@@ -432,7 +432,7 @@ def test_gains_that_nobody_states_are_found_and_one_known_body_fixes_their_scale
     assert np.all(np.sqrt(np.diag(found.covariance)) < 0.01)
     told = state_gains(unstated, [log.name], found, shares)
     assert "what fixes the scale of all numbers is the file's link2 (100 %; within 0.1 %)" in told
-    assert "Fv holds kv" in told
+    assert "Fv of shoulder, elbow holds kv" in told
     servo = replace(unstated.servo.having(found.numbers), source=FOUND)
     known = replace(unstated, servo=servo)
     again = Robot.load(known.save(tmp_path / "found.xml"))

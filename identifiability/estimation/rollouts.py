@@ -20,6 +20,7 @@ from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
+from identifiability.logs.commands import servo_log
 from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.robot import Robot
 from identifiability.simulation.rollout import (
@@ -71,7 +72,7 @@ class Rollouts:
     errors : (n,) [rad or m]
         Of positions (rms), by joint.
     before : (n,) [rad or m]
-        The same at the start.
+        The same of the file's numbers.
     missed : (n,)
         Errors as shares of what there is to explain: how far a joint is from its command, merely
         delayed, which is what a servo makes torque of, and what any servo that is stiff enough
@@ -79,8 +80,8 @@ class Rollouts:
         what noise would be.
     delay_errors : (L,) [s]
         Standard deviations of the delays; zero where they are known.
-    covariance : (n, n)
-        Of log kp.
+    covariance : (2 n, 2 n)
+        Of kv and log kp.
     by_belief : (r,)
         By how much log kp, in the mean over joints that are found, moves with each row of what is
         known of bodies [σ].
@@ -130,15 +131,21 @@ def fit_rollouts(
     assert robot.servo is not None
     rows = [round(LONG / len(logs) / signals.sampling_step(log.t)) for log in logs]
     logs = [log.rows(0, min(len(log), most)) for log, most in zip(logs, rows, strict=True)]
-    free, n = np.ones((len(KINDS), len(robot.joints)), bool), len(robot.joints)
-    spoken = all(log.dq_ref is not None for log in logs)
-    free[-2:] = spoken & np.isnan(robot.servo.kv), np.isnan(robot.servo.kp)
     # Logs often begin and end at rest.
     thirds = [log.rows(len(log) // 3, 2 * len(log) // 3) for log in logs]
     machine, numbers = start_rollouts(robot, min(thirds, key=len))
+    free, n = np.ones((len(KINDS), len(robot.joints)), bool), len(robot.joints)
+    spoken = all(log.dq_ref is not None for log in logs)
+    made = np.concatenate([servo_log(log, machine.servo, delay or 0.0).tau for log in logs])
+    # What a servo makes of speeds counts within its limits, and what friction does not.
+    limited = np.any((made <= machine.servo.low) | (made >= machine.servo.high), axis=0)
+    free[-2:] = np.isnan(robot.servo.kv) & (spoken | limited), np.isnan(robot.servo.kp)
+    held = free[-2] & limited
+    numbers["kv"] = np.where(held, numbers["Fv"], numbers["kv"])
+    numbers["Fv"] = np.where(held, 0.0, numbers["Fv"])
     problem = Problem(machine, logs, free, delay, shares)
-    x = problem.pack(numbers, delay or 0.0)
-    before = problem.errors(problem.roll([x])[0])
+    x, own = (problem.pack(each, delay or 0.0) for each in (numbers, machine.numbers()))
+    before = problem.errors(problem.roll([own])[0])
     if robot.servo.numbers:
         x = problem.pack(robot.servo.numbers, delay or 0.0)
     else:
@@ -149,7 +156,10 @@ def fit_rollouts(
         x, q, J = problem.descend(x)
     numbers, delays = problem.unpack(x)
     covariance, H = problem.uncertainty(x, q, J)
-    kp, late = slice(free.size - n, free.size), problem.late
+    gains, late = slice(free.size - 2 * n, free.size), problem.late
+    scaled = problem.over[-2]
+    to_gains = np.diag(np.append(np.where(scaled, np.exp(x[gains][n:]), 1.0), np.ones(n)))
+    to_gains[range(n), range(n, 2 * n)] = scaled * numbers["kv"]
     found = free[-1] if free[-1].any() else np.ones(n, bool)
     return Rollouts(
         numbers=numbers,
@@ -159,8 +169,8 @@ def fit_rollouts(
         before=before,
         missed=problem.errors(q) / explicable(problem.logs),
         delay_errors=np.sqrt(np.diag(covariance)[late]) * problem.varied[late],
-        covariance=covariance[kp, kp],
-        by_belief=J[problem.apart(q).size :] @ (found / found.sum() @ H[kp]),
+        covariance=to_gains @ covariance[gains, gains] @ to_gains.T,
+        by_belief=J[problem.apart(q).size :] @ (found / found.sum() @ H[gains][n:]),
     )
 
 
@@ -284,7 +294,7 @@ class Problem:
                 break
             moved = self.roll([x + step])[0]
             gained = r @ r - np.sum((weights * self.residual(moved, x + step)) ** 2)
-            poor = gained < 0.5 * promised
+            poor = gained < max(0.5 * promised, 0.1 * (r @ r))
             damping = damping / 10 if gained > 0 else damping * 10
             if gained > 0:
                 x, q = x + step, moved
@@ -305,20 +315,23 @@ class Problem:
             Weighted derivative of the residual.
         """
         size = np.linalg.norm(J, axis=0)
-        J = J / np.where(size > 0, size, 1.0)  # of what is stated
+        unit = np.where(size > 0, size, 1.0)
+        J = J / unit
         n, ends = len(self.trees), np.cumsum([len(log) - forgotten(log) for log in self.logs])
         rows, known = np.split(J, [n * ends[-1]])
+        # A number whose part another may play is known to its size alone.
+        sizes = np.maximum(self.by / VARIED, np.abs(x))
+        known = np.vstack([known, np.diag(self.varied / (sizes * unit))])
         scores = rows * (self.weights(q) * self.residual(q, x))[: len(rows), None]
         every = max(round(BLOCK / self.dt), 1)
         edges = n * np.unique([k for a, b in pairwise([0, *ends]) for k in range(a, b, every)])
-        H, out = np.linalg.pinv(J.T @ J, hermitian=True), known.T @ known
+        whole = rows.T @ rows + known.T @ known
+        H, out = np.linalg.pinv(whole, hermitian=True), [*known]
         for a, b in pairwise([*edges, len(rows)]):
-            left = J.T @ J - rows[a:b].T @ rows[a:b]
-            out += np.outer(
-                *2 * (J.T @ J @ np.linalg.pinv(left, hermitian=True) @ scores[a:b].sum(0),)
-            )
-        unit = np.outer(*2 * (np.where(size > 0, size, 1.0),))
-        return H @ out @ H / unit, H / unit
+            left = np.linalg.pinv(whole - rows[a:b].T @ rows[a:b], hermitian=True)
+            out.append(whole @ left @ scores[a:b].sum(0))
+        root = (out @ H) / unit
+        return root.T @ root, H / np.outer(unit, unit)
 
     def bounds(self, x: Array) -> Array:
         """Return the least and largest step, (2, p): no friction or rotor is negative."""

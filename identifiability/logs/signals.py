@@ -48,12 +48,13 @@ def held_since(t: Array, changes: np.ndarray) -> Array:
     dt, apart = sampling_step(t), np.diff(t[rows])
     uneven = 2 * float(np.quantile(np.abs(np.diff(t) - dt), 0.99)) + ROUNDOFF
     usual = apart[apart <= 2 * np.median(apart)].mean()  # others are of several values
-    number = np.concatenate([[0.0], np.cumsum(np.rint(apart / usual))])
-    period, first = np.polyfit(number, t[rows], 1)
-    behind = t[rows] - period * number - first
+    for _ in range(3):  # lost values make what is usual too long to count those of a long pause
+        number = np.concatenate([[0.0], np.cumsum(np.rint(apart / usual))])
+        usual, first = np.polyfit(number, t[rows], 1)
+    behind = t[rows] - usual * number - first
     behind -= behind.min()
     out = t.copy()
-    if period > dt + uneven >= behind.max():
+    if usual > dt + uneven >= behind.max():
         out[rows] = np.maximum(t[rows] - np.where(behind > uneven, behind, 0.0), t[rows - 1])
     return out
 

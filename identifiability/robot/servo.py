@@ -55,8 +55,9 @@ class Servo:
         How gains were found, and what fixes their scale, where logs told them.
     numbers : mapping of str to array
         Of joints and bodies with which rollouts followed these logs.
-    doubt : (g, n)
-        By what share kp is others if each of g independent doubts is one standard deviation.
+    doubt : (g, 2 n)
+        By what kv and by what share kp are others if each of g independent doubts is one standard
+        deviation.
     """
 
     kp: Array
@@ -150,7 +151,8 @@ class Servo:
         Gains that logs told are off by `doubt`. What is measured may be of any age up to twice the
         assumed one.
         """
-        gains = [replace(self, kp=self.kp * (1 + share)) for share in self.doubt]
+        each = [np.split(doubt, 2) for doubt in self.doubt]
+        gains = [replace(self, kp=self.kp * (1 + share), kv=self.kv + more) for more, share in each]
         older = replace(self, rate=self.rate / (1 + 1 / np.sqrt(3)))
         return (*gains, older) if self.assumed else tuple(gains)
 

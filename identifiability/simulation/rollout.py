@@ -322,8 +322,9 @@ def _sample(path: Array, at: Array) -> Array:
 def start_rollouts(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Array]]:
     """Return a robot and joints' numbers from which the search begins.
 
-    Unknown gains are the best of a grid of natural frequencies and damping ratios, for what each
-    joint feels of inertia.
+    They are the file's, if all gains are known and it follows the log as well as a command that is
+    merely delayed, else the best of a grid of natural frequencies and damping ratios: a known gain
+    and a frequency tell an inertia, as files without rotors and damping do not follow at all.
     """
     servo = robot.servo
     assert servo is not None
@@ -331,17 +332,20 @@ def start_rollouts(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Ar
     guess = replace(servo, kp=np.where(free, 1.0, servo.kp), kv=np.nan_to_num(servo.kv))
     machine = CommandedRobot(robot, {}, guess)
     inertia, numbers = machine.inertia(log.q.mean(0)), machine.numbers()
+    bodies = inertia - numbers["Ia"]
     # Frequencies [rad/s] and damping ratios of a servo and what it moves.
     speeds = np.geomspace(2, 250, 17)
-    tries = [numbers]
-    for w in speeds[speeds < 1.0 / signals.sampling_step(log.t)] if free.any() else ():
-        for ratio in (0.2, 0.5, 1.0, 2.0, 4.0):
-            damping = np.where(free, 2 * inertia * w * ratio, numbers["Fv"])
-            kp = np.where(free, inertia * w**2, servo.kp)
-            tries.append({**numbers, "Fv": damping, "kp": kp})
-    if len(tries) == 1:
+    tries, late = [numbers], servo.delay or 0.0
+    apart = machine.roll(log, tries, late, step=COARSE * STEP)[0] - log.q
+    if not servo.unknown.any() and np.all(np.sqrt(np.mean(apart**2, 0)) < explicable([log])):
         return machine, numbers
-    q = machine.roll(log, tries, servo.delay or 0.0, step=COARSE * STEP)
+    for w in speeds[speeds < 1.0 / signals.sampling_step(log.t)]:
+        whole = np.where(free, inertia, np.maximum(servo.kp / w**2, bodies))
+        kp = np.where(free, inertia * w**2, servo.kp)
+        for ratio in (0.2, 0.5, 1.0, 2.0, 4.0):
+            damping = np.maximum(2 * whole * w * ratio - guess.kv, 0.0)
+            tries.append({**numbers, "Ia": whole - bodies, "Fv": damping, "kp": kp})
+    q = machine.roll(log, tries, late, step=COARSE * STEP)
     best = np.nan_to_num((q - log.q) ** 2, nan=1e6).mean(1).argmin(0)
     chosen = {k: np.array([x[k] for x in tries])[best, range(len(best))] for k in numbers}
     return CommandedRobot(robot, {}, replace(guess, kp=chosen["kp"])), chosen

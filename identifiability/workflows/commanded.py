@@ -258,12 +258,12 @@ def state_gains(
     asked = robot.servo
     assert asked is not None
     servo, known = asked.having(found.numbers), [*shares]
-    sure = np.sqrt(np.diag(found.covariance))
+    less, sure = np.split(np.sqrt(np.diag(found.covariance)), 2)
     free = np.flatnonzero(np.isnan(asked.kp))
     each = [f"{robot.joints[k]} {servo.kp[k]:.4g} (± {percent(sure[k], 2)})" for k in free]
     damped = np.flatnonzero(np.isnan(asked.kv) & (servo.kv > 0))
     said = [f"kp of {listing(each, 12)}"] if each else []
-    others = [f"{robot.joints[k]} {servo.kv[k]:.4g}" for k in damped]
+    others = [f"{robot.joints[k]} {servo.kv[k]:.4g} (± {less[k]:.2g})" for k in damped]
     said += [f"kv of {listing(others, 12)}"] if others else []
     text = [phrase("gains.found", "says", names=list(names), gains="; ".join(said))]
     fixed = 0.5 * found.by_belief[: len(known)] / [*shares.values()]
@@ -279,6 +279,7 @@ def state_gains(
         text.append(phrase("gains.found", "bodies", bodies=named or [every]))
     else:
         text.append(phrase("gains.found", "beside"))
-    if np.isnan(asked.kv).any() and not servo.kv[np.isnan(asked.kv)].any():
-        text.append(phrase("gains.found", "damping"))
+    held = [robot.joints[k] for k in np.flatnonzero(np.isnan(asked.kv) & ~(servo.kv > 0))]
+    if held:
+        text.append(phrase("gains.found", "damping", joints=held))
     return " ".join(text)
