@@ -432,5 +432,10 @@ class EncoderBias(AtMotors):
             return
         changes, rigid = position_derivatives(robot, motion), rigid_torque(robot, motion)
         for k, joint in enumerate(motors(robot)):
-            change = project(robot, motion, changes[:, :, robot.actuated[joint]])
+            at = int(robot.actuated[joint])
+            change = project(robot, motion, changes[:, :, at])
+            known = reference_values(robot).get(f"{robot.joints[joint]}.bias", 0.0)
+            if known:  # along the whole way, not the slope at its end
+                q = motion.q - known * (np.arange(motion.q.shape[1]) == at)
+                change = (rigid - rigid_torque(robot, replace(motion, q=q))) / known
             out[:, :, k] = -without_rounding(change, rigid)

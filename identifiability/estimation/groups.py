@@ -422,6 +422,12 @@ def describe_term(term: Term) -> str:
     return f"{title_of(term.group.family)} in {place_of(term)}"
 
 
+def describe_terms(terms: Terms) -> str:
+    """Return groups in words with their log odds, the surest first."""
+    order = sorted(terms, key=lambda t: -t.odds)
+    return listing([f"{describe_term(t)} (log odds {t.odds:.3g})" for t in order], TOLD)
+
+
 @frozen
 class Share:
     """What a group does to the torque, where it is there.
@@ -475,9 +481,8 @@ class Alternatives:
         """What the model seems to miss, and how sure that is, for before ": diagnose"."""
         if not self.named:
             return ""
-        order = sorted(self.named, key=lambda t: -t.odds)
-        told = listing([f"{describe_term(t)} (log odds {t.odds:.3g})" for t in order], TOLD)
-        return f"{told} {'seems' if len(order) == 1 else 'seem'} to be missing"
+        verb = "seems" if len(self.named) == 1 else "seem"
+        return f"{describe_terms(self.named)} {verb} to be missing"
 
     def to_list(self) -> list[dict[str, Any]]:
         """Return what is named as a JSON result has it."""

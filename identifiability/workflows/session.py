@@ -12,6 +12,7 @@ result.
 from __future__ import annotations
 
 import platform
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field, replace
@@ -24,6 +25,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 import numpy as np
 import pandas as pd
 
+from identifiability.effects import FAMILIES, Part, Placed
+from identifiability.effects.base import GravityTilt
+from identifiability.effects.measurement import ClockError, EncoderBias, TimeDelay, TorqueScale
 from identifiability.estimation.estimate import (
     Kind,
     Method,
@@ -33,7 +37,7 @@ from identifiability.estimation.estimate import (
     with_known,
 )
 from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.groups import Alternatives, find_alternatives
+from identifiability.estimation.groups import Alternatives, describe_terms, find_alternatives
 from identifiability.foundation import __version__
 from identifiability.foundation.engines import (
     NUMERICS,
@@ -70,6 +74,7 @@ from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 from identifiability.workflows.alternatives import Alternative, find_alternative
+from identifiability.workflows.rules import RULES
 
 if TYPE_CHECKING:
     from identifiability.estimation.rollouts import Rollouts
@@ -322,6 +327,9 @@ MISREAD = (
     "says: mend that, and run again"
 )
 
+#: Errors of measurement that a model has where rows name them.
+MEASURED = tuple(e.name for e in (GravityTilt, TorqueScale, EncoderBias, TimeDelay, ClockError))
+
 #: What follows the statement of an alternative of the model that is used.
 SO = "All that follows is said under that reading."
 
@@ -365,16 +373,17 @@ class Opening(OfStructure):
         return self.structure.regression(self.validation) if self.validation else None
 
     @cached_property
+    def missing(self) -> Alternatives:
+        """What may be missing beside the unpruned model."""
+        commanded = bool(of_key(self.hints, "commands"))
+        return find_alternatives(
+            self.structure, self.regression, self.unseen, commanded=commanded
+        )
+
+    @cached_property
     def silence(self) -> str:
         """Why the fitted logs have nothing to explain, for after "because"; nothing if they do."""
         return explain_silence([s.survey for s in self.samples])
-
-
-def find_missing(opening: Opening) -> Alternatives:
-    """Return what may be missing beside the unpruned model."""
-    commanded = bool(of_key(opening.hints, "commands"))
-    rows = opening.regression, opening.unseen
-    return find_alternatives(opening.structure, *rows, commanded=commanded)
 
 
 @frozen
@@ -506,6 +515,27 @@ class Session:
         hints = (*said, *opening.hints)
         return session.at_fit(replace(opening, alternative=other, hints=hints))
 
+    def complete(self, opening: Opening) -> Opening:
+        """Return an opening whose model has the errors of measurement that it surely lacks.
+
+        Which law friction has is for `diagnose` to say; but where gravity points, or by which scale
+        torque is off, moves every other value.
+        """
+        parts: dict[str, list[Part]] = defaultdict(list)
+        known = bool(of_key(opening.hints, "commands"))  # torque of servos was not measured
+        for t in () if known else opening.missing.named:
+            family = FAMILIES[t.group.family]
+            if family.name in MEASURED and t.odds >= RULES.alternative_nats:
+                parts[family.name].append(Part(family.effect, t.group.place))
+        if not parts:
+            return opening
+        model = opening.structure.model.with_effects(map(Placed, parts.values()))
+        named = [t for t in opening.missing.named if t.group.family in parts]
+        said = Finding("alternative", text=phrase("alternative", "has", what=describe_terms(named)))
+        hints = (said, *opening.hints)
+        own = replace(opening, structure=Structure.of(opening.robot, model), hints=hints)
+        return self.at_fit(own)[1]
+
     def at_fit(self, opening: Opening) -> tuple[Session, Opening]:
         """Return both with the columns that depend on torque taken at the fitted robot."""
         structure = load_by_fit(opening.structure, opening.samples, self.engine)
@@ -578,6 +608,7 @@ class Session:
     def weigh(self, opening: Opening, method: Method, kind: Kind) -> Weighed:
         """Return the rows of opened logs by their noise, with instruments where there are any."""
         opening, estimator = self.with_instruments(opening, method, kind)
+        opening = self.complete(opening)
         building = share(self.say, "building the regression", 0.2, 0.4)
         alike = gather_information(opening.regression, engine=self.engine, progress=building)
         alike = with_known(alike, opening.structure.known)

@@ -75,7 +75,6 @@ from identifiability.workflows.session import (
     Progress,
     Session,
     Weighed,
-    find_missing,
     quiet,
     running,
 )
@@ -161,7 +160,8 @@ def prune(
             session = session.follow(streams[0])
             session, opening = session.settle("pruned")
             rows = session.weigh(opening, base, estimator)
-            start = build_ladder(LadderEntry(models=source.entry.models[:1]), session.structure)[0]
+            given, structure = source.entry.models[:1], rows.opening.structure
+            start = build_ladder(LadderEntry(models=given), structure)[0]
             _check_wishes(start, forbid, force)
             part = start.reduce(rows.information)
             own = settle_noise(rows.estimator, part)
@@ -388,7 +388,7 @@ def measure_models(
     unseen = crossed
     if opening.unseen is not None:
         (unseen,) = predict_all(opening.unseen, along)
-    missing = find_missing(opening)
+    missing = opening.missing
     weights = np.zeros(len(steps))
     first = first_allowed(steps)
     weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
