@@ -485,7 +485,8 @@ def truth_of(case: Case, a: Analysis) -> pd.Series:
     if any(not np.isclose(file[n], case.robot.nominal[n], atol=1e-9) for n in bodies):
         return pd.Series(dtype=float)
     values = base.G @ np.array([own.get(n, 0.0) for n in names])
-    values[[n.startswith("base.") for n in base.labels]] = np.nan  # no machine has a tilt
+    said = [n.startswith("base.") or n.endswith(".off") for n in base.names]
+    values[said] = np.nan  # no machine has a tilt, and offsets are those of logs
     return pd.Series(values, base.labels)
 
 

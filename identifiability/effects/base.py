@@ -9,13 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.effects.effect import POSTURES, Effect
-from identifiability.effects.nominal import (
-    gravity_torque,
-    has_masses,
-    load_model,
-    needs_masses,
-    reference_values,
-)
+from identifiability.effects.nominal import gravity_torque, has_masses, load_model, needs_masses
 from identifiability.effects.registry import declare
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import BASE, Array, Parameter
@@ -125,9 +119,10 @@ class GravityTilt(Effect):
         """Write the torque for one radian about each of two horizontal axes."""
         if not out.shape[2]:
             return
-        axes, known = np.array(horizontal_axes(robot.gravity)), reference_values(robot)
-        half = 0.5 * np.array([known.get(f"{BASE}.{kind}", 0.0) for kind in TILTS]) @ axes
-        between = robot.gravity + np.cross(half, robot.gravity)  # half the way that is turned
+        axes = np.array(horizontal_axes(robot.gravity))
+        turned = [robot.reference.get(f"{BASE}.{kind}", 0.0) for kind in TILTS] @ axes
+        # What a turn by these angles takes all the way, not at its beginning alone.
+        between = robot.gravity + 0.5 * np.cross(turned, robot.gravity)
         for k, axis in enumerate(axes):
             out[:, :, k] = gravity_torque(robot, motion, np.cross(axis, between))
 

@@ -21,20 +21,14 @@ from identifiability.effects.effect import (
 )
 from identifiability.effects.friction import CoulombAsymmetry, CoulombFriction, ViscousFriction
 from identifiability.effects.inertia import ActuatorInertia
-from identifiability.effects.nominal import (
-    needs_masses,
-    once,
-    position_derivatives,
-    reference_values,
-    rigid_torque,
-)
+from identifiability.effects.nominal import needs_masses, once, reference_values, rigid_torque
 from identifiability.effects.registry import declare
 from identifiability.effects.springs import FreeSpring, GravitySpring, JointStiffness
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.linalg import without_rounding
 from identifiability.foundation.names import Array, Parameter
+from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Axis, Motion, Robot
-from identifiability.robot.closure import project
 
 
 class AtMotors(AlongAxes):
@@ -399,6 +393,10 @@ def _stands_in_a_tree(robot: Robot, place: str) -> str:
     return in_motor(robot, place) or needs_masses(robot, place)
 
 
+#: Positions [rad or m] between which torque changes along a line.
+SLOPE: Tolerance = 1e-5
+
+
 @declare(
     "a wrong zero of an encoder",
     actuated_joints,
@@ -430,12 +428,10 @@ class EncoderBias(AtMotors):
         """Write how torque changes with minus each position."""
         if not out.shape[2]:
             return
-        changes, rigid = position_derivatives(robot, motion), rigid_torque(robot, motion)
+        rigid = rigid_torque(robot, motion)
         for k, joint in enumerate(motors(robot)):
-            at = int(robot.actuated[joint])
-            change = project(robot, motion, changes[:, :, at])
-            known = reference_values(robot).get(f"{robot.joints[joint]}.bias", 0.0)
-            if known:  # along the whole way, not the slope at its end
-                q = motion.q - known * (np.arange(motion.q.shape[1]) == at)
-                change = (rigid - rigid_torque(robot, replace(motion, q=q))) / known
+            # Along the whole way where one is known, which need not be small.
+            way = robot.reference.get(f"{robot.joints[joint]}.bias", 0.0) or SLOPE
+            q = motion.q - way * (np.arange(motion.q.shape[1]) == robot.actuated[joint])
+            change = (rigid - rigid_torque(robot, replace(motion, q=q))) / way
             out[:, :, k] = -without_rounding(change, rigid)

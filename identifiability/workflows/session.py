@@ -376,9 +376,7 @@ class Opening(OfStructure):
     def missing(self) -> Alternatives:
         """What may be missing beside the unpruned model."""
         commanded = bool(of_key(self.hints, "commands"))
-        return find_alternatives(
-            self.structure, self.regression, self.unseen, commanded=commanded
-        )
+        return find_alternatives(self.structure, self.regression, self.unseen, commanded=commanded)
 
     @cached_property
     def silence(self) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -70,14 +71,7 @@ from identifiability.workflows.prune.elimination import (
 )
 from identifiability.workflows.prune.moves import propose_moves
 from identifiability.workflows.prune.result import Ladder, PrunedModel
-from identifiability.workflows.session import (
-    Logs,
-    Progress,
-    Session,
-    Weighed,
-    quiet,
-    running,
-)
+from identifiability.workflows.session import Logs, Progress, Session, Weighed, quiet, running
 
 #: Models as good as the best, and smaller ones, whose physical certificate is asked for.
 CERTIFIED = 4
@@ -160,8 +154,8 @@ def prune(
             session = session.follow(streams[0])
             session, opening = session.settle("pruned")
             rows = session.weigh(opening, base, estimator)
-            given, structure = source.entry.models[:1], rows.opening.structure
-            start = build_ladder(LadderEntry(models=given), structure)[0]
+            session = replace(session, structure=rows.opening.structure)
+            start = build_ladder(LadderEntry(models=source.entry.models[:1]), session.structure)[0]
             _check_wishes(start, forbid, force)
             part = start.reduce(rows.information)
             own = settle_noise(rows.estimator, part)
