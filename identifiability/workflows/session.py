@@ -49,7 +49,7 @@ from identifiability.foundation.engines import (
 )
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
-from identifiability.foundation.names import shorten_paths
+from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.options import Expected
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
@@ -611,7 +611,10 @@ class Session:
         alike = gather_information(opening.regression, engine=self.engine, progress=building)
         alike = with_known(alike, opening.structure.known)
         joints = self.structure.robot.joints
-        information, burst, _ = weigh_rows(joints, opening.samples, alike, estimator)
+        information, burst, found = weigh_rows(joints, opening.samples, alike, estimator)
+        if burst and found and self.recordings.commanded:
+            limit = find_limit(joints, opening.samples, found)
+            opening = replace(opening, hints=(*limit, *opening.hints))
         return Weighed(opening, estimator, alike, information, burst)
 
     def with_instruments(
@@ -699,6 +702,19 @@ def weigh_rows(
     rows = int((found.last - found.first).sum())
     said = Finding("outliers", where=where, rows=rows, columns=columns, **told)
     return weighed, said, found
+
+
+def find_limit(
+    joints: Sequence[str], samples: Sequence[Dataset], found: Outliers
+) -> tuple[Finding, ...]:
+    """Return which servo seems to have a limit: what lies out is where it is asked for most."""
+    joint, size = int(np.argmax(found.beyond.max(0))), list[Array]()
+    rows = [np.abs(s.tau[s.at_outputs, joint]) for s in samples]
+    for log, a, b in zip(found.log, found.first, found.last, strict=True):
+        size.append(rows[log][a:b])
+    least, usual = float(np.median(np.concatenate(size))), np.quantile(np.concatenate(rows), 0.9)
+    told = phrase("rollouts", "limit", joint=joints[joint], least=least)
+    return (Finding("rollouts", text=told),) if least > usual else ()
 
 
 def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Outliers) -> str:

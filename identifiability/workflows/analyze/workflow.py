@@ -575,7 +575,9 @@ def analyze(
             commanded = session.recordings.commanded
             share_, cad_prior = settle_prior(prior, cad_prior, commanded)
             given = session.follow(streams[0])
-            (session, opening), entry = given.settle("analyzed"), source.settle(commanded=commanded)
+            session, opening = given.settle("analyzed")
+            zeros = opening.alternative is not None and bool(opening.alternative.zeros)
+            entry = source.settle(commanded=commanded or zeros)
             rows = session.weigh(opening, base, estimator)
             try:
                 submodels = build_comparison(entry, rows.opening.structure)
