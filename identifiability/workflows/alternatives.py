@@ -11,9 +11,8 @@ cannot tell it from other masses.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from copy import copy
-from dataclasses import field, replace
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cache, cached_property, lru_cache, partial
 from itertools import combinations, product
 
@@ -23,7 +22,6 @@ from scipy.optimize import minimize
 from identifiability.effects import find_families
 from identifiability.effects.base import GravityTilt, horizontal_axes
 from identifiability.effects.inertia import ActuatorInertia
-from identifiability.effects.measurement import TorqueOffset
 from identifiability.effects.nominal import gravity_torque
 from identifiability.effects.transmission import Hysteresis
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
@@ -52,8 +50,6 @@ DELAYS: tuple[Tolerance, ...] = (0.02, 0.05, 0.1, 0.2)
 BETWEEN = np.geomspace(0.3, 3.0, 25)
 #: Logs of what is left by which one alternative is as good as another.
 EVEN: Tolerance = 0.02
-#: Share of a log's mean that tells values which nothing else tells, where offsets differ.
-KEPT: Tolerance = 0.03
 #: Of what may be missing at a joint directions count that are so strong, beside the strongest.
 STRONG: Tolerance = 0.03
 
@@ -76,8 +72,6 @@ class Alternative:
         Whether weight was taken out of it; read otherwise it has that of the file's masses.
     gravity : (3,) [m/s²]
         In the file's world.
-    zeros : mapping of str to (n,)
-        Torque of each log where others have none.
     free : int
         How many numbers of it were fitted.
     nats, error : float
@@ -92,7 +86,6 @@ class Alternative:
     late: Array
     lacks: np.ndarray
     gravity: Array
-    zeros: Mapping[str, Array] = field(default_factory=dict)
     free: int = 0
     nats: float = 0.0
     error: float = 1.0
@@ -110,8 +103,7 @@ class Alternative:
     def otherwise(self) -> np.ndarray:
         """Columns that are not read as they are given, (n,) bool."""
         other = self.order != np.arange(len(self.order))
-        read = other | (self.factor != 1.0) | (self.late != 0.0) | self.lacks
-        return np.asarray(read | bool(self.zeros))
+        return np.asarray(other | (self.factor != 1.0) | (self.late != 0.0) | self.lacks)
 
     @property
     def keeps_columns(self) -> bool:
@@ -137,13 +129,12 @@ class Alternative:
     def read(self, log: Log, robot: Robot) -> Log:
         """Return a log with torque columns as they are meant."""
         columns = zip(self.order.tolist(), self.late.tolist(), strict=True)
-        each = [np.interp(log.t + by, log.t, log.tau[:, k]) for k, by in columns]
+        tau = [np.interp(log.t + by, log.t, log.tau[:, k]) for k, by in columns]
         still = np.zeros(log.q.shape)
         motion = complete_motion(robot, log.t, log.q, still, still)
         weight = np.zeros(log.tau.shape)  # samples whose loops do not close are left out anyway
         weight[motion.kept] = self.lacks * gravity_torque(robot, motion, robot.gravity)
-        tau = np.column_stack(each) * self.factor + weight - self.zeros.get(log.name, 0.0)
-        return replace(log, tau=tau)
+        return replace(log, tau=np.column_stack(tau) * self.factor + weight)
 
 
 def find_alternative(logs: MeasuredLogs) -> Alternative | None:
@@ -168,7 +159,7 @@ def find_alternative(logs: MeasuredLogs) -> Alternative | None:
     # Of what is as good the first is taken.
     judged = [rows.refine(a) for _, a in sorted(found, key=lambda x: -x[0])[:JUDGED]]
     if not judged:
-        return rows.find_zeros([s.name for s in logs.samples])
+        return None
     new, given = rows.count(judged[0]), rows.fit(rows.plain, beside=True)
     price = 0.5 * float(np.log(rows.data.sum()))
     odds = [float(new @ (given - rows.fit(a, beside=True))) - price * a.free for a in judged]
@@ -181,12 +172,7 @@ class _Rows:
 
     def __init__(self, logs: MeasuredLogs) -> None:
         self.structure, self.robot, self.weighs = logs.structure, logs.robot, logs.weighs
-        share = np.log(measure_factors(logs)) if logs.weighs else np.empty(0)
-        shows = np.isfinite(share)
-        share = np.where(shows, share, share[shows].mean()) if shows.any() else np.empty(0)
-        far = np.abs(share).max(initial=0.0) > np.log(LOG_RULES.unit_factor)
-        #: By which torque is larger than the file's masses ask for, where that is much.
-        self.factors = np.exp(share) if far else share[:0]
+        self.factors = measure_factors(logs) if logs.weighs else np.empty(0)
         n, b = len(logs.joints), len(self.structure.base.kept)
         most = max(min(ROWS[0], NUMBERS // (4 * n * max(b, 1))), ROWS[1])
         self._most = most, ROWS[1], most // ROWS[1]
@@ -206,13 +192,10 @@ class _Rows:
             self.parts = np.stack([bare, *(x / size for x in axes)], 3)
         same = np.arange(n), np.ones(n), np.zeros(n), np.zeros(n, bool)
         self.plain = Alternative("", "", *same, g)
-        #: Of the log [s].
-        self.step = float(np.median(np.diff(self.seen.pieces[0].motion.t)))
-        self._remember()
-
-    def _remember(self) -> None:
         self.products, self.torque = cache(self._products), cache(self._torque)
         self.crosses, self.grams = cache(self._crosses), lru_cache(2)(self._grams)
+        #: Of the log [s].
+        self.step = float(np.median(np.diff(self.seen.pieces[0].motion.t)))
 
     def _look(self, robot: Robot) -> Excerpt:
         structure = replace(self.structure, robot=robot)
@@ -248,13 +231,12 @@ class _Rows:
             do = "Correct its sign in the log, or say sign = -1 under [torque] in the sidecar"
             what, factor = f"{who} seems to have the wrong sign", np.where(own, -1.0, 1.0)
             yield replace(plain, says=what, remedy=do, factor=factor)
-        if self.factors.size and not (said.gain or said.ratio):
-            what = (
-                "Torque of the joints is {:.2g} … {:.2g} times what the robot file's masses ask for"
-            )
-            do = 'Say side = "motor" and ratio under [torque] in the sidecar, or correct units'
-            says, factor = what.format(self.factors.min(), self.factors.max()), 1.0 / self.factors
-            yield replace(plain, says=says, remedy=do, factor=factor, free=n)
+        shows = self.factors[np.isfinite(self.factors)]
+        if (np.abs(np.log(shows)) > np.log(LOG_RULES.unit_factor)).any() and not said.ratio:
+            each = np.where(np.isfinite(self.factors), self.factors, np.median(shows))
+            what = f"The torque of joints is {each.min():.2g} … {each.max():.2g} times the file's"
+            do = 'Say side = "motor" and ratio under [torque] in the sidecar, or correct its units'
+            yield replace(plain, says=what, remedy=do, factor=1.0 / each, free=n)
         do = "Correct its unit in the log"
         for unit, (who, own) in product(() if said.gain or n < 2 else UNITS, some):
             yield replace(plain, says=who, remedy=do, factor=np.where(own, 1 / unit, 1.0), free=1)
@@ -282,40 +264,6 @@ class _Rows:
         elif scale.size:
             says += f" is {1.0 / scale[0]:.2g} times as large as its model's"
         return replace(a, says=says)
-
-    def find_zeros(self, names: Sequence[str]) -> Alternative | None:
-        """Return the offsets by which torque of logs differs, if they surely do."""
-        own, at = copy(self), self.seen.log[:, None] == np.arange(len(names))
-        count = np.maximum(at.T.astype(float) @ self.data, 1.0)
-
-        def means(x: Array) -> Array:  # (N, n, …) of each log, (L, n, …)
-            shape = (*count.shape, *(1,) * (x.ndim - 2))
-            return np.einsum("nl,nj...->lj...", at, x) / count.reshape(shape)
-
-        def apart(x: Array) -> Array:
-            left = x - (1.0 - KEPT) * means(x)[self.seen.log]
-            return left * self.data.reshape(*self.data.shape, *(1,) * (x.ndim - 2))
-
-        given, before = (self.fit(self.plain, beside) for beside in (True, False))
-        own.parts, own.seen = apart(self.parts), replace(self.seen, y=apart(self.seen.y))
-        of_all = [n.endswith(f".{TorqueOffset.units[0][0]}") for n in self.structure.base.names]
-        own.parts[:, :, of_all] = 0.0
-        own._remember()
-        left, after = (own.fit(self.plain, beside) for beside in (True, False))
-        free = count.size
-        nats = float(own.count(self.plain) @ (given - left)) - 0.5 * free * np.log(self.data.sum())
-        if nats < RULES.alternative_nats:
-            return None
-        x, w = own._solve(self.plain, beside=False)[0], self._weights(self.plain)[0]
-        zeros = means(self.seen.y - (self.parts @ w) @ x)
-        joint = self.robot.joints[int(np.argmax(np.abs(zeros / np.sqrt(self.variation)).max(0)))]
-        says = f"Torque offsets differ between the logs, most at {joint}"
-        do = "Calibrate the zeros of torque before each log, where its mean tells masses"
-        error = float(np.sqrt(np.exp(2 * after).sum() / np.exp(2 * before).sum()))
-        each = dict(zip(names, zeros, strict=True))
-        return replace(
-            self.plain, says=says, remedy=do, zeros=each, free=free, nats=nats, error=error
-        )
 
     def _directions(self) -> Iterator[Alternative]:
         """Yield the direction of gravity that fits lead to, if it is far from the file's."""

@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects import FAMILIES, Part, Placed
-from identifiability.effects.base import GravityTilt
+from identifiability.effects.base import GravityTilt, ImuMounting
 from identifiability.effects.measurement import ClockError, EncoderBias, TimeDelay, TorqueScale
 from identifiability.estimation.estimate import (
     Kind,
@@ -49,7 +49,7 @@ from identifiability.foundation.engines import (
 )
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
-from identifiability.foundation.names import Array, shorten_paths
+from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import Expected
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
@@ -328,7 +328,8 @@ MISREAD = (
 )
 
 #: Errors of measurement that a model has where rows name them.
-MEASURED = tuple(e.name for e in (GravityTilt, TorqueScale, EncoderBias, TimeDelay, ClockError))
+ERRORS = GravityTilt, ImuMounting, TorqueScale, EncoderBias, TimeDelay, ClockError
+MEASURED = tuple(e.name for e in ERRORS)
 
 #: What follows the statement of an alternative of the model that is used.
 SO = "All that follows is said under that reading."
@@ -708,13 +709,15 @@ def find_limit(
     joints: Sequence[str], samples: Sequence[Dataset], found: Outliers
 ) -> tuple[Finding, ...]:
     """Return which servo seems to have a limit: what lies out is where it is asked for most."""
-    joint, size = int(np.argmax(found.beyond.max(0))), list[Array]()
+    joint = int(np.argmax(found.beyond.max(0)))
     rows = [np.abs(s.tau[s.at_outputs, joint]) for s in samples]
-    for log, a, b in zip(found.log, found.first, found.last, strict=True):
-        size.append(rows[log][a:b])
-    least, usual = float(np.median(np.concatenate(size))), np.quantile(np.concatenate(rows), 0.9)
-    told = phrase("rollouts", "limit", joint=joints[joint], least=least)
-    return (Finding("rollouts", text=told),) if least > usual else ()
+    each = zip(found.log, found.first, found.last, strict=True)
+    least = float(np.median(np.concatenate([rows[log][a:b] for log, a, b in each])))
+    if least <= np.quantile(np.concatenate(rows), 0.9):
+        return ()
+    return (
+        Finding("rollouts", text=phrase("rollouts", "limit", joint=joints[joint], least=least)),
+    )
 
 
 def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Outliers) -> str:

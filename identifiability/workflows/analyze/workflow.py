@@ -575,9 +575,7 @@ def analyze(
             commanded = session.recordings.commanded
             share_, cad_prior = settle_prior(prior, cad_prior, commanded)
             given = session.follow(streams[0])
-            session, opening = given.settle("analyzed")
-            zeros = opening.alternative is not None and bool(opening.alternative.zeros)
-            entry = source.settle(commanded=commanded or zeros)
+            (session, opening), entry = given.settle("analyzed"), source.settle(commanded=commanded)
             rows = session.weigh(opening, base, estimator)
             try:
                 submodels = build_comparison(entry, rows.opening.structure)
@@ -643,7 +641,7 @@ def _conclude(
     hints = [*opening.hints, rows.burst, short]
     hints += () if session.recordings.commanded else say_band(getattr(session.how, "band", None))
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest
-        hints += say_of_fit(session, opening.samples, results[at])
+        hints += say_of_fit(session, opening.samples, results[0])
     used, full = int(results[at].physical_used), settled[0].model.submodel
     return Analysis(
         structure=opening.structure,
