@@ -264,8 +264,7 @@ class Missing:
             if k in first:
                 data[:, j] &= np.abs(x) <= TURNS * np.abs(x).max()
         runs = tuple(split_runs(own, data[:, [j]])[0] for j, own in enumerate(seen.runs))
-        X, y, raw = seen.X * data[:, :, None], seen.y * data, seen.raw * data
-        return replace(self, seen=replace(seen, X=X, y=y, raw=raw, data=data, runs=runs))
+        return replace(self, seen=replace(seen, data=data, runs=runs))
 
     def under(self, noise: Sequence[JointNoise]) -> Missing:
         """Return the same beside other noise."""
@@ -435,12 +434,6 @@ def describe_term(term: Term) -> str:
     return f"{title_of(term.group.family)} in {place_of(term)}"
 
 
-def describe_terms(terms: Terms) -> str:
-    """Return groups in words with their log odds, the surest first."""
-    order = sorted(terms, key=lambda t: -t.odds)
-    return listing([f"{describe_term(t)} (log odds {t.odds:.3g})" for t in order], TOLD)
-
-
 @frozen
 class Share:
     """What a group does to the torque, where it is there.
@@ -494,8 +487,9 @@ class Alternatives:
         """What the model seems to miss, and how sure that is, for before ": diagnose"."""
         if not self.named:
             return ""
-        verb = "seems" if len(self.named) == 1 else "seem"
-        return f"{describe_terms(self.named)} {verb} to be missing"
+        order = sorted(self.named, key=lambda t: -t.odds)
+        told = listing([f"{describe_term(t)} (log odds {t.odds:.3g})" for t in order], TOLD)
+        return f"{told} {'seems' if len(order) == 1 else 'seem'} to be missing"
 
     def to_list(self) -> list[dict[str, Any]]:
         """Return what is named as a JSON result has it."""

@@ -31,10 +31,8 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
-from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.quality import MeasuredLogs
-from identifiability.quality.hints import measure_factors
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
@@ -172,7 +170,6 @@ class _Rows:
 
     def __init__(self, logs: MeasuredLogs) -> None:
         self.structure, self.robot, self.weighs = logs.structure, logs.robot, logs.weighs
-        self.factors = measure_factors(logs) if logs.weighs else np.empty(0)
         n, b = len(logs.joints), len(self.structure.base.kept)
         most = max(min(ROWS[0], NUMBERS // (4 * n * max(b, 1))), ROWS[1])
         self._most = most, ROWS[1], most // ROWS[1]
@@ -231,12 +228,6 @@ class _Rows:
             do = "Correct its sign in the log, or say sign = -1 under [torque] in the sidecar"
             what, factor = f"{who} seems to have the wrong sign", np.where(own, -1.0, 1.0)
             yield replace(plain, says=what, remedy=do, factor=factor)
-        shows = self.factors[np.isfinite(self.factors)]
-        if (np.abs(np.log(shows)) > np.log(LOG_RULES.unit_factor)).any() and not said.ratio:
-            each = np.where(np.isfinite(self.factors), self.factors, np.median(shows))
-            what = f"The torque of joints is {each.min():.2g} … {each.max():.2g} times the file's"
-            do = 'Say side = "motor" and ratio under [torque] in the sidecar, or correct its units'
-            yield replace(plain, says=what, remedy=do, factor=1.0 / each, free=n)
         do = "Correct its unit in the log"
         for unit, (who, own) in product(() if said.gain or n < 2 else UNITS, some):
             yield replace(plain, says=who, remedy=do, factor=np.where(own, 1 / unit, 1.0), free=1)
@@ -248,8 +239,6 @@ class _Rows:
 
     def refine(self, a: Alternative) -> Alternative:
         """Return an alternative with the delay or unit that fits best, between those tried."""
-        if a.scaled.sum() > 1:
-            return a
         tried = [
             replace(a, late=late, factor=np.where(a.scaled, x * a.factor, a.factor))
             for x in BETWEEN

@@ -26,8 +26,6 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects import FAMILIES, Part, Placed
-from identifiability.effects.base import GravityTilt, ImuMounting
-from identifiability.effects.measurement import ClockError, EncoderBias, TimeDelay, TorqueScale
 from identifiability.estimation.estimate import (
     Kind,
     Method,
@@ -37,7 +35,7 @@ from identifiability.estimation.estimate import (
     with_known,
 )
 from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.groups import Alternatives, describe_terms, find_alternatives
+from identifiability.estimation.groups import Alternatives, find_alternatives
 from identifiability.foundation import __version__
 from identifiability.foundation.engines import (
     NUMERICS,
@@ -51,7 +49,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import Expected
-from identifiability.foundation.rounding import REACH
+from identifiability.foundation.rounding import REACH, join
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import moved, of_commands
@@ -327,10 +325,6 @@ MISREAD = (
     "says: mend that, and run again"
 )
 
-#: Errors of measurement that a model has where rows name them.
-ERRORS = GravityTilt, ImuMounting, TorqueScale, EncoderBias, TimeDelay, ClockError
-MEASURED = tuple(e.name for e in ERRORS)
-
 #: What follows the statement of an alternative of the model that is used.
 SO = "All that follows is said under that reading."
 
@@ -517,23 +511,23 @@ class Session:
     def complete(self, opening: Opening) -> Opening:
         """Return an opening whose model has the errors of measurement that it surely lacks.
 
-        Which law friction has is for `diagnose` to say; but where gravity points, or by which scale
-        torque is off, moves every other value.
+        Which law friction has is for `diagnose` to say; but where gravity points, by which scale,
+        clock or zero a log is off moves every other value: what depends on the load alone.
         """
         parts: dict[str, list[Part]] = defaultdict(list)
-        known = bool(of_key(opening.hints, "commands"))  # torque of servos was not measured
-        for t in () if known else opening.missing.named:
+        for t in () if self.recordings.commanded else opening.missing.named:
             family = FAMILIES[t.group.family]
-            if family.name in MEASURED and t.odds >= RULES.alternative_nats:
-                parts[family.name].append(Part(family.effect, t.group.place))
+            if family.loaded and not (
+                family.needs or family.shapes or t.odds < RULES.alternative_nats
+            ):
+                parts[family.title].append(Part(family.effect, t.group.place))
         if not parts:
             return opening
         model = opening.structure.model.with_effects(map(Placed, parts.values()))
-        named = [t for t in opening.missing.named if t.group.family in parts]
-        said = Finding("alternative", text=phrase("alternative", "has", what=describe_terms(named)))
-        hints = (said, *opening.hints)
-        own = replace(opening, structure=Structure.of(opening.robot, model), hints=hints)
-        return self.at_fit(own)[1]
+        what = [f"{title} ({join(p.owner for p in own)})" for title, own in parts.items()]
+        said = Finding("alternative", text=phrase("alternative", "has", what=what))
+        structure = Structure.of(opening.robot, model)
+        return self.at_fit(replace(opening, structure=structure, hints=(said, *opening.hints)))[1]
 
     def at_fit(self, opening: Opening) -> tuple[Session, Opening]:
         """Return both with the columns that depend on torque taken at the fitted robot."""
@@ -612,10 +606,7 @@ class Session:
         alike = gather_information(opening.regression, engine=self.engine, progress=building)
         alike = with_known(alike, opening.structure.known)
         joints = self.structure.robot.joints
-        information, burst, found = weigh_rows(joints, opening.samples, alike, estimator)
-        if burst and found and self.recordings.commanded:
-            limit = find_limit(joints, opening.samples, found)
-            opening = replace(opening, hints=(*limit, *opening.hints))
+        information, burst, _ = weigh_rows(joints, opening.samples, alike, estimator)
         return Weighed(opening, estimator, alike, information, burst)
 
     def with_instruments(
@@ -705,21 +696,6 @@ def weigh_rows(
     return weighed, said, found
 
 
-def find_limit(
-    joints: Sequence[str], samples: Sequence[Dataset], found: Outliers
-) -> tuple[Finding, ...]:
-    """Return which servo seems to have a limit: what lies out is where it is asked for most."""
-    joint = int(np.argmax(found.beyond.max(0)))
-    rows = [np.abs(s.tau[s.at_outputs, joint]) for s in samples]
-    each = zip(found.log, found.first, found.last, strict=True)
-    least = float(np.median(np.concatenate([rows[log][a:b] for log, a, b in each])))
-    if least <= np.quantile(np.concatenate(rows), 0.9):
-        return ()
-    return (
-        Finding("rollouts", text=phrase("rollouts", "limit", joint=joints[joint], least=least)),
-    )
-
-
 def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Outliers) -> str:
     """Return where outliers are, the farthest first, and how far from the model."""
     ends = np.flatnonzero((np.diff(found.log) != 0) | (found.first[1:] > found.last[:-1])) + 1
@@ -732,8 +708,13 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Out
         named.append(f"{log.name} from t = {start:.5g} to {stop:.5g} s")
     beyond = found.beyond.max(0)
     worst = int(np.argmax(beyond))
-    far = float(np.sqrt(beyond[worst]))
-    return phrase("outliers", "where", stretches=named, joint=joints[worst], far=far)
+    far, size = float(np.sqrt(beyond[worst])), [np.abs(s.tau[s.at_outputs, worst]) for s in samples]
+    own = np.concatenate(
+        [size[log][a:b] for log, a, b in zip(found.log, found.first, found.last, strict=True)]
+    )
+    most = bool(np.median(own) > np.quantile(np.concatenate(size), 0.9))
+    told = {"stretches": named, "joint": joints[worst], "far": far}
+    return phrase("outliers", "limit" if most else "where", **told)
 
 
 def settle_gains(robot: Robot, logs: Logs) -> Robot:
