@@ -409,10 +409,11 @@ class EncoderBias(AtMotors):
     """``τ = −b ∂τ/∂q``: a joint's position is measured b too large, and so is its command.
 
     The servo holds what it measures, so its torque is right and every other joint's is told at a
-    configuration that is not there. Linear in small b, by the masses of the robot file. Where the
-    joint's axis is along gravity and the first of its tree nothing depends on it; at the last body
-    it looks like first moments that are turned about its axis. A large one goes into the sidecar
-    as an offset of ``[columns]``, and what is left of it is found again.
+    configuration that is not there. Linear in b; where one is known, of any size, the column is
+    taken along the whole way, by the fitted masses. Where the joint's axis is along gravity and
+    the first of its tree nothing depends on it; of any other first joint it is a tilt of the base
+    about its axis; at the last body it looks like first moments that are turned about its axis. The
+    sidecar states it as an offset of ``[columns]``.
     """
 
     name = "encoder_bias"
