@@ -35,7 +35,7 @@ from identifiability.estimation.estimate import (
     with_known,
 )
 from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.groups import Alternatives, find_alternatives
+from identifiability.estimation.groups import Alternatives, describe_term, find_alternatives
 from identifiability.foundation import __version__
 from identifiability.foundation.engines import (
     NUMERICS,
@@ -49,7 +49,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import Expected
-from identifiability.foundation.rounding import REACH, join
+from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import moved, of_commands
@@ -514,17 +514,17 @@ class Session:
         Which law friction has is for `diagnose` to say; but where gravity points, by which scale,
         clock or zero a log is off moves every other value: what depends on the load alone.
         """
-        parts: dict[str, list[Part]] = defaultdict(list)
+        parts, what = defaultdict[str, list[Part]](list), list[str]()
         for t in () if self.recordings.commanded else opening.missing.named:
             family = FAMILIES[t.group.family]
             if family.loaded and not (
                 family.needs or family.shapes or t.odds < RULES.alternative_nats
             ):
-                parts[family.title].append(Part(family.effect, t.group.place))
+                parts[family.name].append(Part(family.effect, t.group.place))
+                what.append(describe_term(t))
         if not parts:
             return opening
         model = opening.structure.model.with_effects(map(Placed, parts.values()))
-        what = [f"{title} ({join(p.owner for p in own)})" for title, own in parts.items()]
         said = Finding("alternative", text=phrase("alternative", "has", what=what))
         structure = Structure.of(opening.robot, model)
         return self.at_fit(replace(opening, structure=structure, hints=(said, *opening.hints)))[1]
