@@ -12,7 +12,6 @@ result.
 from __future__ import annotations
 
 import platform
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field, replace
@@ -25,7 +24,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 import numpy as np
 import pandas as pd
 
-from identifiability.effects import FAMILIES, Part, Placed
+from identifiability.effects import FAMILIES
 from identifiability.estimation.estimate import (
     Kind,
     Method,
@@ -67,7 +66,7 @@ from identifiability.quality import MeasuredLogs, Reading, find_always, find_odd
 from identifiability.quality.registry import Does, check
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import LadderSource
-from identifiability.regression.regression import Regression
+from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
@@ -514,20 +513,18 @@ class Session:
         Which law friction has is for `diagnose` to say; but where gravity points, by which scale,
         clock or zero a log is off moves every other value: what depends on the load alone.
         """
-        parts, what = defaultdict[str, list[Part]](list), list[str]()
-        for t in () if self.recordings.commanded else opening.missing.named:
-            family = FAMILIES[t.group.family]
-            if family.loaded and not (
-                family.needs or family.shapes or t.odds < RULES.alternative_nats
-            ):
-                parts[family.name].append(Part(family.effect, t.group.place))
-                what.append(describe_term(t))
-        if not parts:
+        found = () if self.recordings.commanded else opening.missing.named
+        sure = [t for t in found if t.odds >= RULES.alternative_nats]
+        families = {t: FAMILIES[t.group.family] for t in sure}
+        own = [t for t, f in families.items() if f.loaded and not (f.needs or f.shapes)]
+        if not own:
             return opening
-        model = opening.structure.model.with_effects(map(Placed, parts.values()))
-        said = Finding("alternative", text=phrase("alternative", "has", what=what))
+        given, texts = opening.structure.model, (f"{t.group.family}@{t.group.place}" for t in own)
+        model = replace(Model.of(*given.texts, *texts), random=given.random)
+        said = phrase("alternative", "has", what=[describe_term(t) for t in own])
+        hints = (Finding("alternative", text=said), *opening.hints)
         structure = Structure.of(opening.robot, model)
-        return self.at_fit(replace(opening, structure=structure, hints=(said, *opening.hints)))[1]
+        return self.at_fit(replace(opening, structure=structure, hints=hints))[1]
 
     def at_fit(self, opening: Opening) -> tuple[Session, Opening]:
         """Return both with the columns that depend on torque taken at the fitted robot."""
