@@ -641,7 +641,7 @@ def _conclude(
     hints = [*opening.hints, rows.burst, short]
     hints += () if session.recordings.commanded else say_band(getattr(session.how, "band", None))
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest
-        hints += say_of_fit(session, opening.samples, results[0])
+        hints += say_of_fit(session, opening.samples, results[at])
     used, full = int(results[at].physical_used), settled[0].model.submodel
     return Analysis(
         structure=opening.structure,
