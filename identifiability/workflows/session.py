@@ -25,6 +25,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects import FAMILIES
+from identifiability.effects.friction import PassiveJointFriction
 from identifiability.estimation.estimate import (
     Kind,
     Method,
@@ -511,12 +512,17 @@ class Session:
         """Return an opening whose model has the errors of measurement that it surely lacks.
 
         Which law friction has is for `diagnose` to say; but where gravity points, by which scale,
-        clock or zero a log is off moves every other value: what depends on the load alone.
+        clock or zero a log is off moves every other value: what depends on the load alone. So does
+        friction of passive joints, for which motors would stand in.
         """
         found = () if self.recordings.commanded else opening.missing.named
         sure = [t for t in found if t.odds >= RULES.alternative_nats]
         families = {t: FAMILIES[t.group.family] for t in sure}
-        own = [t for t, f in families.items() if f.loaded and not (f.needs or f.shapes)]
+        own = [
+            t
+            for t, f in families.items()
+            if f.name == PassiveJointFriction.name or (f.loaded and not (f.needs or f.shapes))
+        ]
         if not own:
             return opening
         given, texts = opening.structure.model, (f"{t.group.family}@{t.group.place}" for t in own)
