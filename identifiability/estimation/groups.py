@@ -585,8 +585,8 @@ def find_alternatives(
     plain = regression if record is None else replace(regression, instruments=None)
     families = find_families(None, commanded=commanded)
     missing = Missing.of(plain, families, structure.present)
-    blurred = commanded or structure.robot.base is not None
-    missing = missing.between_reversals() if blurred else missing
+    if commanded or structure.robot.base is not None:
+        missing = missing.between_reversals()
     if not len(missing.seen.y) or not missing.groups:
         return NO_ALTERNATIVES
     every = missing.model()

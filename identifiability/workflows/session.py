@@ -325,6 +325,10 @@ MISREAD = (
     "says: mend that, and run again"
 )
 
+#: Families that a model has where rows surely name them.
+COMPLETED = {n for n, f in FAMILIES.items() if f.loaded and not (f.needs or f.shapes)}
+COMPLETED |= {PassiveJointFriction.name}
+
 #: What follows the statement of an alternative of the model that is used.
 SO = "All that follows is said under that reading."
 
@@ -515,15 +519,9 @@ class Session:
         clock or zero a log is off moves every other value: what depends on the load alone. So does
         friction of passive joints, for which motors would stand in.
         """
-        found = () if self.recordings.commanded else opening.missing.named
-        sure = [t for t in found if t.odds >= RULES.alternative_nats]
-        families = {t: FAMILIES[t.group.family] for t in sure}
-        own = [
-            t
-            for t, f in families.items()
-            if f.name == PassiveJointFriction.name or (f.loaded and not (f.needs or f.shapes))
-        ]
-        if not own:
+        sure = [t for t in opening.missing.named if t.odds >= RULES.alternative_nats]
+        own = [t for t in sure if t.group.family in COMPLETED]
+        if not own or self.recordings.commanded:
             return opening
         given, texts = opening.structure.model, (f"{t.group.family}@{t.group.place}" for t in own)
         model = replace(Model.of(*given.texts, *texts), random=given.random)
