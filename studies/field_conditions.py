@@ -26,8 +26,11 @@ import re
 import shutil
 import time
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import mujoco
@@ -35,7 +38,7 @@ import numpy as np
 import pandas as pd
 from field_commanded import Commanded, Floating, examine_labels, examine_told, told
 from hidden_effect import read_rows
-from hidden_physics import Machine
+from hidden_physics import Machine, Runs
 from hidden_physics_cases import (
     FITTED,
     LOGS,
@@ -400,15 +403,10 @@ def draw(folder: Path, stream: str, number: int, name: str, which: Condition) ->
     path = folder_of(folder, number, name)
     ROBOTS.setdefault("seven", "RRRRRRR")
     robot = write_robot(path, robot_name, rng)
-    while True:
-        case = Case(robot, "null", rng)
-        if which.machine is not None:
-            which.machine(case)
-        try:
-            _, runs, _ = case.simulate(_hidden(case, name))
-        except (ClosureError, FloatingPointError, np.linalg.LinAlgError):
-            continue
-        break
+    own = which.machine is not None or name in HIDDEN
+    case, runs, rng.bit_generator.state = move(stream, number, name if own else SOUND)
+    case = copy(case)
+    case.robot = robot
     level = float(np.exp(rng.uniform(*np.log(NOISE))))
     rms = np.sqrt((runs.tau[:FITTED] ** 2).mean((0, 1)))
     slides = [robot.is_prismatic(int(k)) for k in robot.actuated]
@@ -428,11 +426,28 @@ def draw(folder: Path, stream: str, number: int, name: str, which: Condition) ->
     return out
 
 
-def _hidden(case: Case, name: str) -> list[Any]:
-    if name != "friction warms up":
-        return []
-    joint = case.robot.joints[0]
-    return [(OUTSIDE["warm_up"][0](case.rng, case.joint(joint)), joint)]
+#: What is hidden under a condition, in the first joint.
+HIDDEN = {"friction warms up": "warm_up"}
+
+
+@lru_cache(2)  # most conditions change logs alone: one simulation does for them
+def move(stream: str, number: int, name: str) -> tuple[Case, Runs, Any]:
+    """Return a machine that is like a condition, how it moved, and the seeds' state behind it."""
+    rng, which = np.random.default_rng([stream_number(stream), number]), CONDITIONS[name]
+    with TemporaryDirectory() as folder:
+        robot = write_robot(Path(folder), EVERY[number % len(EVERY)], rng)
+        while True:
+            case, hidden = Case(robot, "null", rng), list[Any]()
+            if which.machine is not None:
+                which.machine(case)
+            if name in HIDDEN:
+                joint = robot.joints[0]
+                hidden = [(OUTSIDE[HIDDEN[name]][0](rng, case.joint(joint)), joint)]
+            try:
+                runs = case.simulate(hidden)[1]
+            except (ClosureError, FloatingPointError, np.linalg.LinAlgError):
+                continue  # another motion
+            return case, runs, rng.bit_generator.state
 
 
 def write_logs(x: Logged) -> list[Path]:
@@ -470,6 +485,8 @@ def truth_of(case: Case, a: Analysis) -> pd.Series:
     if any(not np.isclose(file[n], case.robot.nominal[n], atol=1e-9) for n in bodies):
         return pd.Series(dtype=float)
     values = base.G @ np.array([own.get(n, 0.0) for n in names])
+    said = [n.startswith("base.") or n.endswith(".off") for n in base.names]
+    values[said] = np.nan  # no machine has a tilt, and offsets are those of logs
     return pd.Series(values, base.labels)
 
 

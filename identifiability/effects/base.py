@@ -119,8 +119,12 @@ class GravityTilt(Effect):
         """Write the torque for one radian about each of two horizontal axes."""
         if not out.shape[2]:
             return
-        for k, axis in enumerate(horizontal_axes(robot.gravity)):
-            out[:, :, k] = gravity_torque(robot, motion, np.cross(axis, robot.gravity))
+        axes = np.array(horizontal_axes(robot.gravity))
+        turned = [robot.reference.get(f"{BASE}.{kind}", 0.0) for kind in TILTS] @ axes
+        # What a turn by these angles takes all the way, not at its beginning alone.
+        between = robot.gravity + 0.5 * np.cross(turned, robot.gravity)
+        for k, axis in enumerate(axes):
+            out[:, :, k] = gravity_torque(robot, motion, np.cross(axis, between))
 
 
 # An inertial sensor that is mounted on its base otherwise than the sidecar says.

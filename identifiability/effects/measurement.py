@@ -21,20 +21,14 @@ from identifiability.effects.effect import (
 )
 from identifiability.effects.friction import CoulombAsymmetry, CoulombFriction, ViscousFriction
 from identifiability.effects.inertia import ActuatorInertia
-from identifiability.effects.nominal import (
-    needs_masses,
-    once,
-    position_derivatives,
-    reference_values,
-    rigid_torque,
-)
+from identifiability.effects.nominal import needs_masses, once, reference_values, rigid_torque
 from identifiability.effects.registry import declare
 from identifiability.effects.springs import FreeSpring, GravitySpring, JointStiffness
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.linalg import without_rounding
 from identifiability.foundation.names import Array, Parameter
+from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Axis, Motion, Robot
-from identifiability.robot.closure import project
 
 
 class AtMotors(AlongAxes):
@@ -399,6 +393,10 @@ def _stands_in_a_tree(robot: Robot, place: str) -> str:
     return in_motor(robot, place) or needs_masses(robot, place)
 
 
+#: Positions [rad or m] between which torque changes along a line.
+SLOPE: Tolerance = 1e-5
+
+
 @declare(
     "a wrong zero of an encoder",
     actuated_joints,
@@ -411,10 +409,11 @@ class EncoderBias(AtMotors):
     """``τ = −b ∂τ/∂q``: a joint's position is measured b too large, and so is its command.
 
     The servo holds what it measures, so its torque is right and every other joint's is told at a
-    configuration that is not there. Linear in small b, by the masses of the robot file. Where the
-    joint's axis is along gravity and the first of its tree nothing depends on it; at the last body
-    it looks like first moments that are turned about its axis. A large one goes into the sidecar
-    as an offset of ``[columns]``, and what is left of it is found again.
+    configuration that is not there. Linear in b; where one is known, of any size, the column is
+    taken along the whole way, by the fitted masses. Where the joint's axis is along gravity and
+    the first of its tree nothing depends on it; of any other first joint it is a tilt of the base
+    about its axis; at the last body it looks like first moments that are turned about its axis. The
+    sidecar states it as an offset of ``[columns]``.
     """
 
     name = "encoder_bias"
@@ -430,7 +429,10 @@ class EncoderBias(AtMotors):
         """Write how torque changes with minus each position."""
         if not out.shape[2]:
             return
-        changes, rigid = position_derivatives(robot, motion), rigid_torque(robot, motion)
+        rigid = rigid_torque(robot, motion)
         for k, joint in enumerate(motors(robot)):
-            change = project(robot, motion, changes[:, :, robot.actuated[joint]])
+            # Along the whole way where one is known, which need not be small.
+            way = robot.reference.get(f"{robot.joints[joint]}.bias", 0.0) or SLOPE
+            q = motion.q - way * (np.arange(motion.q.shape[1]) == robot.actuated[joint])
+            change = (rigid - rigid_torque(robot, replace(motion, q=q))) / way
             out[:, :, k] = -without_rounding(change, rigid)

@@ -73,16 +73,6 @@ def rigid_torque(robot: Robot, motion: Motion) -> Array:
     return without_rounding(tau, tau)
 
 
-@once
-def position_derivatives(robot: Robot, motion: Motion) -> Array:
-    """Return how rigid-body torque of a tree changes with its positions, (N, nv, nv)."""
-    model = load_model(robot)
-    data, out = model.createData(), np.empty((len(motion), model.nv, model.nv))
-    for k, (q, v, a) in enumerate(zip(*tree_motion(robot, motion), strict=True)):
-        out[k] = pin.computeRNEADerivatives(model, data, q, v, a)[0]
-    return out
-
-
 def gravity_torque(robot: Robot, motion: Motion, gravity: Array) -> Array:
     """Return the torque that holds the file's masses against a gravity vector, (N, n).
 

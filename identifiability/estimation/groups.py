@@ -59,6 +59,8 @@ LOAD = {kind: RADIUS ** min(k, 1 + (k > 3)) for k, kind in enumerate(INERTIAL_KI
 
 #: Samples of all logs up to which all are looked at; of more so many windows of so many samples.
 EXCERPT = (6_000, 6, 1_000)
+#: Share of the largest pulse at reversals from which rows are of one.
+TURNS: Tolerance = 0.3
 #: Numbers that columns of what may be missing may be, where all act at all joints.
 NUMBERS = 2**27
 #: Families of bodies, with typical values of their kinds.
@@ -253,6 +255,16 @@ class Missing:
             finest = own if family.separate else [max(own, key=lambda c: len(c.columns))]
             out.append((family.against == "session", [k for c in finest for k in c.columns]))
         return out
+
+    def between_reversals(self) -> Missing:
+        """Return the same where no joint turns: servos that hold their torque blur what it does."""
+        seen, first = self.seen, {c.columns[0] for c in self.candidates if c.family is REVERSALS}
+        data = seen.data.copy()
+        for (j, k), x in self.entries.items():
+            if k in first:
+                data[:, j] &= np.abs(x) <= TURNS * np.abs(x).max()
+        runs = tuple(split_runs(own, data[:, [j]])[0] for j, own in enumerate(seen.runs))
+        return replace(self, seen=replace(seen, data=data, runs=runs))
 
     def under(self, noise: Sequence[JointNoise]) -> Missing:
         """Return the same beside other noise."""
@@ -573,6 +585,8 @@ def find_alternatives(
     plain = regression if record is None else replace(regression, instruments=None)
     families = find_families(None, commanded=commanded)
     missing = Missing.of(plain, families, structure.present)
+    if commanded or structure.robot.base is not None:
+        missing = missing.between_reversals()
     if not len(missing.seen.y) or not missing.groups:
         return NO_ALTERNATIVES
     every = missing.model()

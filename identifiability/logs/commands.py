@@ -94,7 +94,8 @@ def of_commands(log: Log) -> bool:
 def servo_log(log: Log, servo: Servo, delay: float) -> Log:
     """Return a log of commands with the torque that the servos made of them.
 
-    Where they were saturated torque is no data: an encoder's error then changes which it is.
+    Where they were saturated torque is no data: an encoder's error then changes which it is. Where
+    rows are lost it is none, either.
 
     Parameters
     ----------
@@ -108,8 +109,11 @@ def servo_log(log: Log, servo: Servo, delay: float) -> Log:
     target = acting(log, servo, log.t, dt, delay)
     raw = servo.gain * target - servo.kp * log.q - servo.damping * dq
     tau = np.clip(raw, servo.low, servo.high)
-    saturated = tau != raw
-    lost = saturated if log.unmeasured is None else saturated | log.unmeasured
+    # Between rows that are far apart commands came that nobody wrote down.
+    gaps = signals.has_gap(log.t)
+    gone = held_mean(log.commands_since, np.append(gaps, False)[:, None], log.t - delay, dt) > 0
+    lost = (tau != raw) | gone
+    lost = lost if log.unmeasured is None else lost | log.unmeasured
     return replace(
         log,
         tau=tau,

@@ -175,7 +175,10 @@ class _Rows:
         self._most = most, ROWS[1], most // ROWS[1]
         self.samples = logs.samples
         self.seen = self._look(self.robot)
-        self.data = self.seen.data
+        data = self.seen.data
+        # A column that is another joint's is data where that one moves.
+        every = data.all(1, keepdims=True)
+        self.data = data & every if every.mean() > 0.5 * data.mean() else data
         #: What makes columns (N, n, b) of these parts: 1, and gravity where there is any.
         self.parts = self.seen.X[..., None]
         g, size = self.robot.gravity, float(np.linalg.norm(self.robot.gravity))

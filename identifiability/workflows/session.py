@@ -23,6 +23,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 import numpy as np
 import pandas as pd
 
+from identifiability.effects import FAMILIES
+from identifiability.effects.friction import PassiveJointFriction
 from identifiability.estimation.estimate import (
     Kind,
     Method,
@@ -32,7 +34,7 @@ from identifiability.estimation.estimate import (
     with_known,
 )
 from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.groups import Alternatives, find_alternatives
+from identifiability.estimation.groups import Alternatives, describe_term, find_alternatives
 from identifiability.foundation import __version__
 from identifiability.foundation.engines import (
     NUMERICS,
@@ -64,10 +66,11 @@ from identifiability.quality import MeasuredLogs, Reading, find_always, find_odd
 from identifiability.quality.registry import Does, check
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import LadderSource
-from identifiability.regression.regression import Regression
+from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.workflows.alternatives import Alternative, find_alternative
+from identifiability.workflows.rules import RULES
 
 if TYPE_CHECKING:
     from identifiability.estimation.rollouts import Rollouts
@@ -311,6 +314,10 @@ MISREAD = (
     "says: mend that, and run again"
 )
 
+#: Families that a model has where rows surely name them.
+COMPLETED = {n for n, f in FAMILIES.items() if f.loaded and not (f.needs or f.shapes)}
+COMPLETED |= {PassiveJointFriction.name}
+
 #: What follows the statement of an alternative of the model that is used.
 SO = "All that follows is said under that reading."
 
@@ -354,16 +361,15 @@ class Opening(OfStructure):
         return self.structure.regression(self.validation) if self.validation else None
 
     @cached_property
+    def missing(self) -> Alternatives:
+        """What may be missing beside the unpruned model."""
+        commanded = bool(of_key(self.hints, "commands"))
+        return find_alternatives(self.structure, self.regression, self.unseen, commanded=commanded)
+
+    @cached_property
     def silence(self) -> str:
         """Why the fitted logs have nothing to explain, for after "because"; nothing if they do."""
         return explain_silence([s.survey for s in self.samples])
-
-
-def find_missing(opening: Opening) -> Alternatives:
-    """Return what may be missing beside the unpruned model."""
-    commanded = bool(of_key(opening.hints, "commands"))
-    rows = opening.regression, opening.unseen
-    return find_alternatives(opening.structure, *rows, commanded=commanded)
 
 
 @frozen
@@ -495,6 +501,24 @@ class Session:
         hints = (*said, *opening.hints)
         return session.at_fit(replace(opening, alternative=other, hints=hints))
 
+    def complete(self, opening: Opening) -> Opening:
+        """Return an opening whose model has the errors of measurement that it surely lacks.
+
+        Which law friction has is for `diagnose` to say; but where gravity points, by which scale,
+        clock or zero a log is off moves every other value: what depends on the load alone. So does
+        friction of passive joints, for which motors would stand in.
+        """
+        sure = [t for t in opening.missing.named if t.odds >= RULES.alternative_nats]
+        own = [t for t in sure if t.group.family in COMPLETED]
+        if not own or self.recordings.commanded:
+            return opening
+        given, texts = opening.structure.model, (f"{t.group.family}@{t.group.place}" for t in own)
+        model = replace(Model.of(*given.texts, *texts), random=given.random)
+        said = phrase("alternative", "has", what=[describe_term(t) for t in own])
+        hints = (Finding("alternative", text=said), *opening.hints)
+        structure = Structure.of(opening.robot, model)
+        return self.at_fit(replace(opening, structure=structure, hints=hints))[1]
+
     def at_fit(self, opening: Opening) -> tuple[Session, Opening]:
         """Return both with the columns that depend on torque taken at the fitted robot."""
         structure = load_by_fit(opening.structure, opening.samples, self.engine)
@@ -567,6 +591,7 @@ class Session:
     def weigh(self, opening: Opening, method: Method, kind: Kind) -> Weighed:
         """Return the rows of opened logs by their noise, with instruments where there are any."""
         opening, estimator = self.with_instruments(opening, method, kind)
+        opening = self.complete(opening)
         building = share(self.say, "building the regression", 0.2, 0.4)
         alike = gather_information(opening.regression, engine=self.engine, progress=building)
         alike = with_known(alike, opening.structure.known)
@@ -670,8 +695,12 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Out
     own = place == place[at]
     ends = log.output_times(np.array([found.first[own][0], found.last[own][-1] - 1]))
     far = float(np.sqrt(found.beyond[at, worst]))
+    size = [np.abs(s.tau[s.at_outputs, worst]) for s in samples]
+    parts = zip(found.log, found.first, found.last, strict=True)
+    outlying = np.concatenate([size[k][a:b] for k, a, b in parts])
+    most = np.median(outlying) > np.quantile(np.concatenate(size), 0.9)
     told = {"start": ends[0], "stop": ends[1], "joint": joints[worst], "far": far}
-    return phrase("outliers", "where", log=log.name, **told)
+    return phrase("outliers", "limit" if most else "where", log=log.name, **told)
 
 
 def settle_gains(robot: Robot, logs: Logs) -> Robot:

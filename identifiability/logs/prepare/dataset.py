@@ -292,7 +292,7 @@ class Dataset:
         """The outputs with which a stretch begins: the first, and those behind a long gap."""
         if not len(self.breaks):
             return (0,)
-        before = np.searchsorted(self.motion.kept[self._at_outputs], self.breaks)
+        before = np.searchsorted(self.motion.kept[self.at_outputs], self.breaks)
         return (0, *(int(k) for k in np.unique(before) if 0 < k < self.outputs))
 
     @cached_property
@@ -371,11 +371,11 @@ class Dataset:
 
     def output_times(self, at: slice | np.ndarray = slice(None)) -> Array:
         """Return the times of samples after decimation [s], all by default."""
-        times: Array = self.motion.t[self._at_outputs[at]]
+        times: Array = self.motion.t[self.at_outputs[at]]
         return times
 
     @property
-    def _at_outputs(self) -> np.ndarray:
+    def at_outputs(self) -> np.ndarray:
         """The samples of the motion at which the outputs are."""
         factor, reach = (1, 0) if (d := self.decimation) is None else (d.factor, d.reach)
         rows = [start + reach + factor * np.arange(count) for start, _, count in self.runs]

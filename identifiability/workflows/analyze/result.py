@@ -490,7 +490,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             doubt = f"Nothing is identifiable, because {self.nothing}."
         size, missing = len(self.chosen.submodel), self.missing.statement
         told = answer_trust(self.cautions(), doubt, found, size, missing)
-        odd, text = of_key(self.hints, "unit"), f"{told.short} {told.text}"
+        odd, text = of_key(self.hints, "alternative", "unit"), f"{told.short} {told.text}"
         return told if doubt or not odd else replace(told, short=odd[0], text=text, tone="amber")
 
     @property

@@ -73,7 +73,6 @@ from identifiability.workflows.session import (
     Progress,
     Session,
     Weighed,
-    find_missing,
     quiet,
     running,
     share,
@@ -577,12 +576,12 @@ def analyze(
             share_, cad_prior = settle_prior(prior, cad_prior, commanded)
             given = session.follow(streams[0])
             (session, opening), entry = given.settle("analyzed"), source.settle(commanded=commanded)
-            try:
-                submodels = build_comparison(entry, opening.structure)
-            except ModelError:  # its models are of parameters of the model as it was given
-                session, opening = given, given.open("analyzed")
-                submodels = build_comparison(entry, opening.structure)
             rows = session.weigh(opening, base, estimator)
+            try:
+                submodels = build_comparison(entry, rows.opening.structure)
+            except ModelError:  # its models are of parameters of the model as it was given
+                session, rows = given, given.weigh(given.open("analyzed"), base, estimator)
+                submodels = build_comparison(entry, rows.opening.structure)
             settings = {
                 "method": base.name,
                 "seed": seed,
@@ -634,7 +633,7 @@ def conclude_analysis(
     fitted, *others = predict_all(opening.regression, tasks)
     if opening.unseen is not None:
         others = [predict(opening.unseen, values)]
-    unseen, missing = (others or [fitted])[0], missing or find_missing(opening)
+    unseen, missing = (others or [fitted])[0], missing or opening.missing
     given = rng, settings["replicates"], missing, late
     results = assess_ladder(settled, fitted, unseen, judged, *given)
     at = select_model(results, near)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -70,15 +71,7 @@ from identifiability.workflows.prune.elimination import (
 )
 from identifiability.workflows.prune.moves import propose_moves
 from identifiability.workflows.prune.result import Ladder, PrunedModel
-from identifiability.workflows.session import (
-    Logs,
-    Progress,
-    Session,
-    Weighed,
-    find_missing,
-    quiet,
-    running,
-)
+from identifiability.workflows.session import Logs, Progress, Session, Weighed, quiet, running
 
 #: Models as good as the best, and smaller ones, whose physical certificate is asked for.
 CERTIFIED = 4
@@ -161,6 +154,7 @@ def prune(
             session = session.follow(streams[0])
             session, opening = session.settle("pruned")
             rows = session.weigh(opening, base, estimator)
+            session = replace(session, structure=rows.opening.structure)
             start = build_ladder(LadderEntry(models=source.entry.models[:1]), session.structure)[0]
             _check_wishes(start, forbid, force)
             part = start.reduce(rows.information)
@@ -388,7 +382,7 @@ def measure_models(
     unseen = crossed
     if opening.unseen is not None:
         (unseen,) = predict_all(opening.unseen, along)
-    missing = find_missing(opening)
+    missing = opening.missing
     weights = np.zeros(len(steps))
     first = first_allowed(steps)
     weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
