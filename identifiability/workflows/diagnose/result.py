@@ -27,7 +27,6 @@ from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
-from identifiability.physical.feasibility import PhysicalResult
 from identifiability.regression.columns import Refusal
 from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
 from identifiability.regression.regression import Model
@@ -272,8 +271,6 @@ class Diagnosis(Result, Setting, Predicts):
         The base model, with the named effects where folds of the fitted logs prefer it.
     included : int
         How many of the effects are in the model, the first ones.
-    nearest : PhysicalResult or None
-        The real robot nearest to it, where that was asked.
     moved : PositionPrediction or None
         How far rollouts of the nearest real robot are off, of logs of commands.
     forward : ForwardGap or None
@@ -303,7 +300,6 @@ class Diagnosis(Result, Setting, Predicts):
     values: Array
     model: Model
     included: int = 0
-    nearest: PhysicalResult | None = None
     forward: ForwardGap | None = None
     hints: tuple[str, ...] = ()
     nothing: str = ""
@@ -775,12 +771,9 @@ def keep_completed(d: Diagnosis) -> Fit:
 
 
 def fit_physical(
-    structure: Structure,
-    samples: Sequence[Dataset],
-    cad_weight: float | None = None,
-    found: PhysicalResult | None = None,
+    structure: Structure, samples: Sequence[Dataset], cad_weight: float | None = None
 ) -> Physical:
-    """Return the real robot that explains some logs best under a model, found before or not.
+    """Return the real robot that explains some logs best under a model.
 
     How strongly it is drawn to the robot file is chosen by what it predicts of stretches of the
     logs, as of an analysis. It is not chosen where it is given.
@@ -790,8 +783,7 @@ def fit_physical(
     IdentifiabilityError
         If the solver finds none.
     """
-    if found is None:
-        found = nearest_robot(structure, *fit_structure(structure, samples)[:2], cad_weight)
+    found = nearest_robot(structure, *fit_structure(structure, samples)[:2], cad_weight)
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence.strip())
     return Physical(structure, found.parameters(), found.cad_weight)
@@ -810,8 +802,7 @@ def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) 
     """
     if len(d.known.precision):
         weight = share_weight(d.known.share) if d.known.share else weight
-        found = d.nearest if structure is d.completed else None
-        return fit_physical(structure, d.samples, weight, found)
+        return fit_physical(structure, d.samples, weight)
     values = {name: d.robot.nominal.get(name, 0.0) for name in d.structure.columns}
     values = dict.fromkeys(structure.columns, 0.0) | values
     if structure is d.completed:
