@@ -602,7 +602,7 @@ def _what(d: Diagnosis) -> Answer:
 
 def _gap(d: Diagnosis) -> Answer:
     question = "How much of the gap does it explain?"
-    if not d.included:
+    if not (d.included or d.changes):
         short = f"The error on unseen motion stays at {percent(d.held_before)}."
         why = " With it other motion is not predicted better." if d.effects else ""
         return Answer(question, short, f"Measured on {d.verified_on}.{why}")
@@ -611,7 +611,7 @@ def _gap(d: Diagnosis) -> Answer:
     short = f"The error goes from {before} to {percent(d.held_after)}"
     short += f" (95 %: {' … '.join(ends)} points)."
     text = f"All joints together on {d.verified_on}, which was not fitted."
-    if d.included < len(d.effects):
+    if 0 < d.included < len(d.effects):
         some = join([e.title for e in d.effects[: d.included]])
         text += f" By {some} alone: with the rest other motion is not predicted better."
     return Answer(question, short, text, "green" if d.interval[1] < 0 else "amber")

@@ -296,7 +296,8 @@ class _Asked:
             with suppress(ModelError):  # its models are of parameters of the model as it was given
                 models, structure = build_comparison(self.ladder, other), other
         rows = session.weigh(replace(opening, structure=structure), "wls", "auto")
-        how, rng = {"cad_prior": None, "replicates": 0}, np.random.default_rng(self.seed)
+        how = {"cad_prior": None, "replicates": 0}
+        rng = np.random.default_rng(self.seed)
         found = conclude_analysis(session, rows, models, rng, how, NO_ALTERNATIVES)
         chosen = found.chosen
         real = chosen.physical if chosen.physical_used else None
@@ -407,7 +408,8 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     rng : numpy.random.Generator
         For intervals.
     """
-    setting, parts, robot = naming.setting, naming.parts, naming.setting.structure.robot
+    setting, parts = naming.setting, naming.parts
+    robot = setting.structure.robot
     counts = Counter(p.candidate.family.name for p in parts)  # families stand together
     ends = np.cumsum([0, *counts.values()]).tolist()
     plain = setting.recommended if len(setting.recommended) else with_parts(naming, ()).fit(())
@@ -417,7 +419,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     # last is left out first.
     for n in range(len(counts), -1, -1):
         used = naming if n == len(counts) else with_parts(naming, parts[: ends[n]])
-        values = used.best if n else plain
+        values = used.best if n or setting.changes else plain  # without what changed
         last = naming.of(used.completed) @ values
         each = [*fits[: len(fits) - (0 < n == len(counts))], last]
         gap = naming.predict(each, setting.validation or setting.samples)
