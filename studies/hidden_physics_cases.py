@@ -41,7 +41,6 @@ from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.reduction import USUAL_EFFECTS
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
-from identifiability.robot.closure import rest_along
 from identifiability.simulation import random_trajectory
 from identifiability.simulation.mujoco_robot import MujocoRobot
 
@@ -276,16 +275,6 @@ class Case:
             out.append((make(self.rng, unit), place))
         return out
 
-    def named(self, hidden: Hidden, place: str) -> list[str]:
-        """Return the names of what is hidden: a spring that is relaxed at zero may be a free one.
-
-        Of a joint that is elsewhere at home its torque has a part that does not depend on position.
-        """
-        axis = next((a for a in self.robot.axes if a.name == place), None)
-        spring = hidden.family == "joint_stiffness" and axis is not None
-        free = ["free_spring"] if spring and rest_along(self.robot, axis) else []
-        return [hidden.family, *free]
-
     def write(self, path: Path) -> dict[str, Any]:
         """Simulate, write the logs, return the truth."""
         rng, rho = self.rng, float(self.rng.choice([0.3, 0.6, 0.9, 0.95]))
@@ -314,7 +303,7 @@ class Case:
                 "z": z / level,
                 "z measured": own,
                 "share": float((np.sqrt((s[:FITTED] ** 2).mean((0, 1))) / rms).max()),
-                "fits": list(OUTSIDE[h.family][1]) if h.family in OUTSIDE else self.named(h, p),
+                "fits": list(OUTSIDE[h.family][1]) if h.family in OUTSIDE else [h.family],
             }
             for (h, p), z, own, s in zip(found, size, seen, parts, strict=True)
         ]

@@ -51,7 +51,7 @@ from identifiability.foundation.options import Expected
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.commands import of_commands
+from identifiability.logs.commands import moved, of_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import frame_of
 from identifiability.logs.formats.reader import find_parts
@@ -69,6 +69,7 @@ from identifiability.regression.reduction import LadderSource
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
+from identifiability.robot.servo import Servo
 from identifiability.workflows.alternatives import Alternative, find_alternative
 from identifiability.workflows.rules import RULES
 
@@ -118,6 +119,15 @@ class Recordings:
     def commanded(self) -> bool:
         """Whether torque of any log comes from commands."""
         return any(map(of_commands, self.fitted))
+
+    def acting_later(self, servo: Servo, by: float) -> Recordings:
+        """Return the logs as they are if commands act later than was found, by so much [s]."""
+        fitted, held_out = (
+            tuple(moved(x, servo, servo, by) if of_commands(x) else x for x in logs)
+            for logs in (self.fitted, self.held_out)
+        )
+        said = Finding("commands", text=phrase("commands", "later", by=1e3 * by))
+        return replace(self, fitted=fitted, held_out=held_out, hints=(*self.hints, said))
 
 
 @contextmanager

@@ -434,7 +434,7 @@ PART = ", part "
 SHORTEST = 100
 #: Samples after decimation that a diagnosis looks at in one log, and in all that are fitted; more
 #: are thinned to stretches.
-MOST_SAMPLES, MOST_IN_ALL = 6000, 8000
+MOST_SAMPLES, MOST_IN_ALL = 3000, 4000
 STRETCH = 300
 #: Of a file so many times as many samples are read, in longer stretches.
 READ = 40

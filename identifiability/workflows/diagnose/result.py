@@ -27,7 +27,6 @@ from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
-from identifiability.physical.feasibility import PhysicalResult
 from identifiability.regression.columns import Refusal
 from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
 from identifiability.regression.regression import Model
@@ -272,8 +271,6 @@ class Diagnosis(Result, Setting, Predicts):
         The base model, with the named effects where folds of the fitted logs prefer it.
     included : int
         How many of the effects are in the model, the first ones.
-    nearest : PhysicalResult or None
-        The real robot nearest to it, where that was asked.
     moved : PositionPrediction or None
         How far rollouts of the nearest real robot are off, of logs of commands.
     forward : ForwardGap or None
@@ -303,7 +300,6 @@ class Diagnosis(Result, Setting, Predicts):
     values: Array
     model: Model
     included: int = 0
-    nearest: PhysicalResult | None = None
     forward: ForwardGap | None = None
     hints: tuple[str, ...] = ()
     nothing: str = ""
@@ -607,7 +603,7 @@ def _what(d: Diagnosis) -> Answer:
 
 def _gap(d: Diagnosis) -> Answer:
     question = "How much of the gap does it explain?"
-    if not d.included:
+    if not (d.included or d.changes):
         short = f"The error on unseen motion stays at {percent(d.held_before)}."
         why = " With it other motion is not predicted better." if d.effects else ""
         return Answer(question, short, f"Measured on {d.verified_on}.{why}")
@@ -616,7 +612,7 @@ def _gap(d: Diagnosis) -> Answer:
     short = f"The error goes from {before} to {percent(d.held_after)}"
     short += f" (95 %: {' … '.join(ends)} points)."
     text = f"All joints together on {d.verified_on}, which was not fitted."
-    if d.included < len(d.effects):
+    if 0 < d.included < len(d.effects):
         some = join([e.title for e in d.effects[: d.included]])
         text += f" By {some} alone: with the rest other motion is not predicted better."
     return Answer(question, short, text, "green" if d.interval[1] < 0 else "amber")
@@ -777,12 +773,9 @@ def keep_completed(d: Diagnosis) -> Fit:
 
 
 def fit_physical(
-    structure: Structure,
-    samples: Sequence[Dataset],
-    cad_weight: float | None = None,
-    found: PhysicalResult | None = None,
+    structure: Structure, samples: Sequence[Dataset], cad_weight: float | None = None
 ) -> Physical:
-    """Return the real robot that explains some logs best under a model, found before or not.
+    """Return the real robot that explains some logs best under a model.
 
     How strongly it is drawn to the robot file is chosen by what it predicts of stretches of the
     logs, as of an analysis. It is not chosen where it is given.
@@ -792,8 +785,7 @@ def fit_physical(
     IdentifiabilityError
         If the solver finds none.
     """
-    if found is None:
-        found = nearest_robot(structure, *fit_structure(structure, samples)[:2], cad_weight)
+    found = nearest_robot(structure, *fit_structure(structure, samples)[:2], cad_weight)
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence.strip())
     return Physical(structure, found.parameters(), found.cad_weight)
@@ -812,8 +804,7 @@ def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) 
     """
     if len(d.known.precision):
         weight = share_weight(d.known.share) if d.known.share else weight
-        found = d.nearest if structure is d.completed else None
-        return fit_physical(structure, d.samples, weight, found)
+        return fit_physical(structure, d.samples, weight)
     values = {name: d.robot.nominal.get(name, 0.0) for name in d.structure.columns}
     values = dict.fromkeys(structure.columns, 0.0) | values
     if structure is d.completed:

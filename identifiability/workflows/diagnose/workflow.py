@@ -7,16 +7,17 @@ is then the model that the fitted logs prefer.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from itertools import pairwise
 
 import numpy as np
 
 from identifiability.effects import Placed, default_effects, find_families, title_of
-from identifiability.estimation.estimate import Outliers
+from identifiability.effects.measurement import CommandDelay
 from identifiability.estimation.groups import NO_ALTERNATIVES, place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.foundation.engines import Engine, Serial, one_thread
@@ -164,10 +165,9 @@ def diagnose(
         robot = settle_gains(robot, logs)
         given = read_recordings(logs, validate, Conventions.of(robot), preparation, commands=True)
         commanded = given.commanded
+        near = 0.0
         if commanded and isinstance(fixed, int | float) and fixed is not True:
             near, fixed = settle_prior(fixed if fixed is not False else None, None, True)[0], False
-        else:
-            near = 0.0
         structure, known = _settle_values(robot, model, fixed, commanded=commanded)
         session = Session(structure, given, preparation, say, engine or Serial())
         given = session.follow(np.random.default_rng(seed)).recordings
@@ -175,6 +175,10 @@ def diagnose(
         own = near, fixed is not False, seed, ladder if model is None else None
         asked = _Asked(session, effects, known, streams[0], *own)
         found, opening = asked.look(given)
+        later = common_delay(found)
+        if later and robot.servo is not None:
+            given = given.acting_later(robot.servo, later)
+            found, opening = asked.look(given)
         options = {
             "effects": "all" if effects is None else list(effects),
             "fixed": fixed if isinstance(fixed, bool) else known.words,
@@ -275,13 +279,13 @@ class _Asked:
             seed=self.seed,
         )
         if not (self.fixed or setting.known.precision.any()):
-            setting = replace(setting, **self._recommend(session, opening))
+            setting = self._recommend(session, opening, setting)
         # Values that are kept are those of the file, and a wrong scale or sign is an effect.
         asked = self if self.fixed or not opening.misread else replace(self, effects=())
         return asked.name(setting), opening
 
-    def _recommend(self, session: Session, opening: Opening) -> dict[str, Any]:
-        """Return the model and values that `analyze` recommends."""
+    def _recommend(self, session: Session, opening: Opening, setting: Setting) -> Setting:
+        """Return the setting with the model and values that `analyze` recommends."""
         structure = own = opening.structure
         models: tuple[Submodel, ...] = (full_model(own.base),)
         if self.ladder is not None:
@@ -292,7 +296,8 @@ class _Asked:
             with suppress(ModelError):  # its models are of parameters of the model as it was given
                 models, structure = build_comparison(self.ladder, other), other
         rows = session.weigh(replace(opening, structure=structure), "wls", "auto")
-        how, rng = {"cad_prior": None, "replicates": 0}, np.random.default_rng(self.seed)
+        how = {"cad_prior": None, "replicates": 0}
+        rng = np.random.default_rng(self.seed)
         found = conclude_analysis(session, rows, models, rng, how, NO_ALTERNATIVES)
         chosen = found.chosen
         real = chosen.physical if chosen.physical_used else None
@@ -302,8 +307,8 @@ class _Asked:
         G, to = (s.G[:, [s.columns.index(n) for n in common]] for s in (structure, own))
         phi = np.linalg.lstsq(G, base, rcond=None)[0]
         if np.linalg.norm(G @ phi - base) <= NEARLY * np.linalg.norm(base):
-            return {"recommended": to @ phi}
-        return {"recommended": base, "under": structure}
+            return replace(setting, recommended=to @ phi)
+        return replace(setting, recommended=base, under=structure)
 
     def name(self, setting: Setting) -> Diagnosis:
         """Name what is missing, add it, verify.
@@ -319,7 +324,7 @@ class _Asked:
             *_, said, outliers = weighed
             # Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
             outliers = None if outliers is None else outliers.below(0.1)
-            if outliers is None or _last(changes, samples, outliers):
+            if outliers is None or _last(changes, samples):
                 said = "" if changes else said
             else:
                 where = where_outlying(robot.joints, samples, outliers)
@@ -341,16 +346,12 @@ class _Asked:
         return name_missing(looked) if without is None else self._settle(without)
 
 
-def _last(changes: Sequence[Change], samples: Sequence[Dataset], outliers: Outliers) -> bool:
-    """Whether most rows of a change lie out, for longer than a burst that was low-passed."""
-    names, count = [s.name for s in samples], outliers.last - outliers.first
+def _last(changes: Sequence[Change], samples: Sequence[Dataset]) -> bool:
+    """Whether a change lasts longer than a burst that was low-passed."""
     for c in changes:
-        k = names.index(c.log)
-        t, d = samples[k].output_times(), samples[k].decimation
-        own, wider = outliers.log == k, 0.0 if d is None else d.reach / d.factor
-        begin, end = t[outliers.first[own]], t[outliers.last[own] - 1]
-        rows = count[own][(begin >= c.start) & (end <= c.stop)].sum()
-        if 2 * rows > np.sum((t >= c.start) & (t <= c.stop)) > 2 * wider:
+        own = next(s for s in samples if s.name == c.log)
+        t, d = own.output_times(), own.decimation
+        if np.sum((t >= c.start) & (t <= c.stop)) > (0.0 if d is None else 2 * d.reach / d.factor):
             return True
     return False
 
@@ -385,6 +386,18 @@ def usual_effects(robot: Robot, *, commanded: bool = False) -> tuple[str, ...]:
     return default_effects(robot, (*USUAL_EFFECTS, *offsets))
 
 
+def common_delay(found: Diagnosis) -> float:
+    """Return by how much commands act later at most joints than was taken of their logs [s].
+
+    A log's delay is found of all joints together, so that one that is late, or whose gain is wrong,
+    makes the others early. What most of them have is the log's.
+    """
+    own = [e.placements for e in found.effects if e.name == CommandDelay.name]
+    named = {p.place: float(p.values[0]) for some in own for p in some}
+    every = sorted(named.get(j, 0.0) for j in found.robot.motor_joints)
+    return every[(len(every) - 1) // 2]
+
+
 def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     """Return the diagnosis.
 
@@ -395,38 +408,38 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     rng : numpy.random.Generator
         For intervals.
     """
-    setting, parts, robot = naming.setting, naming.parts, naming.setting.structure.robot
-    families = list(dict.fromkeys(p.candidate.family.name for p in parts))
-    own = [[k for k, p in enumerate(parts) if p.candidate.family.name == f] for f in families]
-    models = [[k for some in own[:n] for k in some] for n in range(len(own) + 1)]
+    setting, parts = naming.setting, naming.parts
+    robot = setting.structure.robot
+    counts = Counter(p.candidate.family.name for p in parts)  # families stand together
+    ends = np.cumsum([0, *counts.values()]).tolist()
     plain = setting.recommended if len(setting.recommended) else with_parts(naming, ()).fit(())
-    fits = [naming.of(setting.plain) @ plain, *map(naming.fit, models[1:])]
+    fits = [naming.of(setting.plain) @ plain, *(naming.fit(range(n)) for n in ends[1:])]
     left = naming.predict(fits[-1:], naming.fitted.samples).residual[:, :, 0]
     # Folds of the fitted logs choose what predicts, and unseen motion may refute that: what came
     # last is left out first.
-    for n in range(len(own), -1, -1):
-        used = naming if n == len(own) else with_parts(naming, [parts[k] for k in models[n]])
-        values = used.best if n else plain
+    for n in range(len(counts), -1, -1):
+        used = naming if n == len(counts) else with_parts(naming, parts[: ends[n]])
+        values = used.best if n or setting.changes else plain  # without what changed
         last = naming.of(used.completed) @ values
-        steps = fits[: -1 if 0 < n == len(own) else None]
-        gap = naming.predict([*steps, last], setting.validation or setting.samples)
+        each = [*fits[: len(fits) - (0 < n == len(counts))], last]
+        gap = naming.predict(each, setting.validation or setting.samples)
         if not n or ((setting.fixed or used.predicts) and not gap.surely_better(0, -1)):
             break
     errors = gap.relative_error()
     before = naming.predict([fits[0], last], setting.samples).relative_error()
     placed = [_place(naming, k) for k in range(len(parts))]
     effects = list[NamedEffect]()
-    for at, some in enumerate(own):
-        family = parts[some[0]].candidate.family
-        near = [title_of(t.group.family) for k in some for t in parts[k].nearest]
+    for at, (a, b) in enumerate(pairwise(ends)):
+        family = parts[a].candidate.family
+        near = [title_of(t.group.family) for p in parts[a:b] for t in p.nearest]
         effects.append(
             NamedEffect(
                 name=family.name,
-                placements=tuple(placed[k] for k in some),
+                placements=tuple(placed[a:b]),
                 before=float(errors[at]),
                 after=float(errors[at + 1]),
                 interval=change_of(gap, at, at + 1, rng),
-                everywhere=1 < len(family.places(robot)) == len(some),
+                everywhere=1 < len(family.places(robot)) == b - a,
                 nearest=tuple(dict.fromkeys(near)),
             )
         )
@@ -453,7 +466,6 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         values=values,
         model=used.completed.model,
         included=n,
-        nearest=used.real if n else None,
     )
 
 
