@@ -530,7 +530,8 @@ def draw_curve(
     order = np.argsort(x)
     along = learned[order]
     low, high = along - REACH * spread[order], along + REACH * spread[order]
-    if np.mean(np.diff(along) ** 2) > 0.5 * np.var(along):
+    known = np.nan_to_num(along, posinf=0.0, neginf=0.0)
+    if np.mean(np.diff(known) ** 2) > 0.5 * np.var(known):
         # Neighbours differ as any two do: of a delay speed alone says nothing.
         axes.plot(x[rows], learned[rows], ".", markersize=3.0, color=BLUE, label="learned")
     else:

@@ -78,6 +78,12 @@ def test_the_rollout_error_of_unseen_motion_is_stated(made):
     )
 
 
+def test_commands_move_the_written_file_beside_the_robots_own(made, tmp_path):
+    robot, frames, result, path = made
+    moved = export(robot, path, tmp_path / "fitted.xml", validate=frames[1]).unseen
+    assert moved.totals == pytest.approx(result.moved.totals, rel=1e-3)  # the file holds it all
+
+
 def test_an_mjcf_gets_the_servos_of_the_sidecar_and_says_delay_and_step(made):
     robot, _, _, path = made
     out = export(robot, path, path.with_name("fitted.xml"), force=True).robot
