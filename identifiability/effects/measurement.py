@@ -394,7 +394,7 @@ def _stands_in_a_tree(robot: Robot, place: str) -> str:
 
 
 #: Positions [rad or m] between which torque changes along a line.
-SLOPE: Tolerance = 1e-5
+SLOPE: Tolerance = 1e-6
 
 
 @declare(

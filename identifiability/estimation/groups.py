@@ -257,12 +257,17 @@ class Missing:
         return out
 
     def between_reversals(self) -> Missing:
-        """Return the same where no joint turns: servos that hold their torque blur what it does."""
+        """Return the same where no joint turns: servos that hold their torque blur what it does.
+
+        Of logs that are so slow that little is left nothing is taken.
+        """
         seen, first = self.seen, {c.columns[0] for c in self.candidates if c.family is REVERSALS}
         data = seen.data.copy()
         for (j, k), x in self.entries.items():
             if k in first:
                 data[:, j] &= np.abs(x) <= TURNS * np.abs(x).max()
+        if data.sum() < 0.8 * seen.data.sum():
+            return self
         runs = tuple(split_runs(own, data[:, [j]])[0] for j, own in enumerate(seen.runs))
         return replace(self, seen=replace(seen, data=data, runs=runs))
 
