@@ -48,11 +48,14 @@ LONG: Tolerance = 45.0
 #: Stretches of time of a rollout that are left out in turn [s].
 BLOCK: Tolerance = 0.5
 
-#: A search ends where a step promises less than this of the weighed squares: of a part of logs it
-#: is a beginning, of all it is a standard deviation; or after so many steps.
+#: A search ends where a step promises less than this of the weighed squares, or one of a new
+#: derivative brings no more: of a part of logs it is a beginning, of all it is a standard deviation;
+#: or after so many steps.
 BEGUN: Tolerance = 20.0
 ENOUGH: Tolerance = 1.0
 STEPS = 20
+#: Steps that one derivative serves at most.
+RENEWED = 4
 
 
 @frozen
@@ -274,12 +277,12 @@ class Problem:
         """Return the vector after damped Gauss–Newton steps, and positions along the logs.
 
         Then the weighted derivative (r, p), which is taken anew where the last step did not bring
-        what it promised.
+        what it promised, and often enough that steps do not creep [Shamanskii 1967].
         """
         q, damping, at, poor = self.roll([x])[0], 1e-3, x[:0], True
         own = np.flatnonzero(self.varied)
-        for _ in range(STEPS):
-            if poor and at is not x:
+        for turn in range(STEPS):
+            if at is not x and (poor or turn % RENEWED == 0):
                 J, at = self.linearise(x), x
             weights = self.weights(q)
             r = weights * self.residual(q, x)
@@ -294,10 +297,12 @@ class Problem:
                 break
             moved = self.roll([x + step])[0]
             gained = r @ r - np.sum((weights * self.residual(moved, x + step)) ** 2)
-            poor = gained < max(0.5 * promised, 0.1 * (r @ r))
+            poor, settled = gained < 0.5 * promised, at is x and abs(gained) <= enough
             damping = damping / 10 if gained > 0 else damping * 10
             if gained > 0:
                 x, q = x + step, moved
+            if settled:
+                break
         return x, q, weights[:, None] * J
 
     def uncertainty(self, x: Array, q: list[Array], J: Array) -> tuple[Array, Array]:
