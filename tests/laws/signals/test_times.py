@@ -151,7 +151,8 @@ def test_rows_tell_since_when_they_hold_what_comes_on_another_clock(rate, of_com
 
 
 @pytest.mark.parametrize("of_commands", [50, 25, 100, None])
-def test_rows_hold_since_their_times_what_comes_with_them_or_at_odd_times(of_commands):
+@pytest.mark.parametrize("lost", [0.0, 0.01])
+def test_rows_hold_since_their_times_what_comes_with_them_or_at_odd_times(of_commands, lost):
     t = np.arange(0, 15, 0.01)
     odd = np.sort(np.random.default_rng(3).uniform(0, 15, 600))
     number = np.searchsorted(odd, t) if of_commands is None else np.floor(t * of_commands + 1e-9)
