@@ -177,12 +177,11 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     """Return how torque was obtained, and what rollouts err by, in one sentence."""
     assert robot.servo is not None
     before, after = (1e3 * float(np.sqrt(np.mean(x**2))) for x in (found.before, found.errors))
-    names = [log.name for log in logs]
     drifts = [j for j, kp in zip(robot.joints, robot.servo.kp, strict=True) if not kp > 0]
     told = phrase(
         "commands",
         "made",
-        names=names,
+        names=[log.name for log in logs],
         source=robot.servo.source,
         late=state_delay(found.delays),
         known="as is stated" if robot.servo.delay is not None else "found from rollouts",
