@@ -433,11 +433,27 @@ def test_gains_that_nobody_states_are_found_and_one_known_body_fixes_their_scale
     told = state_gains(unstated, [log.name], found, shares)
     assert "what fixes the scale of all numbers is the file's link2 (100 %; within 0.1 %)" in told
     assert "Fv of shoulder, elbow holds kv" in told
-    servo = replace(unstated.servo.having(found.numbers), source=FOUND)
-    known = replace(unstated, servo=servo)
+    known = replace(unstated, servo=replace(unstated.servo.having(found.numbers), source=FOUND))
     again = Robot.load(known.save(tmp_path / "found.xml"))
-    np.testing.assert_allclose(again.servo.kp, servo.kp)
+    np.testing.assert_allclose(again.servo.kp, found.numbers["kp"])
     assert not again.servo.unknown.any()
+
+
+def test_limits_tell_kv_from_friction_of_a_file_without_rotors(arm, tmp_path):
+    bare = re.sub(r'(damping|frictionloss|armature)="[^"]*"', "", arm.path.read_text())
+    (tmp_path / "arm.xml").write_text(bare)
+    servo = replace(arm.servo, low=np.array([-300.0, -60.0]), high=np.array([300.0, 60.0]))
+    known = replace(Robot.load(tmp_path / "arm.xml"), servo=servo)
+    robot = replace(known, servo=servo.having({"kv": np.full(2, np.nan)}))
+    rng, how = np.random.default_rng(4), servos.Recorder(rate=100.0, delay=0.022, bits=14)
+    moves = servos.draw_commands(arm, 6.0, how.command_rate, 0.5, rng)
+    log = read(arm, servos.record(arm, TRUTH, moves, 6.0, how, rng, servo))
+    found = fit_rollouts(robot, [log], file_shares(robot))
+    late, q = roll_late(CommandedRobot(known, TRUTH), log)
+    assert abs(found.delays[0] - late) < 1e-4
+    assert np.all(found.errors < 1.1 * np.sqrt(np.mean((q - log.q) ** 2, axis=0)))
+    most = np.minimum(3 * np.sqrt(np.diag(found.covariance))[:2], 0.1 * servo.kv)
+    assert np.all(np.abs(found.numbers["kv"] - servo.kv) < most)
 
 
 def test_positions_need_joints_alike_and_servos_for_commands(arm, frames):

@@ -48,11 +48,14 @@ LONG: Tolerance = 45.0
 #: Stretches of time of a rollout that are left out in turn [s].
 BLOCK: Tolerance = 0.5
 
-#: A search ends where a step promises less than this of the weighed squares: of a part of logs it
-#: is a beginning, of all it is a standard deviation; or after so many steps.
+#: A search ends where a step promises less than this of the weighed squares, or one of a new
+#: derivative brings no more: of a part of logs it is a beginning, of all a standard deviation; or
+#: after so many steps.
 BEGUN: Tolerance = 20.0
 ENOUGH: Tolerance = 1.0
 STEPS = 20
+#: Steps that one derivative serves at most.
+RENEWED = 4
 
 
 @frozen
@@ -140,9 +143,6 @@ def fit_rollouts(
     # What a servo makes of speeds counts within its limits, and what friction does not.
     limited = np.any((made <= machine.servo.low) | (made >= machine.servo.high), axis=0)
     free[-2:] = np.isnan(robot.servo.kv) & (spoken | limited), np.isnan(robot.servo.kp)
-    held = free[-2] & limited
-    numbers["kv"] = np.where(held, numbers["Fv"], numbers["kv"])
-    numbers["Fv"] = np.where(held, 0.0, numbers["Fv"])
     problem = Problem(machine, logs, free, delay, shares)
     x, own = (problem.pack(each, delay or 0.0) for each in (numbers, machine.numbers()))
     before = problem.errors(problem.roll([own])[0])
@@ -157,9 +157,8 @@ def fit_rollouts(
     numbers, delays = problem.unpack(x)
     covariance, H = problem.uncertainty(x, q, J)
     gains, late = slice(free.size - 2 * n, free.size), problem.late
-    scaled = problem.over[-2]
-    to_gains = np.diag(np.append(np.where(scaled, np.exp(x[gains][n:]), 1.0), np.ones(n)))
-    to_gains[range(n), range(n, 2 * n)] = scaled * numbers["kv"]
+    to_gains = np.diag(np.exp(np.append(problem.over[-2] * x[gains][n:], np.zeros(n))))
+    to_gains[range(n), range(n, 2 * n)] = problem.over[-2] * numbers["kv"]
     found = free[-1] if free[-1].any() else np.ones(n, bool)
     return Rollouts(
         numbers=numbers,
@@ -186,8 +185,7 @@ def roll_late(machine: CommandedRobot, log: Log, delay: float | None = None) -> 
         Where it is known.
     """
     if delay is None:
-        none = np.zeros((len(KINDS), len(machine.robot.joints)), bool)
-        problem = Problem(machine, [log], none)
+        problem = Problem(machine, [log], np.zeros((len(KINDS), len(machine.trees)), bool))
         delay = float(problem.descend(problem.pack(machine.numbers(), 0.0))[0][-1])
     return delay, machine.roll(log, delay=delay)[0]
 
@@ -245,10 +243,8 @@ class Problem:
 
     def parameters(self, numbers: Mapping[str, Array]) -> dict[str, float]:
         """Return standard parameters of joints, and of bodies, which are as often the file's."""
-        robot, each = (
-            self.machine.robot,
-            zip(self.shares, np.exp(2 * numbers["sizes"]), strict=True),
-        )
+        robot, sizes = self.machine.robot, np.exp(2 * numbers["sizes"])
+        each = zip(self.shares, sizes, strict=True)
         own = {f"{b}.{k}": x * robot.nominal[f"{b}.{k}"] for b, x in each for k in INERTIAL_KINDS}
         for kind in KINDS[:-2]:
             called = robot.inertia_parts[0] if kind == "Ia" else kind
@@ -274,12 +270,12 @@ class Problem:
         """Return the vector after damped Gauss–Newton steps, and positions along the logs.
 
         Then the weighted derivative (r, p), which is taken anew where the last step did not bring
-        what it promised.
+        what it promised, and often enough that steps do not creep [Shamanskii 1967].
         """
         q, damping, at, poor = self.roll([x])[0], 1e-3, x[:0], True
         own = np.flatnonzero(self.varied)
-        for _ in range(STEPS):
-            if poor and at is not x:
+        for turn in range(STEPS):
+            if at is not x and (poor or turn % RENEWED == 0):
                 J, at = self.linearise(x), x
             weights = self.weights(q)
             r = weights * self.residual(q, x)
@@ -294,10 +290,11 @@ class Problem:
                 break
             moved = self.roll([x + step])[0]
             gained = r @ r - np.sum((weights * self.residual(moved, x + step)) ** 2)
-            poor = gained < max(0.5 * promised, 0.1 * (r @ r))
+            poor, settled = gained < 0.5 * promised, at is x and abs(gained) <= enough
             damping = damping / 10 if gained > 0 else damping * 10
-            if gained > 0:
-                x, q = x + step, moved
+            x, q = (x + step, moved) if gained > 0 else (x, q)
+            if settled:
+                break
         return x, q, weights[:, None] * J
 
     def uncertainty(self, x: Array, q: list[Array], J: Array) -> tuple[Array, Array]:
@@ -330,7 +327,7 @@ class Problem:
         for a, b in pairwise([*edges, len(rows)]):
             left = np.linalg.pinv(whole - rows[a:b].T @ rows[a:b], hermitian=True)
             out.append(whole @ left @ scores[a:b].sum(0))
-        root = (out @ H) / unit
+        root = out @ H / unit
         return root.T @ root, H / np.outer(unit, unit)
 
     def bounds(self, x: Array) -> Array:
@@ -361,8 +358,7 @@ class Problem:
         """Return weights of the residual, (r,): errors count as rarely as they are new."""
         apart = self.apart(q)
         each = np.maximum(self.errors(q), 1e-9) * np.sqrt(autocorrelation_time(apart))
-        believed = len(self.belief(np.zeros(len(self.by))))
-        return np.append(np.tile(1.0 / each, len(apart)), np.ones(believed))
+        return np.append(np.tile(1.0 / each, len(apart)), np.ones(len(self.belief(0.0 * self.by))))
 
     def apart(self, q: list[Array]) -> Array:
         """Return errors of positions behind forgotten starts, (N, n); large where one diverged."""

@@ -177,12 +177,11 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     """Return how torque was obtained, and what rollouts err by, in one sentence."""
     assert robot.servo is not None
     before, after = (1e3 * float(np.sqrt(np.mean(x**2))) for x in (found.before, found.errors))
-    names = [log.name for log in logs]
     drifts = [j for j, kp in zip(robot.joints, robot.servo.kp, strict=True) if not kp > 0]
     told = phrase(
         "commands",
         "made",
-        names=names,
+        names=[log.name for log in logs],
         source=robot.servo.source,
         late=state_delay(found.delays),
         stated=robot.servo.delay is not None,
@@ -190,7 +189,11 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
         after=after,
     )
     drift = phrase("commands", "drift", joints=drifts) if drifts else ""
-    return " ".join(filter(None, (robot.servo.found, told, drift, robot.servo.state_rate())))
+    servo, tau = robot.servo, np.concatenate([log.tau for log in logs])
+    limited = np.any((tau <= servo.low) | (tau >= servo.high), axis=0)
+    mute = [robot.joints[k] for k in np.flatnonzero(limited & (servo.kv == 0))]
+    damped = phrase("commands", "damped", joints=mute) if mute and not servo.numbers else ""
+    return " ".join(filter(None, (servo.found, told, drift, damped, servo.state_rate())))
 
 
 # Gains of servos that nobody states: found from logs of commands, and what fixes their scale.

@@ -157,3 +157,8 @@ def test_rows_hold_since_their_times_what_comes_with_them_or_at_odd_times(of_com
     number = np.searchsorted(odd, t) if of_commands is None else np.floor(t * of_commands + 1e-9)
     changes = np.diff(number, prepend=number[0]) != 0
     np.testing.assert_array_equal(held_since(t, changes), t)
+
+
+def test_lost_rows_beside_pauses_make_no_clock_of_their_own_of_commands():
+    t = 1.7e9 + 0.025 * np.delete(np.arange(2400), slice(37, None, 105)) - 1.7e9  # of epochs
+    np.testing.assert_array_equal(held_since(t, (t > 0) & (t % 12 < 10.5)), t)
