@@ -21,7 +21,7 @@ from identifiability.effects import Part as EffectPart
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.estimate import Outliers, with_known
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.evidence import may_stand
+from identifiability.estimation.evidence import LEVELS, Evidence
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
@@ -243,7 +243,8 @@ class Naming:
         held, scores = hold_folds(weighed, whole.estimator)[0], []
         for fit, some in map(self._fit, [(), range(len(self.parts))]):
             scores.append(held.score(held.refit(fit, some), held.roots(fit, some)))
-        return not may_stand(*scores)
+        gain = Evidence.of(*reversed(scores))
+        return gain.density.value > LEVELS.nats and gain.error.value > 0
 
     @cached_property
     def real(self) -> PhysicalResult | None:

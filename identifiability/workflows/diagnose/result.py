@@ -560,12 +560,16 @@ def simulate_forward(d: Diagnosis, rng: np.random.Generator) -> ForwardGap:
 def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     """Return lines for the terminal, the most useful first."""
     robot = source_name(d.robot)
-    logs = name_logs(d.robot, given_paths(d.samples), how=d.preparation)
-    logs += held_back(d.validation, d.samples)
+    given = name_logs(d.robot, given_paths(d.samples), how=d.preparation)
+    logs = given + held_back(d.validation, d.samples)
     analyze = f"identifiability analyze {robot} {logs} --report report.html"
     ask = f"identifiability diagnose {robot} {logs} --next motion.json"
     find = "Find the motion that tells one name from the other:"
     apart = [(find, ask)] if any(e.alternatives for e in d.effects) else []
+    where, _, share = _depends(d)
+    if where == "log" and share >= VISIBLE:
+        changed = f"identifiability compare {robot} {given}"
+        apart.insert(0, ("See what differs between the logs:", changed))
     if not d.included:
         return [*apart, ("See which parameters these logs determine:", analyze)]
     again = f"identifiability diagnose {robot} {logs}"
@@ -713,12 +717,19 @@ def advice(e: NamedEffect) -> str:
 
 def _looks(d: Diagnosis) -> str:
     """Return what the residual depends on most, in words."""
-    most = max(d.discrepancies, key=lambda x: max(x.explained.values(), default=0.0))
-    where, best = max(most.explained.items(), key=lambda x: x[1])
+    where, joint, best = _depends(d)
     if best < VISIBLE:
         return "noise: it depends on none of velocity, position, acceleration, load or time"
     share = f"{percent(best, 2)} of its variance"
-    return f"something that depends on the {where} in {most.joint} ({share})"
+    return f"something that depends on the {where} in {joint} ({share})"
+
+
+def _depends(d: Diagnosis) -> tuple[str, str, float]:
+    """Return what the residual depends on most, at which joint, and the share of its variance."""
+    every = [
+        (where, x.joint, share) for x in d.discrepancies for where, share in x.explained.items()
+    ]
+    return max(every, key=lambda x: x[2])
 
 
 # What is missing and how large errors are, as tables.
