@@ -139,16 +139,15 @@ def fit_rollouts(
     machine, numbers = start_rollouts(robot, min(thirds, key=len))
     free, n = np.ones((len(KINDS), len(robot.joints)), bool), len(robot.joints)
     spoken = all(log.dq_ref is not None for log in logs)
-    made = np.concatenate([servo_log(log, machine.servo, delay or 0.0).tau for log in logs])
+    known = machine.servo.having({"kp": robot.servo.kp})
+    made = np.concatenate([servo_log(log, known, delay or 0.0).tau for log in logs])
     # What a servo makes of speeds counts within its limits, and what friction does not.
-    limited = np.any((made <= machine.servo.low) | (made >= machine.servo.high), axis=0)
+    limited = (known.high < np.inf) & ~np.all((made > known.low) & (made < known.high), axis=0)
     free[-2:] = np.isnan(robot.servo.kv) & (spoken | limited), np.isnan(robot.servo.kp)
     problem = Problem(machine, logs, free, delay, shares)
-    x, own = (problem.pack(each, delay or 0.0) for each in (numbers, machine.numbers()))
-    before = problem.errors(problem.roll([own])[0])
-    if robot.servo.numbers:
-        x = problem.pack(robot.servo.numbers, delay or 0.0)
-    else:
+    x = problem.pack(robot.servo.numbers or numbers, delay or 0.0)
+    before = problem.errors(problem.roll([problem.pack(machine.numbers(), delay or 0.0)])[0])
+    if not robot.servo.numbers:
         problem.logs, problem.varied[problem.bodies] = thirds, False
         x, q, J = problem.descend(x, BEGUN)
     if robot.servo.numbers or not contradicted(problem.errors(q) / explicable(thirds)):
