@@ -598,10 +598,13 @@ class Session:
         robot = self.structure.robot
         return partial(prepare_log, robot, how=self.how, engine=self.engine, progress=reading)
 
-    def weigh(self, opening: Opening, method: Method, kind: Kind) -> Weighed:
-        """Return the rows of opened logs by their noise, with instruments where there are any."""
+    def weigh(self, opening: Opening, method: Method, kind: Kind, *, whole: bool = True) -> Weighed:
+        """Return the rows of opened logs by their noise, of a model that is made whole or not.
+
+        With instruments where there are any.
+        """
         opening, estimator = self.with_instruments(opening, method, kind)
-        opening = self.complete(opening)
+        opening = self.complete(opening) if whole else opening
         building = share(self.say, "building the regression", 0.2, 0.4)
         alike = gather_information(opening.regression, engine=self.engine, progress=building)
         alike = with_known(alike, opening.structure.known)

@@ -295,7 +295,7 @@ class _Asked:
             other = load_by_fit(other, opening.samples, session.engine)
             with suppress(ModelError):  # its models are of parameters of the model as it was given
                 models, structure = build_comparison(self.ladder, other), other
-        rows = session.weigh(replace(opening, structure=structure), "wls", "auto")
+        rows = session.weigh(replace(opening, structure=structure), "wls", "auto", whole=False)
         how = {"cad_prior": None, "replicates": 0}
         rng = np.random.default_rng(self.seed)
         found = conclude_analysis(session, rows, models, rng, how, NO_ALTERNATIVES)
