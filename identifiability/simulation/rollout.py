@@ -153,6 +153,19 @@ class CommandedRobot:
             "kp": self.servo.kp,
         }
 
+    def drive(self, log: Log, window: float) -> tuple[Array, int]:
+        """Return positions (N, n) by measured torque, and the row at which they end.
+
+        They begin anew with what was measured every `window` [s].
+        """
+        step = signals.sampling_step(log.t)
+        rows = max(2, round(window / step))
+        windows = [(a, a + rows) for a in range(0, len(log) - rows + 1, rows)]
+        windows = windows or [(0, len(log))]
+        driven = replace(log, q_ref=None, dq_ref=None, tau_ff=log.tau)
+        # What was measured acts from half a step before until half a step after it.
+        return self.roll(driven, delay=-0.5 * step, windows=windows)[0], windows[-1][1]
+
     @quiet()
     def roll(
         self,

@@ -15,6 +15,7 @@ from typing import Any, ClassVar, cast
 
 import numpy as np
 import pandas as pd
+from scipy.optimize import approx_fprime
 
 from identifiability.estimation.differences import UNTOLD, Differences, Known, pooled_values
 from identifiability.estimation.groups import describe_term
@@ -226,27 +227,20 @@ def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Q
     """
     values = describe_body(body)
     # Steps by which derivatives are taken, as a share of a body's own numbers.
-    steps = 1e-4 * TYPICAL * max(body[9], LIGHTEST)
-    slopes = np.array(
-        [
-            (describe_body(body + h) - describe_body(body - h)) / (2 * h.sum())
-            for h in np.diag(steps)
-        ]
-    ).T
+    slopes = approx_fprime(body, describe_body, 1e-6 * TYPICAL * max(body[9], LIGHTEST))
     half = REACH * np.sqrt(np.einsum("qi,ij,qj->q", slopes, found.covariance, slopes))
     along = np.abs(slopes * TYPICAL @ found.unknown).max(1, initial=0.0)
     open_ = along > NEARLY * np.linalg.norm(slopes * TYPICAL, axis=1)
     half = np.where(open_, np.inf, half)
     low, high = values - half, values + half
     positive = np.isin(np.arange(len(values)), (0, 4, 5, 6))
-    lost = np.isinf(half)
     # What follows from its inertia is stated with any interval.
     unsure = np.where(positive, low <= 0, half > length) & (np.arange(len(values)) < 7)
     low = np.where(positive, np.maximum(low, 0.0), low)
     out = []
     for k, (name, unit) in enumerate(QUANTITIES.items()):
         why = ""
-        if lost[k]:
+        if open_[k]:
             why = "not identifiable from this motion"
         elif k and unsure[0]:
             why = "no mass is identifiable"

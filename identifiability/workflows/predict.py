@@ -29,7 +29,7 @@ from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import digits, error_text, format_count, join
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log, signals
+from identifiability.logs import Log
 from identifiability.logs.commands import has_commands, of_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
@@ -986,14 +986,8 @@ def _move(robot: Robot, name: str, values: Mapping[str, float], logs: Sequence[L
             machine, stop = CommandedRobot(robot, values), len(log)
             delay, q = roll_late(machine, log, machine.servo.delay)
         else:
-            machine, delay = CommandedRobot(robot, values, motors), 0.0
-            step = signals.sampling_step(log.t)
-            rows = max(2, round(WINDOW / step))
-            windows = [(a, a + rows) for a in range(0, len(log) - rows + 1, rows)]
-            windows = windows or [(0, len(log))]
-            driven, stop = replace(log, q_ref=None, dq_ref=None, tau_ff=log.tau), windows[-1][1]
-            # What was measured acts from half a step before until half a step after it.
-            q = machine.roll(driven, delay=-0.5 * step, windows=windows)[0]
+            q, stop = CommandedRobot(robot, values, motors).drive(log, WINDOW)
+            delay = 0.0
         late.append(delay)
         found.append(q)
         apart.append((q - log.q)[forgotten(log) : stop])

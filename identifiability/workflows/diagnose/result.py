@@ -566,8 +566,7 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     ask = f"identifiability diagnose {robot} {logs} --next motion.json"
     find = "Find the motion that tells one name from the other:"
     apart = [(find, ask)] if any(e.alternatives for e in d.effects) else []
-    where, _, share = _depends(d)
-    if where == "log" and share >= VISIBLE:
+    if any(x.explained.get("log", 0.0) > 0.5 for x in d.discrepancies):
         changed = f"identifiability compare {robot} {given}"
         apart.insert(0, ("See what differs between the logs:", changed))
     if not d.included:
@@ -717,19 +716,12 @@ def advice(e: NamedEffect) -> str:
 
 def _looks(d: Diagnosis) -> str:
     """Return what the residual depends on most, in words."""
-    where, joint, best = _depends(d)
+    most = max(d.discrepancies, key=lambda x: max(x.explained.values(), default=0.0))
+    where, best = max(most.explained.items(), key=lambda x: x[1])
     if best < VISIBLE:
         return "noise: it depends on none of velocity, position, acceleration, load or time"
     share = f"{percent(best, 2)} of its variance"
-    return f"something that depends on the {where} in {joint} ({share})"
-
-
-def _depends(d: Diagnosis) -> tuple[str, str, float]:
-    """Return what the residual depends on most, at which joint, and the share of its variance."""
-    every = [
-        (where, x.joint, share) for x in d.discrepancies for where, share in x.explained.items()
-    ]
-    return max(every, key=lambda x: x[2])
+    return f"something that depends on the {where} in {most.joint} ({share})"
 
 
 # What is missing and how large errors are, as tables.
