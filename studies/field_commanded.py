@@ -22,11 +22,11 @@ import pandas as pd
 import servo_robots as servos
 
 from identifiability import Analysis, Log, Robot, analyze, predict
-from identifiability.estimation.rollouts import roll_late
 from identifiability.foundation.names import Array
 from identifiability.logs.conventions import Conventions
 from identifiability.robot.servo import Servo
 from identifiability.simulation.rollout import CommandedRobot, forgotten
+from identifiability.workflows.commanded import roll_late
 from identifiability.workflows.session import SO
 
 sys.path.insert(0, str(Path(__file__).parent / "shipped"))

@@ -26,7 +26,6 @@ import pandas as pd
 from shared import study_parser, write_answer
 
 from identifiability import Log, analyze, diagnose, predict
-from identifiability.estimation.rollouts import roll_late
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.logs.conventions import Conventions
@@ -34,6 +33,7 @@ from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 from identifiability.simulation.forward import ForwardRobot
 from identifiability.simulation.rollout import CommandedRobot, forgotten
+from identifiability.workflows.commanded import roll_late
 from identifiability.workflows.export import draw_robots
 
 #: Step of the simulation [s], and rounds in which it is settled which joints stand.

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from identifiability import Log, Robot, analyze, diagnose, predict, prune
-from identifiability.estimation.rollouts import fit_rollouts, roll_late
+from identifiability.estimation.rollouts import fit_rollouts
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import IdentifiabilityError, LogError, RobotError
 from identifiability.foundation.findings import of_key
@@ -28,7 +28,7 @@ from identifiability.regression.reduction import find_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.robot.servo import FOUND, Servo
 from identifiability.simulation.rollout import CommandedRobot
-from identifiability.workflows.commanded import file_shares, state_gains
+from identifiability.workflows.commanded import file_shares, roll_late, state_gains
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 sys.path.insert(0, str(MODELS.parent / "studies"))

@@ -112,7 +112,7 @@ class Differing(Candidate):
 
 @frozen
 class Compared(Excerpt):
-    """Rows of a log, or what it differs by from another of the same motion.
+    """Rows of logs beside what is known.
 
     Attributes
     ----------
@@ -123,11 +123,11 @@ class Compared(Excerpt):
     torque: Array
 
     @staticmethod
-    def about(seen: Excerpt, known: Known, less: Excerpt | None = None) -> Compared:
-        """Return rows beside what is known, less those of another log on the same clock."""
-        X, y = (seen.X, seen.y) if less is None else (seen.X - less.X, seen.y - less.y)
-        own = {**vars(seen), "X": X @ known.directions, "y": y - X @ known.base}
-        return Compared(**own, torque=seen.X @ known.base)
+    def about(seen: Excerpt, known: Known) -> Compared:
+        """Return rows beside what is known."""
+        torque = seen.X @ known.base
+        own = {**vars(seen), "X": seen.X @ known.directions, "y": seen.y - torque}
+        return Compared(**own, torque=torque)
 
     def entries(self, candidates: Sequence[Candidate]) -> Entries:
         """Return the torque (N,) of candidates by joint and column, where it is not zero."""
@@ -188,7 +188,6 @@ class Differences:
         known: Known,
         patterns: Sequence[Array],
         names: tuple[str, ...] = (),
-        shared: float = 1.0,
     ) -> Differences:
         """Return what may differ between logs, or be missing in all of them.
 
@@ -200,8 +199,6 @@ class Differences:
         patterns : sequence of (L,)
             Which logs may have a change: those that are asked about first, then one log each.
         names : tuple of str, optional
-        shared : float, optional
-            How much more rows scatter, because they share the logs that were taken off.
         """
         logs = np.eye(len(patterns[0]))
         may = [Differing.of(c, w, str(k)) for k, w in enumerate(patterns) for c in changes]
@@ -217,7 +214,6 @@ class Differences:
         noise = tuple(missing.noise_of(j, differing, functions=False) for j in joints)
         own = missing.products(edges=[*edges.tolist(), len(seen.y)], noise=noise)
         own = weigh_logs(own, np.add.reduceat(seen.data, edges, dtype=int))
-        own = own.weigh(np.full(len(logs), 1.0 / shared))
         none = np.empty((len(missing.scale), 0))
         return Differences(missing=missing, information=own, known=known, names=names, always=none)
 

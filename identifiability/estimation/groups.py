@@ -12,7 +12,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -495,18 +494,6 @@ class Alternatives:
         order = sorted(self.named, key=lambda t: -t.odds)
         told = listing([f"{describe_term(t)} (log odds {t.odds:.3g})" for t in order], TOLD)
         return f"{told} {'seems' if len(order) == 1 else 'seem'} to be missing"
-
-    def to_list(self) -> list[dict[str, Any]]:
-        """Return what is named as a JSON result has it."""
-        return [
-            {
-                "effect": t.group.family,
-                "joint": place_of(t),
-                "of": title_of(t.group.family),
-                "log_odds": t.odds,
-            }
-            for t in self.named
-        ]
 
     def of_labels(self, submodel: Submodel, fit: Estimate) -> LabelAlternatives | None:
         """Return what the groups do to the values of a model; None where there is none."""

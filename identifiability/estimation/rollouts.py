@@ -172,23 +172,6 @@ def fit_rollouts(
     )
 
 
-def roll_late(machine: CommandedRobot, log: Log, delay: float | None = None) -> tuple[float, Array]:
-    """Return the delay with which a rollout follows a log most closely [s], and that one (N, n).
-
-    Parameters
-    ----------
-    machine : CommandedRobot
-    log : Log
-        With commands, in the robot's order of joints.
-    delay : float [s], optional
-        Where it is known.
-    """
-    if delay is None:
-        problem = Problem(machine, [log], np.zeros((len(KINDS), len(machine.trees)), bool))
-        delay = float(problem.descend(problem.pack(machine.numbers(), 0.0))[0][-1])
-    return delay, machine.roll(log, delay=delay)[0]
-
-
 class Problem:
     """Positions of the rollouts of all logs, as a function of one vector of numbers.
 

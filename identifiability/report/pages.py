@@ -106,8 +106,7 @@ def calibration_sections(calibration: Calibration) -> list[Section | None]:
 
 def comparison_heading(result: Comparison) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
-    kind = "the same motion" if result.pairs else "different motions"
-    return "Comparison report", f"{result.robot.path.name} · {result.submodel.name} · {kind}"
+    return "Comparison report", f"{result.robot.path.name} · {result.submodel.name}"
 
 
 def comparison_moving(result: Comparison) -> Moving | None:
@@ -512,16 +511,9 @@ def payload_sections(result: Load) -> list[Section | None]:
     """Return the sections of the page: gains, or quantities and how."""
     if result.gains:
         return [section("payload.gains", *result.tables())]
-    every = (*result.logs, *result.without)
-    called = dict(zip(every, shorten_paths(every), strict=True))
-    pairs = join([f"{called[one]} with {called[other]}" for one, other in result.pairs])
     return [
         section("payload.quantities", result.tables()[0], body=result.body),
-        section(
-            "payload.method",
-            sentence("payload.how", "plain", body=result.body),
-            sentence("payload.how", "pairs", pairs=pairs) if pairs else None,
-        ),
+        section("payload.method", sentence("payload.how", "plain", body=result.body)),
     ]
 
 

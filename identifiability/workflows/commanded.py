@@ -16,10 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.rollouts import Rollouts, contradicted, fit_rollouts, roll_late
+from identifiability.estimation.rollouts import KINDS, Problem, Rollouts, contradicted, fit_rollouts
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import percent
 from identifiability.logs import Log
 from identifiability.logs.commands import check_commands, moved, of_commands, servo_log
@@ -106,6 +107,23 @@ def follow_commands(
         rolled=found,
         values=found.parameters,
     )
+
+
+def roll_late(machine: CommandedRobot, log: Log, delay: float | None = None) -> tuple[float, Array]:
+    """Return the delay with which a rollout follows a log most closely [s], and that one (N, n).
+
+    Parameters
+    ----------
+    machine : CommandedRobot
+    log : Log
+        With commands, in the robot's order of joints.
+    delay : float [s], optional
+        Where it is known.
+    """
+    if delay is None:
+        problem = Problem(machine, [log], np.zeros((len(KINDS), len(machine.trees)), bool))
+        delay = float(problem.descend(problem.pack(machine.numbers(), 0.0))[0][-1])
+    return delay, machine.roll(log, delay=delay)[0]
 
 
 def calibrate(

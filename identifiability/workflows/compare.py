@@ -1,21 +1,17 @@
 """What changed between logs of one robot.
 
 Logs are compared by the mixed model: what may differ is a group that acts in some logs alone
-(`Differences`). Logs that made the same motion are compared sample by sample, so that what the
-model gets wrong along it cancels.
+(`Differences`), beside what the model may lack in all of them.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
-from scipy.interpolate import CubicSpline
 
 from identifiability.effects import find_families
 from identifiability.estimation.differences import (
@@ -27,7 +23,6 @@ from identifiability.estimation.differences import (
     pooled_values,
 )
 from identifiability.estimation.groups import Excerpt
-from identifiability.estimation.noise import split_runs
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Answer, Table
 from identifiability.foundation.engines import Engine, one_thread
@@ -38,9 +33,7 @@ from identifiability.foundation.options import checked
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log, signals
-from identifiability.logs.prepare import Dataset, Preparation, prepare_log
-from identifiability.logs.prepare.instruments import find_lag
+from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.reduction import (
@@ -66,17 +59,7 @@ from identifiability.workflows.diagnose.changes import (
 )
 from identifiability.workflows.session import Logs, Session, list_logs
 
-# Logs of several sides as one question. What a model leaves out is a function of the motion: where
-# that is made again, the difference of the torques, on one clock, has none of it.
-
-
-@frozen
-class Pair:
-    """A motion and its repetition, prepared on one clock; and which of the logs they are."""
-
-    first: Dataset
-    second: Dataset
-    at: tuple[int, int]
+# Logs of several sides as one question.
 
 
 def look(structure: Structure, samples: Sequence[Dataset], values: int) -> Excerpt:
@@ -100,12 +83,11 @@ def find_differences(
     structure: Structure,
     seen: Excerpt,
     bodies: Sequence[str],
-    pairs: Sequence[Pair],
     known: Known,
     later: int,
     single: int,
 ) -> Differences:
-    """Return what may differ between logs, by pairs alone where there are some.
+    """Return what may differ between logs.
 
     Parameters
     ----------
@@ -114,16 +96,13 @@ def find_differences(
         Rows of all logs.
     bodies : sequence of str
         That may carry a load.
-    pairs : sequence of Pair
     known : Known
     later, single : int
         How many of the first logs may have changed together, and how many each by itself.
     """
     robot, motions = structure.robot, [piece.motion for piece in seen.pieces]
-    families = find_families(() if pairs else LACKS)
-    lacks, _ = list_candidates(robot, families, structure.present, motions, fixed=False)
-    rows = subtract(structure, pairs, known) if pairs else Compared.about(seen, known)
-    serve = Counter(pair.at[1] for pair in pairs)
+    lacks, _ = list_candidates(robot, find_families(LACKS), structure.present, motions, fixed=False)
+    rows = Compared.about(seen, known)
     asked = (np.arange(rows.log[-1] + 1) < later).astype(float)
     each = [x for x in np.eye(len(asked))[:single] if np.ptp(np.abs(x - asked))]
     return Differences.of(
@@ -133,67 +112,7 @@ def find_differences(
         known,
         (asked, *each),
         names=structure.base.names,
-        # Those that share a log share its noise.
-        shared=(max(serve.values()) + 1) / 2 if pairs else 1.0,
     )
-
-
-def subtract(structure: Structure, pairs: Sequence[Pair], known: Known) -> Compared:
-    """Return what the rows of logs differ by from those of their repetitions."""
-    one, other = (
-        Excerpt.of(structure.regression(side), EXCERPT)
-        for side in ([p.first for p in pairs], [p.second for p in pairs])
-    )
-    _, at, there = np.intersect1d(
-        one.log + 1j * one.t, other.log + 1j * other.t, return_indices=True
-    )
-    names = ("X", "y", "raw", "data", "t", "log", "seen")
-    first, second = (
-        replace(side, **{name: getattr(side, name)[own] for name in names})
-        for side, own in ((one, at), (other, there))
-    )
-    apart = (np.diff(at) != 1) | (np.diff(there) != 1) | (np.diff(first.log) != 0)
-    edges = np.flatnonzero(apart | signals.has_gap(first.t)) + 1
-    runs = list(pairwise([0, *edges.tolist(), len(at)]))
-    both = split_runs(runs, first.data & second.data)
-    return Compared.about(replace(first, runs=both), known, second)
-
-
-def find_pairs(
-    robot: Robot, logs: Sequence[Log], samples: Sequence[Dataset], later: int, how: Preparation
-) -> list[Pair]:
-    """Return the first so many logs with one of the rest that repeats its motion, if all have one.
-
-    Of several repetitions the one is taken that served least so far. Logs that are too long for
-    memory have none.
-    """
-    own = {k: s for k, s in enumerate(samples) if not s.long}
-    pairs: list[Pair] = []
-    for k in range(later):
-        serves = Counter(p.at[1] for p in pairs)
-        for at in sorted(own.keys() - range(later), key=lambda at: (serves[at], at)):
-            shift = find_lag(own[k].motion, own[at].motion) if k in own else None
-            found = None if shift is None else _on_one_clock(robot, logs[k], logs[at], shift, how)
-            if found is not None:
-                pairs.append(Pair(*found, (k, at)))
-                break
-        else:
-            return []
-    return pairs
-
-
-def _on_one_clock(
-    robot: Robot, log: Log, other: Log, later: float, how: Preparation
-) -> tuple[Dataset, Dataset] | None:
-    """Return both logs over the time that they share; None where that is too little."""
-    at = log.t + later
-    inside = np.flatnonzero((at >= other.t[0]) & (at <= other.t[-1]))
-    if len(inside) < max(LOG_RULES.fewest, LOG_RULES.nearly_all * len(log)):
-        return None
-    log = log.rows(int(inside[0]), int(inside[-1]) + 1)
-    same = other.each(lambda x: CubicSpline(other.t, x)(log.t + later), t=log.t)
-    first, second = (prepare_log(robot, x, how) for x in (log, same))
-    return first, second
 
 
 # `Comparison`: what changed, in numbers and words.
@@ -212,12 +131,8 @@ class Comparison(OfStructure, Result):
         The robot under the unpruned model.
     submodel : Submodel
         The model.
-    kind : {"pairs", "logs"}
-        What was compared.
     before, after : tuple of str
         Logs on either side.
-    pairs : tuple of (str, str)
-        Logs that were compared sample by sample.
     changes : tuple of Change
         The surest first.
     hints : tuple of str
@@ -231,10 +146,8 @@ class Comparison(OfStructure, Result):
 
     structure: Structure
     submodel: Submodel
-    kind: Literal["pairs", "logs"]
     before: tuple[str, ...]
     after: tuple[str, ...]
-    pairs: tuple[tuple[str, str], ...]
     changes: tuple[Change, ...]
     hints: tuple[str, ...]
     preparation: Preparation
@@ -255,10 +168,8 @@ class Comparison(OfStructure, Result):
         sides = f"{listing(every[:k], 3)} and {listing(every[k:], 3)}"
         tone = "vermilion" if self.changes else "green"
         changed = Answer(f"What changed between {sides}?", self.answer, tone=tone)
-        short, *why = (sentence(name, self.kind) for name in ("comparison.trust", "comparison.how"))
-        why += [sentence("comparison.how", "odds")]
-        tone = "green" if self.kind == "pairs" else "amber"
-        trust = Answer("May I trust it?", short, " ".join(why), tone)
+        why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
+        trust = Answer("May I trust it?", sentence("comparison.trust", "logs"), why, "amber")
         return changed, trust, answer_next(_next_commands(self))
 
     def decided_by(self) -> tuple[RuleTable, ...]:
@@ -276,13 +187,14 @@ class Comparison(OfStructure, Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison in the documented JSON schema."""
-        own = ["statement", "before", "after", "kind", "pairs"]
+        own = ["statement", "before", "after"]
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
             "model": self.submodel.name,
             **{name: getattr(self, name) for name in own},
-            **dict.fromkeys(("level", "tested", "parameters", "drift", "found_from")),  # of old
+            **dict.fromkeys(("kind", "pairs", "level", "tested", "parameters", "drift")),  # of old
+            "found_from": None,
             "changed": bool(self.changes),
             "changes": self.to_frame().to_dict("records"),
         }
@@ -303,8 +215,7 @@ def compare(
 ) -> Comparison:
     """Find what changed: loads, friction, offsets, torque gains; of three logs also in which.
 
-    Logs that made the same motion are compared sample by sample, so that what the model gets wrong
-    cancels; other logs beside what the model may lack in all of them.
+    They are compared beside what the model may lack in all of them.
 
     Parameters
     ----------
@@ -334,21 +245,15 @@ def compare(
         session, count = Session.read_sides(structure, after, before, preparation, engine)
         opening, logs = session.open("compared"), session.recordings.fitted
         seen = look(structure, opening.samples, len(submodel))
-        pairs = find_pairs(robot, logs, opening.samples, count, session.how)
-        # Differences of pairs say nothing of the values themselves, which logs before tell.
-        some = seen.log >= count * bool(pairs)
-        base = pooled_values(seen.X[some], seen.y[some], submodel.M, submodel.fixed)
-        known = Known.nothing(submodel.M[:, : 0 if pairs else None], base)
+        known = Known.nothing(submodel.M, pooled_values(seen.X, seen.y, submodel.M, submodel.fixed))
         bodies = tool_bodies(robot)
-        found = find_differences(structure, seen, bodies, pairs, known, count, len(logs))
+        found = find_differences(structure, seen, bodies, known, count, len(logs))
         terms, paths = found.model.search(), given_paths(logs)
         return Comparison(
             structure=structure,
             submodel=submodel,
-            kind="pairs" if pairs else "logs",
             before=paths[count:],
             after=paths[:count],
-            pairs=tuple((paths[p.at[1]], paths[p.at[0]]) for p in pairs),
             changes=find_changes(found, terms, [s.name for s in opening.samples]),
             hints=opening.hints,
             preparation=preparation or Preparation(),

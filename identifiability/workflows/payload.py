@@ -47,7 +47,7 @@ from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import Point, body_of, ten_parameters, tool_bodies
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
-from identifiability.workflows.compare import find_differences, find_pairs, look
+from identifiability.workflows.compare import find_differences, look
 from identifiability.workflows.diagnose.changes import Change, DifferentTorque, find_changes
 from identifiability.workflows.predict import FitLike, Predicts, find_fit, state_missing
 from identifiability.workflows.rules import RULES
@@ -306,8 +306,6 @@ class Load(Result):
         Name of the fitted model.
     logs, without : tuple of str
         Logs with the load, and without.
-    pairs : tuple of (str, str)
-        Those that were compared, of the same motion.
     estimate : LoadEstimate
         What the logs say by themselves.
     motion : Motion
@@ -332,7 +330,6 @@ class Load(Result):
     model: str
     logs: tuple[str, ...]
     without: tuple[str, ...]
-    pairs: tuple[tuple[str, str], ...]
     estimate: LoadEstimate
     motion: Motion
     parameters: Array
@@ -418,12 +415,12 @@ class Load(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the load in the documented JSON schema."""
-        own = ["model", "body", "statement", "logs", "without", "pairs", "caveats"]
+        own = ["model", "body", "statement", "logs", "without", "caveats"]
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
             **{name: getattr(self, name) for name in own},
-            **dict.fromkeys(("possible", "by_log", "arm")),  # of earlier releases
+            **dict.fromkeys(("possible", "by_log", "arm", "pairs")),  # of earlier releases
             "quantities": [{**asdict(q), "told": q.told} for q in self.quantities],
             "parameters": dict(zip(GROUPED_KINDS, self.parameters.tolist(), strict=True)),
             "estimate": dict(zip(GROUPED_KINDS, self.estimate.theta.tolist(), strict=True)),
@@ -508,14 +505,13 @@ def payload(
         samples = session.prepare(every, "weighed")
         hints = [*session.recordings.hints, *_tell_noise(every[:loaded], session.how)]
         hints += [text for s in samples for text in s.hints]
-        pairs = find_pairs(robot, every, samples, loaded, session.how)
         seen = look(structure, samples, 0)
         if fit is None or (mass is not None and loaded < len(every)):
             # Logs without the load tell more than values by other gains.
             known = Known.nothing(submodel.M, submodel.fixed)
         else:
             known = Known.of(fit.base, submodel.M, fit.covariance, fit.spread.unknown)
-        found = find_differences(structure, seen, (place,), pairs, known, loaded, loaded)
+        found = find_differences(structure, seen, (place,), known, loaded, loaded)
         estimate = estimate_load(found, [s.name for s in samples])
         nearest = nearest_body(estimate)
         gains: tuple[Quantity, ...] = ()
@@ -534,7 +530,6 @@ def payload(
         model=submodel.name,
         logs=paths[:loaded],
         without=paths[loaded:],
-        pairs=tuple((paths[p.at[0]], paths[p.at[1]]) for p in pairs),
         estimate=estimate,
         motion=samples[0].motion,
         parameters=nearest,
@@ -590,9 +585,7 @@ def choose_body(structure: Structure, body: str | None) -> str:
 def _trust(result: Load) -> Answer:
     changes = result.estimate.changes
     short, text, tone = "Yes, within its intervals.", "The logs agree.", "green"
-    if result.pairs:
-        text = sentence(WORDS_OF, "cancels")
-    elif len(result.logs) == 1:
+    if len(result.logs) == 1:
         short, tone = "As far as one log can tell.", "amber"
         text = "One motion cannot show what another would change."
     if any(change.kind == "load" for change in changes):

@@ -14,8 +14,10 @@ import numpy as np
 import pandas as pd
 from pydantic import BaseModel, ConfigDict
 
+from identifiability.effects import title_of
 from identifiability.effects.base import settle_gravity
 from identifiability.effects.vocabulary import complete_values
+from identifiability.estimation.groups import Alternatives, place_of
 from identifiability.estimation.prediction import Prediction, TorqueUncertainty
 from identifiability.foundation import handed
 from identifiability.foundation.answers import Answer, Column, Table, frame_table
@@ -58,6 +60,19 @@ from identifiability.workflows.session import Logs, Recordings, Session, in_memo
 def state_missing(functions: Sequence[str]) -> tuple[str, ...]:
     """Return what holds of the values of a fit beside which functions are missing, if any are."""
     return (phrase("result.missing", "says", functions=list(functions)),) if functions else ()
+
+
+def list_missing(found: Alternatives) -> list[dict[str, Any]]:
+    """Return what is named as a JSON result has it."""
+    return [
+        {
+            "effect": t.group.family,
+            "joint": place_of(t),
+            "of": title_of(t.group.family),
+            "log_odds": t.odds,
+        }
+        for t in found.named
+    ]
 
 
 # `TorquePrediction`: the torque of a fitted model along logs, beside the measured one.
@@ -976,8 +991,8 @@ def _file_name(robot: Robot) -> str:
 
 def _move(robot: Robot, name: str, values: Mapping[str, float], logs: Sequence[Log]) -> Simulated:
     """Return a robot with some values as logs move it."""
-    from identifiability.estimation.rollouts import roll_late  # noqa: PLC0415 - MuJoCo
     from identifiability.simulation.rollout import CommandedRobot, forgotten  # noqa: PLC0415
+    from identifiability.workflows.commanded import roll_late  # noqa: PLC0415 - MuJoCo
 
     motors = Servo.of_torque(len(robot.joints))
     late, found, apart = list[float](), list[Array](), list[Array]()

@@ -25,6 +25,7 @@ import pandas as pd
 
 from identifiability.effects import FAMILIES
 from identifiability.effects.friction import PassiveJointFriction
+from identifiability.effects.measurement import CommandDelay
 from identifiability.estimation.estimate import (
     Kind,
     Method,
@@ -128,6 +129,18 @@ class Recordings:
         )
         said = Finding("commands", text=phrase("commands", "later", by=1e3 * by))
         return replace(self, fitted=fitted, held_out=held_out, hints=(*self.hints, said))
+
+
+def common_delay(effects: Sequence[Any], joints: Sequence[str]) -> float:
+    """Return by how much commands act later at most joints than was taken of their logs [s].
+
+    A log's delay is found of all joints together, so that one that is late, or whose gain is wrong,
+    makes the others early. What most of them have is the log's.
+    """
+    own = [e.placements for e in effects if e.name == CommandDelay.name]
+    named = {p.place: float(p.values[0]) for some in own for p in some}
+    every = sorted(named.get(j, 0.0) for j in joints)
+    return every[(len(every) - 1) // 2]
 
 
 @contextmanager

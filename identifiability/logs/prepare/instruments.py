@@ -14,10 +14,9 @@ from dataclasses import replace
 from typing import Any, TypeAlias
 
 import numpy as np
-import scipy
 
 from identifiability.foundation.errors import ClosureError
-from identifiability.foundation.linalg import NEARLY, ROUNDOFF
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, signals
@@ -25,7 +24,7 @@ from identifiability.logs.base import UP
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.prepare.preparation import joint_log
 from identifiability.logs.rules import RULES
-from identifiability.logs.spectrum import ORDER, bandwidth_of_windows, noise_level, resolution
+from identifiability.logs.spectrum import bandwidth_of_windows, noise_level, resolution
 from identifiability.robot import Motion, Robot, complete_motion
 
 #: Position, velocity and acceleration of the actuated joints at all N rows of a log, each (N, n),
@@ -35,8 +34,8 @@ SecondRecord: TypeAlias = "tuple[Sequence[Array] | Array, str]"
 #: Noise may have so many times the power that differences see.
 LOUDER: Tolerance = 1.5
 
-#: Samples in which a period is looked for, and rounds in which a lag is improved.
-ENOUGH, ROUNDS = 4096, 4
+#: Samples in which a period is looked for.
+ENOUGH = 4096
 
 
 def add_instrument(
@@ -119,42 +118,6 @@ def complete_along(robot: Robot, measured: Motion, other: Sequence[Array] | Arra
 
 
 # A motion that was made again, on another clock.
-
-
-def find_lag(own: Motion, other: Motion) -> float | None:
-    """Return how much later another log makes the motion of `own` [s]; None where it does not.
-
-    Clocks are aligned by the lag at which positions agree, to a fraction of a sample.
-    """
-    step = signals.sampling_step(own.t)
-    moves = ~signals.never_moves(own.actuated_q.min(0), own.actuated_q.max(0))
-    if not moves.any() or len(other) <= ORDER:
-        return None
-    near, far = (_on_grid(x, step, moves) for x in (own, other))
-    # Positions that agree correlate, at the lag at which they do.
-    cross = scipy.signal.correlate(far, near, method="fft")[:, near.shape[1] - 1]
-    curve = scipy.interpolate.CubicSpline(other.t, other.actuated_q)
-    later = float(other.t[0] - own.t[0]) + (int(np.argmax(cross)) - len(near) + 1) * step
-    weight = 1.0 / np.maximum(own.actuated_q.var(0), 1e-300)
-    for _ in range(ROUNDS):
-        at = own.t + later
-        good = (at >= other.t[0]) & (at <= other.t[-1])
-        if not good.any():
-            return None
-        q, speed, there = own.actuated_q[good], own.actuated_v[good], curve(at[good])
-        pull = (weight * speed * (q - there)).sum()
-        later += float(pull / (weight * speed**2).sum().clip(1e-300))
-    noise = noise_level(q) ** 2 + noise_level(there) ** 2
-    allowed = (0.05 * q.std(0)) ** 2 + LOUDER * noise + ROUNDOFF
-    same = bool(np.all(np.mean((q - there) ** 2, axis=0) <= allowed))
-    return later if same and good.mean() >= RULES.nearly_all else None
-
-
-def _on_grid(motion: Motion, step: float, moves: np.ndarray) -> Array:
-    """Return what moves at even steps, about its mean."""
-    at = np.arange(motion.t[0], motion.t[-1] + 0.5 * step, step)
-    even = np.stack([np.interp(at, motion.t, x) for x in motion.actuated_q.T[moves]], 1)
-    return np.asarray(even - even.mean(0))
 
 
 # A Fourier series of all that was measured, and the smoothed motion.

@@ -643,7 +643,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             "parameters": used.rows(),
             "full_parameters": self.full.rows(),
             "fit": None if self.nothing else self.fit.to_dict(),
-            "missing_functions": self.missing.to_list(),
+            "missing_functions": predict.list_missing(self.missing),
             "physical": {
                 "feasible": used.feasible,
                 "margin": used.physical.margin if used.physical else None,

@@ -17,7 +17,6 @@ from itertools import pairwise
 import numpy as np
 
 from identifiability.effects import Placed, default_effects, find_families, title_of
-from identifiability.effects.measurement import CommandDelay
 from identifiability.estimation.groups import NO_ALTERNATIVES, place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.foundation.engines import Engine, Serial, one_thread
@@ -88,6 +87,7 @@ from identifiability.workflows.session import (
     Progress,
     Recordings,
     Session,
+    common_delay,
     quiet,
     read_recordings,
     require_signal,
@@ -175,7 +175,7 @@ def diagnose(
         own = near, fixed is not False, seed, ladder if model is None else None
         asked = _Asked(session, effects, known, streams[0], *own)
         found, opening = asked.look(given)
-        later = common_delay(found)
+        later = common_delay(found.effects, robot.motor_joints)
         if later and robot.servo is not None:
             given = given.acting_later(robot.servo, later)
             found, opening = asked.look(given)
@@ -384,18 +384,6 @@ def usual_effects(robot: Robot, *, commanded: bool = False) -> tuple[str, ...]:
     """
     offsets = ("torque_offset",) if commanded else ()
     return default_effects(robot, (*USUAL_EFFECTS, *offsets))
-
-
-def common_delay(found: Diagnosis) -> float:
-    """Return by how much commands act later at most joints than was taken of their logs [s].
-
-    A log's delay is found of all joints together, so that one that is late, or whose gain is wrong,
-    makes the others early. What most of them have is the log's.
-    """
-    own = [e.placements for e in found.effects if e.name == CommandDelay.name]
-    named = {p.place: float(p.values[0]) for some in own for p in some}
-    every = sorted(named.get(j, 0.0) for j in found.robot.motor_joints)
-    return every[(len(every) - 1) // 2]
 
 
 def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:

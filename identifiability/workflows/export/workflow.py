@@ -369,8 +369,8 @@ def export(
         written = write_parameters(robot, given, out, **what)
         if written.sidecar is not None:
             read = partial(_reread, own, written.robot, written.sidecar)
-            stem = written.sidecar.stem.replace(".", "_")  # not that of another format's file
-            place = written.robot.with_name(f"{stem}_torque.py")
+            # Not that of another format's file.
+            place = written.robot.with_name(f"{written.sidecar.stem.replace('.', '_')}_torque.py")
             snippet, added = write_snippet(read(alone=False), read(alone=True), place)
     # A level of one direction, where no effect has it, is part of that of both.
     own_names = (n for n in written.beside if n in known or n[:-1] not in written.beside)

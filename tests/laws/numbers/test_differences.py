@@ -151,12 +151,6 @@ def test_what_logs_of_one_motion_differ_by_has_nothing_of_the_rest():
     assert found.solve((term,))[0][-1] == pytest.approx(0.5, abs=0.05)
 
 
-def test_rows_that_share_a_log_know_less():
-    own = rows(9)
-    once, twice = (differences(own, shared=shared).solve()[1][0, 0] for shared in (1, 2))
-    assert twice == pytest.approx(2 * once, rel=0.2)
-
-
 def test_pooled_values_are_those_of_all_rows():
     own = rows(10, noise=0.0)
     base = pooled_values(own.X, own.raw, np.eye(4), np.zeros(4))

@@ -15,7 +15,12 @@ from .made import ar1
 ROWS, SIZE, TRUTH = 600, 5, np.array([1.0, -1.0, 0.5])
 WLS = find_estimator("wls")
 LOGS = [
-    SimpleNamespace(name=n, output_times=lambda at, k=k: 10.0 + 2.0 * at / k)
+    SimpleNamespace(
+        name=n,
+        output_times=lambda at, k=k: 10.0 + 2.0 * at / k,
+        tau=np.ones((k, 2)),
+        at_outputs=slice(None),
+    )
     for n, k in (("one", 400), ("two", 200))
 ]
 

@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
 
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.logs.prepare.instruments import add_instrument, find_lag
+from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.spectrum import noise_level, resolution
 from identifiability.robot import Robot
 
@@ -120,25 +119,6 @@ def test_a_closed_chain_closes_along_the_second_record(rps, noisy_log):
     assert 0 < moved.max() < np.abs(samples.motion.v[:, passive]).max()
     thin = samples.thin(3)
     assert len(thin.instrument) == len(thin.motion)
-
-
-def twice(robot, seed=0, level=1.0):
-    """Return a log of a motion that is no series, made again later, and its exact motion."""
-    log, exact = noisy(robot, periodic=False, seed=seed, level=level)
-    again, _ = noisy(robot, periodic=False, seed=seed + 1, level=level)
-    return log, again, exact
-
-
-def test_a_motion_that_is_made_again_on_another_clock_is_found(robot):
-    log, again, _ = twice(robot)
-    # It starts 0.4123 s later in the motion, which is no whole number of steps, by its own clock.
-    t = log.t[:-100] + 0.4123
-    moved = {k: CubicSpline(again.t, getattr(again, k))(t) for k in ("q", "dq", "ddq")}
-    again = replace(again, t=7.0 + log.t[:-100], tau=again.tau[:-100], **moved)
-    own, other = (prepare_log(robot, x, Preparation(keep_rest=True)).motion for x in (log, again))
-    assert find_lag(own, other) == pytest.approx(7.0 - 0.4123, abs=2e-4)
-    another = replace(noisy(robot, periodic=True)[0], name="other")
-    assert find_lag(own, prepare_log(robot, another).motion) is None
 
 
 def test_commands_are_read_unless_they_have_gaps(robot, tmp_path):
