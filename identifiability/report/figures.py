@@ -294,7 +294,11 @@ def row_canvas(
     count = max(len(names), 1)
     bottom = 38
     left = min(label_width(names), 0.45 * WIDTH)
-    figure, (axes,) = canvas(WIDTH, top + bottom + row * count, (left, right, top, bottom))
+    figure, (axes,) = canvas(
+        WIDTH,
+        top + bottom + row * count,
+        (left, right, top, bottom),
+    )
     axes.set_ylim(count - 0.5, -0.5)
     axes.set_yticks([])
     style = {"color": INK, "fontsize": STYLE["ytick.labelsize"], "ha": "right"}
@@ -461,7 +465,12 @@ def draw_torque(
         Points a line keeps.
     width : int [px]
     """
-    figure, (above, below) = canvas(width, 330, (60, 10, 50, 38), (2.2, 1))
+    figure, (above, below) = canvas(
+        width,
+        330,
+        (60, 10, 50, 38),
+        (2.2, 1),
+    )
     plot_line(
         above,
         t,
@@ -715,7 +724,13 @@ def draw_precision(
         start, end = (
             np.clip(np.nan_to_num(x[order[rows]], nan=np.inf), low, high) for x in (white, label)
         )
-        strokes(axes, np.stack([start, rows], 1), np.stack([end, rows], 1), colour, linewidth=1.2)
+        strokes(
+            axes,
+            np.stack([start, rows], 1),
+            np.stack([end, rows], 1),
+            colour,
+            linewidth=1.2,
+        )
         axes.plot(
             start,
             rows,
@@ -784,7 +799,11 @@ def draw_confusion(names: Sequence[str], correlation: Array) -> Figure:
     k = len(names)
     left = label_width(names)
     side = CELL * k
-    figure, (axes,) = canvas(left + side + 16, side + left + 24, (left, 16, 24, left))
+    figure, (axes,) = canvas(
+        left + side + 16,
+        side + left + 24,
+        (left, 16, 24, left),
+    )
     axes.set_xlim(-0.5, k - 0.5)
     axes.set_ylim(k - 0.5, -0.5)
     axes.set_xticks(

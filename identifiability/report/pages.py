@@ -193,7 +193,14 @@ def _curves(d: Diagnosis, most: int) -> list[Picture]:
     pictures = []
     for c in d.curves[:most]:  # a function needs not say that it has no name
         title = f"{c.title.removeprefix('an unnamed ')}, {d.robot.joints[c.joint]}"
-        figure = draw_curve(c.x, c.learned, c.spread, c.data, title, _labels(d, c))
+        figure = draw_curve(
+            c.x,
+            c.learned,
+            c.spread,
+            c.data,
+            title,
+            _labels(d, c),
+        )
         pictures.append(picture("curve", figure, title=title))
     return pictures
 
@@ -213,7 +220,11 @@ def _section_gap(d: Diagnosis) -> Section:
     part = np.flatnonzero(d.gap.log == 0)[t <= t[0] + STRETCH]
     named = {c.joint for c in d.curves}
     order = sorted(range(len(d.robot.joints)), key=lambda k: k not in named)
-    before, after = d.gap.residual[part][:, order][..., [0, -1]].transpose(2, 0, 1)
+    before, after = d.gap.residual[part][:, order][..., [0, -1]].transpose(
+        2,
+        0,
+        1,
+    )
     shown = traces(
         t[: len(part)],
         [d.robot.joints[k] for k in order],

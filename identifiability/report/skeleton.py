@@ -86,7 +86,13 @@ def move_skeletons(
     lines: list[tuple[int, int]] = []
     for _, poses in motions.values():
         points, lines = _trace(robot, np.nan_to_num(poses[rows]), load)
-        traced.append(np.where(np.isnan(poses[rows]).any(1)[:, None, None], np.nan, points))
+        traced.append(
+            np.where(
+                np.isnan(poses[rows]).any(1)[:, None, None],
+                np.nan,
+                points,
+            )
+        )
     if not np.ptp(traced[0].reshape(-1, 3), axis=0).max() > 0:
         return None
     place = _look(traced[0].reshape(-1, 3), robot)
@@ -172,7 +178,16 @@ def move_with_torque(
     if moving is None:
         return None
     own = {what: y[:end, joint] for what, y in lines.items()}
-    moving = replace(moving, torque=Trace.of(plain(name), unit, t[:end] - t[0], own, LINE))
+    moving = replace(
+        moving,
+        torque=Trace.of(
+            plain(name),
+            unit,
+            t[:end] - t[0],
+            own,
+            LINE,
+        ),
+    )
     if load is not None:  # as large in all frames
         marks = np.arange(moving.joints) == moving.joints - 1
         return replace(moving, misses=np.tile(0.3 * marks, (moving.frames, 1)))

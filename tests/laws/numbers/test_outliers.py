@@ -14,13 +14,9 @@ from .made import ar1
 
 ROWS, SIZE, TRUTH = 600, 5, np.array([1.0, -1.0, 0.5])
 WLS = find_estimator("wls")
+TORQUE = {"tau": np.ones((400, 2)), "at_outputs": slice(None)}
 LOGS = [
-    SimpleNamespace(
-        name=n,
-        output_times=lambda at, k=k: 10.0 + 2.0 * at / k,
-        tau=np.ones((k, 2)),
-        at_outputs=slice(None),
-    )
+    SimpleNamespace(name=n, output_times=lambda at, k=k: 10.0 + 2.0 * at / k, **TORQUE)
     for n, k in (("one", 400), ("two", 200))
 ]
 
