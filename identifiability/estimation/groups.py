@@ -58,8 +58,9 @@ LOAD = {kind: RADIUS ** min(k, 1 + (k > 3)) for k, kind in enumerate(INERTIAL_KI
 
 #: Samples of all logs up to which all are looked at; of more so many windows of so many samples.
 EXCERPT = (6_000, 6, 1_000)
-#: Share of the largest pulse at reversals from which rows are of one.
+#: Share of the largest pulse at reversals from which rows are of one, and of rows that are left.
 TURNS: Tolerance = 0.3
+REST: Tolerance = 0.8
 #: Numbers that columns of what may be missing may be, where all act at all joints.
 NUMBERS = 2**27
 #: Families of bodies, with typical values of their kinds.
@@ -265,7 +266,7 @@ class Missing:
         for (j, k), x in self.entries.items():
             if k in first:
                 data[:, j] &= np.abs(x) <= TURNS * np.abs(x).max()
-        if data.sum() < 0.8 * seen.data.sum():
+        if data.sum() < REST * seen.data.sum():
             return self
         runs = tuple(split_runs(own, data[:, [j]])[0] for j, own in enumerate(seen.runs))
         return replace(self, seen=replace(seen, data=data, runs=runs))

@@ -456,8 +456,8 @@ def payload(
     logs : log, path, DataFrame, or several
         Logs with the load; they are prepared like the fitted ones, with the same cut-off.
     without : the same, optional
-        Logs without the load, best of the same day and along the same motion: then whatever the
-        model gets wrong along it cancels.
+        Logs without the load, best of the same day and along the same motion: what the model
+        lacks acts in both alike.
     body : str, optional
         Which carries the load; by default the last of a chain, or the platform, on which most
         loops end.

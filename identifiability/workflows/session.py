@@ -724,7 +724,7 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Out
     size = [np.abs(s.tau[s.at_outputs, worst]) for s in samples]
     parts = zip(found.log, found.first, found.last, strict=True)
     outlying = np.concatenate([size[k][a:b] for k, a, b in parts])
-    most = np.median(outlying) > np.quantile(np.concatenate(size), 0.9)
+    most = np.median(outlying) > np.quantile(np.concatenate(size), LOG_RULES.nearly_all)
     told = {"start": ends[0], "stop": ends[1], "joint": joints[worst], "far": far}
     return phrase("outliers", "limit" if most else "where", log=log.name, **told)
 

@@ -576,7 +576,8 @@ def analyze(
             share_, cad_prior = settle_prior(prior, cad_prior, commanded)
             given = session.follow(streams[0])
             (session, opening), entry = given.settle("analyzed"), source.settle(commanded=commanded)
-            rows = session.weigh(opening, base, estimator)
+            # A model that was given is taken as it is.
+            rows = session.weigh(opening, base, estimator, whole=ladder is None)
             try:
                 submodels = build_comparison(entry, rows.opening.structure)
             except ModelError:  # its models are of parameters of the model as it was given

@@ -153,7 +153,7 @@ def prune(
             share_, cad_prior = settle_prior(prior, cad_prior, commanded)
             session = session.follow(streams[0])
             session, opening = session.settle("pruned")
-            rows = session.weigh(opening, base, estimator)
+            rows = session.weigh(opening, base, estimator, whole=ladder is None)
             session = replace(session, structure=rows.opening.structure)
             start = build_ladder(LadderEntry(models=source.entry.models[:1]), session.structure)[0]
             _check_wishes(start, forbid, force)
