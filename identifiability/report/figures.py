@@ -651,12 +651,12 @@ def draw_ladder(
             label="best density",
             **ring,
         )
-    shown = np.concatenate([unseen[: selected + 1], fitted[: selected + 1]])
-    shown = shown[np.isfinite(shown)]
-    if len(shown) and shown.max() > 0:
-        # Errors beyond this many times the largest up to the chosen model are cut off, to
-        # show the choice.
-        axes.set_ylim(0.8 * float(shown.min()), 1.4 * float(shown.max()))
+    shown = np.concatenate([unseen, fitted])
+    if (shown[np.isfinite(shown)] > 0).any():  # from the best model to none, all of it
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("{x:g}")
+        axes.tick_params("y", which="minor", labelsize=7)
     axes.set_xlim(float(sizes.max()) + 0.8, float(sizes.min()) - 0.8)
     legend_above(
         axes,
