@@ -246,13 +246,12 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
     name = column.source.strip()
     unit = column.unit or find_unit(units.get(column.source, "")) or split_unit(name)[1]
     kind = "current" if column.current else column.kind
+    scale, zero = known.scales.get(column.joint, (1.0, 0.0)) if kind in ANGULAR else (1.0, 0.0)
+    offset = -zero if kind in ("q", "q_ref") else 0.0
     if unit is not None:
         unit.check(kind, name, source)
-        return replace(
-            column,
-            unit=unit,
-            factor=unit.factor,
-        )
+        factor = scale * unit.factor
+        return replace(column, unit=unit, factor=factor, offset=offset / factor)
     unread = unread_unit(name, (*known.motors, *known.joints))
     if unread and name not in dict(known.columns.rules):
         example = next(u for u, (what, _) in UNITS.items() if what == DIMENSIONS[kind][0])
@@ -265,17 +264,10 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
             f"say in which one {column.name} is given, as in --map '{name}={column.name} "
             f"[{example}]', or {gain if column.kind == 'tau' else 'correct the header'}."
         )
-    factor, offset = 1.0, 0.0
-    if kind in ANGULAR and column.joint in known.scales:
-        factor, zero = known.scales[column.joint]
-        offset = -zero / factor if kind in ("q", "q_ref") else 0.0
-    elif kind in ANGULAR and column.joint in known.degrees:
-        factor = DEGREE
-    return replace(
-        column,
-        factor=factor,
-        offset=offset,
-    )
+    # A scale of 1 leaves degrees what they are; others are of ticks.
+    degrees = kind in ANGULAR and column.joint in known.degrees and scale == 1.0
+    factor = DEGREE if degrees else scale
+    return replace(column, factor=factor, offset=offset / factor)
 
 
 def _settle_torque(

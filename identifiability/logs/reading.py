@@ -96,7 +96,13 @@ def _fresh(x: Array) -> np.ndarray:
     usual = int(np.median(lengths))
     if usual < LEAST or np.mean(np.abs(lengths - usual) <= 1) < RULES.nearly_all:
         return every
-    since = np.arange(len(x)) - np.maximum.accumulate(np.where(new, np.arange(len(x)), 0))
+    since = np.arange(len(x)) - np.maximum.accumulate(
+        np.where(
+            new,
+            np.arange(len(x)),
+            0,
+        )
+    )
     fresh: np.ndarray = since % usual == 0
     fresh[1:] &= new[1:] | (since[1:] >= 2 * usual)
     return fresh

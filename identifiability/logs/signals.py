@@ -141,7 +141,11 @@ def differentiate(x: Array, dt: float) -> Array:
     x, end = np.asarray(x, float), 4 * REACH
     if len(x) < 2 * end:
         return _spline_slope(x) / dt
-    slope: Array = scipy.ndimage.correlate1d(x, [*np.negative(AHEAD[::-1]), 0.0, *AHEAD], axis=0)
+    slope: Array = scipy.ndimage.correlate1d(
+        x,
+        [*np.negative(AHEAD[::-1]), 0.0, *AHEAD],
+        axis=0,
+    )
     slope[:REACH] = _spline_slope(x[:end])[:REACH]
     slope[-REACH:] = _spline_slope(x[-end:])[-REACH:]
     return slope / dt
