@@ -102,7 +102,7 @@ base_yaw = {scale = 0.017453292519943295}
     np.testing.assert_allclose(log.q, plain.q, atol=1e-12)
     np.testing.assert_allclose(log.q_ref, plain.q_ref, atol=1e-12)
     assert any("scaled and shifted as the sidecar says" in note for note in log.notes)
-    table[f"{joint}.q [mrad]"] = 1e3 * table.pop(f"{joint}.q")  # what the header says counts, too
+    table[f"{joint}.q [deg]"] = np.degrees(table.pop(f"{joint}.q"))  # the header counts, too
     saved = robot.save(tmp_path / "again.xml")
     np.testing.assert_allclose(read(Robot.load(saved), table).q, plain.q, atol=1e-12)
 
