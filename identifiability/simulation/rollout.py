@@ -91,6 +91,8 @@ class CommandedRobot:
         self.robot, self.servo = robot, servo
         self._forward = ForwardRobot(robot, parameters, servo)
         self.model = self._forward.model
+        # What diverges is not begun anew.
+        self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         joints = [self.model.joint(j) for j in robot.joints]
         self.dofs = np.array([j.dofadr[0] for j in joints], int)
         self.at = np.array([j.qposadr[0] for j in joints], int)
