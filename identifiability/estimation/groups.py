@@ -32,7 +32,7 @@ from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, ric
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
@@ -436,7 +436,8 @@ def place_of(term: Term) -> str:
 
 def describe_term(term: Term) -> str:
     """Return what a group is and where, such as "Stribeck friction in joint_2"."""
-    return f"{title_of(term.group.family)} in {place_of(term)}"
+    title = title_of(term.group.family)  # of the base it says where
+    return title if term.group.place == BASE else f"{title} in {place_of(term)}"
 
 
 @frozen
