@@ -170,16 +170,18 @@ def choose_prior(
             rest = model.whole.take(row)
             part = FittedModel(structure, model.submodel, rest, model.submodel.reduce(rest), fit)
             ways.append(projection.follow(_believe(part, weights[-1]), weights))
-        values: list[Array] = []
-        scores: list[Score] = []
+        values, scores, total = list[Array](), list[Score](), list[float]()
         for found in zip(*ways, strict=False):
             values.append(np.stack([phi for phi, _ in found]) @ G.T)
             roots = wider * (G @ np.stack([root for _, root in found]))
             scores.append(held_out.score(values[-1], roots))
+            total.append(float(scores[-1].density.sum()))
+            # Densities have one summit: what is lighter predicts worse still.
+            if total[-1] < max(total) - LEVELS.nats:
+                break
     if not scores:
         return None
-    total = np.array([score.density.sum() for score in scores])
-    at = int(np.argmax(total >= total.max() - LEVELS.nats))
+    at = int(np.argmax(np.array(total) >= max(total) - LEVELS.nats))
     good = Evidence.of(scores[at], free).limits[1] >= 0
     return PriorChoice(weights[at], values[at], scores[at], good)
 

@@ -18,6 +18,7 @@ from itertools import combinations, product
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.linalg.lapack import dposv
 
 from identifiability.effects import find_families
 from identifiability.effects.base import GravityTilt, horizontal_axes
@@ -394,7 +395,7 @@ def _solve(G: Array, g: Array, nonnegative: np.ndarray) -> Array:
     kept = np.diag(G) > 1e-9
     while True:
         at, x = np.flatnonzero(kept), np.zeros(len(g))
-        x[at] = np.linalg.solve(G[np.ix_(at, at)] + 1e-9 * np.eye(len(at)), g[at])
+        _, x[at], _ = dposv(G[np.ix_(at, at)] + 1e-9 * np.eye(len(at)), g[at])
         if not ((x < 0) & nonnegative).any():
             found: Array = x / size
             return found
