@@ -18,7 +18,6 @@ from itertools import combinations, product
 
 import numpy as np
 from scipy.optimize import minimize
-from scipy.linalg.lapack import dposv
 
 from identifiability.effects import find_families
 from identifiability.effects.base import GravityTilt, horizontal_axes
@@ -395,7 +394,7 @@ def _solve(G: Array, g: Array, nonnegative: np.ndarray) -> Array:
     kept = np.diag(G) > 1e-9
     while True:
         at, x = np.flatnonzero(kept), np.zeros(len(g))
-        _, x[at], _ = dposv(G[np.ix_(at, at)] + 1e-9 * np.eye(len(at)), g[at])
+        x[at] = np.linalg.solve(G[np.ix_(at, at)] + 1e-9 * np.eye(len(at)), g[at])
         if not ((x < 0) & nonnegative).any():
             found: Array = x / size
             return found
