@@ -25,7 +25,7 @@ import pandas as pd
 
 from identifiability.effects import FAMILIES
 from identifiability.effects.friction import PassiveJointFriction
-from identifiability.effects.measurement import CommandDelay
+from identifiability.effects.measurement import CommandDelay, TorqueOffset
 from identifiability.estimation.estimate import (
     Kind,
     Method,
@@ -656,6 +656,24 @@ class Session:
             for s, x in zip(found, samples, strict=True)
         )
         return replace(opening, samples=tuple(every)), replace(plain, instruments=True)
+
+
+def count_offsets(structure: Structure) -> Structure:
+    """Return a structure whose groupings count the torque offsets that no motion tells apart.
+
+    Along an upright slide a counterweight is a constant force as weight is: a model without the
+    offset would call the mass alone identifiable. Where motion tells them apart the model is kept.
+    """
+    robot, model = structure.robot, structure.model
+    if TorqueOffset.name in model.names or not any(map(robot.is_prismatic, robot.actuated)):
+        return structure
+    base = Structure.of(robot, model + TorqueOffset()).base
+    every = range(len(structure.parameters), len(base.parameters))
+    folded = [base.parameters[k].owner for k in every if k not in base.kept]
+    if not folded:
+        return structure
+    own = Model.of(*model.texts, f"{TorqueOffset.name}@{'+'.join(folded)}")
+    return Structure.of(robot, replace(own, random=model.random))
 
 
 @frozen

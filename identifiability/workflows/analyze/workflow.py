@@ -73,6 +73,7 @@ from identifiability.workflows.session import (
     Progress,
     Session,
     Weighed,
+    count_offsets,
     quiet,
     running,
     share,
@@ -570,7 +571,7 @@ def analyze(
         robot = Robot.of(robot)
         source = find_ladder(robot, ladder, beside=True)
         with running(engine) as runner:  # workers are gone when their memory is wanted elsewhere
-            structure = Structure.of(robot, ladder_model(source.entry))
+            structure = count_offsets(Structure.of(robot, ladder_model(source.entry)))
             session = Session.read(structure, logs, validate, preparation, say, runner)
             commanded = session.recordings.commanded
             share_, cad_prior = settle_prior(prior, cad_prior, commanded)

@@ -88,6 +88,7 @@ from identifiability.workflows.session import (
     Recordings,
     Session,
     common_delay,
+    count_offsets,
     quiet,
     read_recordings,
     require_signal,
@@ -373,6 +374,7 @@ def _settle_values(
         return structure, know_file(structure)
     if isinstance(fixed, int | float) and fixed is not False:
         return structure, know_share(float(fixed), structure)
+    structure = count_offsets(structure)
     return structure, know_nothing(structure)
 
 
