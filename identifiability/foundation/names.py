@@ -84,6 +84,11 @@ def is_pattern(text: str) -> bool:
     return "*" in text or "?" in text
 
 
+def specificity(text: str) -> tuple[bool, int]:
+    """Return what sorts patterns, those with more letters of their own later, before names."""
+    return not is_pattern(text), len(text) - text.count("*") - text.count("?")
+
+
 def numbered(count: int) -> tuple[str, ...]:
     """Return what joints are called of which only the order is known."""
     return tuple(str(k + 1) for k in range(count))

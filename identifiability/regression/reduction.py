@@ -22,7 +22,7 @@ from identifiability.effects import FAMILIES, default_effects
 from identifiability.foundation.documents import key, read_document
 from identifiability.foundation.errors import ModelError, listing, near_match
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array, find_named, is_pattern
+from identifiability.foundation.names import Array, find_named, is_pattern, specificity
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
 from identifiability.logs.rules import RULES as LOG_RULES
@@ -392,7 +392,7 @@ def _build_submodel(item: ModelEntry, start: Submodel, structure: Structure) -> 
     submodel = replace(start, name=item.name, description=item.description)
     zero = _find_columns(submodel, item.zero, item.name, structure.columns)
     hold: dict[str, float | Literal["nominal"]] = {}
-    for text in sorted(item.hold, key=is_pattern, reverse=True):  # a name says more
+    for text in sorted(item.hold, key=specificity):  # a name says more
         hold |= dict.fromkeys(_find_columns(submodel, [text], item.name), item.hold[text])
     fixed = submodel.fixed.copy()
     for name, value in hold.items():

@@ -3,8 +3,8 @@
 Every key is optional; each says here what it is, and ``docs/reference/sidecar.md`` is written from
 that. In [nominal], [prior], [shapes], [reference], [limits] and the sums of [[symmetry]] a pattern
 such as ``wrist_*.Fv`` or ``leg?.my`` stands for all names that fit (passive joints too), ``*``
-being any letters and ``?`` one. A name goes before a pattern, and of two patterns the one that
-stands last.
+being any letters and ``?`` one. A name goes before a pattern, and of two patterns the one
+with more letters of its own.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from identifiability.foundation.names import (
     Renames,
     find_named,
     is_pattern,
+    specificity,
 )
 from identifiability.robot.locate import LARGEST, LONGEST_NAME, find_sidecar, locate_robot
 
@@ -486,7 +487,7 @@ def by_name(
 ) -> dict[str, T]:
     """Return what a table says of every name that its names and patterns stand for.
 
-    A name goes before a pattern, and of two patterns the one that stands last.
+    A name goes before a pattern, and of two patterns the one with more letters of its own.
 
     Parameters
     ----------
@@ -505,7 +506,7 @@ def by_name(
         If nothing fits a name or pattern.
     """
     out: dict[str, T] = {}
-    for text in sorted(table, key=is_pattern, reverse=True):
+    for text in sorted(table, key=specificity):
         found = find_named(text, known)
         if not found and not find_named(text, gone):
             check_known(path, key, [text], known)
@@ -549,7 +550,7 @@ def settle_names(
     def parameters(key: str, table: Mapping[str, T]) -> dict[str, T]:
         """Return a table of parameters by name; kinds of inertia are bodies'."""
         out: dict[str, T] = {}
-        for text in sorted(table, key=is_pattern, reverse=True):
+        for text in sorted(table, key=specificity):
             owner, _, kind = text.rpartition(".")
             kinds = find_named(kind, INERTIAL_KINDS) if is_pattern(kind) else [kind]
             known: Collection[str] = (*bodies, *moving, BASE)

@@ -35,6 +35,7 @@ from identifiability.foundation.rounding import (
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
+from identifiability.logs.commands import of_commands
 from identifiability.logs.gaps import Gaps
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
@@ -291,6 +292,8 @@ def describe_log(robot: Robot, log: Log, prepared: Dataset) -> Record:
         "speed": reach[1],
         "acceleration": reach[2],
     }
+    if of_commands(log) and (servo := robot.servo) is not None:
+        joints |= {"kp": servo.kp, "kv": servo.kv, "limit": servo.high}
     return Record(
         name=log.name,
         path=log.path,
@@ -369,9 +372,11 @@ class Inspection(OfStructure, Result):
         if not self.records:
             return (Table.of("Joints of the robot file", JOINTS, self.joints),)
         clocks = pd.DataFrame([{"log": r.name, **r.clock} for r in self.records])
+        commanded = "kp" in self.to_frame()
+        motion = (*MOTION, *SERVO) if commanded else MOTION
         return (
             Table.of("Clock and preparation", CLOCK, clocks.itertuples()),
-            Table.of("Each joint [SI units]", MOTION, self.to_frame().itertuples()),
+            Table.of("Each joint [SI units]", motion, self.to_frame().itertuples()),
         )
 
     def to_frame(self) -> pd.DataFrame:
@@ -569,6 +574,9 @@ MOTION = with_hints(
     Column("largest torque", digits(3), "torque_high"),
     Column("torque noise", digits(2), "torque_noise"),
 )
+
+#: Of logs of commands beside these.
+SERVO = tuple(Column(word, digits(4), word) for word in ("kp", "kv", "limit"))
 
 
 CLOCK = with_hints(
