@@ -110,8 +110,13 @@ def drop_stuck(log: Log) -> tuple[Log, list[Finding]]:
 
 
 def _find_stuck(log: Log, low: Array, high: Array) -> Iterator[tuple[int, int, int]]:
-    """Yield where torque stands still, but at a limit or with its joint: (joint, first, last)."""
+    """Yield where torque stands still, but at a limit or with its joint: (joint, first, last).
+
+    What goes on by one step of its converter has turned, as torque does in the midst of a motion.
+    """
     for k in np.flatnonzero(low < high).tolist():
+        change = np.abs(np.diff(log.tau[:, k], append=np.inf))
+        step = 1.5 * change[change > 0].min()
         for a, b in find_runs(log.tau[:, [k]]):
             path, little = log.q[a:b, k], RULES.moving * np.ptp(log.q[:, k])
             # No motor at its limit moves a joint there and back again, beyond both its ends.
@@ -119,7 +124,8 @@ def _find_stuck(log: Log, low: Array, high: Array) -> Iterator[tuple[int, int, i
             back = min(path.max() - ends.max(), ends.min() - path.min()) > little
             limit = log.tau[a, k] in (low[k], high[k]) and not back
             lost = log.unmeasured is not None and log.unmeasured[a, k]
-            if not (limit or np.ptp(path) <= little or lost):
+            turned = change[b - 1] < step
+            if not (limit or turned or np.ptp(path) <= little or lost):
                 yield k, a, b
 
 
