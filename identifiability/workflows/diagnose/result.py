@@ -600,8 +600,11 @@ def _what(d: Diagnosis) -> Answer:
             f"({d.verified_on}) with an error of {percent(d.held_before)}."
         )
     short = f"{_capital(join(named, PLACES))}." if named else "Nothing that can be named."
-    tone = "vermilion" if named else "grey"
-    return Answer("What is missing?", short, " ".join(told), tone)
+    odds = max([e.odds for e in d.effects] + [c.odds for c in d.changes], default=0.0)
+    weak = not named or (odds < WORKFLOW_RULES.alternative_nats and not d.interval[1] < 0)
+    if named and weak:
+        short = f"Nothing that makes the error smaller. Likeliest beside it: {short}"
+    return Answer("What is missing?", short, " ".join(told), "grey" if weak else "vermilion")
 
 
 def _gap(d: Diagnosis) -> Answer:
