@@ -665,11 +665,13 @@ def count_offsets(structure: Structure) -> Structure:
     offset would call the mass alone identifiable. Where motion tells them apart the model is kept.
     """
     robot, model = structure.robot, structure.model
-    if TorqueOffset.name in model.names or not any(map(robot.is_prismatic, robot.actuated)):
+    slides = any(map(robot.is_prismatic, robot.actuated))
+    if TorqueOffset.name in model.names or not slides:
         return structure
-    base = Structure.of(robot, model + TorqueOffset()).base
-    every = range(len(structure.parameters), len(base.parameters))
-    folded = [base.parameters[k].owner for k in every if k not in base.kept]
+    inertias = [e for e in model.effects if e.name in ("rigid_body", "actuator_inertia")]
+    base = Structure.of(robot, Model((*inertias, TorqueOffset()))).base
+    apart = {base.parameters[k].name for k in base.kept}
+    folded = [p.owner for p in TorqueOffset().parameters(robot) if p.name not in apart]
     if not folded:
         return structure
     own = Model.of(*model.texts, f"{TorqueOffset.name}@{'+'.join(folded)}")
