@@ -5,6 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.everything
+
 
 @pytest.fixture(scope="module")
 def tx40(study):

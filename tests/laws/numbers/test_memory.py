@@ -30,7 +30,7 @@ def noise_of(rng, samples, *rho):
     return np.column_stack([ar1(rng, r, samples)[:, 0] for r in rho])
 
 
-@pytest.mark.parametrize("size", [3, 20, 100])
+@pytest.mark.parametrize("size", [pytest.param(3, marks=pytest.mark.everything), 20, 100])
 @pytest.mark.parametrize("logs", [(), (9000, 15_000)])
 def test_times_are_those_of_the_noise_whatever_the_blocks(size, logs):
     rng = np.random.default_rng(0)
