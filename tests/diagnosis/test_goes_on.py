@@ -2,6 +2,8 @@
 
 import json
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from identifiability import Robot, analyze, excite, prune
@@ -52,3 +54,24 @@ def test_a_spring_in_one_joint_does_not_hide_another_and_stays_where_it_is(logs_
     assert [(e.name, e.joints) for e in d.effects] == [("joint_stiffness", ("elbow",))]
     assert [(r.family, r.place) for r in d.refusals] == [("joint_stiffness", "shoulder")]
     assert d.model.texts == (*known, "joint_stiffness@elbow")
+
+
+LIFT = """<mujoco><worldbody><body name="cart"><joint name="X" type="slide" axis="1 0 0"/>
+<inertial pos="0 0 0" mass="10" diaginertia="1 1 1"/><body name="ram">
+<joint name="Z" type="slide" axis="0 0 1"/><inertial pos="0 0 0" mass="16" diaginertia="1 1 1"/>
+</body></body></worldbody></mujoco>"""
+
+
+def test_a_mass_that_a_counterweight_carries_is_told_with_it_under_every_model(tmp_path):
+    path, t, rng = tmp_path / "lift.xml", np.arange(0, 16, 0.008), np.random.default_rng(0)
+    path.write_text(LIFT)
+    angle = 2 * np.pi / 8 * np.multiply.outer(t, [[1, 2, 4], [1, 3, 4]]) + rng.uniform(0, 6, (2, 3))
+    w = 2 * np.pi / 8 * np.array([[1, 2, 4], [1, 3, 4]])
+    q, v, a = (0.1 * (w**k * np.sin(angle + k * np.pi / 2)).sum(-1) for k in range(3))
+    tau = np.array([27.5, 39.5]) * a + np.array([20, 60]) * v + np.array([0, 19.5 * 9.81 - 185])
+    tau += rng.normal(0, 0.5, tau.shape)
+    log = pd.DataFrame(np.column_stack([t, q, tau]), columns=["t", "X.q", "Z.q", "X.tau", "Z.tau"])
+    model = diagnose(path, log[:1500], log[1500:]).write_model(tmp_path / "model.toml")
+    found = analyze(path, log, ladder=model, replicates=0).to_frame().loc["ram.m"]
+    assert "off(Z)" in found.label
+    assert found.lower <= 19.5 - 185 / 9.81 <= found.upper
