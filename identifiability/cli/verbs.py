@@ -458,7 +458,6 @@ class Searched:
     table: ClassVar[str] = ""
 
     harmonics: kinds.Harmonics = 5
-    at_rest: bool = False
     samples: int = 750
     evaluations: kinds.Count = 11_000
 

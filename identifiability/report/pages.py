@@ -341,12 +341,13 @@ def excitation_moving(result: Excitation) -> Moving | None:
     return move_skeletons(result.robot, t, {"motion": ("blue", poses)}, lambda rows: [], caption)
 
 
-def excitation_below(result: Excitation) -> Picture:
-    """Return the gain of the parameters that gain most."""
-    at = np.argsort(np.nan_to_num(result.gain, nan=np.inf), kind="stable")[:SHOWN_FIRST]
-    names, ratio = [result.names[k] for k in at], "σ with this motion / σ compared with [–]"
-    figure = draw_intervals(names, result.gain[at], np.zeros(len(at)), ratio, 1.0)
-    return picture("gained", figure, beside=result.beside)
+def excitation_below(result: Excitation) -> Table:
+    """Return how many parameters motions tell, as bars."""
+    told = {result.beside: result.before.identifiable, "this motion": result.after.identifiable}
+    size = len(result.names)
+    rows = [(name, Cell(f"{count} of {size}", share=count / size)) for name, count in told.items()]
+    columns = (Column("identifiable by", get=None), Column("parameters", "bar"))
+    return Table.of("", columns, rows)
 
 
 def excitation_notes(result: Excitation) -> list[Note]:
