@@ -255,7 +255,7 @@ def diagnose(
             )
         told.append(found.statement)
         if not found.same:
-            written += common.write_all((found.to_json, motion))
+            written += common.write_all((found.to_json, result.note_written("next", motion)))
     common.print_result(result, written, told)
 
 

@@ -227,6 +227,20 @@ def find_outside(logs: MeasuredLogs) -> list[Finding]:
     return [Finding("outside", robot.path.name, bodies=robot.outside)] if robot.outside else []
 
 
+@check("beyond", Does.HINTS, always=True)
+def find_beyond(logs: MeasuredLogs) -> list[Finding]:
+    """Return the joints that move beyond the limits that the file states."""
+    (low, high), q = logs.robot.limits.T, logs.motion.actuated_q
+    if not len(q) or q.shape[1] != len(low):
+        return []
+    slack, ends = RULES.small * (high - low), (q.min(0), q.max(0))
+    far = (ends[0] < low - slack) | (ends[1] > high + slack)
+    text = "{} ({:.3g} … {:.3g}, limits {:.3g} … {:.3g})".format
+    each = zip(logs.robot.joints, *ends, low, high, far, strict=True)
+    said = [text(*row) for *row, is_far in each if is_far]
+    return [Finding("beyond", joints=said)] if said else []
+
+
 @check("still", Does.HINTS, always=True)
 def find_still(logs: MeasuredLogs) -> list[Finding]:
     """Return the joints that stand still."""
