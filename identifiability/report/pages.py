@@ -86,9 +86,9 @@ def calibration_below(calibration: Calibration) -> Picture:
     return picture("each", draw_intervals(list(frame["parameter"]), share, reach, label, 95.0))
 
 
-def calibration_sections(calibration: Calibration) -> list[Section | None]:
+def calibration_sections(calibration: Calibration) -> list[Section]:
     """Return the sections of the page."""
-    names, (every,) = calibration.false_names, calibration.tables()
+    (every,) = calibration.tables()
     worst = [k < SHOWN_FIRST for k in range(len(every.rows))]
     how = {"trials": len(calibration.cell.held), "seed": calibration.provenance["seed"]}
     return [
@@ -96,7 +96,6 @@ def calibration_sections(calibration: Calibration) -> list[Section | None]:
             "calibration.parameters",
             *fold_rows(every, worst, "parameters whose intervals hold the truth least often"),
         ),
-        section("calibration.names", statement=names.statement) if names is not None else None,
         section("calibration.method", Prose(tuple(words("calibration.how", **how).values()))),
     ]
 
