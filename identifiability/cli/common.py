@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from identifiability.foundation.result import Result
 
 
-#: Seconds of work without a terminal after which it is said how long it takes.
+#: If work without a terminal takes so many seconds more it is said [s].
 PATIENCE = 10.0
 
 #: Whether all that is said is printed.
@@ -92,9 +92,9 @@ def progress(*, show: bool = True) -> Iterator[Callable[[str, float], None]]:
             nonlocal said
             bar.update(task, description=text, completed=max(share, bar.tasks[0].completed))
             past = monotonic() - begun
-            if share > 0 and past > PATIENCE and not said:
+            left = past * (1 - share) / share if share > 0 else 0.0
+            if past > 1.0 and left > PATIENCE and not said:
                 said = True
-                left = past * (1 - share) / share
                 console.print(f"{text}: about {left:.0f} s more", highlight=False)
 
         yield say

@@ -9,6 +9,7 @@ asked for: a page needs its own alone.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,6 +37,7 @@ from identifiability.report.blocks import (
     Section,
     Term,
     Terms,
+    Trace,
     Traces,
     count_joints,
     fold_rows,
@@ -47,8 +49,8 @@ from identifiability.report.blocks import (
     torque_traces,
     traces,
 )
-from identifiability.report.figures import draw_curve, draw_forward, draw_intervals
-from identifiability.report.skeleton import move_skeletons, move_with_torque
+from identifiability.report.figures import draw_curve, draw_forward, draw_intervals, plain
+from identifiability.report.skeleton import LINE, move_skeletons, move_with_torque
 from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import Point
 from identifiability.workflows.answers import hint_note, sentence, words
@@ -646,7 +648,15 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
         ]
 
     poses = {name: (tone, robot.configuration(q)) for name, (tone, q) in motions.items()}
-    return move_skeletons(robot, log.t, poses, told, sentence("rollout.motion", log=log.name))
+    worst = int(np.argmax(np.where(result.alike, np.nan_to_num(result.runs[-1].errors), -1)))
+    joint, unit = log.joints[worst], "m" if result.unit == "mm" else "rad"
+    caption = sentence("rollout.motion", log=log.name, joint=joint)
+    moving = move_skeletons(robot, log.t, poses, told, caption)
+    if moving is None:
+        return None
+    lines = {name: q[:, worst] for name, (_, q) in motions.items()}
+    below = Trace.of(plain(joint), unit, log.t - log.t[0], lines, LINE, "position")
+    return replace(moving, torque=below)
 
 
 def _positions(result: PositionPrediction) -> Section:
