@@ -93,7 +93,7 @@ def progress(*, show: bool = True) -> Iterator[Callable[[str, float], None]]:
             bar.update(task, description=text, completed=max(share, bar.tasks[0].completed))
             past = monotonic() - begun
             left = past * (1 - share) / share if share > 0 else 0.0
-            if past > 1.0 and left > PATIENCE and not said:
+            if past > 3.0 and left > PATIENCE and not said:
                 said = True
                 console.print(f"{text}: about {left:.0f} s more", highlight=False)
 
