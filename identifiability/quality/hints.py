@@ -233,11 +233,13 @@ def find_beyond(logs: MeasuredLogs) -> list[Finding]:
     (low, high), q = logs.robot.limits.T, logs.motion.actuated_q
     if not len(q) or q.shape[1] != len(low):
         return []
-    slack, ends = RULES.small * (high - low), (q.min(0), q.max(0))
-    far = (ends[0] < low - slack) | (ends[1] > high + slack)
-    text = "{} ({:.3g} … {:.3g}, limits {:.3g} … {:.3g})".format
-    each = zip(logs.robot.joints, *ends, low, high, far, strict=True)
-    said = [text(*row) for *row, is_far in each if is_far]
+    least, most = q.min(0), q.max(0)
+    slack = RULES.small * (high - low)
+    far = (least < low - slack) | (most > high + slack)
+    names = np.array(logs.robot.joints)
+    said = []
+    for joint, *ends in zip(names[far], least[far], most[far], low[far], high[far], strict=True):
+        said.append("{} ({:.3g} … {:.3g}, limits {:.3g} … {:.3g})".format(joint, *ends))
     return [Finding("beyond", joints=said)] if said else []
 
 

@@ -344,9 +344,11 @@ def excitation_moving(result: Excitation) -> Moving | None:
 
 def excitation_below(result: Excitation) -> Table:
     """Return how many parameters motions tell, as bars."""
-    told = {result.beside: result.before.identifiable, "this motion": result.after.identifiable}
     size = len(result.names)
-    rows = [(name, Cell(f"{count} of {size}", share=count / size)) for name, count in told.items()]
+    rows = []
+    for name, merit in ((result.beside, result.before), ("this motion", result.after)):
+        count = merit.identifiable
+        rows.append((name, Cell(f"{count} of {size}", share=count / size)))
     columns = (Column("identifiable by", get=None), Column("parameters", "bar"))
     return Table.of("", columns, rows)
 
