@@ -102,8 +102,6 @@ def test_the_command_writes_a_report(simulated_session, tmp_path):
             "--replicates",
             "16",
             "-v",
-            "--names",
-            "0",
             "--report",
             str(report),
             "--json",

@@ -16,7 +16,7 @@ from identifiability.workflows.calibrate.world import TrueRobots, make_possible
 
 from .laws.numbers.made import ar1
 
-ONE = {"replicates": 60, "refits": 60, "names": 0}
+ONE = {"replicates": 60, "refits": 60}
 #: What is wrong shows in fewer.
 FEW = ONE | {"replicates": 32, "refits": 40}
 

@@ -31,7 +31,7 @@ TYPED = [
     "excite robot.xml --set evaluations=50 --out mine.json --report page.html",
     "excite robot.xml --set evaluations=50 --out mine.csv --report page.html",
     "compare robot.xml a.csv loaded.csv --report page.html",
-    "calibrate robot.xml a.csv --replicates 4 --names 0 --report page.html",
+    "calibrate robot.xml a.csv --replicates 4 --report page.html",
     "predict robot.xml result.json a.csv --report page.html",
     "predict robot.xml result.json loaded.csv --report page.html",
     "payload robot.xml result.json loaded.csv --body link2 --report page.html",
@@ -142,7 +142,7 @@ def words(text):
             pytest.param(t, marks=pytest.mark.everything)
             for t in (
                 f"diagnose {GIVEN} --report page.html",
-                "calibrate robot.xml a.csv --replicates 4 --names 0 --report page.html",
+                "calibrate robot.xml a.csv --replicates 4 --report page.html",
                 f"prune {GIVEN} --report page.html",
                 "excite robot.xml --set evaluations=50 --out mine.json --report page.html",
             )

@@ -39,7 +39,7 @@ def results(simulated_session):
     analysis = analyze("two-link", log, replicates=20)
     out = {
         "analysis": analysis,
-        "calibration": calibrate(analysis, replicates=8, refits=20, names=0),
+        "calibration": calibrate(analysis, replicates=8, refits=20),
         "ladder": prune("two-link", log, replicates=4),
     }
     try:

@@ -5,11 +5,9 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from identifiability import Log, Robot, analyze
+from identifiability import Robot
 from identifiability.cli import app
-from identifiability.effects import forget, load_plugin
-from identifiability.foundation.engines import Processes, Serial
-from identifiability.workflows.calibrate.calibration import measure_false_names
+from identifiability.effects import forget
 
 PLUGIN = '''
 """Cogging of known pitch."""
@@ -117,20 +115,6 @@ def test_a_motion_separates_it_from_another(folder, plugin):
     run("excite", "two-link", "--separate", "cogging@elbow", "--separate", "joint_stiffness@elbow",
         "--set", "evaluations=50", "--out", folder / "motion.json", "--plugin", plugin)  # fmt: skip
     assert (folder / "motion.json").exists()
-
-
-@pytest.mark.everything
-def test_workers_know_it(folder, plugin):
-    """A null repetition of the whole diagnosis gives the same on another process."""
-    load_plugin(plugin)
-    pair = [Log.read(folder / f"{name}.csv").rows(0, 150) for name in "ab"]
-    analysis = analyze("two-link", pair, replicates=0)
-    with Processes(2) as engine:
-        there, here = (
-            measure_false_names(analysis, 2, 3, own, lambda done, total: None)
-            for own in (engine, Serial())
-        )
-    assert there == here
 
 
 @pytest.mark.parametrize(

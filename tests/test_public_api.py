@@ -90,7 +90,7 @@ def json_lines() -> Iterator[str]:
     analysis = _trusted(analyze(robot, log, replicates=0, posterior=True))
     results = [
         analysis,
-        calibrate(analysis, replicates=16, refits=20, names=0),
+        calibrate(analysis, replicates=16, refits=20),
         prune(robot, log, replicates=4),
         inspect(robot, log),
         payload(robot, analysis, other),

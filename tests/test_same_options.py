@@ -127,7 +127,6 @@ def arguments_of(verb, monkeypatch, *words):
     [
         ("analyze", ["--posterior"], "posterior", False, False, True),
         ("analyze", ["--no-posterior"], "posterior", False, False, False),
-        ("calibrate", ["--names", "20"], "names", None, None, 20),
         ("calibrate", ["--replicates", "50"], "replicates", None, None, 50),
     ],
 )

@@ -9,6 +9,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from shutil import rmtree
 from tempfile import mkdtemp
+from time import monotonic
 from typing import TYPE_CHECKING, Literal, NoReturn
 from unicodedata import category
 
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
     from identifiability.foundation.answers import Table
     from identifiability.foundation.result import Result
 
+
+#: If work without a terminal takes so many seconds more it is said [s].
+PATIENCE = 10.0
 
 #: Whether all that is said is printed.
 VERBOSE = ContextVar("VERBOSE", default=False)
@@ -69,7 +73,10 @@ def harmless(text: str) -> str:
 
 @contextmanager
 def progress(*, show: bool = True) -> Iterator[Callable[[str, float], None]]:
-    """Show a progress bar on a terminal, on standard error; give a callback (what, share)."""
+    """Show a progress bar on a terminal, on standard error; give a callback (what, share).
+
+    Elsewhere one line says how long it takes, if it takes long.
+    """
     from rich import progress as bars  # noqa: PLC0415
     from rich.console import Console  # noqa: PLC0415
 
@@ -79,8 +86,16 @@ def progress(*, show: bool = True) -> Iterator[Callable[[str, float], None]]:
     with bars.Progress(*columns, console=console, transient=True, disable=hidden) as bar:
         task = bar.add_task("starting", total=1.0)
 
+        begun, said = monotonic(), not (show and hidden)
+
         def say(text: str, share: float) -> None:  # never backwards
+            nonlocal said
             bar.update(task, description=text, completed=max(share, bar.tasks[0].completed))
+            past = monotonic() - begun
+            left = past * (1 - share) / share if share > 0 else 0.0
+            if past > 3.0 and left > PATIENCE and not said:
+                said = True
+                console.print(f"{text}: about {left:.0f} s more", highlight=False)
 
         yield say
 

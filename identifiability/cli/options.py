@@ -307,7 +307,7 @@ class Command(typer.core.TyperCommand):
                 listed.append(f"**Effects**: {', '.join(effects(name))}")
             if name == "robot":
                 listed.append(f"**Shipped robots**: {', '.join(shipped_robots())}")
-        self.epilog = "\n\n".join(f"- {text}" for text in listed) or None
+        self.epilog = "\n\n".join(f"- {text}" for text in dict.fromkeys(listed)) or None
         super().format_help(ctx, formatter)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

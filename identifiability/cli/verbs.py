@@ -255,7 +255,7 @@ def diagnose(
             )
         told.append(found.statement)
         if not found.same:
-            written += common.write_all((found.to_json, motion))
+            written += common.write_all((found.to_json, result.note_written("next", motion)))
     common.print_result(result, written, told)
 
 
@@ -268,7 +268,6 @@ def calibrate(
     fitted: options.Fitted,
     model: str | None = None,
     replicates: kinds.Repeated | None = None,
-    names: kinds.Whole | None = None,
     ladder: options.Ladder = None,
     prior: options.Prior = None,
     seed: kinds.Seed = 0,
@@ -286,7 +285,6 @@ def calibrate(
             library.analyze(robot, logs, **found),
             model=model,
             replicates=replicates,
-            names=names,
             seed=seed,
             quick=quick,
             progress=lambda text, share: say(text, 0.2 + 0.8 * share),
@@ -458,7 +456,6 @@ class Searched:
     table: ClassVar[str] = ""
 
     harmonics: kinds.Harmonics = 5
-    at_rest: bool = False
     samples: int = 750
     evaluations: kinds.Count = 11_000
 

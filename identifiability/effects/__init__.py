@@ -13,7 +13,6 @@ from pkgutil import iter_modules
 from identifiability.effects.effect import AlongAxes, Effect, Family, Part, Placed, Shaped, Span
 from identifiability.effects.registry import (
     FAMILIES,
-    bring,
     default_effects,
     effect_laws,
     find_effect,
@@ -37,7 +36,6 @@ __all__ = [
     "Placed",
     "Shaped",
     "Span",
-    "bring",
     "default_effects",
     "effect_laws",
     "find_effect",

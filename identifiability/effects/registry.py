@@ -122,15 +122,6 @@ def is_loaded(parameters: Iterable[Parameter]) -> bool:
     return any(p.group in FAMILIES and FAMILIES[p.group].loaded for p in parameters)
 
 
-def bring(families: Iterable[Family]) -> tuple[str, ...]:
-    """Return the names of families, after registering those that this worker does not know."""
-    families = tuple(families)
-    for family in families:
-        if family.name not in FAMILIES:
-            register(family)
-    return tuple(family.name for family in families)
-
-
 def title_of(name: str) -> str:
     """Return an effect's name in words."""
     return FAMILIES[name].title if name in FAMILIES else name.replace("_", " ")

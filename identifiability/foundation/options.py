@@ -69,7 +69,6 @@ def at_least(least: int) -> Expected:
 
 Seed = Annotated[int, at_least(0)]
 Count = Annotated[int, at_least(1)]
-Whole = Annotated[int, at_least(0)]
 #: Repetitions of a calibration.
 Repeated = Annotated[int, at_least(2)]
 Positive = Annotated[float, Expected("a number above 0", lambda value: value > 0)]

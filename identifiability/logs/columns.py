@@ -531,6 +531,10 @@ def _refuse_missing(
     raise LogError(tell_missing(source, missing, wanted, free))
 
 
+#: What to do where no column is left that could be a missing one.
+RECORD = " Log what is missing, too: no mass follows from positions alone."
+
+
 def tell_missing(
     source: str, missing: Sequence[str], wanted: Sequence[str], free: Sequence[str]
 ) -> Finding:
@@ -545,7 +549,7 @@ def tell_missing(
         missing=listing(missing, 4),
         near=near_match(missing[0], free),
         locks=f" Lock what does not move:{locks}." if len(joints) < len(wanted) else "",
-        maps=f" If one of {others} is it, add --map 'OLD={first}'." if free else "",
+        maps=f" If one of {others} is it, add --map 'OLD={first}'." if free else RECORD,
     )
 
 

@@ -227,6 +227,22 @@ def find_outside(logs: MeasuredLogs) -> list[Finding]:
     return [Finding("outside", robot.path.name, bodies=robot.outside)] if robot.outside else []
 
 
+@check("beyond", Does.HINTS, always=True)
+def find_beyond(logs: MeasuredLogs) -> list[Finding]:
+    """Return the joints that move beyond the limits that the file states."""
+    (low, high), q = logs.robot.limits.T, logs.motion.actuated_q
+    if not len(q) or q.shape[1] != len(low):
+        return []
+    least, most = q.min(0), q.max(0)
+    slack = RULES.small * (high - low)
+    far = (least < low - slack) | (most > high + slack)
+    names = np.array(logs.robot.joints)
+    said = []
+    for joint, *ends in zip(names[far], least[far], most[far], low[far], high[far], strict=True):
+        said.append("{} ({:.3g} … {:.3g}, limits {:.3g} … {:.3g})".format(joint, *ends))
+    return [Finding("beyond", joints=said)] if said else []
+
+
 @check("still", Does.HINTS, always=True)
 def find_still(logs: MeasuredLogs) -> list[Finding]:
     """Return the joints that stand still."""

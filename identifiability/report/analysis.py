@@ -6,7 +6,6 @@ Parameters, masses, contributions to torque and correlations are shown alike of 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from operator import itemgetter
 
 import numpy as np
@@ -26,7 +25,6 @@ from identifiability.foundation.rounding import (
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import mass_rows, total_mass
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
-from identifiability.posterior.rules import Thresholds
 from identifiability.report import plot
 from identifiability.report.blocks import (
     GLOSSARY,
@@ -54,7 +52,7 @@ from identifiability.workflows.analyze.result import (
     model_title,
     parameter_table,
 )
-from identifiability.workflows.answers import note, sentence, with_hints, words
+from identifiability.workflows.answers import note, sentence
 from identifiability.workflows.predict import Fit
 
 
@@ -321,16 +319,6 @@ MOTION = (
 #: Names that a sentence has at most.
 ROWS = 14
 
-CONVERGENCE = with_hints(
-    "convergence",
-    Column("what"),
-    Column("nested R-hat", "{:.4f}".format),
-    Column("effective draws", "{:.0f}".format),
-    Column("in the tails", "{:.0f}".format),
-    Column("autocorrelation time", "{:.1f}".format),
-    Column("may be shown", "badge"),
-)
-
 
 def section_posterior(analysis: Analysis) -> Section:
     """Return the parameters of the selected model by every road, beside each other."""
@@ -339,7 +327,6 @@ def section_posterior(analysis: Analysis) -> Section:
         "analysis.posterior",
         Notes(notes) if notes else None,
         posterior_table(analysis),
-        convergence_table(analysis),
         detail=True,
         title=model_title(analysis.chosen),
     )
@@ -389,18 +376,3 @@ def posterior_table(analysis: Analysis) -> Table | None:
         Column("unit", get=lambda row: row[0].unit),
     )
     return Table.of("Posterior of each parameter", columns, each)
-
-
-def convergence_table(analysis: Analysis) -> Table | None:
-    """Return the numbers that decide whether a posterior may be shown, and their limits."""
-    summary = None if analysis.belief is None else analysis.belief.physical
-    if summary is None:
-        return None
-    c, good = summary.convergence, summary.trustworthy
-    numbers = (c.rhat.max(), c.ess_bulk.min(), c.ess_tail.min(), c.tau.max())
-    limit = words("analysis.limits", **asdict(Thresholds()))
-    rows = [
-        ("found", *numbers, Cell("yes" if good else "no", badge="pass" if good else "differs")),
-        ("limit", *(Cell(text, np.nan) for text in limit.values())),
-    ]
-    return Table.of("Convergence of the chains", CONVERGENCE, rows)

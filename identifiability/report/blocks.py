@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 
 from identifiability.estimation.evidence import LEVELS
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
+from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_count, format_number, percent
 from identifiability.foundation.values import frozen
@@ -406,8 +407,8 @@ def gallery(name: str, pictures: Sequence[Picture], /, **holes: Any) -> Gallery:
 #: Points of all torque lines of a page.
 LINE_POINTS = 18_000
 
-#: Limits are drawn that the motion comes nearer to than this share of its own range.
-NEAR = 0.25
+#: Limits beyond so many times the largest value would hide the motion.
+FAR = 8.0
 
 
 def traces(
@@ -435,7 +436,7 @@ def motion_traces(
     units: Sequence[str],
     limits: Array | None = None,
 ) -> Traces:
-    """Return what joints do over time, with the limits that they come near to.
+    """Return what joints do over time, with their limits as a band.
 
     Parameters
     ----------
@@ -446,12 +447,11 @@ def motion_traces(
     limits : (n, 2), optional
         Least and largest; NaN or infinite without.
     """
-    lines, span = {quantity: values}, np.ptp(values, axis=0)
+    lines = {quantity: values}
     if limits is not None:
-        near = NEAR * np.where(span > 0, span, 1.0)
-        ends = values.min(0), values.max(0)
-        for name, bound, end in zip(("least", "largest"), limits.T, ends, strict=True):
-            shown = np.where(np.abs(bound - end) < near, bound, np.nan)
+        far = FAR * np.maximum(np.abs(values).max(0), TINY)
+        for name, bound in zip(("least", "largest"), limits.T, strict=True):
+            shown = np.where(np.abs(bound) < far, bound, np.nan)
             lines[f"{name} allowed"] = np.tile(shown, (len(t), 1))
     return traces(t, joints, units, lines, quantity, quantity.capitalize())
 

@@ -654,9 +654,9 @@ def draw_ladder(
     shown = np.concatenate([unseen, fitted])
     if (shown[np.isfinite(shown)] > 0).any():  # from the best model to none, all of it
         axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_formatter("{x:g}")
-        axes.tick_params("y", which="minor", labelsize=7)
+        axes.yaxis.set_minor_locator(NullLocator())
     axes.set_xlim(float(sizes.max()) + 0.8, float(sizes.min()) - 0.8)
     legend_above(
         axes,

@@ -9,6 +9,7 @@ asked for: a page needs its own alone.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,6 +37,7 @@ from identifiability.report.blocks import (
     Section,
     Term,
     Terms,
+    Trace,
     Traces,
     count_joints,
     fold_rows,
@@ -47,8 +49,8 @@ from identifiability.report.blocks import (
     torque_traces,
     traces,
 )
-from identifiability.report.figures import draw_curve, draw_forward, draw_intervals
-from identifiability.report.skeleton import move_skeletons, move_with_torque
+from identifiability.report.figures import draw_curve, draw_forward, draw_intervals, plain
+from identifiability.report.skeleton import LINE, move_skeletons, move_with_torque
 from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import Point
 from identifiability.workflows.answers import hint_note, sentence, words
@@ -86,9 +88,9 @@ def calibration_below(calibration: Calibration) -> Picture:
     return picture("each", draw_intervals(list(frame["parameter"]), share, reach, label, 95.0))
 
 
-def calibration_sections(calibration: Calibration) -> list[Section | None]:
+def calibration_sections(calibration: Calibration) -> list[Section]:
     """Return the sections of the page."""
-    names, (every,) = calibration.false_names, calibration.tables()
+    (every,) = calibration.tables()
     worst = [k < SHOWN_FIRST for k in range(len(every.rows))]
     how = {"trials": len(calibration.cell.held), "seed": calibration.provenance["seed"]}
     return [
@@ -96,7 +98,6 @@ def calibration_sections(calibration: Calibration) -> list[Section | None]:
             "calibration.parameters",
             *fold_rows(every, worst, "parameters whose intervals hold the truth least often"),
         ),
-        section("calibration.names", statement=names.statement) if names is not None else None,
         section("calibration.method", Prose(tuple(words("calibration.how", **how).values()))),
     ]
 
@@ -341,12 +342,15 @@ def excitation_moving(result: Excitation) -> Moving | None:
     return move_skeletons(result.robot, t, {"motion": ("blue", poses)}, lambda rows: [], caption)
 
 
-def excitation_below(result: Excitation) -> Picture:
-    """Return the gain of the parameters that gain most."""
-    at = np.argsort(np.nan_to_num(result.gain, nan=np.inf), kind="stable")[:SHOWN_FIRST]
-    names, ratio = [result.names[k] for k in at], "σ with this motion / σ compared with [–]"
-    figure = draw_intervals(names, result.gain[at], np.zeros(len(at)), ratio, 1.0)
-    return picture("gained", figure, beside=result.beside)
+def excitation_below(result: Excitation) -> Table:
+    """Return how many parameters motions tell, as bars."""
+    size = len(result.names)
+    rows = []
+    for name, merit in ((result.beside, result.before), ("this motion", result.after)):
+        count = merit.identifiable
+        rows.append((name, Cell(f"{count} of {size}", share=count / size)))
+    columns = (Column("identifiable by", get=None), Column("parameters", "bar"))
+    return Table.of("", columns, rows)
 
 
 def excitation_notes(result: Excitation) -> list[Note]:
@@ -646,7 +650,15 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
         ]
 
     poses = {name: (tone, robot.configuration(q)) for name, (tone, q) in motions.items()}
-    return move_skeletons(robot, log.t, poses, told, sentence("rollout.motion", log=log.name))
+    worst = int(np.argmax(np.where(result.alike, np.nan_to_num(result.runs[-1].errors), -1)))
+    joint, unit = log.joints[worst], "m" if result.unit == "mm" else "rad"
+    caption = sentence("rollout.motion", log=log.name, joint=joint)
+    moving = move_skeletons(robot, log.t, poses, told, caption)
+    if moving is None:
+        return None
+    lines = {name: q[:, worst] for name, (_, q) in motions.items()}
+    below = Trace.of(plain(joint), unit, log.t - log.t[0], lines, LINE, "position")
+    return replace(moving, torque=below)
 
 
 def _positions(result: PositionPrediction) -> Section:

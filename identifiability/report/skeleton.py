@@ -32,9 +32,10 @@ def _trace(
     Of F poses (F, nq). A body goes from its joint to those that hang on it, to the points at which
     loops close, and, where there are none, to its centre of mass and as far again.
     """
-    tree = robot.tree
-    frames = tree.frames(poses, range(len(tree.joints)))
-    points = [frames.origin[k] for k in range(len(tree.joints))]
+    tree, known = robot.tree, robot.nominal
+    count = len(tree.joints)
+    frames = tree.frames(poses, range(count))
+    points = [frames.origin[k] for k in range(count)]
     lines: list[tuple[int, int]] = []
     if load is not None:
         lines.append((load.joint, len(points)))
@@ -44,10 +45,12 @@ def _trace(
         k = link.last
         hanging = [c for c, j in enumerate(tree.joints) if j.parent == k]
         ends = [tree.world_point(frames, p) for p in closing if p.joint == k]
-        if not (hanging or ends) and (mass := robot.nominal.get(f"{body}.m", 0.0)) > 0:
-            first = np.array([robot.nominal.get(f"{body}.{x}", 0.0) for x in ("mx", "my", "mz")])
+        mass = known.get(f"{body}.m", 0.0)
+        if not (hanging or ends) and mass > 0:
+            first = np.array([known.get(f"{body}.{x}", 0.0) for x in ("mx", "my", "mz")])
             ends = [tree.world_point(frames, Point(k, 1.6 * first / mass))]
-        lines += [(k, end) for end in (*hanging, *range(len(points), len(points) + len(ends)))]
+        lines += [(k, joint) for joint in hanging]
+        lines += [(k, len(points) + at) for at in range(len(ends))]
         points += ends
     # Those of what stands are (3, 1).
     return np.stack([np.broadcast_to(x.T, (len(poses), 3)) for x in points], 1), lines
@@ -204,11 +207,13 @@ def _look(points: Array, robot: Robot) -> Callable[[Array], Array]:
     up, gravity = np.array([0.0, 0.0, 1.0]), robot.gravity
     vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else up
     east, north, _ = pin.exp3(shortest_turn(up, vertical)).T
-    right = np.cos(TURN) * east + np.sin(TURN) * north
-    level = np.cos(TURN) * north - np.sin(TURN) * east
+    ahead, aside = np.cos(TURN), np.sin(TURN)
+    right = ahead * east + aside * north
+    level = ahead * north - aside * east
     away = np.cos(LIFT) * level - np.sin(LIFT) * vertical
     paper = np.stack([right, -np.cross(right, away)], 1)
-    low, high = (points @ paper).min(0), (points @ paper).max(0)
+    shown = points @ paper
+    low, high = shown.min(0), shown.max(0)
     least = 1e-9 + 0.02 * float(np.max(high - low))
     size = np.array([WIDTH, HEIGHT], float)
     scale = np.min((size - 2 * MARGIN) / np.maximum(high - low, least))

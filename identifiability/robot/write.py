@@ -161,10 +161,10 @@ def clear_mjcf(top: ET.Element) -> None:
                 element.attrib.pop(key, None)
 
 
-def write_gravity(top: ET.Element, gravity: Array) -> None:
-    """Write gravity (3,) [m/s²] into an MJCF."""
+def write_option(top: ET.Element, name: str, value: str) -> None:
+    """Write an option into an MJCF."""
     for element in top.findall("option") or [ET.SubElement(top, "option")]:
-        element.set("gravity", numbers(gravity))
+        element.set(name, value)
 
 
 def affine_law(gain: float, bias: Array) -> dict[str, str]:
@@ -422,10 +422,12 @@ def edited_text(
         clear_mjcf(top)
         write_axes(top, robot, joints)
         if robot.upright is not None:
-            write_gravity(top, robot.gravity)
+            write_option(top, "gravity", numbers(robot.gravity))
         if offsets:
             write_offsets(top, robot.path, offsets)
         servo = robot.servo
+        if servo is not None:  # rotors and damping are those of short steps, as rollouts have
+            write_option(top, "timestep", "0.001")
         told = servo is not None and (servo.source in (SIDECAR, FOUND))
         if servo is not None and told and not servo.unknown.any():
             write_servos(top, robot.joints, servo, offsets)

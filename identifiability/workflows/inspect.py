@@ -125,19 +125,20 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
     actuated = {int(dof): k for k, dof in enumerate(robot.actuated)}
     kinds: dict[str, str] = {d: j.kind for j in robot.tree.joints for d in j.dofs}
     kinds |= dict.fromkeys((t.name for t in robot.cables), "tendon")
-    facts, nothing = [], (np.nan,) * 4
+    facts = []
     limits = np.column_stack([robot.limits, robot.speed_limits, robot.acceleration_limits])
+    limits = np.where(np.isfinite(limits), limits, np.nan)
     for dof, name in enumerate(robot.dofs):
         unit = "m" if robot.is_prismatic(dof) else "rad"
         remarks = [f"follows {followed[name]}"] if name in followed else []
         remarks += [f"known torque {k.text}" for k in robot.known_torque if k.along == name]
         role: Role = "coupled" if name in followed else "passive"
-        known = nothing
+        known = [np.nan] * 4
         if dof in actuated:
             role = "actuated" if name in robot.motor_joints else "floats"
-            own = limits[actuated[dof]]
-            known = tuple(np.where(np.isfinite(own), own, np.nan).tolist())
-        facts.append(JointFact(name, kinds[name], role, unit, "; ".join(remarks), *known))
+            known = limits[actuated[dof]].tolist()
+        told = "; ".join(remarks)
+        facts.append(JointFact(name, kinds[name], role, unit, told, *known))
     locked = [
         JointFact(name, "", "locked", "", f"held at {at:.4g}") for name, at in robot.locked.items()
     ]

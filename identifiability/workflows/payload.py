@@ -266,27 +266,34 @@ GAINS_OF = "What one unit of each torque column is: its gain in the sidecar"
 
 def find_gains(found: Differences, theta: Array) -> tuple[Quantity, ...]:
     """Return the gain of each joint's torque from a known load, (10,) in `INERTIAL_KINDS`."""
-    out, seen, known = [], found.missing.seen, found.known
-    robot, M, none = seen.robot, known.directions, np.zeros(known.directions.shape[1])
-    sums, at = _load(found) @ theta[:, None], len(known.precision)
+    out = []
+    seen, known = found.missing.seen, found.known
+    robot, M = seen.robot, known.directions
+    size = M.shape[1]
+    sums = _load(found) @ theta[:, None]
+    at = len(known.precision)
     for j, joint in enumerate(robot.joints):
         # As much friction as this joint's rows say, in its own unit.
-        values = pooled_values(seen.X[:, [j]], seen.y[:, [j]], np.eye(len(none)), none)
-        base = known.base + M @ values
-        one = replace(found, known=replace(known, base=base)).having(sums, joint=j)
+        X, y = seen.X[:, [j]], seen.y[:, [j]]
+        values = pooled_values(X, y, np.eye(size), np.zeros(size))
+        fitted = replace(known, base=known.base + M @ values)
+        one = replace(found, known=fitted).having(sums, joint=j)
         may = {c.group[0] for c, *_ in one.columns if c.pattern and c.kind == "friction"}
         groups = tuple(g for g in one.groups if g.family in may)
-        value, covariance = one.solve(replace(one.model, groups=groups).search())
+        terms = replace(one.model, groups=groups).search()
+        value, covariance = one.solve(terms)
         # Torque that was read by a gain is that of the load by this over the right one.
         read = robot.torque.at("gain", joint) or 1.0
         inverse = float(value[at]) / read or np.nan
         sd = float(np.sqrt(covariance[at, at])) / abs(read)
-        ends = [-np.inf, np.inf]
-        if abs(inverse) > REACH * sd:
-            ends = sorted(1.0 / (inverse + side * REACH * sd) for side in (-1, 1))
+        half = REACH * sd
+        low, high = -np.inf, np.inf
+        if abs(inverse) > half:
+            low, high = sorted((1.0 / (inverse - half), 1.0 / (inverse + half)))
         told = percent_of(sd, inverse) <= Thresholds().sigma_percent
         why = "" if told else "not identifiable from this load"
-        out.append(Quantity(joint, robot.torque_units[j], 1.0 / inverse, ends[0], ends[1], why))
+        unit = robot.torque_units[j]
+        out.append(Quantity(joint, unit, 1.0 / inverse, low, high, why))
     return tuple(out)
 
 

@@ -203,12 +203,22 @@ class TorquePrediction(Result):
         """
         columns: dict[str, Any] = {"log": np.array(self.logs)[self.log], "t": self.t}
         for k, joint in enumerate(self.robot.joints):
-            tau, raw, found = self.tau[:, k], self.raw[:, k], self.predicted[:, k]
-            own = {"tau": tau, "tau_raw": raw, "predicted": found, "residual": tau - found}
-            own |= {"residual_raw": raw - found, "weight": self.known[:, k].astype(int)}
-            for name, half in (("mean_", self.mean), ("", self.low), ("raw_", self.new)):
-                own |= {f"{name}from": found - half[:, k], f"{name}to": found + half[:, k]}
-            columns |= {f"{joint}.{what}": values for what, values in own.items()}
+            tau, raw = self.tau[:, k], self.raw[:, k]
+            found = self.predicted[:, k]
+            own = {
+                "tau": tau,
+                "tau_raw": raw,
+                "predicted": found,
+                "residual": tau - found,
+                "residual_raw": raw - found,
+                "weight": self.known[:, k].astype(int),
+            }
+            halves = {"mean_": self.mean, "": self.low, "raw_": self.new}
+            for name, half in halves.items():
+                own[f"{name}from"] = found - half[:, k]
+                own[f"{name}to"] = found + half[:, k]
+            for what, values in own.items():
+                columns[f"{joint}.{what}"] = values
         return pd.DataFrame(columns)
 
     def error_frame(self) -> pd.DataFrame:
@@ -440,9 +450,11 @@ def _along(fit: Fit, logs: Logs, engine: Engine | None) -> TorquePrediction:
             predicted = chunk.W @ fit.base
             reach = fit.spread.reach(chunk.W @ fit.submodel.M)
             log = np.full(len(chunk.t), chunk.log)
-            sensed = 1.0 if measured[chunk.log] else np.nan
+            there = measured[chunk.log]
+            sensed = 1.0 if there else np.nan
             given = (chunk.t.copy(), sensed * chunk.tau, sensed * chunk.raw)
-            found.append((log, *given, predicted, *reach, chunk.data & measured[chunk.log]))
+            known_rows = chunk.data & there
+            found.append((log, *given, predicted, *reach, known_rows))
     names = ("log", "t", "tau", "raw", "predicted", "mean", "low", "new", "known")
     joined = map(np.concatenate, zip(*found, strict=True))
     return TorquePrediction(

@@ -20,7 +20,7 @@ VERBS = {
     "diagnose": lambda log, engine: diagnose("two-link", log, quick=True, engine=engine),
     "calibrate": lambda log, engine: calibrate(
         analyze("two-link", log, replicates=0),
-        replicates=16, refits=10, names=0, engine=engine,
+        replicates=16, refits=10, engine=engine,
     ),
     "excite": lambda _, engine: excite("two-link", samples=40, evaluations=60, engine=engine),
 }  # fmt: skip

@@ -90,9 +90,7 @@ def make(verb: str) -> dict[str, Any]:
     if verb == "payload":
         return json_of(payload(robot, analyze(robot, fitted, replicates=20), unseen))
     result = analyze(robot, fitted, unseen, replicates=200, posterior=verb == "analyze")
-    return json_of(
-        result if verb == "analyze" else calibrate(result, replicates=16, refits=50, names=0)
-    )
+    return json_of(result if verb == "analyze" else calibrate(result, replicates=16, refits=50))
 
 
 def json_of(result: Any) -> dict[str, Any]:

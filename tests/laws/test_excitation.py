@@ -224,8 +224,7 @@ def test_where_no_candidate_closes_there_is_nothing_to_improve():
         def __call__(self, x):
             return np.full(len(x), OPEN * 1.5)
 
-    found = search(Open(), np.random.default_rng(0), evaluations=99,
-                   say=print)  # fmt: skip
+    found = search(Open(), np.random.default_rng(0), evaluations=99, say=print)
     assert found.found == ()
     assert found.evaluations == DRAWS
 
@@ -242,4 +241,5 @@ def test_a_question_about_two_effects_has_the_model_then_each_of_them(two):
     assert question.chosen == tuple(pair)
     names = np.array(question.names)
     assert names[question.criterion.chosen].tolist() == ["shoulder.Fs", "elbow.Fs", "elbow.Fq"]
-    assert Known(np.eye(2), np.ones(1), 5.0).repeated.tolist() == (2 * np.eye(2)).tolist()
+    known = Known(np.eye(2), np.ones(1), 5.0, np.ones(2))
+    assert known.repeated.tolist() == (2 * np.eye(2)).tolist()

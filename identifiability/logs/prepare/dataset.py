@@ -638,27 +638,26 @@ def prepare_log(
 
 def _join(parts: Iterator[Dataset]) -> Dataset:
     """Return rows one after the other."""
-    aside: list[Dataset] = []
+    first: list[Dataset] = []
+    told: list[tuple[np.ndarray, np.ndarray, float, int]] = []  # little, as parts are many
 
     def arrays() -> Iterator[dict[str, Array]]:
         for part in parts:
-            aside.append(part.take(np.empty(0, int)))  # a slice would keep all of it
+            motion = part.motion
+            told.append((motion.dropped, motion.near_singular, motion.condition, part.lost))
+            if not first:
+                first.append(part.take(np.empty(0, int)))  # a slice would keep all of it
             if len(part.tau):
-                yield {**part.motion.each, "tau": part.tau, "weight": part.weight}
+                yield {**motion.each, "tau": part.tau, "weight": part.weight}
 
-    found, first, none = gather(arrays()), aside[0], aside[0].motion
+    found = gather(arrays())
     own: dict[str, Any] = {k: found.pop(k) for k in ("tau", "weight") if found}
-    for name in ("dropped", "near_singular"):
-        found[name] = np.concatenate([getattr(part.motion, name) for part in aside])
-    condition = max(part.motion.condition for part in aside)
+    dropped, singular, condition, lost = zip(*told, strict=True)
     motion = replace(
-        none,
+        first[0].motion,
         **found,
-        condition=condition,
+        dropped=np.concatenate(dropped),
+        near_singular=np.concatenate(singular),
+        condition=max(condition),
     )
-    return replace(
-        first,
-        motion=motion,
-        lost=sum(part.lost for part in aside),
-        **own,
-    )
+    return replace(first[0], motion=motion, lost=sum(lost), **own)

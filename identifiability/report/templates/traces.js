@@ -11,6 +11,7 @@ function drawTraces(figure) {
     const [ink, line] = [colour("--muted"), colour("--line")];
     const strokes = [colour("--muted"), colour("--blue"), colour("--vermilion"), colour("--purple")];
     const axis = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1 } };
+    const limit = (name) => name.endsWith(" allowed");
     const digits = (u, x) => (x == null ? "\u2014" : Number(x.toPrecision(4)).toString());
     plot = new uPlot({
       width: box.clientWidth - 20, height: Math.max(240, Math.min(420, box.clientWidth * 0.36)),
@@ -19,10 +20,12 @@ function drawTraces(figure) {
       legend: { live: true },
       axes: [{ ...axis, label: data.x }, { ...axis, label: data.axis, size: 64 }],
       series: [{ label: data.x, value: digits }, ...data.names.map((name, k) => ({
-        label: name, stroke: strokes[k], width: k ? 1.4 : 2.6, value: digits,
-        dash: name.endsWith(" allowed") ? [6, 4] : [],
+        label: name, stroke: limit(name) ? colour("--blue") : strokes[k], width: k ? 1.4 : 2.6,
+        value: digits, dash: limit(name) ? [6, 4] : [],
         points: { show: false },
       }))],
+      bands: data.names.includes("least allowed") && data.names.includes("largest allowed")
+        ? [{ series: [3, 2], fill: `color-mix(in srgb, ${colour("--blue")} 9%, transparent)` }] : [],
       hooks: {
         setScale: [(u, key) => {
           const all = data.rows[0], { min, max } = u.scales.x;

@@ -41,10 +41,10 @@ from identifiability.foundation.options import check_choice
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import (
     LEVEL,
-    NONE,
     REACH,
     digits,
     error_text,
+    format_measured,
     format_number,
     join,
     percent,
@@ -79,7 +79,7 @@ from identifiability.workflows.answers import (
     sentence,
     with_hints,
 )
-from identifiability.workflows.session import Recordings, state_provenance
+from identifiability.workflows.session import COMPLETED, Recordings, state_provenance
 
 #: Parameters and logs that a sentence names.
 NAMED = 3
@@ -372,7 +372,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         if self.nothing:
             return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
         of = f"{robot} {logs}{commands.held_back(self.validation)}"
-        again = f"identifiability {verb} {of}{commands.ladder_option(self.robot, self.source)}"
+        ladder = commands.ladder_option(self.robot, self.source)
+        again = f"identifiability {verb} {of}{ladder}"
         find, out = f"identifiability diagnose {of}", list[tuple[str, str]]()
         if verb == "prune":
             line = f"{find} --model {{file}}"
@@ -388,7 +389,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         missing = ("Find out what the model misses:", f"{find} --report missing.html")
         very_good = grade_of(self.chosen.error_ra_validation) == "very-good"
         first = self.missing.functions or self.chosen.contradicted or not very_good
-        return ([missing, *out] if first else [*out, missing])[:3]
+        # What wrote a ladder may have been a diagnosis.
+        return (out if ladder else [missing, *out] if first else [*out, missing])[:3]
 
     @cached_property
     def provenance(self) -> dict[str, str]:
@@ -490,8 +492,17 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             doubt = f"Nothing is identifiable, because {self.nothing}."
         size, missing = len(self.chosen.submodel), self.missing.statement
         told = answer_trust(self.cautions(), doubt, found, size, missing)
-        odd, text = of_key(self.hints, "alternative", "unit"), f"{told.short} {told.text}"
+        odd, errors = of_key(self.hints, "alternative", "unit"), self._errors()
+        text = " ".join((*errors, told.short, told.text))
         return told if doubt or not odd else replace(told, short=odd[0], text=text, tone="amber")
+
+    def _errors(self) -> list[str]:
+        """Return the values of the errors of measurement that the model has."""
+        effects = (e for e in self.structure.model.effects if e.name in COMPLETED)
+        own = {p.name for e in effects for p in e.parameters(self.robot)}
+        each = (v for v in self.chosen.verdicts if v.name in own)
+        pairs = ((v, format_measured(v.value, REACH * v.sigma_robust)) for v in each)
+        return [f"{v.name} = {x} ± {half} {v.unit} (95 %)." for v, (x, half) in pairs]
 
     @property
     def statement(self) -> str:
@@ -899,7 +910,6 @@ def parameter_table(result: ModelResult) -> Table:
         UNIT,
         Column("σ label", "bar", lambda v: bar(v.sigma_label_percent, limit)),
         Column("σ bootstrap", percent_text, drawn, detail=True),
-        Column("σ is of", get=_terms_cell, detail=True),
         Column("used", "number", in_model, detail=not any(result.meanings)),
         Column("share of torque", "bar", lambda v: bar(100 * v.share, 100 * most)),
         Column("10× rule", get=lambda v: "✓" if v.paper_rule else "–", detail=True),
@@ -930,16 +940,6 @@ def file_table(analysis: Analysis) -> Table:
     )
     caption = f"Which numbers of the robot file may I believe? {', '.join(counts)}."
     return Table.of(caption, columns, frame.itertuples(index=False))
-
-
-def _terms_cell(v: Verdict) -> Cell:
-    """Return the shares that terms have of the variance of a label, the largest first."""
-    total = v.sigma_label**2
-    if not 0 < total < np.inf:
-        return Cell(NONE, 0.0)
-    order = [term for term in sorted(v.terms, key=lambda term: -v.terms[term]) if v.terms[term]]
-    each = [f"{term} {percent(v.terms[term] ** 2 / total, 2)}" for term in order[:NAMED]]
-    return Cell(", ".join(each), v.terms[order[0]] ** 2 / total)
 
 
 def label_note(v: Any) -> str:

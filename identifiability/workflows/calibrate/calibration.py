@@ -8,45 +8,24 @@ one, with what the model leaves out; noise is like the residual; the motion errs
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
-from functools import partial
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 import pandas as pd
 
-from identifiability.effects import bring, find_families
-from identifiability.estimation.noise import split_runs
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Column, Table
-from identifiability.foundation.engines import Engine, Serial, Steps
-from identifiability.foundation.errors import LogError
-from identifiability.foundation.options import (
-    Repeated,
-    Replicates,
-    Seed,
-    Whole,
-    checked,
-    settle_count,
-)
+from identifiability.foundation.engines import Engine, Serial
+from identifiability.foundation.options import Repeated, Replicates, Seed, checked, settle_count
 from identifiability.foundation.result import Result, by_name
-from identifiability.foundation.rounding import REACH, Share, exact_share, join, rough_percent
+from identifiability.foundation.rounding import REACH, join, rough_percent
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import prepare_log
-from identifiability.robot.closure import known_torque
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.answers import answer_next
 from identifiability.workflows.calibrate.rules import RULES
-from identifiability.workflows.calibrate.world import (
-    Cell,
-    World,
-    count_outcomes,
-    find_runs,
-    fit_residual_noise,
-    simulate_noise,
-)
+from identifiability.workflows.calibrate.world import Cell, World, count_outcomes
 from identifiability.workflows.commands import (
     given_paths,
     held_back,
@@ -54,102 +33,7 @@ from identifiability.workflows.commands import (
     name_logs,
     source_name,
 )
-from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.session import Progress, in_memory, quiet, share
-
-# How often does `diagnose` name what is not there, on this robot and this motion? The whole path is
-# repeated from the raw log on: tests alone would miss false names by filters.
-
-
-@frozen
-class FalseNames:
-    """Names given to simulated logs in which nothing is missing: one for every trial with some."""
-
-    trials: int
-    named: tuple[str, ...]
-
-    @property
-    def rate(self) -> Share:
-        """Share of trials with a false name, with its 95 % interval [Clopper & Pearson 1934]."""
-        return exact_share(len(self.named), self.trials)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the result for JSON."""
-        rate, counts = self.rate, {"trials": self.trials, "false_names": len(self.named)}
-        told = {"rate": rate.value, "interval95": [rate.low, rate.high]}
-        return {**counts, **told, "named": list(self.named), "statement": self.statement}
-
-    @property
-    def statement(self) -> str:
-        """The answer in plain words."""
-        value, low, high = (100 * x for x in vars(self.rate).values())
-        return (
-            f"In {self.trials} simulated repetitions of these logs with nothing missing, "
-            f"{len(self.named)} {'was' if len(self.named) == 1 else 'were'} given a name "
-            f"({value:.0f} %, 95 %: {low:.0f} … {high:.0f} %){': ' if self.named else ''}"
-            f"{'; '.join(self.named)}."
-        )
-
-
-def measure_false_names(
-    analysis: Analysis, trials: int, seed: int, engine: Engine, steps: Steps
-) -> FalseNames:
-    """Diagnose logs of the same motion whose torque is that of the model and like noise.
-
-    The model is fitted beside the effects that a diagnosis names, which are left out.
-    """
-    robot, logs = analysis.robot, in_memory(analysis.recordings.fitted)
-    how: Any = analysis.settings["preparation"]
-    judge = partial(
-        diagnose,
-        robot,
-        preparation=how,
-        quick=True,
-    )
-    found = judge(logs, model=analysis.effects, seed=seed)
-    samples = [prepare_log(robot, x, replace(how, decimate=1)) for x in logs]
-    moves = [s.weight > 0 for s in samples]
-    data, tau = np.concatenate(moves), np.concatenate([s.tau for s in samples])
-    W = np.concatenate([found.model.regressor(robot, s.motion) for s in samples])
-    runs = find_runs(samples)
-    noise = fit_residual_noise(tau, W, split_runs(runs, data))
-    # Joints weigh by their torque, and where one sticks torque is what it was.
-    rows = data / np.maximum(np.sqrt(np.mean(tau**2 * data, axis=0)), 1e-12)
-    A, b = (W * rows[:, :, None]).reshape(data.size, -1), (tau * rows).ravel()
-    base, value = len(found.structure.parameters), np.linalg.lstsq(A, b, rcond=None)[0]
-    each = np.split(W[:, :, :base] @ value[:base], np.cumsum([len(m) for m in moves])[:-1])
-    whole = [
-        (log.select(robot.joints), s.motion.kept, part + known_torque(robot, s.motion), m)
-        for log, s, part, m in zip(logs, samples, each, moves, strict=True)
-    ]
-    again = partial(judge, model=found.structure.model)
-    named = partial(
-        _name,
-        again,
-        find_families(None),
-        whole,
-        partial(simulate_noise, noise, runs),
-    )
-    items = [(seed + k, s) for k, s in enumerate(np.random.SeedSequence(seed).spawn(trials))]
-    return FalseNames(trials, tuple(filter(None, engine.map(named, items, progress=steps))))
-
-
-def _name(judge: Any, families: Any, logs: Any, simulate: Any, item: Any) -> str:
-    """Return the names that one repetition is given, if any."""
-    seed, stream = item
-    noise, at, fake = simulate(np.random.default_rng(stream)), 0, []
-    for log, kept, exact, moves in logs:
-        tau = np.array(log.tau)
-        tau[kept] = np.where(
-            moves,
-            exact + noise[at : at + len(exact)],
-            tau[kept],
-        )
-        fake.append(replace(log, tau=tau))
-        at += len(exact)
-    d = judge(fake, effects=bring(families), seed=seed)  # workers do not know plugins
-    return "; ".join(f"{e.name} in {', '.join(e.joints)}" for e in d.effects)
-
+from identifiability.workflows.session import Progress, quiet, share
 
 # May intervals and verdicts be trusted?
 
@@ -182,8 +66,6 @@ class Calibration(Result):
     model : str
     cell : Cell
         What was counted, with all causes.
-    false_names : FalseNames or None
-        Names that a diagnosis gives where nothing is missing, where that was asked for.
     hints : tuple of str
         What is odd about robot file and logs, and why something was not measured.
     provenance : mapping
@@ -195,7 +77,6 @@ class Calibration(Result):
     analysis: Analysis
     model: str
     cell: Cell
-    false_names: FalseNames | None
     hints: tuple[str, ...]
     provenance: Mapping[str, str]
 
@@ -229,9 +110,8 @@ class Calibration(Result):
 
     @property
     def statement(self) -> str:
-        """The answer in plain words, what else was measured, and what is odd about the logs."""
+        """The answer in plain words, and what is odd about the logs."""
         told = [f"{a.short} {a.text}".strip() for a in self.answers()[:3]]
-        told += [self.false_names.statement] if self.false_names is not None else []
         return "\n".join([*told, *self.hints])
 
     def to_dict(self) -> dict[str, Any]:
@@ -247,7 +127,7 @@ class Calibration(Result):
             "causes": [],
             "noise": [],
             "posterior": None,
-            "diagnosis": None if self.false_names is None else self.false_names.to_dict(),
+            "diagnosis": None,
             "hints": list(self.hints),
             "seed": int(self.provenance["seed"]),
             "provenance": self.provenance,
@@ -261,7 +141,6 @@ def calibrate(
     model: str | None = None,
     replicates: Repeated | None = None,
     refits: Replicates = 200,
-    names: Whole | None = None,
     seed: Seed = 0,
     progress: Progress | None = None,
     engine: Engine | None = None,
@@ -279,9 +158,6 @@ def calibrate(
         Simulated repetitions; by default 240, or 28 if `quick`.
     refits : int
         Of the bootstrap in each.
-    names : int, optional
-        Simulated repetitions of the logs that are diagnosed with nothing missing, 0 for none; by
-        default 40, or none if `quick`: a few say nothing of how often a name is false.
     seed : int
     progress : callable(str, float), optional
     engine : Engine, optional
@@ -298,7 +174,6 @@ def calibrate(
     """
     analysis.robot.check_stands("calibration")
     trials = settle_count(replicates, 240, 28, quick=quick)
-    names = settle_count(names, 40, 0, quick=quick)
     entry = None if analysis.source is None else analysis.source.entry.models
     alone = entry[0].name if entry and len(entry) == 1 else analysis.chosen.name
     result = analysis.models[analysis.find_model(model or alone)]
@@ -310,7 +185,7 @@ def calibrate(
         refits,
         np.random.default_rng(making),
     )
-    steps = share(say, "simulating repetitions", 0.0, 0.6)
+    steps = share(say, "simulating repetitions", 0.0, 1.0)
     found = runner.map(
         world.repeat,
         repeating.spawn(trials),
@@ -322,20 +197,12 @@ def calibrate(
         np.array(truth),
         result.submodel.columns,
     )
-    named, hints = None, analysis.hints
-    if names:
-        steps = share(say, "diagnosing repetitions", 0.6, 1.0)
-        try:
-            named = measure_false_names(analysis, names, seed, runner, steps)
-        except LogError as error:  # too short a log has no part to verify names on
-            hints = (*hints, f"How often a name is false was not measured: {error}")
-    numbers = {"seed": seed, "replicates": trials, "refits": refits, "names": names}
+    numbers = {"seed": seed, "replicates": trials, "refits": refits}
     return Calibration(
         analysis=analysis,
         model=result.name,
         cell=cell,
-        false_names=named,
-        hints=hints,
+        hints=analysis.hints,
         provenance=analysis.provenance | {k: str(v) for k, v in numbers.items()},
     )
 

@@ -139,17 +139,23 @@ class Experiment:
         """Fit and judge one outcome; the arguments are those of `gather`, and what it returned."""
         method = settle_noise(find_estimator(self.method), whole)
         model = FittedModel.of(self.structure, self.submodel, whole, method)
-        torque = float(np.sqrt(np.mean((tau - W @ self.submodel.fixed) ** 2)))
-        asked = rng, self.replicates, fit_whole(method, whole), NO_ALTERNATIVES
-        known, verdicts, _ = decide_model(model, torque, *asked)
+        made = tau - W @ self.submodel.fixed
+        torque = float(np.sqrt(np.mean(made**2)))
+        full = fit_whole(method, whole)
+        known, verdicts, _ = decide_model(
+            model, torque, rng, self.replicates, full, NO_ALTERNATIVES
+        )
         ends = np.array([v.interval95 for v in verdicts]).reshape(-1, 2)
+        told = [v.verdict is Class.IDENTIFIABLE for v in verdicts]
+        why = known.why_unjudged(Thresholds())
+        found = model.estimate
         return Outcome(
-            value=model.estimate.value,
-            white=model.estimate.sigma,
+            value=found.value,
+            white=found.sigma,
             robust=(ends[:, 1] - ends[:, 0]) / (2 * REACH),
-            identifiable=np.array([v.verdict is Class.IDENTIFIABLE for v in verdicts]),
-            paper=model.estimate.paper_rule,
-            judged=not all(known.why_unjudged(Thresholds())),
+            identifiable=np.array(told),
+            paper=found.paper_rule,
+            judged=not all(why),
         )
 
 
@@ -316,7 +322,8 @@ def make_possible(theta: Array, like: Array) -> Array:
     s = scale_matrix(*natural_scale(like))
     scale = s[:, :, None] * s[:, None, :]
     values, vectors = np.linalg.eigh(to_matrix(theta) / scale)
-    J = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.swapaxes(1, 2) * scale
+    kept = np.maximum(values, 0.0)[:, None, :]
+    J = (vectors * kept) @ vectors.swapaxes(1, 2) * scale
     possible: Array = J.reshape(-1, 16) @ _TO_THETA
     return possible
 
@@ -433,11 +440,15 @@ class World:
         of_robot, of_noise, of_motion, of_fit = map(np.random.default_rng, seed.spawn(4))
         e, submodel = self.experiment, self.experiment.submodel
         beta = self.robots.draw(of_robot)
-        truth = np.linalg.lstsq(submodel.M, beta - submodel.fixed, rcond=None)[0]
+        known = beta - submodel.fixed
+        truth = np.linalg.lstsq(submodel.M, known, rcond=None)[0]
+        noise = simulate_noise(self.noise, self.runs, of_noise)
         # Sticking joints say nothing.
-        tau = e.W @ beta + simulate_noise(self.noise, self.runs, of_noise) * e.moves
+        tau = e.W @ beta + noise * e.moves
         W, V = self.measure_anew(of_motion)
-        return e.judge(e.gather(tau, W, V), tau, W, of_fit), truth
+        whole = e.gather(tau, W, V)
+        outcome = e.judge(whole, tau, W, of_fit)
+        return outcome, truth
 
 
 def find_runs(samples: Sequence[Dataset]) -> list[tuple[int, int]]:
@@ -465,10 +476,13 @@ def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> ARNoise:
     runs : JointRuns
         Stretches of data without gaps.
     """
-    pairs = zip(tau.T, runs, strict=True)
-    each = [rich_noise([W[:, j]], y, own) for j, (y, own) in enumerate(pairs)]
-    sure = (own.sigma if np.isfinite(own.sigma) else 0.0 for own in each)
-    return tuple(replace(own, sigma=x) for own, x in zip(each, sure, strict=True))
+    noise = []
+    for j, stretches in enumerate(runs):
+        own = rich_noise([W[:, j]], tau[:, j], stretches)
+        if not np.isfinite(own.sigma):  # a joint without data
+            own = replace(own, sigma=0.0)
+        noise.append(own)
+    return tuple(noise)
 
 
 #: Samples before those of a simulated series, after which it does not know how it began.
@@ -487,10 +501,13 @@ def simulate_noise(noise: ARNoise, runs: Runs, rng: np.random.Generator) -> Arra
     """
     out = np.zeros((runs[-1][1], len(noise)))
     for j, own in enumerate(noise):
-        a = np.append(1.0, -levinson(own.pacf)[0][-1])
+        coefficients = levinson(own.pacf)[0][-1]
+        a = np.append(1.0, -coefficients)
         for start, stop in runs:
-            e = own.sigma * rng.standard_normal(FORGOTTEN + stop - start)
-            out[start:stop, j] = lfilter([1.0], a, e)[FORGOTTEN:]
+            count = FORGOTTEN + stop - start
+            e = own.sigma * rng.standard_normal(count)
+            series = lfilter([1.0], a, e)
+            out[start:stop, j] = series[FORGOTTEN:]
     return out
 
 

@@ -64,7 +64,7 @@ class DifferentTorque:
     whole : (N, n) [N·m or N]
         All of the torque.
     measured, explained : (N, n) [N·m or N]
-        What differs as measured, NaN where it is no data, and by what was found.
+        What differs as measured, and by what was found; NaN where torque is no data.
     """
 
     t: Array
@@ -82,8 +82,8 @@ class DifferentTorque:
         sizes[each] += value[found.model.fixed :]
         for (j, k), x in found.missing.entries.items():
             explained[:, j] += sizes[k] * x
-        left = np.where(seen.data, seen.y - seen.X @ value[:p], np.nan)
-        return DifferentTorque(*(x[seen.log == 0] for x in (seen.t, seen.raw, left, explained)))
+        both = (np.where(seen.data, x, np.nan) for x in (seen.y - seen.X @ value[:p], explained))
+        return DifferentTorque(*(x[seen.log == 0] for x in (seen.t, seen.raw, *both)))
 
 
 # `Change`: what differs, of which size, where and when.

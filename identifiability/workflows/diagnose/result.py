@@ -562,26 +562,19 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     robot = source_name(d.robot)
     given = name_logs(d.robot, given_paths(d.samples), how=d.preparation)
     logs = given + held_back(d.validation, d.samples)
-    analyze = f"identifiability analyze {robot} {logs} --report report.html"
-    ask = f"identifiability diagnose {robot} {logs} --next motion.json"
-    find = "Find the motion that tells one name from the other:"
-    apart = [(find, ask)] if any(e.alternatives for e in d.effects) else []
+    again = f"identifiability diagnose {robot} {logs}"
+    undecided = any(e.alternatives for e in d.effects) and not d.written("next")
+    out = [("Find the motion that tells one name from the other:", f"{again} --next motion.json")]
+    out = out if undecided else []
     if any(x.explained.get("log", 0.0) > 0.5 for x in d.discrepancies):
         changed = f"identifiability compare {robot} {given}"
-        apart.insert(0, ("See what differs between the logs:", changed))
-    if not d.included:
-        return [*apart, ("See which parameters these logs determine:", analyze)]
-    again = f"identifiability diagnose {robot} {logs}"
-    judge = f"identifiability analyze {robot} {logs} --ladder {{file}} --report report.html"
+        out.insert(0, ("See what differs between the logs:", changed))
+    if d.included:
+        judge = f"identifiability analyze {robot} {logs} --ladder {{file}} --report report.html"
+        line = on_file(d, "model", "model.toml", f"{again} --out", judge)
+        out.append(("Judge the parameters of the diagnosed model:", line))
     text, use = export_line(d.robot)
-    return [
-        *apart,
-        (
-            "Judge the parameters of the diagnosed model:",
-            on_file(d, "model", "model.toml", f"{again} --out", judge),
-        ),
-        (text, on_file(d, "json", "diagnose.json", f"{again} --json", use)),
-    ]
+    return [*out, (text, on_file(d, "json", "diagnose.json", f"{again} --json", use))]
 
 
 ODDS = "Log odds for it on the fitted motion, all that was asked counted [nat]."
@@ -616,7 +609,7 @@ def _gap(d: Diagnosis) -> Answer:
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
     before = f"{percent(d.held_before)} ({d.known.words.rstrip(',')})"
     short = f"The error goes from {before} to {percent(d.held_after)}"
-    short += f" (95 %: {' … '.join(ends)} points)."
+    short += f" (95 %: {' … '.join(ends)} points)." if any(d.interval) else "."
     text = f"All joints together on {d.verified_on}, which was not fitted."
     if 0 < d.included < len(d.effects):
         some = join([e.title for e in d.effects[: d.included]])

@@ -193,12 +193,15 @@ class Known:
         logs.
     samples : float
         Of one log, on average; the next one counts as many.
+    values : (k,)
+        By all logs; without logs those of the robot file, zero where it states none.
     logs : tuple of str
     """
 
     G: Array
     weights: Array
     samples: float
+    values: Array
     logs: tuple[str, ...] = ()
 
     @property
@@ -254,7 +257,10 @@ def gather_known(question: Question, samples: Sequence[Dataset], planned: int) -
     """Return what logs say; without logs nothing, and the next log has the `planned` samples."""
     k, n = len(question.columns), len(question.structure.robot.actuated)
     if not samples:
-        return Known(np.zeros((k, k)), np.ones(n), float(planned))
+        base = question.structure.base
+        filed = dict(zip(base.names, question.structure.nominal_base, strict=True))
+        values = np.array([filed.get(name, 0.0) for name in question.names])
+        return Known(np.zeros((k, k)), np.ones(n), float(planned), values)
     regression = Regression(
         question.structure.robot, question.model, tuple(samples), question.columns
     )
@@ -264,7 +270,7 @@ def gather_known(question: Question, samples: Sequence[Dataset], planned: int) -
     weights = 1.0 / np.maximum(noise, TINY * float(noise.max()) or 1.0)
     R = information.factor(weights)[:k, :k]
     paths = tuple(s.path or s.name for s in samples)
-    return Known(R.T @ R, weights, information.samples / len(samples), paths)
+    return Known(R.T @ R, weights, information.samples / len(samples), fit.value, paths)
 
 
 def _place_effect(robot: Robot, text: str) -> Effect:

@@ -19,6 +19,7 @@ from identifiability.effects import default_effects
 from identifiability.foundation.documents import first_problem, read_document
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
+from identifiability.foundation.rounding import format_count
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import USUAL_EFFECTS
@@ -150,12 +151,10 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
 
 def _read(given: Mapping[str, Any] | str | Path | None) -> tuple[str, LimitsFile]:
     """Return where limits come from and what they are."""
-    if given is None:
-        return "", LimitsFile({})
     if isinstance(given, (str, Path)):
         return str(given), read_document(given, LimitsFile, "TOML", "limits", RobotError)
     try:
-        return "The limits", LimitsFile.model_validate(given)
+        return "The limits", LimitsFile.model_validate(given or {})
     except ValidationError as problem:
         raise RobotError(f"The limits: {first_problem(problem, LimitsFile)}") from None
 
@@ -205,12 +204,9 @@ class Clearance:
         every, gaps = Clearance(shapes, pairs).near(shapes.home())
         near = every[gaps < 2 * CLEARANCE]
         pairs[near[:, 0], near[:, 1]] = pairs[near[:, 1], near[:, 0]] = False
-        owners = [[m.body(b).name for b in m.geom_bodyid[pair]] for pair in near]
-        names = [" and ".join(sorted(pair)) for pair in owners]
         said = (
-            f"At home {listing(dict.fromkeys(names), 4)} are nearer than "
-            f"{2000 * CLEARANCE:g} mm already (as drawn), so collisions of these are not "
-            "watched."
+            f"{format_count(len(near), 'pair')} of bodies are nearer than {2000 * CLEARANCE:g} mm "
+            "at home already (as drawn), so their collisions are not watched."
         )
         watched = Clearance(shapes, pairs) if pairs.any() else None
         return watched, said if len(near) else ""

@@ -24,7 +24,6 @@ from identifiability.foundation.output import check_ending, csv_text, write_byte
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import digits, format_count, format_number, percent
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Preparation
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation.motion import PrescribedMotion, Trajectory, write_trajectory_bag
 from identifiability.workflows.answers import answer_next
@@ -98,10 +97,13 @@ class Merit:
         Log-det of the information, or standard deviations.
     sigma : (k,)
         Standard deviations under white noise, up to a factor shared by all motions compared.
+    identifiable : int
+        Parameters with standard deviations of 20 % and less to expect.
     """
 
     figure: float
     sigma: Array
+    identifiable: int
 
 
 @frozen(kw_only=True)
@@ -136,8 +138,6 @@ class Excitation(Result):
         What was not used, assumed or watched.
     provenance : mapping
         Versions, seed, options, and hashes of the inputs.
-    preparation : Preparation
-        How logs were asked to be turned into motion.
     """
 
     schema: ClassVar[str] = "identifiability/excitation/1"
@@ -159,7 +159,6 @@ class Excitation(Result):
     gap: float = np.inf
     hints: tuple[str, ...] = ()
     provenance: Mapping[str, str] = field(default_factory=dict)
-    preparation: Preparation = Preparation()
 
     @property
     def beside(self) -> str:
@@ -255,16 +254,14 @@ class Excitation(Result):
             "chosen": list(self.chosen),
             "effects": list(self.effects),
             "logs": list(self.logs),
+            "identifiable": [self.before.identifiable, self.after.identifiable],
             "before": self.before.figure,
             "after": self.after.figure,
             "closure": self.closure,
             **({"gap": self.gap} if np.isfinite(self.gap) else {}),
             "joints": self.to_frame().to_dict("records"),
             "parameters": self.parameters_frame().to_dict("records"),
-            "complete": False,
-            "ended_by": "evaluations",
             "evaluations": self.evaluations,
-            "reproducible": True,
             "seed": self.seed,
             "hints": list(self.hints),
             "provenance": dict(self.provenance),
@@ -317,18 +314,16 @@ class Excitation(Result):
 
     @property
     def worth(self) -> str:
-        """What the motion tells, in words."""
+        """What the motion tells, in words; nothing of what only `diagnose --next` asks."""
+        if not isinstance(self.criterion, LogDet):
+            return ""
         about = listing(self.chosen, 4) if self.chosen else f"all {len(self.names)} parameters"
-        text = (
-            f"With this motion of {self.trajectory.period:g} s the {self.criterion.title}, of "
-            f"{about}, is {self.after.figure:.3g}; with {self.beside} it is "
-            f"{self.before.figure:.3g}."
+        rise = self.after.figure - self.before.figure
+        share = percent(float(np.exp(-rise / (2 * len(self.criterion.chosen)))), 2)
+        return (
+            f"With this motion of {self.trajectory.period:g} s standard deviations, of {about}, "
+            f"are {share} of those of {self.beside} (geometric mean)."
         )
-        if isinstance(self.criterion, LogDet):
-            rise = self.after.figure - self.before.figure
-            share = float(np.exp(-rise / (2 * len(self.criterion.chosen))))
-            text += f" Standard deviations become {percent(share, 2)} of those (geometric mean)."
-        return text
 
     @property
     def limits_statement(self) -> str:
@@ -348,14 +343,17 @@ class Excitation(Result):
 
 
 def _worth(result: Excitation) -> Answer:
-    gain = result.gain[np.isfinite(result.gain)]
-    better = int((gain < 1).sum())
-    short = (
-        f"{better} of {format_count(len(result.gain), 'parameter')} are known better than from "
-        f"{result.beside}."
+    old, new = result.before.identifiable, result.after.identifiable
+    tone, question = (
+        "green" if result.after.figure > result.before.figure else "amber",
+        "What does it tell?",
     )
-    tone = "green" if better > len(result.gain) / 2 else "amber"
-    return Answer("What does it tell?", short, result.worth, tone)
+    if not new:
+        return Answer(question, result.worth, "", tone)
+    noise = "as the logs'" if result.logs else "of 5 % of the torque"
+    count = format_count(len(result.names), "parameter")
+    short = f"{old} → {new} of {count} identifiable, beside {result.beside} (noise {noise})."
+    return Answer(question, short, result.worth, tone)
 
 
 def _safe(result: Excitation) -> Answer:

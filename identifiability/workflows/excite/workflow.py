@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
+from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
@@ -17,7 +18,6 @@ from identifiability.foundation.options import (
     Duration,
     Harmonics,
     Names,
-    OptionError,
     Seed,
     check_option,
     checked,
@@ -45,7 +45,6 @@ def excite(
     robot: RobotLike,
     *,
     harmonics: Harmonics = 5,
-    at_rest: bool = False,
     duration: Duration | None = None,
     samples: int = 750,
     limits: LimitsLike | None = None,
@@ -66,8 +65,6 @@ def excite(
     robot : Robot, path or shipped name
     harmonics : int
         Harmonics of the finite Fourier series [Swevers 1997].
-    at_rest : bool
-        Begin and end without speed and acceleration, which takes two harmonics of each joint.
     duration : float [s], optional
         The period, by default 7.5 s.
     samples : int
@@ -110,8 +107,6 @@ def excite(
     """
     say = progress or quiet
     check_option("samples", samples, Annotated[int, counted(4 * harmonics + 1, MOST_SAMPLES)])
-    if at_rest and harmonics < 2:
-        raise OptionError("To begin and end at rest takes at least 2 harmonics; give more.")
     with one_thread("blas"):
         robot = Robot.of(robot)
         robot.check_stands("designing a motion")
@@ -120,9 +115,9 @@ def excite(
         question = pose_question(robot, model, parameters, separate)
         logs, wrong = _start(question, start_from, preparation, engine)
         hints = (*wrong, *free_again(model))
-        series = Series(bounds, duration or 7.5, harmonics, at_rest)
+        series = Series(bounds, duration or 7.5, harmonics)
         options = {"evaluations": evaluations, "preparation": preparation or Preparation()}
-        found = find_motion(
+        return find_motion(
             question,
             gather_known(question, logs, samples),
             series,
@@ -134,7 +129,6 @@ def excite(
             hints=hints,
             provenance=state_provenance(robot, logs, seed, None, options),
         )
-        return replace(found, preparation=preparation or Preparation())
 
 
 def _start(
@@ -196,7 +190,20 @@ def find_motion(
         evaluations=evaluations,
         say=show,
     )
-    x, G, space, gap = _best(objective, found, samples)
+    x, space, gap = _best(objective, found, samples)
+    middle = _middle(found)
+    noisy = objective if known.logs else _with_noise(objective, middle, samples)
+
+    def merit(x: Array | None) -> Merit:
+        """Return what a motion tells, or the logs' motion measured again."""
+        plain, own = (
+            known.repeated if x is None else each.look(x, samples)[0][0]
+            for each in (objective, noisy)
+        )
+        spread, limit = _sigma(own), Thresholds().sigma_percent / 100 * np.abs(known.values)
+        told = int(np.sum((spread > 0) & (spread <= limit)))
+        return Merit(aim.figure(float(aim.cost(plain[None])[0])), _sigma(plain), told)
+
     return Excitation(
         robot=robot,
         trajectory=series.trajectory(x, samples, name),
@@ -206,8 +213,8 @@ def find_motion(
         units=question.units,
         chosen=question.chosen,
         logs=known.logs,
-        before=_merit(question, _before(objective, found, samples)),
-        after=_merit(question, G),
+        before=merit(None if known.logs else middle),
+        after=merit(x),
         limits=series.limits,
         closure=float(space.condition[0]),
         gap=gap,
@@ -218,19 +225,17 @@ def find_motion(
     )
 
 
-def _best(
-    objective: Objective, found: Search, samples: int
-) -> tuple[Array, Array, Workspace, float]:
-    """Return the best candidate that keeps the workspace at all samples, and what it tells.
+def _best(objective: Objective, found: Search, samples: int) -> tuple[Array, Workspace, float]:
+    """Return the best candidate that keeps the workspace at all samples.
 
     Last is how near bodies come that are not joined [m].
     """
     order = [k for k in np.argsort(found.costs)[:10] if found.costs[k] < OPEN]
     for x in [*(x for _, x in found.found), *found.draws[order]]:
-        G, space = objective.look(x, samples)
+        space = objective.look(x, samples)[1]
         gap = float(objective.gaps(x, samples).min())
         if space.kept(objective.limits.closure_bound)[0] and gap >= CLEARANCE:
-            return x, G[0], space, gap
+            return x, space, gap
     robot, limits = objective.question.structure.robot, objective.limits
     raise ClosureError(
         f"No motion of {robot.name} was found whose loops close everywhere with a condition number "
@@ -240,21 +245,31 @@ def _best(
     )
 
 
-def _before(objective: Objective, found: Search, samples: int) -> Array:
-    """Return the Gram matrix to compare with: the logs twice, or the middle of random motions."""
-    if objective.known.logs:
-        return objective.known.repeated
+#: Noise that is expected where no log tells it, as a share of each joint's torque (rms).
+NOISE = 0.05
+
+
+def _middle(found: Search) -> Array:
+    """Return the random motion in the middle of all that keep the workspace."""
     order = np.argsort(found.costs)
     order = order[found.costs[order] < OPEN]
-    middle = order[len(order) // 2]
-    G: Array = objective.look(found.draws[middle], samples)[0][0]
-    return G
+    middle: Array = found.draws[order[len(order) // 2]]
+    return middle
 
 
-def _merit(question: Question, G: Array) -> Merit:
+def _with_noise(objective: Objective, x: Array, samples: int) -> Objective:
+    """Return the objective in units of white noise of a share of the file's torque along x."""
+    known = objective.known
+    alone = (replace(known, weights=one) for one in np.eye(len(known.weights)))
+    each = (replace(objective, known=one).look(x, samples)[0][0] for one in alone)
+    noise = NOISE**2 / samples * np.array([known.values @ G @ known.values for G in each])
+    weights = np.divide(1.0, noise, out=np.zeros_like(noise), where=noise > 0)
+    return replace(objective, known=replace(known, weights=weights))
+
+
+def _sigma(G: Array) -> Array:
+    """Return standard deviations; a direction that nothing excites gets a large one."""
     unit, length = (part[0] for part in scaled(G[None]))
-    # A direction that nothing excites gets a large spread instead of an infinite one.
     inverse = np.linalg.pinv(unit, rcond=1e-13, hermitian=True)
-    sigma = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / length
-    rule = question.criterion
-    return Merit(rule.figure(float(rule.cost(G[None])[0])), sigma)
+    sigma: Array = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / length
+    return sigma

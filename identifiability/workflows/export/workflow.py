@@ -563,7 +563,7 @@ def state_servos(robot: Robot, content: ResultEntry) -> str:
         f"measure at {servo.rate:g} Hz: positions that old take kp / {2 * servo.rate:g} off the "
         "damping. A simulator's step of h seconds does the same, kp h / 2 where its servo is "
         "explicit, and adds h / 2 of all damping to the armature where damping is implicit: keep "
-        "the step at 1 ms or take that off."
+        "the step at 1 ms, as an MJCF then states, or take that off."
     )
 
 

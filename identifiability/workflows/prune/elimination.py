@@ -257,18 +257,20 @@ class WhitenedRegression:
         left : (M, F, k + 1)
             ``[y torque] left`` is the residual of each model in each fold.
         """
-        found, k, none = np.empty(left.shape[:2]), len(turn), np.zeros(len(turn))
+        k = len(turn)
+        found, none = np.empty(left.shape[:2]), np.zeros(k)
         precision = turn.T @ self.refits.grams[1:] @ turn / self.unit
         for f, (gram, P) in enumerate(zip(self.gram, precision, strict=True)):
             before = Normal.ridged(P, none)
-            after = Normal.ridged(
-                before.factor @ before.factor.T + turn.T @ gram[:k, :k] @ turn, none
-            )
-            own = gram @ left[:, f].T
+            told = turn.T @ gram[:k, :k] @ turn
+            after = Normal.ridged(before.factor @ before.factor.T + told, none)
+            residual = left[:, f].T
+            own = gram @ residual
             half = nested_halves(after, turn.T @ own[:k], free)
-            volume = np.log(np.diag(before.factor)) - np.log(np.diag(after.factor))
-            volumes = np.append(0.0, np.cumsum(volume))[free]
-            found[:, f] = volumes + 0.5 * ((half**2).sum(0) - (left[:, f].T * own).sum(0))
+            sizes = [np.log(np.diag(x.factor)) for x in (before, after)]
+            volumes = np.append(0.0, np.cumsum(sizes[0] - sizes[1]))[free]
+            squares = (half**2).sum(0) - (residual * own).sum(0)
+            found[:, f] = volumes + 0.5 * squares
         return found
 
 
@@ -345,8 +347,10 @@ def _see(information: Information, full: Estimate, R: Array, tests: Information)
     torque better and the robot's worse. Where there are instruments, all is projected on what they
     see: they have no part in it.
     """
-    k, one = information.size, np.eye(information.size + 1)
-    weights = 1.0 / np.maximum(full.variance * full.times, least_noise(information))
+    k = information.size
+    one = np.eye(k + 1)
+    noise = np.maximum(full.variance * full.times, least_noise(information))
+    weights = 1.0 / noise
     if not (full.estimator.instruments and information.instrumented):
         return tests.products(weights, one, one)
     T = combine(information, full).left.reshape(2, k, k)

@@ -1,15 +1,13 @@
-"""Who fits, chooses and verifies; stretches of long logs; motion gaps and false names."""
+"""Who fits, chooses and verifies; stretches of long logs; motion gaps."""
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset
 from identifiability.logs.signals import Decimation
 from identifiability.robot import Robot, complete_motion
-from identifiability.workflows.calibrate.calibration import FalseNames
 from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.problem import assign_roles, thin
 
@@ -84,15 +82,3 @@ def test_the_gap_in_motion_is_the_mean_share_at_the_end_of_stretches():
     assert not nothing.measured
     assert np.isnan(nothing.error_before)
     assert nothing.statement == ""
-
-
-def test_a_rate_of_false_names_has_the_interval_of_its_number_of_trials():
-    found = FalseNames(trials=40, named=("a in j", "b in l"))
-    assert found.rate.value == 0.05
-    low, high = found.rate.low, found.rate.high
-    # Clopper and Pearson: 2 or more of 40 at the lower end, 2 or fewer at the upper one.
-    assert stats.binom.sf(1, 40, low) == pytest.approx(0.025)
-    assert stats.binom.cdf(2, 40, high) == pytest.approx(0.025)
-    assert found.statement.endswith("2 were given a name (5 %, 95 %: 1 … 17 %): a in j; b in l.")
-    assert found.to_dict()["interval95"][1] == high
-    assert "1 was given a name" in FalseNames(trials=40, named=("a",)).statement
