@@ -523,7 +523,7 @@ def examine(x: Logged, which: Condition) -> dict[str, Any]:
     elif which.sealed == "sound scale":
         scale = x.notes["sound"][[f"{j}.tau" for j in robot.joints]].to_numpy().std(0)
     if a.alternative is not None:  # under which all is said
-        sealed = a.alternative.read(Log.read(sealed), robot)
+        sealed = a.alternative.read(Log.read(sealed), a.structure)
     row["error"] = sealed_error(a, sealed, scale)
     row |= examine_told(told(a), which.says)
     row["identifiable"] = int(a.to_frame().verdict.eq("identifiable").sum())

@@ -12,27 +12,29 @@ cannot tell it from other masses.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cache, cached_property, lru_cache, partial
 from itertools import combinations, product
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 
 from identifiability.effects import find_families
 from identifiability.effects.base import GravityTilt, horizontal_axes
 from identifiability.effects.inertia import ActuatorInertia
-from identifiability.effects.nominal import gravity_torque
 from identifiability.effects.transmission import Hysteresis
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
+from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
+from identifiability.logs.prepare import Dataset
 from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.quality import MeasuredLogs
+from identifiability.quality.hints import measure_factors
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
@@ -48,6 +50,8 @@ DELAYS: tuple[Tolerance, ...] = (0.02, 0.05, 0.1, 0.2)
 BETWEEN = np.geomspace(0.3, 3.0, 25)
 #: Logs of what is left by which one alternative is as good as another.
 EVEN: Tolerance = 0.02
+#: First zeros that are tried, of how far a joint moves.
+SHIFT = 0.2
 #: Of what may be missing at a joint directions count that are so strong, beside the strongest.
 STRONG: Tolerance = 0.03
 
@@ -67,9 +71,13 @@ class Alternative:
     late : (n,) [s]
         By how much it is late.
     lacks : (n,) bool
-        Whether weight was taken out of it; read otherwise it has that of the file's masses.
+        Whether weight was taken out of it; read otherwise it has that of the fitted robot.
     gravity : (3,) [m/s²]
         In the file's world.
+    zero : (n,) [rad or m]
+        By how much positions are read too large.
+    values : (p,)
+        Standard parameters of the robot that was fitted, where one has to be weighed.
     free : int
         How many numbers of it were fitted.
     nats, error : float
@@ -84,6 +92,8 @@ class Alternative:
     late: Array
     lacks: np.ndarray
     gravity: Array
+    zero: Array
+    values: Array = field(default_factory=lambda: np.empty(0))
     free: int = 0
     nats: float = 0.0
     error: float = 1.0
@@ -99,8 +109,8 @@ class Alternative:
 
     @property
     def otherwise(self) -> np.ndarray:
-        """Columns that are not read as they are given, (n,) bool."""
-        other = self.order != np.arange(len(self.order))
+        """Joints whose columns are not read as they are given, (n,) bool."""
+        other = (self.order != np.arange(len(self.order))) | (self.zero != 0.0)
         return np.asarray(other | (self.factor != 1.0) | (self.late != 0.0) | self.lacks)
 
     @property
@@ -124,15 +134,20 @@ class Alternative:
             return Structure.of(replace(robot, model=model), given.model)
         return Structure.of(robot, given.model + GravityTilt(g))
 
-    def read(self, log: Log, robot: Robot) -> Log:
-        """Return a log with torque columns as they are meant."""
+    def read(self, log: Log, given: Structure) -> Log:
+        """Return a log with columns as they are meant."""
         columns = zip(self.order.tolist(), self.late.tolist(), strict=True)
         tau = [np.interp(log.t + by, log.t, log.tau[:, k]) for k, by in columns]
-        still = np.zeros(log.q.shape)
-        motion = complete_motion(robot, log.t, log.q, still, still)
-        weight = np.zeros(log.tau.shape)  # samples whose loops do not close are left out anyway
-        weight[motion.kept] = self.lacks * gravity_torque(robot, motion, robot.gravity)
-        return replace(log, tau=np.column_stack(tau) * self.factor + weight)
+        weight, still = np.zeros(log.tau.shape), np.zeros(log.q.shape)
+        if self.lacks.any():
+            motion = complete_motion(given.robot, log.t, log.q, still, still)
+            ways = (given.robot.turned(way * given.robot.gravity) for way in (1, -1))
+            down, up = (given.model.regressor(robot, motion) @ self.values for robot in ways)
+            # Samples whose loops do not close are left out anyway.
+            weight[motion.kept] = 0.5 * self.lacks * (down - up)
+        command = None if log.q_ref is None else log.q_ref - self.zero
+        read = np.column_stack(tau) * self.factor + weight
+        return replace(log, q=log.q - self.zero, q_ref=command, tau=read)
 
 
 def find_alternative(logs: MeasuredLogs) -> Alternative | None:
@@ -146,8 +161,9 @@ def find_alternative(logs: MeasuredLogs) -> Alternative | None:
     squares, least = np.exp(2 * plain), 1 - RULES.alternative_error**2
     found: list[tuple[float, Alternative]] = []
     for a in rows.propose():
-        # Columns that leave little are not wrong, but in their unit: wrong ones spoil no others.
-        if squares[a.otherwise | a.keeps_columns | a.scaled.any()].sum() < least * squares.sum():
+        # Torque that leaves little is not wrong, but in its unit: wrong columns spoil no others.
+        spoils = a.keeps_columns or (a.scaled | a.lacks | (a.zero != 0)).any()
+        if squares[a.otherwise | spoils].sum() < least * squares.sum():
             continue
         left = rows.fit(a)
         error = float(np.sqrt(np.exp(2 * left).sum() / squares.sum()))
@@ -168,21 +184,21 @@ def find_alternative(logs: MeasuredLogs) -> Alternative | None:
 class _Rows:
     """Rows of the fitted logs, of which columns are known under any gravity."""
 
-    def __init__(self, logs: MeasuredLogs) -> None:
+    def __init__(self, logs: MeasuredLogs, zero: Array | None = None) -> None:
         self.structure, self.robot, self.weighs = logs.structure, logs.robot, logs.weighs
         n, b = len(logs.joints), len(self.structure.base.kept)
         most = max(min(ROWS[0], NUMBERS // (4 * n * max(b, 1))), ROWS[1])
         self._most = most, ROWS[1], most // ROWS[1]
-        self.samples = logs.samples
+        self.logs = logs
+        few = tuple(s.thin(max(1, len(s.tau) * len(logs.samples) // ROWS[0])) for s in logs.samples)
+        self.thinned = replace(logs, samples=few)
+        self.samples = [x if zero is None else _moved(self.robot, x, zero) for x in logs.samples]
         self.seen = self._look(self.robot)
-        data = self.seen.data
-        # A column that is another joint's is data where that one moves.
-        every = data.all(1, keepdims=True)
-        self.data = data & every if every.mean() > 0.5 * data.mean() else data
+        self.data = self.seen.data
         #: What makes columns (N, n, b) of these parts: 1, and gravity where there is any.
         self.parts = self.seen.X[..., None]
         g, size = self.robot.gravity, float(np.linalg.norm(self.robot.gravity))
-        if size and "rigid_body" in self.structure.model.names:
+        if zero is None and size and "rigid_body" in self.structure.model.names:
             # Columns are linear in gravity, without which a tilt would have no parameters.
             bare = 0.5 * (self.seen.X + self._look(self.robot.turned(-g)).X)
             axes = [self._look(self.robot.turned(a)).X - bare for a in size * np.eye(3)]
@@ -190,7 +206,9 @@ class _Rows:
         #: Which columns act in each joint: in a tree few do.
         self.acts = [np.flatnonzero(self.parts[:, j].any((0, 2))) for j in range(n)]
         same = np.arange(n), np.ones(n), np.zeros(n), np.zeros(n, bool)
-        self.plain = Alternative("", "", *same, g)
+        self.plain = Alternative("", "", *same, g, np.zeros(n))
+        #: The same by zeros of encoders.
+        self.at = lru_cache(JUDGED)(lambda by: _Rows(logs, np.frombuffer(by)))
         self.products, self.torque = cache(self._products), cache(self._torque)
         self.crosses, self.grams = cache(self._crosses), lru_cache(2)(self._grams)
         #: Of the log [s].
@@ -233,26 +251,62 @@ class _Rows:
         do = "Correct its unit in the log"
         for unit, (who, own) in product(() if said.gain or n < 2 else UNITS, some):
             yield replace(plain, says=who, remedy=do, factor=np.where(own, 1 / unit, 1.0), free=1)
+        shares = measure_factors(self.logs) if self.weighs and not said.gain else np.array([np.nan])
+        if np.isfinite(shares).all() and np.ptp(shares) > 0:
+            times = ", ".join(f"{j} {x:.2g}" for j, x in zip(names, shares, strict=True))
+            what = f"Torque is another multiple at each joint of what the robot file asks for ({times})"
+            do = "Correct units in the log, or say side = \"motor\" and each ratio under [torque]"
+            apart = float(np.exp(np.log(shares).mean())) / shares
+            yield replace(plain, says=what, remedy=do, factor=apart, free=n - 1)
         do = "Shift the column in the log"
         for by, way, (who, own) in product(DELAYS, (-1, 1), every):
             yield replace(plain, says=who, remedy=do, late=np.where(own, way * by, 0.0), free=1)
         if self.parts.shape[3] > 1:
             yield from self._directions()
+        if np.exp(self.fit(self.plain)).max() > RULES.grades[0]:
+            yield from self._zeros()
+
+    def _zeros(self) -> Iterator[Alternative]:
+        """Yield the zeros of the encoders that fit best, of joints where another one fits better."""
+        few = _Rows(self.thinned, np.zeros(len(self.data.T)))
+        reach = np.ptp(np.concatenate([s.motion.actuated_q for s in few.samples]), axis=0)
+        one = np.eye(len(reach))
+
+        def left(by: float, joint: int) -> float:
+            try:
+                return float(few.fit(replace(self.plain, zero=by * reach * one[joint])).sum())
+            except ClosureError:
+                return np.inf
+
+        tried = [(left(by, j), j, by) for j in range(len(reach)) for by in (-SHIFT, SHIFT)]
+        for _, j, by in sorted(tried)[:2]:
+            ends = sorted((0.0, 4 * by))
+            how = {"xatol": 1e-3, "maxiter": 14}
+            x = minimize_scalar(left, ends, args=(j,), bounds=ends, method="bounded", options=how).x
+            zero, who = x * reach * one[j], self.robot.joints[j]
+            unit = "m" if self.robot.is_prismatic(int(self.robot.actuated[j])) else "rad"
+            says = f"The position of {who} seems to be read {zero[j]:.3g} {unit} too large"
+            do = f"Correct its zero, or say {who} = {{offset = {-zero[j]:.3g}}} under [columns]"
+            yield replace(self.plain, says=says, remedy=do, zero=zero, free=1)
 
     def refine(self, a: Alternative) -> Alternative:
-        """Return an alternative with the delay or unit that fits best, between those tried."""
+        """Return an alternative with the delay, unit or robot that fits best."""
+        if a.lacks.any():
+            given, (x, _) = self.structure, self._solve(a, beside=False)
+            apart = np.linalg.lstsq(given.G, x - given.nominal_base, rcond=None)[0]
+            return replace(a, values=given.nominal + apart)
         tried = [
             replace(a, late=late, factor=np.where(a.scaled, x * a.factor, a.factor))
             for x in BETWEEN
             for late in [np.round(x * a.late / self.step) * self.step]
         ]
-        if a.late.any() or a.scaled.any():
+        if a.late.any() or a.scaled.sum() == 1:
             a = min(tried, key=lambda x: float(self.fit(x).sum()))
         late, scale = a.late[np.argmax(np.abs(a.late))], a.factor[a.scaled]
         says, way = a.says, "late" if late > 0 else "early"
         if late:
             says += f" seems to be {1e3 * abs(late):.3g} ms {way}"
-        elif scale.size:
+        elif scale.size == 1:
             says += f" is {1.0 / scale[0]:.2g} times as large as its model's"
         return replace(a, says=says)
 
@@ -327,14 +381,14 @@ class _Rows:
 
     def _torque(self, j: int, by: float, beside: bool) -> Array:
         """Return all torque (N, n) as data of a joint, some time later, before any low-pass."""
-        if not by:
-            return self._seen_at(j, self.seen.y, beside)
         parts = []
         for piece in self.seen.pieces:
             t = piece.motion.t
             t = np.interp(np.linspace(0, len(t) - 1, len(piece.tau)), np.arange(len(t)), t)
             tau = np.column_stack([np.interp(t + by, t, x) for x in piece.tau.T])
-            parts.append(replace(piece, tau=tau).torque)
+            # Whose column ever it is, it is none where this joint stands.
+            weight = np.tile(piece.weight[:, [j]], len(self.acts))
+            parts.append(replace(piece, tau=tau, weight=weight).torque)
         return self._seen_at(j, np.concatenate(parts)[self.seen.seen], beside)
 
     def _weights(self, a: Alternative) -> Array:
@@ -351,6 +405,8 @@ class _Rows:
 
         Friction and rotor inertia are not negative; joints are weighed by what is left of them.
         """
+        if a.zero.any():
+            return self.at(a.zero.tobytes())._solve(replace(a, zero=0.0 * a.zero), beside)
         w, b = self._weights(a), self.parts.shape[2]
         grams, each = self.grams(beside, w.tobytes()), []
         for j, (own, factor) in enumerate(zip(w, a.factor, strict=True)):
@@ -376,6 +432,8 @@ class _Rows:
 
     def count(self, a: Alternative) -> Array:
         """Return how many rows of each column of the log tell something new, (n,)."""
+        if a.zero.any():
+            return self.at(a.zero.tobytes()).count(replace(a, zero=0.0 * a.zero))
         w, (x, _) = self._weights(a), self._solve(a, beside=True)
         left = [
             self.torque(j, float(a.late[j]), beside=True)[:, a.order[j]]
@@ -384,6 +442,17 @@ class _Rows:
         ]
         new = self.data.sum(0) / autocorrelation_time(np.column_stack(left))
         return np.asarray(new[np.argsort(a.order)])
+
+
+def _moved(robot: Robot, given: Dataset, zero: Array) -> Dataset:
+    """Return samples whose positions are less by zeros (n,), if loops close there."""
+    old = given.motion
+    actuated = old.actuated_q - zero, old.actuated_v, old.actuated_a
+    new = complete_motion(robot, old.t, *actuated)
+    if len(new.t) < len(old.t):
+        raise ClosureError(f"Loops of {given.name} do not close there.")
+    kept = {name: getattr(old, name) for name in ("kept", "dropped", "start", "smooth_v")}
+    return replace(given, motion=replace(new, **kept))
 
 
 def _solve(G: Array, g: Array, nonnegative: np.ndarray) -> Array:

@@ -514,7 +514,7 @@ class Session:
         if other is None or not (whole or other.keeps_columns):
             return self.at_fit(opening)
         fitted, held_out = (
-            tuple(x if x.long else other.read(x, self.structure.robot) for x in logs)
+            tuple(x if x.long else other.read(x, self.structure) for x in logs)
             for logs in (given.fitted, given.held_out)
         )
         read = replace(given, fitted=fitted, held_out=held_out)
