@@ -11,7 +11,7 @@ cannot tell it from other masses.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import field, replace
 from functools import cache, cached_property, lru_cache, partial
 from itertools import combinations, product
@@ -78,6 +78,10 @@ class Alternative:
         By how much positions are read too large.
     values : (p,)
         Standard parameters of the robot that was fitted, where one has to be weighed.
+    apart : bool
+        Whether each log has torque offsets of its own;
+    offsets : mapping of str to (n,) [N·m or N]
+        these, less their mean, by the names of logs.
     free : int
         How many numbers of it were fitted.
     nats, error : float
@@ -94,6 +98,8 @@ class Alternative:
     gravity: Array
     zero: Array
     values: Array = field(default_factory=lambda: np.empty(0))
+    apart: bool = False
+    offsets: Mapping[str, Array] = field(default_factory=dict)
     free: int = 0
     nats: float = 0.0
     error: float = 1.0
@@ -110,7 +116,7 @@ class Alternative:
     @property
     def otherwise(self) -> np.ndarray:
         """Joints whose columns are not read as they are given, (n,) bool."""
-        other = (self.order != np.arange(len(self.order))) | (self.zero != 0.0)
+        other = (self.order != np.arange(len(self.order))) | (self.zero != 0.0) | self.apart
         return np.asarray(other | (self.factor != 1.0) | (self.late != 0.0) | self.lacks)
 
     @property
@@ -146,7 +152,7 @@ class Alternative:
             # Samples whose loops do not close are left out anyway.
             weight[motion.kept] = 0.5 * self.lacks * (down - up)
         command = None if log.q_ref is None else log.q_ref - self.zero
-        read = np.column_stack(tau) * self.factor + weight
+        read = np.column_stack(tau) * self.factor + weight - self.offsets.get(log.name, 0.0)
         return replace(log, q=log.q - self.zero, q_ref=command, tau=read)
 
 
@@ -162,7 +168,7 @@ def find_alternative(logs: MeasuredLogs) -> Alternative | None:
     found: list[tuple[float, Alternative]] = []
     for a in rows.propose():
         # Torque that leaves little is not wrong, but in its unit: wrong columns spoil no others.
-        spoils = a.keeps_columns or (a.scaled | a.lacks | (a.zero != 0)).any()
+        spoils = a.keeps_columns or (a.scaled | a.lacks).any() or rows.under(a) is not rows
         if squares[a.otherwise | spoils].sum() < least * squares.sum():
             continue
         left = rows.fit(a)
@@ -184,7 +190,9 @@ def find_alternative(logs: MeasuredLogs) -> Alternative | None:
 class _Rows:
     """Rows of the fitted logs, of which columns are known under any gravity."""
 
-    def __init__(self, logs: MeasuredLogs, zero: Array | None = None) -> None:
+    def __init__(
+        self, logs: MeasuredLogs, zero: Array | None = None, *, apart: bool = False
+    ) -> None:
         self.structure, self.robot, self.weighs = logs.structure, logs.robot, logs.weighs
         n, b = len(logs.joints), len(self.structure.base.kept)
         most = max(min(ROWS[0], NUMBERS // (4 * n * max(b, 1))), ROWS[1])
@@ -207,12 +215,19 @@ class _Rows:
         self.acts = [np.flatnonzero(self.parts[:, j].any((0, 2))) for j in range(n)]
         same = np.arange(n), np.ones(n), np.zeros(n), np.zeros(n, bool)
         self.plain = Alternative("", "", *same, g, np.zeros(n))
-        #: The same by zeros of encoders.
-        self.at = lru_cache(JUDGED)(lambda by: _Rows(logs, np.frombuffer(by)))
+        self.apart = apart
+        #: The same by zeros of encoders, and whether offsets are of each log.
+        self.at = lru_cache(JUDGED)(lambda by, own: _Rows(logs, np.frombuffer(by), apart=own))
         self.products, self.torque = cache(self._products), cache(self._torque)
         self.crosses, self.grams = cache(self._crosses), lru_cache(2)(self._grams)
         #: Of the log [s].
         self.step = float(np.median(np.diff(self.seen.pieces[0].motion.t)))
+
+    def under(self, a: Alternative) -> _Rows:
+        """Return the rows of an alternative's motion and offsets."""
+        if not (a.apart or a.zero.any()):
+            return self
+        return self.at(a.zero.tobytes(), a.apart)
 
     def _look(self, robot: Robot) -> Excerpt:
         structure = replace(self.structure, robot=robot)
@@ -251,13 +266,18 @@ class _Rows:
         do = "Correct its unit in the log"
         for unit, (who, own) in product(() if said.gain or n < 2 else UNITS, some):
             yield replace(plain, says=who, remedy=do, factor=np.where(own, 1 / unit, 1.0), free=1)
-        shares = measure_factors(self.logs) if self.weighs and not said.gain else np.array([np.nan])
-        if np.isfinite(shares).all() and np.ptp(shares) > 0:
-            times = ", ".join(f"{j} {x:.2g}" for j, x in zip(names, shares, strict=True))
-            what = f"Torque is another multiple at each joint of what the robot file asks for ({times})"
-            do = "Correct units in the log, or say side = \"motor\" and each ratio under [torque]"
-            apart = float(np.exp(np.log(shares).mean())) / shares
+        shares = measure_factors(self.logs) if self.weighs and not said.gain else np.ones(n)
+        if (shows := np.isfinite(shares)).sum() > 1 and np.ptp(shares[shows]) > 0:
+            apart = np.where(shows, np.exp(np.log(shares[shows]).mean()) / shares, 1.0)
+            told = (f"{j} {x:.2g}" for j, x in zip(names, shares, strict=True) if np.isfinite(x))
+            what = f"Torque is so many times what the robot file asks for: {', '.join(told)}"
+            do = 'Correct units in the log, or say side = "motor" and each ratio under [torque]'
             yield replace(plain, says=what, remedy=do, factor=apart, free=n - 1)
+        if len(self.samples) > 1 and not self.apart:
+            what = "Torque offsets differ between logs"
+            do = "Those of another log cannot be known; compare gives these with their intervals"
+            free = n * (len(self.samples) - 1)
+            yield replace(plain, says=what, remedy=do, apart=True, free=free)
         do = "Shift the column in the log"
         for by, way, (who, own) in product(DELAYS, (-1, 1), every):
             yield replace(plain, says=who, remedy=do, late=np.where(own, way * by, 0.0), free=1)
@@ -267,7 +287,7 @@ class _Rows:
             yield from self._zeros()
 
     def _zeros(self) -> Iterator[Alternative]:
-        """Yield the zeros of the encoders that fit best, of joints where another one fits better."""
+        """Yield the zeros of encoders that fit best, at the two joints where most is gained."""
         few = _Rows(self.thinned, np.zeros(len(self.data.T)))
         reach = np.ptp(np.concatenate([s.motion.actuated_q for s in few.samples]), axis=0)
         one = np.eye(len(reach))
@@ -295,6 +315,8 @@ class _Rows:
             given, (x, _) = self.structure, self._solve(a, beside=False)
             apart = np.linalg.lstsq(given.G, x - given.nominal_base, rcond=None)[0]
             return replace(a, values=given.nominal + apart)
+        if a.apart:
+            return self._with_offsets(a)
         tried = [
             replace(a, late=late, factor=np.where(a.scaled, x * a.factor, a.factor))
             for x in BETWEEN
@@ -343,15 +365,40 @@ class _Rows:
             do = "Write it into the robot file, or export it"
             yield replace(along(best), says=f"Gravity {tilt.text}", remedy=do)
 
+    def _with_offsets(self, a: Alternative) -> Alternative:
+        """Return an alternative with the offset of each log, and where they differ most."""
+        rows = self.under(a)
+        left, ones = rows.seen.y - rows.seen.X @ rows._solve(a, beside=False)[0], rows._constant
+        found = (left.T[..., None] * ones).sum(1) / np.maximum((ones**2).sum(1), 1e-300)
+        apart = (found - found.mean(1, keepdims=True)).T
+        each, size = apart.std(0, ddof=1), np.sqrt(self.variation)
+        j = int(np.argmax(each / size))
+        says = f"{a.says} by ±{each[j]:.2g} {self.robot.torque_units[j]} in {self.robot.joints[j]}"
+        names = [s.name for s in self.samples]
+        return replace(a, says=says, offsets=dict(zip(names, apart, strict=True)))
+
     # What fits to all rows leave of each column of the log.
 
     def _seen_at(self, j: int, rows: Array, beside: bool) -> Array:
-        """Return rows (N, m) of the data of a joint, or what smooth functions leave of them."""
-        own = self.data[:, [j]] * rows
+        """Return rows (N, m) of a joint, or what smooth functions, or offsets, leave of them."""
+        own = self._beside(j, self.data[:, [j]] * rows, beside)
+        if self.apart:
+            U = self._beside(j, self._constant[j], beside)
+            own -= U @ (np.linalg.pinv(U) @ own)
+        return own
+
+    def _beside(self, j: int, own: Array, beside: bool) -> Array:
         if beside:
             U, gone = self._smooth[j]
-            own -= U @ (gone[:, None] * (U.T @ own))
+            own = own - U @ (gone[:, None] * (U.T @ own))
         return own
+
+    @cached_property
+    def _constant(self) -> Array:
+        """A constant torque of each joint in each log, (n, N, L)."""
+        ones = [replace(p, tau=np.ones_like(p.tau)).torque for p in self.seen.pieces]
+        each = self.seen.log[:, None] == np.unique(self.seen.log)
+        return np.concatenate(ones)[self.seen.seen].T[..., None] * each
 
     @cached_property
     def _smooth(self) -> list[tuple[Array, Array]]:
@@ -405,8 +452,8 @@ class _Rows:
 
         Friction and rotor inertia are not negative; joints are weighed by what is left of them.
         """
-        if a.zero.any():
-            return self.at(a.zero.tobytes())._solve(replace(a, zero=0.0 * a.zero), beside)
+        if (rows := self.under(a)) is not self:
+            return rows._solve(replace(a, zero=0.0 * a.zero, apart=False), beside)
         w, b = self._weights(a), self.parts.shape[2]
         grams, each = self.grams(beside, w.tobytes()), []
         for j, (own, factor) in enumerate(zip(w, a.factor, strict=True)):
@@ -432,8 +479,8 @@ class _Rows:
 
     def count(self, a: Alternative) -> Array:
         """Return how many rows of each column of the log tell something new, (n,)."""
-        if a.zero.any():
-            return self.at(a.zero.tobytes()).count(replace(a, zero=0.0 * a.zero))
+        if (rows := self.under(a)) is not self:
+            return rows.count(replace(a, zero=0.0 * a.zero, apart=False))
         w, (x, _) = self._weights(a), self._solve(a, beside=True)
         left = [
             self.torque(j, float(a.late[j]), beside=True)[:, a.order[j]]
