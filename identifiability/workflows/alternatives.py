@@ -33,6 +33,8 @@ from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
 from identifiability.logs.prepare import Dataset
 from identifiability.logs.spectrum import autocorrelation_time
+from identifiability.physical.cad_prior import combine_with_file
+from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.quality import MeasuredLogs
 from identifiability.quality.hints import measure_factors
 from identifiability.regression.columns import list_candidates
@@ -312,9 +314,7 @@ class _Rows:
     def refine(self, a: Alternative) -> Alternative:
         """Return an alternative with the delay, unit or robot that fits best."""
         if a.lacks.any():
-            given, (x, _) = self.structure, self._solve(a, beside=False)
-            apart = np.linalg.lstsq(given.G, x - given.nominal_base, rcond=None)[0]
-            return replace(a, values=given.nominal + apart)
+            return replace(a, values=self._with_file(a))
         if a.apart:
             return self._with_offsets(a)
         tried = [
@@ -364,6 +364,17 @@ class _Rows:
         if tilt is not None and best @ up < np.cos(np.radians(RULES.tilt_large)):
             do = "Write it into the robot file, or export it"
             yield replace(along(best), says=f"Gravity {tilt.text}", remedy=do)
+
+    def _with_file(self, a: Alternative) -> Array:
+        """Return standard parameters (p,) that fit, the file's where the rows tell nothing."""
+        (x, left), rows, w = self._solve(a, beside=False), [], self._weights(a)
+        sd = np.sqrt(left * self.variation * self.data.sum(0) / self.count(a))
+        for j, acting in enumerate(self.acts):
+            rows.append(np.zeros((len(self.data), len(x))))
+            rows[j][:, acting] = self.products(j, beside=False) @ w[j] / sd[j]
+        R = np.linalg.qr(np.concatenate(rows), mode="r")
+        phi, share = np.eye(len(self.structure.columns)), PHYSICAL_RULES.body_within
+        return combine_with_file(self.structure, R @ self.structure.G, R @ x, phi, share).mean
 
     def _with_offsets(self, a: Alternative) -> Alternative:
         """Return an alternative with the offset of each log, and where they differ most."""
