@@ -18,8 +18,8 @@ cut-offs. Where the logs as they should be are the same data but for what was do
 the file, they are the truth. Errors are those along the sealed log as it should be where a
 condition spoils measurements of the same torque, else along the condition's own; of commands they
 are over that of the true machine's rollout. What no model can know, an offset of the sealed run, is
-taken out of both. Beside it stands the error over that of the logs as they should be, which are other data
-where the machine or its motion is another. `named` are
+taken out of both. Beside it stands the error over that of the logs as they should be, which are
+other data where the machine or its motion is another. `named` are
 draws in which what is told (of masses, columns, motion, or what is missing) has the condition in
 it, `false` those in which it has something else; of logs as they should be all is false.
 `labels` are values called identifiable that hold those of exact logs.
