@@ -11,9 +11,15 @@ runs, friction that warms up, dwells, a hand that pushes, gains that are off, fr
 joints, columns exchanged, still, in another unit, an encoder's zero. Robots under position commands
 and robots that float are drawn by `field_commanded`.
 
-One error on a sealed log is divided by that of the log as it should be, which is what the true
-structure gives: on the sealed log as it should be where a condition spoils measurements of the same
-torque, else on the condition's own; of commands by that of the true machine's rollout. `named` are
+One error on a sealed log is divided by that which the same logs give to who knows the truth and
+states it (`Condition.truth`): a robot that stands as it does, a model that has what acts (friction
+that warms up as a steady drift, which it is not), offsets of each run taken out, the best of many
+cut-offs. Where the logs as they should be are the same data but for what was done to columns or to
+the file, they are the truth. Errors are those along the sealed log as it should be where a
+condition spoils measurements of the same torque, else along the condition's own; of commands they
+are over that of the true machine's rollout. What no model can know, an offset of the sealed run, is
+taken out of both. Beside it stands the error over that of the logs as they should be, which are
+other data where the machine or its motion is another. `named` are
 draws in which what is told (of masses, columns, motion, or what is missing) has the condition in
 it, `false` those in which it has something else; of logs as they should be all is false.
 `labels` are values called identifiable that hold those of exact logs.
@@ -56,10 +62,11 @@ from scipy.spatial.transform import Rotation
 from servo_robots import Recorder
 from shared import ROOT, study_parser, write_answer
 
-from identifiability import Analysis, Log, analyze
+from identifiability import Analysis, Log, Preparation, analyze
 from identifiability.foundation.errors import ClosureError, IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import plain
+from identifiability.regression.reduction import DEFAULT_EFFECTS, LadderEntry
 from identifiability.robot import Robot
 from identifiability.simulation.mujoco_robot import MujocoRobot
 
@@ -117,6 +124,50 @@ class Logged:
 
 
 @dataclass(frozen=True)
+class Stated:
+    """How an analysis is told the truth: one for each of some options, of which the best counts."""
+
+    robot: Robot
+    options: tuple[dict[str, Any], ...] = ({},)
+    logs: tuple[pd.DataFrame, ...] = ()
+
+
+def _as_it_is(_: Logged, robot: Robot) -> Stated:
+    """Return the plain model as the truth, which nothing that seems missing may join."""
+    return Stated(robot, ({"ladder": _ladder()},))
+
+
+def _as_it_stands(x: Logged, robot: Robot) -> Stated:
+    turned = robot.turned(np.array(x.case.machine.model.opt.gravity))
+    return Stated(turned, ({"ladder": _ladder()},))
+
+
+def _having(effect: str) -> Callable[[Logged, Robot], Stated]:
+    def state(x: Logged, robot: Robot) -> Stated:
+        return Stated(robot, ({"ladder": _ladder(effect.format(robot.joints[0]))},))
+
+    return state
+
+
+def _ladder(*more: str) -> LadderEntry:
+    model = {"name": "truth", "effects": [*DEFAULT_EFFECTS, *more]}
+    return LadderEntry.model_validate({"models": [model]})
+
+
+def _at_best(_: Logged, robot: Robot) -> Stated:
+    """Return the plain model at many cut-offs [Hz]: the default chooses one."""
+    at = (Preparation(cutoff=f) for f in (2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 25.0))
+    return Stated(robot, tuple({"ladder": _ladder(), "preparation": how} for how in at))
+
+
+def _without_offsets(x: Logged, robot: Robot) -> Stated:
+    frames = []
+    for frame, offsets in zip(x.frames, x.notes["offsets"], strict=True):
+        frames.append(frame.assign(**{name: frame[name] - by for name, by in offsets.items()}))
+    return Stated(robot, ({"ladder": _ladder()},), tuple(frames))
+
+
+@dataclass(frozen=True)
 class Condition:
     """What a robot or its logs are like.
 
@@ -137,6 +188,10 @@ class Condition:
     sealed : str
         Whether errors are those along the ``sound`` sealed log, or along its ``own``, over the
         variation of its own torque or, ``sound scale``, of that of the sound one.
+    truth : callable(Logged, Robot) -> Stated, optional
+        What states the truth; by default logs as they should be are the same data with it.
+    centred : bool
+        Whether errors are about each joint's mean.
     case : Commanded or Floating, optional
         What draws and examines it, if it is no robot whose torque was measured on a stand.
     """
@@ -148,6 +203,8 @@ class Condition:
     of: tuple[str, ...] = EVERY
     labels: bool = True
     sealed: str = "own"
+    truth: Callable[[Logged, Robot], Stated] | None = None
+    centred: bool = False
     case: Commanded | Floating | None = None
 
 
@@ -231,9 +288,12 @@ def _noisy(x: Logged) -> None:
 
 
 def _offsets(x: Logged) -> None:
+    x.notes["offsets"] = []
+
     def more(_: int, f: pd.DataFrame) -> None:
-        for j in x.robot.joints:
-            f[f"{j}.tau"] += x.rng.normal(0, 0.05) * f[f"{j}.tau"].std()
+        own = {f"{j}.tau": x.rng.normal(0, 0.05) * f[f"{j}.tau"].std() for j in x.robot.joints}
+        x.notes["offsets"].append(own)
+        f.update({name: f[name] + by for name, by in own.items()})
 
     x.change(more)
 
@@ -349,17 +409,29 @@ CONDITIONS = {
     "motor side, not stated": Condition(
         2, r"unit|ratio|gear|scale|file asks for", _motor_side(False), of=ARMS, labels=False
     ),
-    "on its side": Condition(3, GRAVITY, machine=_turned(90.0), of=ARMS, labels=False),
-    "overhead": Condition(3, GRAVITY, machine=_turned(180.0), of=ARMS, labels=False),
-    "tilted by 2 degrees": Condition(3, GRAVITY, machine=_turned(2.0), of=ARMS),
-    "noisy positions": Condition(4, "noise", _noisy, sealed="sound"),
-    "offsets by run": Condition(5, r"offset|\.off\b", _offsets, sealed="sound"),
-    "friction warms up": Condition(5, r"friction|time|\.F[cv]\b", labels=False),
-    "stops and dwells": Condition(6, "", machine=_stops),
+    "on its side": Condition(
+        3, GRAVITY, machine=_turned(90.0), of=ARMS, labels=False, truth=_as_it_stands
+    ),
+    "overhead": Condition(
+        3, GRAVITY, machine=_turned(180.0), of=ARMS, labels=False, truth=_as_it_stands
+    ),
+    "tilted by 2 degrees": Condition(
+        3, GRAVITY, machine=_turned(2.0), of=ARMS, truth=_as_it_stands
+    ),
+    "noisy positions": Condition(4, "noise", _noisy, sealed="sound", truth=_at_best),
+    "offsets by run": Condition(
+        5, r"offset|\.off\b", _offsets, sealed="sound", truth=_without_offsets, centred=True
+    ),
+    "friction warms up": Condition(
+        5, r"friction|time|\.F[cv]\b", labels=False, truth=_having("friction_drift@{}")
+    ),
+    "stops and dwells": Condition(6, "", machine=_stops, truth=_as_it_is),
     "guided by hand": Condition(6, "weighed down|outlier|influential", _guided, sealed="sound"),
-    "point to point": Condition(7, "", machine=_point_to_point, of=ARMS),
+    "point to point": Condition(7, "", machine=_point_to_point, of=ARMS, truth=_as_it_is),
     "gains off by 5-15 %": Condition(8, r"\bgain|scale|torque column", _gains, labels=False),
-    "passive friction": Condition(9, "passive", machine=_passive, of=CHAINS),
+    "passive friction": Condition(
+        9, "passive", machine=_passive, of=CHAINS, truth=_having("passive_joint_friction")
+    ),
     "columns exchanged": Condition(9, "exchanged|joints.*are other", _exchanged, labels=False),
     "a column of zeros": Condition(9, "not measured|every row|no data", _still(0.0, 1.0)),
     "quadruped, gains stated": Condition(10, "", case=Commanded("quadruped", QUADRUPED, (15.0,))),
@@ -490,17 +562,35 @@ def truth_of(case: Case, a: Analysis) -> pd.Series:
     return pd.Series(values, base.labels)
 
 
-def sealed_error(a: Analysis, sealed: Any, scale: Array | None = None) -> float:
+def sealed_error(
+    a: Analysis, sealed: Any, scale: Array | None = None, *, centred: bool = False
+) -> float:
     """Return the error where joints move, over each joint's own variation or a given one (n,)."""
     p = a.predict([sealed])
     data = p.known & np.isfinite(p.tau)
     left = np.where(data, p.tau - p.predicted, 0.0)
     rows = np.maximum(data.sum(0), 1)
+    if centred:
+        left = np.where(data, left - left.sum(0) / rows, 0.0)
     centred = np.where(data, p.tau - np.where(data, p.tau, 0.0).sum(0) / rows, 0.0)
     own = np.sqrt((centred**2).sum(0) / rows)
     scale = own if scale is None else scale
     known = own > 0
     return float(np.sqrt(np.mean((left**2).sum(0)[known] / (rows * scale**2)[known])))
+
+
+def truth_error(x: Logged, which: Condition, sealed: Any) -> float:
+    """Return the error of an analysis of the same logs that is told the truth."""
+    assert which.truth is not None
+    stated, logs = which.truth(x, load_robot(x.path)), [x.path / f"{n}.parquet" for n in LOGS]
+    fitted: list[Any] = list(stated.logs or logs)
+    errors = []
+    for options in stated.options:
+        a = analyze(
+            stated.robot, fitted[:FITTED], fitted[FITTED : FITTED + 1], replicates=0, **options
+        )
+        errors.append(sealed_error(a, sealed, centred=which.centred))
+    return min(errors)
 
 
 def examine(x: Logged, which: Condition) -> dict[str, Any]:
@@ -523,8 +613,10 @@ def examine(x: Logged, which: Condition) -> dict[str, Any]:
     elif which.sealed == "sound scale":
         scale = x.notes["sound"][[f"{j}.tau" for j in robot.joints]].to_numpy().std(0)
     if a.alternative is not None:  # under which all is said
-        sealed = a.alternative.read(Log.read(sealed), robot)
-    row["error"] = sealed_error(a, sealed, scale)
+        sealed = a.alternative.read(Log.read(sealed), a.structure)
+    row["error"] = sealed_error(a, sealed, scale, centred=which.centred)
+    if which.truth is not None:
+        row["truth"] = truth_error(x, which, sealed)
     row |= examine_told(told(a), which.says)
     row["identifiable"] = int(a.to_frame().verdict.eq("identifiable").sum())
     missed: list[str] = []
@@ -550,12 +642,12 @@ def examine_number(
 def show(rows: Sequence[dict[str, Any]], out: Path, stream: str) -> None:
     """Print the table of the twelve, and write it with that of all draws."""
     frame = pd.DataFrame(rows).reset_index(drop=True)
-    for column in ("over", "off", "half", "held", "judged"):
+    for column in ("over", "off", "half", "held", "judged", "truth"):
         frame[column] = frame.get(column, np.nan)
-    sound = frame[frame.condition == SOUND].set_index("number").error
-    ratio = frame.error / frame.number.map(sound)
+    sound = frame.number.map(frame[frame.condition == SOUND].set_index("number").error)
     drawn = frame.condition.map(lambda name: CONDITIONS[name].case is None)
-    frame["over"] = frame.over.where(~drawn, ratio)
+    frame["over"] = frame.over.where(~drawn, frame.error / frame.truth.fillna(sound))
+    frame["over sound"] = (frame.error / sound).where(drawn)
     order = {name: k for k, name in enumerate(CONDITIONS)}
     table = []
     for name, own in sorted(frame.groupby("condition"), key=lambda pair: order[pair[0]]):
@@ -568,6 +660,7 @@ def show(rows: Sequence[dict[str, Any]], out: Path, stream: str) -> None:
             "trusted": int((own.trust == "green").sum()),
             "error over the true structure's": round(float(own.over.median()), 2),
             "at worst": round(float(own.over.max()), 2),
+            "over sound logs'": round(float(own["over sound"].median()), 2),
             "labels": f"{held:.0f} of {judged:.0f}" if judged else "–",
             "coverage": round(held / judged, 3) if judged else np.nan,
             "identifiable": round(float(own.identifiable.mean()), 1),

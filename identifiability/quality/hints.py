@@ -34,22 +34,16 @@ from identifiability.robot import complete_motion
 
 @check("unit", Does.EXPLAINS)
 def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
-    """Return torque whose size contradicts the file at all joints."""
+    """Return torque whose size contradicts the file at all joints where it shows, most of them."""
     factors = measure_factors(logs) if logs.weighs else np.empty(0)
     share = factors[np.isfinite(factors)]
     most = np.log(RULES.unit_factor)
-    if not len(share) or not (np.abs(np.log(share)) > most).all():
+    shows = 2 * len(share) >= len(factors) > 0
+    if not shows or not (np.abs(np.log(share)) > most).all():
         return []
     how = phrase("unit", "alike" if np.ptp(np.log(share)) < most else "apart")
     multiple = " … ".join(dict.fromkeys(f"{x:.2g}" for x in (share.min(), share.max())))
-    return [
-        Finding(
-            "unit",
-            multiple=f"{multiple} times",
-            how=how,
-            factors=share.tolist(),
-        )
-    ]
+    return [Finding("unit", multiple=f"{multiple} times", how=how, factors=share.tolist())]
 
 
 def measure_factors(logs: MeasuredLogs) -> Array:
@@ -105,14 +99,7 @@ def find_exchanged(logs: MeasuredLogs) -> list[Finding]:
     least, says = min(errors, key=lambda pair: pair[0])
     if least**2 >= RULES.unexplained * given**2 or not says:
         return []
-    return [
-        Finding(
-            "exchanged",
-            what=says,
-            least=least,
-            given=given,
-        )
-    ]
+    return [Finding("exchanged", what=says, least=least, given=given)]
 
 
 def _meant(logs: MeasuredLogs, plain: Meant) -> Iterator[Meant]:
@@ -182,25 +169,9 @@ def find_saturation(logs: MeasuredLogs) -> list[Finding]:
                 share, lasts = at.mean(), at[3:] & at[2:-1] & at[1:-2] & at[:-3]
                 # It is met this often in all, and so much more often than what is next to it.
                 if share >= 0.005 and lasts.any() and at.sum() > 6 * (near - at.sum()):
-                    found[joint] = phrase(
-                        "flat",
-                        "one",
-                        joint=joint,
-                        value=top,
-                        share=share,
-                    )
+                    found[joint] = phrase("flat", "one", joint=joint, value=top, share=share)
     columns = tuple(f"{joint}.tau" for joint in found)
-    return (
-        [
-            Finding(
-                "flat",
-                where=[*found.values()],
-                columns=columns,
-            )
-        ]
-        if found
-        else []
-    )
+    return [Finding("flat", where=[*found.values()], columns=columns)] if found else []
 
 
 # What is odd about the robot file, and about joints that say nothing: asked of any logs.
@@ -255,15 +226,7 @@ def find_still(logs: MeasuredLogs) -> list[Finding]:
     locks = " ".join(f"--lock {j}={at[j]:.4g}" for j in still if j in at)
     columns = tuple(f"{j}.tau" for j in still)
     locks = f" ({locks})" if locks else ""
-    return [
-        Finding(
-            "still",
-            joints=still,
-            locks=locks,
-            rows="all",
-            columns=columns,
-        )
-    ]
+    return [Finding("still", joints=still, locks=locks, rows="all", columns=columns)]
 
 
 # Contacts of a robot that floats: does it stay up by those that are closed?

@@ -11,28 +11,32 @@ cannot tell it from other masses.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import field, replace
 from functools import cache, cached_property, lru_cache, partial
 from itertools import combinations, product
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 
 from identifiability.effects import find_families
 from identifiability.effects.base import GravityTilt, horizontal_axes
 from identifiability.effects.inertia import ActuatorInertia
-from identifiability.effects.nominal import gravity_torque
 from identifiability.effects.transmission import Hysteresis
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
+from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
+from identifiability.logs.prepare import Dataset
 from identifiability.logs.spectrum import autocorrelation_time
+from identifiability.physical.cad_prior import combine_with_file
+from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.quality import MeasuredLogs
+from identifiability.quality.hints import measure_factors
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
@@ -48,6 +52,8 @@ DELAYS: tuple[Tolerance, ...] = (0.02, 0.05, 0.1, 0.2)
 BETWEEN = np.geomspace(0.3, 3.0, 25)
 #: Logs of what is left by which one alternative is as good as another.
 EVEN: Tolerance = 0.02
+#: First zeros that are tried, of how far a joint moves.
+SHIFT = 0.2
 #: Of what may be missing at a joint directions count that are so strong, beside the strongest.
 STRONG: Tolerance = 0.03
 
@@ -67,9 +73,17 @@ class Alternative:
     late : (n,) [s]
         By how much it is late.
     lacks : (n,) bool
-        Whether weight was taken out of it; read otherwise it has that of the file's masses.
+        Whether weight was taken out of it; read otherwise it has that of the fitted robot.
     gravity : (3,) [m/s²]
         In the file's world.
+    zero : (n,) [rad or m]
+        By how much positions are read too large.
+    values : (p,)
+        Standard parameters of the robot that was fitted, where one has to be weighed.
+    apart : bool
+        Whether each log has torque offsets of its own;
+    offsets : mapping of str to (n,) [N·m or N]
+        these, less their mean, by the names of logs.
     free : int
         How many numbers of it were fitted.
     nats, error : float
@@ -84,6 +98,10 @@ class Alternative:
     late: Array
     lacks: np.ndarray
     gravity: Array
+    zero: Array
+    values: Array = field(default_factory=lambda: np.empty(0))
+    apart: bool = False
+    offsets: Mapping[str, Array] = field(default_factory=dict)
     free: int = 0
     nats: float = 0.0
     error: float = 1.0
@@ -99,8 +117,8 @@ class Alternative:
 
     @property
     def otherwise(self) -> np.ndarray:
-        """Columns that are not read as they are given, (n,) bool."""
-        other = self.order != np.arange(len(self.order))
+        """Joints whose columns are not read as they are given, (n,) bool."""
+        other = (self.order != np.arange(len(self.order))) | (self.zero != 0.0) | self.apart
         return np.asarray(other | (self.factor != 1.0) | (self.late != 0.0) | self.lacks)
 
     @property
@@ -124,15 +142,20 @@ class Alternative:
             return Structure.of(replace(robot, model=model), given.model)
         return Structure.of(robot, given.model + GravityTilt(g))
 
-    def read(self, log: Log, robot: Robot) -> Log:
-        """Return a log with torque columns as they are meant."""
+    def read(self, log: Log, given: Structure) -> Log:
+        """Return a log with columns as they are meant."""
         columns = zip(self.order.tolist(), self.late.tolist(), strict=True)
         tau = [np.interp(log.t + by, log.t, log.tau[:, k]) for k, by in columns]
-        still = np.zeros(log.q.shape)
-        motion = complete_motion(robot, log.t, log.q, still, still)
-        weight = np.zeros(log.tau.shape)  # samples whose loops do not close are left out anyway
-        weight[motion.kept] = self.lacks * gravity_torque(robot, motion, robot.gravity)
-        return replace(log, tau=np.column_stack(tau) * self.factor + weight)
+        weight, still = np.zeros(log.tau.shape), np.zeros(log.q.shape)
+        if self.lacks.any():
+            motion = complete_motion(given.robot, log.t, log.q, still, still)
+            ways = (given.robot.turned(way * given.robot.gravity) for way in (1, -1))
+            down, up = (given.model.regressor(robot, motion) @ self.values for robot in ways)
+            # Samples whose loops do not close are left out anyway.
+            weight[motion.kept] = 0.5 * self.lacks * (down - up)
+        command = None if log.q_ref is None else log.q_ref - self.zero
+        read = np.column_stack(tau) * self.factor + weight - self.offsets.get(log.name, 0.0)
+        return replace(log, q=log.q - self.zero, q_ref=command, tau=read)
 
 
 def find_alternative(logs: MeasuredLogs) -> Alternative | None:
@@ -146,8 +169,9 @@ def find_alternative(logs: MeasuredLogs) -> Alternative | None:
     squares, least = np.exp(2 * plain), 1 - RULES.alternative_error**2
     found: list[tuple[float, Alternative]] = []
     for a in rows.propose():
-        # Columns that leave little are not wrong, but in their unit: wrong ones spoil no others.
-        if squares[a.otherwise | a.keeps_columns | a.scaled.any()].sum() < least * squares.sum():
+        # Torque that leaves little is not wrong, but in its unit: wrong columns spoil no others.
+        spoils = a.keeps_columns or (a.scaled | a.lacks).any() or rows.under(a) is not rows
+        if squares[a.otherwise | spoils].sum() < least * squares.sum():
             continue
         left = rows.fit(a)
         error = float(np.sqrt(np.exp(2 * left).sum() / squares.sum()))
@@ -168,21 +192,23 @@ def find_alternative(logs: MeasuredLogs) -> Alternative | None:
 class _Rows:
     """Rows of the fitted logs, of which columns are known under any gravity."""
 
-    def __init__(self, logs: MeasuredLogs) -> None:
+    def __init__(
+        self, logs: MeasuredLogs, zero: Array | None = None, *, apart: bool = False
+    ) -> None:
         self.structure, self.robot, self.weighs = logs.structure, logs.robot, logs.weighs
         n, b = len(logs.joints), len(self.structure.base.kept)
         most = max(min(ROWS[0], NUMBERS // (4 * n * max(b, 1))), ROWS[1])
         self._most = most, ROWS[1], most // ROWS[1]
-        self.samples = logs.samples
+        self.logs = logs
+        few = tuple(s.thin(max(1, len(s.tau) * len(logs.samples) // ROWS[0])) for s in logs.samples)
+        self.thinned = replace(logs, samples=few)
+        self.samples = [x if zero is None else _moved(self.robot, x, zero) for x in logs.samples]
         self.seen = self._look(self.robot)
-        data = self.seen.data
-        # A column that is another joint's is data where that one moves.
-        every = data.all(1, keepdims=True)
-        self.data = data & every if every.mean() > 0.5 * data.mean() else data
+        self.data = self.seen.data
         #: What makes columns (N, n, b) of these parts: 1, and gravity where there is any.
         self.parts = self.seen.X[..., None]
         g, size = self.robot.gravity, float(np.linalg.norm(self.robot.gravity))
-        if size and "rigid_body" in self.structure.model.names:
+        if zero is None and size and "rigid_body" in self.structure.model.names:
             # Columns are linear in gravity, without which a tilt would have no parameters.
             bare = 0.5 * (self.seen.X + self._look(self.robot.turned(-g)).X)
             axes = [self._look(self.robot.turned(a)).X - bare for a in size * np.eye(3)]
@@ -190,11 +216,20 @@ class _Rows:
         #: Which columns act in each joint: in a tree few do.
         self.acts = [np.flatnonzero(self.parts[:, j].any((0, 2))) for j in range(n)]
         same = np.arange(n), np.ones(n), np.zeros(n), np.zeros(n, bool)
-        self.plain = Alternative("", "", *same, g)
+        self.plain = Alternative("", "", *same, g, np.zeros(n))
+        self.apart = apart
+        #: The same by zeros of encoders, and whether offsets are of each log.
+        self.at = lru_cache(JUDGED)(lambda by, own: _Rows(logs, np.frombuffer(by), apart=own))
         self.products, self.torque = cache(self._products), cache(self._torque)
         self.crosses, self.grams = cache(self._crosses), lru_cache(2)(self._grams)
         #: Of the log [s].
         self.step = float(np.median(np.diff(self.seen.pieces[0].motion.t)))
+
+    def under(self, a: Alternative) -> _Rows:
+        """Return the rows of an alternative's motion and offsets."""
+        if not (a.apart or a.zero.any()):
+            return self
+        return self.at(a.zero.tobytes(), a.apart)
 
     def _look(self, robot: Robot) -> Excerpt:
         structure = replace(self.structure, robot=robot)
@@ -233,26 +268,67 @@ class _Rows:
         do = "Correct its unit in the log"
         for unit, (who, own) in product(() if said.gain or n < 2 else UNITS, some):
             yield replace(plain, says=who, remedy=do, factor=np.where(own, 1 / unit, 1.0), free=1)
+        shares = measure_factors(self.logs) if self.weighs and not said.gain else np.ones(n)
+        if (shows := np.isfinite(shares)).sum() > 1 and np.ptp(shares[shows]) > 0:
+            apart = np.where(shows, np.exp(np.log(shares[shows]).mean()) / shares, 1.0)
+            told = (f"{j} {x:.2g}" for j, x in zip(names, shares, strict=True) if np.isfinite(x))
+            what = f"Torque is so many times what the robot file asks for: {', '.join(told)}"
+            do = 'Correct units in the log, or say side = "motor" and each ratio under [torque]'
+            yield replace(plain, says=what, remedy=do, factor=apart, free=n - 1)
+        if len(self.samples) > 1 and not self.apart:
+            what = "Torque offsets differ between logs"
+            do = "Those of another log cannot be known; compare gives these with their intervals"
+            free = n * (len(self.samples) - 1)
+            yield replace(plain, says=what, remedy=do, apart=True, free=free)
         do = "Shift the column in the log"
         for by, way, (who, own) in product(DELAYS, (-1, 1), every):
             yield replace(plain, says=who, remedy=do, late=np.where(own, way * by, 0.0), free=1)
         if self.parts.shape[3] > 1:
             yield from self._directions()
+        if np.exp(self.fit(self.plain)).max() > RULES.grades[0]:
+            yield from self._zeros()
+
+    def _zeros(self) -> Iterator[Alternative]:
+        """Yield the zeros of encoders that fit best, at the two joints where most is gained."""
+        few = _Rows(self.thinned, np.zeros(len(self.data.T)))
+        reach = np.ptp(np.concatenate([s.motion.actuated_q for s in few.samples]), axis=0)
+        one = np.eye(len(reach))
+
+        def left(by: float, joint: int) -> float:
+            try:
+                return float(few.fit(replace(self.plain, zero=by * reach * one[joint])).sum())
+            except ClosureError:
+                return np.inf
+
+        tried = [(left(by, j), j, by) for j in range(len(reach)) for by in (-SHIFT, SHIFT)]
+        for _, j, by in sorted(tried)[:2]:
+            ends = sorted((0.0, 4 * by))
+            how = {"xatol": 1e-3, "maxiter": 14}
+            x = minimize_scalar(left, ends, args=(j,), bounds=ends, method="bounded", options=how).x
+            zero, who = x * reach * one[j], self.robot.joints[j]
+            unit = "m" if self.robot.is_prismatic(int(self.robot.actuated[j])) else "rad"
+            says = f"The position of {who} seems to be read {zero[j]:.3g} {unit} too large"
+            do = f"Correct its zero, or say {who} = {{offset = {-zero[j]:.3g}}} under [columns]"
+            yield replace(self.plain, says=says, remedy=do, zero=zero, free=1)
 
     def refine(self, a: Alternative) -> Alternative:
-        """Return an alternative with the delay or unit that fits best, between those tried."""
+        """Return an alternative with the delay, unit or robot that fits best."""
+        if a.lacks.any():
+            return replace(a, values=self._with_file(a))
+        if a.apart:
+            return self._with_offsets(a)
         tried = [
             replace(a, late=late, factor=np.where(a.scaled, x * a.factor, a.factor))
             for x in BETWEEN
             for late in [np.round(x * a.late / self.step) * self.step]
         ]
-        if a.late.any() or a.scaled.any():
+        if a.late.any() or a.scaled.sum() == 1:
             a = min(tried, key=lambda x: float(self.fit(x).sum()))
         late, scale = a.late[np.argmax(np.abs(a.late))], a.factor[a.scaled]
         says, way = a.says, "late" if late > 0 else "early"
         if late:
             says += f" seems to be {1e3 * abs(late):.3g} ms {way}"
-        elif scale.size:
+        elif scale.size == 1:
             says += f" is {1.0 / scale[0]:.2g} times as large as its model's"
         return replace(a, says=says)
 
@@ -289,15 +365,51 @@ class _Rows:
             do = "Write it into the robot file, or export it"
             yield replace(along(best), says=f"Gravity {tilt.text}", remedy=do)
 
+    def _with_file(self, a: Alternative) -> Array:
+        """Return standard parameters (p,) that fit, the file's where the rows tell nothing."""
+        (x, left), rows, w = self._solve(a, beside=False), [], self._weights(a)
+        sd = np.sqrt(left * self.variation * self.data.sum(0) / self.count(a))
+        for j, acting in enumerate(self.acts):
+            rows.append(np.zeros((len(self.data), len(x))))
+            rows[j][:, acting] = self.products(j, beside=False) @ w[j] / sd[j]
+        R = np.linalg.qr(np.concatenate(rows), mode="r")
+        phi, share = np.eye(len(self.structure.columns)), PHYSICAL_RULES.body_within
+        return combine_with_file(self.structure, R @ self.structure.G, R @ x, phi, share).mean
+
+    def _with_offsets(self, a: Alternative) -> Alternative:
+        """Return an alternative with the offset of each log, and where they differ most."""
+        rows = self.under(a)
+        left, ones = rows.seen.y - rows.seen.X @ rows._solve(a, beside=False)[0], rows._constant
+        found = (left.T[..., None] * ones).sum(1) / np.maximum((ones**2).sum(1), 1e-300)
+        apart = (found - found.mean(1, keepdims=True)).T
+        each, size = apart.std(0, ddof=1), np.sqrt(self.variation)
+        j = int(np.argmax(each / size))
+        says = f"{a.says} by ±{each[j]:.2g} {self.robot.torque_units[j]} in {self.robot.joints[j]}"
+        names = [s.name for s in self.samples]
+        return replace(a, says=says, offsets=dict(zip(names, apart, strict=True)))
+
     # What fits to all rows leave of each column of the log.
 
     def _seen_at(self, j: int, rows: Array, beside: bool) -> Array:
-        """Return rows (N, m) of the data of a joint, or what smooth functions leave of them."""
-        own = self.data[:, [j]] * rows
+        """Return rows (N, m) of a joint, or what smooth functions, or offsets, leave of them."""
+        own = self._beside(j, self.data[:, [j]] * rows, beside)
+        if self.apart:
+            U = self._beside(j, self._constant[j], beside)
+            own -= U @ (np.linalg.pinv(U) @ own)
+        return own
+
+    def _beside(self, j: int, own: Array, beside: bool) -> Array:
         if beside:
             U, gone = self._smooth[j]
-            own -= U @ (gone[:, None] * (U.T @ own))
+            own = own - U @ (gone[:, None] * (U.T @ own))
         return own
+
+    @cached_property
+    def _constant(self) -> Array:
+        """A constant torque of each joint in each log, (n, N, L)."""
+        ones = [replace(p, tau=np.ones_like(p.tau)).torque for p in self.seen.pieces]
+        each = self.seen.log[:, None] == np.unique(self.seen.log)
+        return np.concatenate(ones)[self.seen.seen].T[..., None] * each
 
     @cached_property
     def _smooth(self) -> list[tuple[Array, Array]]:
@@ -327,14 +439,14 @@ class _Rows:
 
     def _torque(self, j: int, by: float, beside: bool) -> Array:
         """Return all torque (N, n) as data of a joint, some time later, before any low-pass."""
-        if not by:
-            return self._seen_at(j, self.seen.y, beside)
         parts = []
         for piece in self.seen.pieces:
             t = piece.motion.t
             t = np.interp(np.linspace(0, len(t) - 1, len(piece.tau)), np.arange(len(t)), t)
             tau = np.column_stack([np.interp(t + by, t, x) for x in piece.tau.T])
-            parts.append(replace(piece, tau=tau).torque)
+            # Whose column ever it is, it is none where this joint stands.
+            weight = np.tile(piece.weight[:, [j]], len(self.acts))
+            parts.append(replace(piece, tau=tau, weight=weight).torque)
         return self._seen_at(j, np.concatenate(parts)[self.seen.seen], beside)
 
     def _weights(self, a: Alternative) -> Array:
@@ -351,6 +463,8 @@ class _Rows:
 
         Friction and rotor inertia are not negative; joints are weighed by what is left of them.
         """
+        if (rows := self.under(a)) is not self:
+            return rows._solve(replace(a, zero=0.0 * a.zero, apart=False), beside)
         w, b = self._weights(a), self.parts.shape[2]
         grams, each = self.grams(beside, w.tobytes()), []
         for j, (own, factor) in enumerate(zip(w, a.factor, strict=True)):
@@ -376,6 +490,8 @@ class _Rows:
 
     def count(self, a: Alternative) -> Array:
         """Return how many rows of each column of the log tell something new, (n,)."""
+        if (rows := self.under(a)) is not self:
+            return rows.count(replace(a, zero=0.0 * a.zero, apart=False))
         w, (x, _) = self._weights(a), self._solve(a, beside=True)
         left = [
             self.torque(j, float(a.late[j]), beside=True)[:, a.order[j]]
@@ -384,6 +500,17 @@ class _Rows:
         ]
         new = self.data.sum(0) / autocorrelation_time(np.column_stack(left))
         return np.asarray(new[np.argsort(a.order)])
+
+
+def _moved(robot: Robot, given: Dataset, zero: Array) -> Dataset:
+    """Return samples whose positions are less by zeros (n,), if loops close there."""
+    old = given.motion
+    actuated = old.actuated_q - zero, old.actuated_v, old.actuated_a
+    new = complete_motion(robot, old.t, *actuated)
+    if len(new.t) < len(old.t):
+        raise ClosureError(f"Loops of {given.name} do not close there.")
+    kept = {name: getattr(old, name) for name in ("kept", "dropped", "start", "smooth_v")}
+    return replace(given, motion=replace(new, **kept))
 
 
 def _solve(G: Array, g: Array, nonnegative: np.ndarray) -> Array:

@@ -73,7 +73,7 @@ def test_a_torque_of_another_sign_or_unit_is_found(arm, joint, factor, says):
     found = look(robot, wrong)
     assert found.says.startswith(f"The torque of {log.joints[joint]} {says}")
     given = Structure.of(robot, MODEL)
-    np.testing.assert_allclose(found.read(wrong, robot).tau, log.tau, rtol=0.3)
+    np.testing.assert_allclose(found.read(wrong, given).tau, log.tau, rtol=0.3)
     assert found.structure(given) is given
     assert not found.keeps_columns
 
@@ -97,15 +97,16 @@ def test_effort_without_weight_is_found_whatever_masses_the_file_has(name, masse
 
 
 @pytest.mark.parametrize("masses", [1.3])
-def test_weight_that_one_joint_lacks_is_found_and_the_file_s_is_added(masses):
+def test_weight_that_one_joint_lacks_is_found_and_the_fitted_robot_s_is_added(masses):
     robot, log = record("six-dof-arm", masses=masses)
     truth = robot.with_values({n: masses * x for n, x in robot.nominal.items()})
     light = replace(log, tau=log.tau - (np.arange(6) == 1) * weight(truth, log))
     found = look(robot, light)
     assert np.flatnonzero(found.lacks).tolist() == [1]
     assert 'Say compensated = ["joint_2"]' in found.remedy
-    added = found.read(light, robot).tau - light.tau
-    np.testing.assert_allclose(added[:, 1], weight(robot, log)[:, 1])
+    added = found.read(light, Structure.of(robot, MODEL)).tau - light.tau
+    missed, file = added - weight(truth, log), weight(robot, log) - weight(truth, log)
+    assert np.linalg.norm(missed[:, 1]) < 0.2 * np.linalg.norm(file[:, 1])
 
 
 @pytest.mark.parametrize(("joint", "samples"), [(4, -3), (2, 10)])

@@ -635,7 +635,7 @@ def conclude_analysis(
     fitted, *others = predict_all(opening.regression, tasks)
     if opening.unseen is not None:
         others = [predict(opening.unseen, values)]
-    unseen, missing = (others or [fitted])[0], missing or opening.missing
+    unseen, missing = (others or [fitted])[0], missing or rows.missing
     given = rng, settings["replicates"], missing, late
     results = assess_ladder(settled, fitted, unseen, judged, *given)
     at = select_model(results, near)

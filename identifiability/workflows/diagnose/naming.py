@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import starmap, zip_longest
+from itertools import zip_longest
 
 import numpy as np
 from scipy.special import chdtrc, logsumexp, softmax
@@ -51,6 +51,7 @@ from identifiability.workflows.diagnose.problem import (
     nearest_robot,
     weigh_fit,
 )
+from identifiability.workflows.session import leave_out_rows
 
 #: Share of all places from which on an effect is said to be everywhere.
 MOST: Tolerance = 0.75
@@ -626,17 +627,8 @@ def _ends(at: np.ndarray, likely: Array, time: Array) -> tuple[float, float]:
 
 def without_outliers(setting: Setting, outliers: Outliers) -> Setting:
     """Return a setting in which outlying stretches are no data, as where a joint stands."""
-
-    def without(k: int, s: Dataset) -> Dataset:
-        at, t, own = setting.samples[k].output_times(), s.motion.t[:, None], outliers.log == k
-        beside = at[1] - at[0]
-        first, last = at[outliers.first[own]] - beside, at[outliers.last[own] - 1] + beside
-        lies_out = ((t >= first) & (t <= last)).any(1)
-        return replace(s, weight=np.where(lies_out[:, None], 0.0, s.weight > 0))
-
-    samples, looked = (
-        tuple(starmap(without, enumerate(x))) for x in (setting.samples, setting.looked)
-    )
+    samples = leave_out_rows(setting.samples, outliers)
+    looked = leave_out_rows(setting.looked, outliers, setting.samples)
     return replace(setting, samples=samples, looked=looked)
 
 

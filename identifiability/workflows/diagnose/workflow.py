@@ -82,6 +82,7 @@ from identifiability.workflows.diagnose.result import (
     simulate_forward,
 )
 from identifiability.workflows.session import (
+    OUT,
     Logs,
     Opening,
     Progress,
@@ -323,8 +324,7 @@ class _Asked:
                 rows = gather_information(found.completed.regression(samples))
                 weighed = weigh_fit(robot, samples, rows)
             *_, said, outliers = weighed
-            # Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
-            outliers = None if outliers is None else outliers.below(0.1)
+            outliers = None if outliers is None else outliers.below(OUT)
             if outliers is None or _last(changes, samples):
                 said = "" if changes else said
             else:
