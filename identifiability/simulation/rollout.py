@@ -38,7 +38,7 @@ from identifiability.simulation.forward import DIVERGED, HARD, ForwardRobot
 STEP: Tolerance = 1e-3
 
 #: Step of rollouts whose differences alone are looked at, in that of others.
-COARSE: Tolerance = 5.0
+COARSE: Tolerance = 10.0
 
 #: No delay that is looked for is longer [s].
 LATEST: Tolerance = 0.06
