@@ -66,8 +66,9 @@ class Rollouts:
     ----------
     numbers : mapping of str to (n,)
         Rotor inertia ``Ia``, viscous ``Fv`` and dry friction ``Fc``, offset ``off``, and gains
-        ``kv`` and ``kp``, and the delays ``late``. Where commands have no speeds an unknown kv is 0, and viscous friction
-        holds it. Half the logarithm of how much larger bodies are, ``sizes`` (nb,).
+        ``kv`` and ``kp``. Where commands have no speeds an unknown kv is 0, and viscous friction
+        holds it. Half the logarithm of how much larger bodies are, ``sizes`` (nb,), and delays
+        ``late``.
     parameters : mapping of str to float
         Standard parameters by name of joints and bodies.
     delays : (L,) [s]
