@@ -277,9 +277,10 @@ def _stick(A: Array, v: Array, level: Array, dofs: np.ndarray) -> tuple[Array, A
     pushed = np.zeros(len(dofs))
     for _ in range(ROUNDS):
         for i, d in enumerate(dofs):
-            new = np.clip(pushed[i] - v[d] / A[d, d], -level[i], level[i])
-            v = v + A[:, d] * (new - pushed[i])
-            pushed[i] = new
+            new = min(max(pushed[i] - v[d] / A[d, d], -level[i]), level[i])
+            if new != pushed[i]:
+                v = v + A[:, d] * (new - pushed[i])
+                pushed[i] = new
     return v, pushed
 
 

@@ -113,6 +113,7 @@ def test_a_body_that_is_moved_by_a_hand_tells_its_ten_parameters(thrown, body):
     found = analyze(body, [table(thrown, **sensor(thrown))], replicates=50)
     assert "body weighs 2.5" in found.statement
     told = found.to_frame()
+    told = told[~told.index.str.startswith("base.imu")]
     assert len(told) == 10
     assert set(told["verdict"]) == {"identifiable"}
     for name, value in zip(told["name"], told["value"], strict=True):

@@ -130,12 +130,13 @@ class GravityTilt(Effect):
 # An inertial sensor that is mounted on its base otherwise than the sidecar says.
 
 
-#: What is corrected, by its key under ``[imu]``: kinds of parameters and their unit.
+#: What is corrected, by its key under ``[imu]``: kinds of parameters, their unit, and how far a
+#: sensor of which nobody asks for it is off (standard deviation).
 CORRECTIONS = {
-    "rotation": (("imu_rx", "imu_ry", "imu_rz"), "rad"),
-    "place": (("imu_x", "imu_y", "imu_z"), "m"),
-    "acc_bias": (("imu_ax", "imu_ay", "imu_az"), "m/s²"),
-    "gyro_bias": (("imu_wx", "imu_wy", "imu_wz"), "rad/s"),
+    "rotation": (("imu_rx", "imu_ry", "imu_rz"), "rad", 0.02),
+    "place": (("imu_x", "imu_y", "imu_z"), "m", 0.01),
+    "acc_bias": (("imu_ax", "imu_ay", "imu_az"), "m/s²", 0.3),
+    "gyro_bias": (("imu_wx", "imu_wy", "imu_wz"), "rad/s", 0.03),
 }
 
 
@@ -150,7 +151,7 @@ def move_mounting(robot: Robot, values: Mapping[str, float]) -> str:
     """
     found = {
         key: np.array([values.get(f"{BASE}.{kind}", 0.0) for kind in kinds])
-        for key, (kinds, _) in CORRECTIONS.items()
+        for key, (kinds, *_) in CORRECTIONS.items()
     }
     if robot.base is None or not any(x.any() for x in found.values()):
         return ""
@@ -174,7 +175,7 @@ def _refuse(robot: Robot, _place: str) -> str:
     lambda robot: () if robot.base is None else (BASE,),
     against="time",
     refuse=_refuse,
-    stated=lambda robot: robot.base is not None and bool(robot.base.imu.fit),
+    stated=lambda robot: robot.base is not None,
     loaded=True,
     told_by="turn and tilt the base about all its axes",
 )
@@ -197,11 +198,12 @@ class ImuMounting(Effect):
         return [k for k in CORRECTIONS if k in (robot.base.imu.fit or CORRECTIONS)]
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
-        """Return those that the sidecar asks for, else all twelve."""
+        """Return those that the sidecar asks for, else all twelve, as small as they are known."""
+        asked = robot.base is not None and robot.base.imu.fit
         return tuple(
-            Parameter(BASE, kind, CORRECTIONS[key][1], self.name)
-            for key in self._fitted(robot)
-            for kind in CORRECTIONS[key][0]
+            Parameter(BASE, kind, unit, self.name, sd=np.inf if asked else sd)
+            for kinds, unit, sd in (CORRECTIONS[key] for key in self._fitted(robot))
+            for kind in kinds
         )
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:

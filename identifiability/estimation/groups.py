@@ -603,7 +603,7 @@ def find_alternatives(
         log, count = missing.seen.log, len(missing.seen.log)
         first = int(np.argmax(log == log[-1]))
         edges = [0, first, count] if first else [0, *divide(count), count]
-        blocks = missing.products(edges=edges)
+        blocks = missing.products(missing.seen, edges, among=terms)
         early = replace(model, products=blocks.take(np.array([0])))
         terms = early.confirm(terms, blocks.take(np.array([-1])))
     return _conclude(missing, model, terms)

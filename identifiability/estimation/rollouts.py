@@ -52,7 +52,7 @@ BLOCK: Tolerance = 0.5
 #: derivative brings no more: of a part of logs it is a beginning, of all a standard deviation; or
 #: after so many steps.
 BEGUN: Tolerance = 20.0
-ENOUGH: Tolerance = 1.0
+ENOUGH: Tolerance = 2.0
 STEPS = 20
 #: Steps that one derivative serves at most.
 RENEWED = 4
@@ -67,7 +67,8 @@ class Rollouts:
     numbers : mapping of str to (n,)
         Rotor inertia ``Ia``, viscous ``Fv`` and dry friction ``Fc``, offset ``off``, and gains
         ``kv`` and ``kp``. Where commands have no speeds an unknown kv is 0, and viscous friction
-        holds it. Half the logarithm of how much larger bodies are, ``sizes`` (nb,).
+        holds it. Half the logarithm of how much larger bodies are, ``sizes`` (nb,), and delays
+        ``late``.
     parameters : mapping of str to float
         Standard parameters by name of joints and bodies.
     delays : (L,) [s]
@@ -160,7 +161,7 @@ def fit_rollouts(
     to_gains[range(n), range(n, 2 * n)] = problem.over[-2] * numbers["kv"]
     found = free[-1] if free[-1].any() else np.ones(n, bool)
     return Rollouts(
-        numbers=numbers,
+        numbers=numbers | {"late": delays},
         parameters=problem.parameters(numbers),
         delays=delays,
         errors=problem.errors(q),
@@ -238,8 +239,8 @@ class Problem:
         """Return the vector of joints' numbers and delays, bodies as they are known."""
         rows = [numbers[k] for k in KINDS[:-1]]
         sizes = numbers.get("sizes", np.zeros(len(self.shares)))
-        none = np.zeros(len(self.trees))
-        return np.concatenate([*rows, none, sizes, np.full(len(self.logs), late)])
+        late = np.resize(numbers.get("late", late), len(self.logs))
+        return np.concatenate([*rows, np.zeros(len(self.trees)), sizes, late])
 
     def unpack(self, x: Array) -> tuple[dict[str, Array], Array]:
         """Return the numbers of a vector, and delays."""
@@ -273,7 +274,7 @@ class Problem:
             moved = self.roll([x + step])[0]
             gained = r @ r - np.sum((weights * self.residual(moved, x + step)) ** 2)
             poor, settled = gained < 0.5 * promised, at is x and abs(gained) <= enough
-            damping = damping / 10 if gained > 0 else damping * 10
+            damping = damping / 3 if gained > 0 else damping * 10
             x, q = (x + step, moved) if gained > 0 else (x, q)
             if settled:
                 break

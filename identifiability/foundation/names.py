@@ -58,6 +58,8 @@ class Parameter:
         By what a robot file can state it: an inertial kind of its body, or ``damping``,
         ``frictionloss``, ``armature``, ``stiffness`` or ``offset`` of its joint; empty if by
         nothing.
+    sd : float
+        About zero, of what is known of its value on any robot.
     """
 
     owner: str
@@ -67,6 +69,7 @@ class Parameter:
     symbol: str = ""
     nonnegative: bool = False
     stated_as: str = ""
+    sd: float = float("inf")
 
     @property
     def name(self) -> str:

@@ -306,7 +306,7 @@ class Structure:
     def known(self) -> Array:
         """Rows about the base parameters that say how large the model's random ones are, (d, b)."""
         random = self.model.random
-        return known_rows(self.G, np.array([random.get(n, np.inf) for n in self.columns]))
+        return known_rows(self.G, np.array([random.get(p.name, p.sd) for p in self.parameters]))
 
     @cached_property
     def shapes(self) -> dict[str, float]:

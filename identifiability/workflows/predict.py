@@ -925,7 +925,8 @@ def move_fitted(
     try:
         pairs = {"the file's": {}, "the fitted robot": values}
         pairs |= {"one without what was named": beside} if beside else {}
-        runs = tuple(_move(robot, *pair, own) for pair in pairs.items())
+        late = None if unseen or logs.rolled is None else logs.rolled.delays
+        runs = tuple(_move(robot, *pair, own, late) for pair in pairs.items())
     except RobotError:
         return None
     return PositionPrediction(robot=robot, logs=own, runs=runs, unseen=bool(unseen))
@@ -1001,17 +1002,23 @@ def _file_name(robot: Robot) -> str:
     return path.name if path.stem != "robot" else f"{robot.name}/{path.name}"
 
 
-def _move(robot: Robot, name: str, values: Mapping[str, float], logs: Sequence[Log]) -> Simulated:
-    """Return a robot with some values as logs move it."""
+def _move(
+    robot: Robot,
+    name: str,
+    values: Mapping[str, float],
+    logs: Sequence[Log],
+    known: Array | None = None,
+) -> Simulated:
+    """Return a robot with some values as logs move it, commands as late as is known of each."""
     from identifiability.simulation.rollout import CommandedRobot, forgotten  # noqa: PLC0415
     from identifiability.workflows.commanded import roll_late  # noqa: PLC0415 - MuJoCo
 
     motors = Servo.of_torque(len(robot.joints))
     late, found, apart = list[float](), list[Array](), list[Array]()
-    for log in logs:
+    for k, log in enumerate(logs):
         if has_commands(log):
             machine, stop = CommandedRobot(robot, values), len(log)
-            delay, q = roll_late(machine, log, machine.servo.delay)
+            delay, q = roll_late(machine, log, machine.servo.delay if known is None else known[k])
         else:
             q, stop = CommandedRobot(robot, values, motors).drive(log, WINDOW)
             delay = 0.0

@@ -236,8 +236,9 @@ def walk(
             foot, side = (feet[second], 1.0) if second in feet else (feet[first], -1.0)
             world = side * d.contact.frame[k_c].reshape(3, 3).T @ force[:3]
             axes = d.geom_xmat[ends[foot]].reshape(3, 3).T
-            moment = np.cross(d.contact.pos[k_c] - d.geom_xpos[ends[foot]], world)
-            pushed[foot] += np.concatenate([axes @ world, axes @ moment])
+            x, y, z = d.contact.pos[k_c] - d.geom_xpos[ends[foot]]
+            arm = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])  # np.cross takes long
+            pushed[foot] += np.concatenate([axes @ world, axes @ (arm @ world)])
         turn = d.xmat[1].reshape(3, 3)
         acc = turn.T @ (d.qacc[:3] - m.opt.gravity)
         rows.append(np.concatenate([before[7:19], before[22:25], acc, d.ctrl, pushed.ravel()]))

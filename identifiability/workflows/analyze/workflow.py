@@ -458,7 +458,7 @@ def say_of_fit(session: Session, samples: Sequence[Dataset], result: ModelResult
     Corrections of a mounting are linear where they are small: what is left of a large one is found
     from there.
     """
-    sure = {v.name: v.value for v in result.verdicts if v.sure}
+    sure = {v.name: v.value for v in result.verdicts if v.sure and not v.open}
     entry = move_mounting(session.structure.robot, sure)
     moved = Finding("imu_moved", entry=entry) if entry else ""
     return [*filter(None, (moved, compare_logs(samples, result)))]
