@@ -490,8 +490,24 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             doubt = f"Nothing is identifiable, because {self.nothing}."
         size, missing = len(self.chosen.submodel), self.missing.statement
         told = answer_trust(self.cautions(), doubt, found, size, missing)
-        odd, text = of_key(self.hints, "alternative", "unit"), f"{told.short} {told.text}"
+        odd = [*self._impossible(), *of_key(self.hints, "alternative", "unit")]
+        text = f"{told.short} {told.text}"
         return told if doubt or not odd else replace(told, short=odd[0], text=text, tone="amber")
+
+    def _impossible(self) -> Iterator[str]:
+        """Say what the nearest real robot errs by where it is no model of these logs."""
+        used, real = self.chosen, self.chosen.physical
+        free, near = used.fitted.relative_error()[:2].tolist()
+        if self.nothing or used.physical_used or real is None or near <= (1 + DIFFERS) * free:
+            return
+        if real.nearest is None:
+            yield from [real.sentence] if real.certificate and not real.feasible else []
+            return
+        joint = self.robot.joints[int(np.argmax(used.fitted.joint_error()[:, 1]))]
+        errors = {"near": percent(near), "error": percent(free), "joint": joint}
+        names = join(real.nearest.active)
+        parts = "text", *(["held"] if names else []), "remedy"
+        yield "".join(sentence("decision.impossible", k, names=names, **errors) for k in parts)
 
     @property
     def statement(self) -> str:
@@ -580,13 +596,12 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
     def _notes(self) -> Iterator[Note]:
         """Say what physics, the motion, its samples and the fit speak against."""
-        chosen, base, kept = self.chosen, self.base, self.full.estimate.kept
+        base, kept = self.base, self.full.estimate.kept
         yield from map(hint_note, self.hints)
         for found in of_key(self.findings, "unclosed", "singular"):
             yield note(found.key, log=found.subject, text=found)
-        if chosen.infeasible and not self.nothing and not chosen.physical_used:
-            near = f"the nearest real robot errs by {error_text(chosen.unseen_by(1))}"
-            yield note("impossible", names=join(chosen.infeasible), near=near)
+        for text in self._impossible():
+            yield note("impossible", text=text)
         if len(kept) < base.rank:
             yield note("poor", rank=base.rank, excited=len(kept))
         if base.ambiguous:
