@@ -596,12 +596,15 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
     def _notes(self) -> Iterator[Note]:
         """Say what physics, the motion, its samples and the fit speak against."""
-        base, kept = self.base, self.full.estimate.kept
+        chosen, base, kept = self.chosen, self.base, self.full.estimate.kept
         yield from map(hint_note, self.hints)
         for found in of_key(self.findings, "unclosed", "singular"):
             yield note(found.key, log=found.subject, text=found)
+        if chosen.infeasible and not self.nothing and not chosen.physical_used:
+            near = f"the nearest real robot errs by {error_text(chosen.unseen_by(1))}"
+            yield note("impossible", names=join(chosen.infeasible), near=near)
         for text in self._impossible():
-            yield note("impossible", text=text)
+            yield note("unreal", text=text)
         if len(kept) < base.rank:
             yield note("poor", rank=base.rank, excited=len(kept))
         if base.ambiguous:
