@@ -90,8 +90,9 @@ def values_in_file(
 def settle_springs(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, dict[str, float]]:
     """Return robot and values with springs of unknown rest as files state them: K and a rest.
 
-    A constant force beside a spring shifts where it is relaxed. A spring that pushes away is none
-    that a file states, and neither is a constant force alone.
+    A constant force, or a torque offset, beside a spring shifts where it is relaxed: so it stays
+    when actuators are exchanged. A spring that pushes away is none that a file states, and neither
+    is a constant force alone.
 
     Parameters
     ----------
@@ -103,7 +104,7 @@ def settle_springs(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, di
     lengths = {cable.name for cable in robot.cables}
     for place in (*robot.tree.single, *robot.tendons):
         stated, k = out.get(f"{place}.K", 0.0), out.get(f"{place}.k", 0.0)
-        force = out.get(f"{place}.F0", 0.0)
+        force = out.get(f"{place}.F0", 0.0) + out.get(f"{place}.off", 0.0)
         if not (k or force) or not stated + k > 0:
             continue
         start = rest[place] if place in rest else _home(robot, place)
@@ -111,7 +112,7 @@ def settle_springs(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, di
         if place in lengths and relaxed < 0:
             continue
         out[f"{place}.K"], rest[place] = stated + k, relaxed
-        for kind in ("k", "kq0", "F0"):
+        for kind in ("k", "kq0", "F0", "off"):
             out.pop(f"{place}.{kind}", None)
     return replace(robot, rest=rest), out
 

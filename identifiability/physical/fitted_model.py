@@ -75,6 +75,7 @@ class PhysicalSet:
             "mass": np.broadcast_to(self.mass, nb),
             "length": np.broadcast_to(self.length, nb),
             "names": self.names or tuple(f"body {k + 1}" for k in range(nb)),
+            "columns": self.columns or tuple(map(str, range(self.size))),
         }
         for name, value in completed.items():
             object.__setattr__(self, name, value)
@@ -141,6 +142,17 @@ class PhysicalSet:
     def least(self) -> Array:
         """What the m rows may not fall below."""
         return np.array([0.0] * len(self.signed) + [least for _, least in self.bounds])
+
+    @cached_property
+    def constraints(self) -> tuple[str, ...]:
+        """What holds each body, and each of the m rows, (nb + m,) str."""
+        pairs = zip(self.names, self.bodies, strict=True)
+        own = [(name, self.rows[:, columns].any(1)) for name, columns in pairs]
+        signs = [f"{self.columns[k]} ≥ 0" for k in self.signed]
+        limits = [
+            " + ".join(name for name, acts in own if acts[k]) for k in np.flatnonzero(self.bounded)
+        ]
+        return (*self.names, *signs, *(f"[bounds] of {name}" for name in limits))
 
     @cached_property
     def bounded(self) -> np.ndarray:

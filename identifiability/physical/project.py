@@ -55,8 +55,8 @@ class FeasibleEstimate:
         What feasibility costs: rise of the residual sum of squares over least squares, in σ².
     margins : (nb,)
         Smallest dimensionless eigenvalue of every body.
-    active_bodies : tuple of str
-        Bodies at the edge of what can exist, which hold the estimate back.
+    active : tuple of str
+        What holds the estimate back: bodies at the edge of what can exist, signs and bounds.
     accurate : bool
         Whether the solver is sure of the optimum; the answer is feasible either way.
     """
@@ -65,7 +65,7 @@ class FeasibleEstimate:
     rss: float
     excess: float
     margins: Array
-    active_bodies: tuple[str, ...]
+    active: tuple[str, ...]
     accurate: bool
 
 
@@ -99,15 +99,15 @@ class Optimum:
     Attributes
     ----------
     z : (q,)
-    bodies : (nb,)
-        Sizes of the multipliers of bodies; zero where a prior keeps them off the edge.
+    pressure : (nb + m,)
+        Sizes of the multipliers of bodies, zero where a prior keeps them off the edge, and of rows.
     accurate : bool
     curve : (q, q)
         Second derivatives of the cost under a prior [σ²].
     """
 
     z: Array
-    bodies: Array
+    pressure: Array
     accurate: bool = True
     curve: Array | None = None
 
@@ -173,8 +173,8 @@ class Projection:
 
     def _solve_simply(self, program: Program) -> Optimum | None:
         """Return the optimum where nothing holds it back, or a prior alone; None if it is not."""
-        nobody = np.zeros(len(self.region.bodies))
-        found: Optimum | None = Optimum(0 * program.stiff, nobody)
+        none = np.zeros(len(self.region.constraints))
+        found: Optimum | None = Optimum(0 * program.stiff, none)
         if self.prior is not None:
             try:
                 found = next(follow(program, self.region, self.nominal, [self.prior.weight]), None)
@@ -213,7 +213,7 @@ class Projection:
             cost += self.prior.weight * sum(away)
         problem = cp.Problem(cp.Minimize(cost), [linked, held, signs, *bodies])
         accurate = solve_program(problem, "projection")
-        pressure = np.array([np.linalg.norm(J.dual_value) for J in bodies])
+        pressure = np.append([np.linalg.norm(J.dual_value) for J in bodies], signs.dual_value)
         z = program.along.T @ step.value
         return Optimum(z, pressure, accurate)
 
@@ -277,13 +277,14 @@ class Projection:
         region, phi = self.region, self._phi(program, found)
         rss, margins = float(data.rss(phi)), region.margins(phi)
         # Complementarity: of slack and multiplier one is zero, and the larger one says which.
-        pressed = found.bodies > margins - self.margin
+        room = np.append(margins - self.margin, program.rows @ found.z + program.slack)
+        pressed = found.pressure > room
         return FeasibleEstimate(
             phi=phi,
             rss=rss,
             excess=(rss - data.rss_min) / data.unit**2,
             margins=margins,
-            active_bodies=tuple(np.array(region.names, object)[pressed]),
+            active=tuple(np.array(region.constraints, object)[pressed]),
             accurate=found.accurate,
         )
 
@@ -412,7 +413,7 @@ def follow(
         )
         z, slack, y = z + reach * step, slack + reach * change, y + reach * rise
         if weight == light and reach == 1.0 and max(force @ step, product.sum()) < reached:
-            yield Optimum(z, np.zeros(len(maps)), curve=curve)
+            yield Optimum(z, np.append(np.zeros(len(maps)), y), curve=curve)
             at, left = at + 1, STEPS
         weight = max(weights[min(at, len(weights) - 1)], LESS * weight)
 

@@ -239,7 +239,7 @@ def section_physics(analysis: Analysis) -> Section:
     """Return the certificate, what bounds the nearest real robot, and what its bodies weigh."""
     physical = analysis.chosen.physical
     assert physical is not None
-    active = () if physical.nearest is None else physical.nearest.active_bodies
+    active = () if physical.nearest is None else physical.nearest.active
     held = sentence("analysis.held", "some" if active else "none", names=join(list(active)))
     certificate = f"{physical.sentence} {analysis.mass_warning}".rstrip()
     masses = mass_table(analysis.robot, physical.parameters())

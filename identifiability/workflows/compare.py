@@ -102,7 +102,15 @@ def find_differences(
     """
     robot, motions = structure.robot, [piece.motion for piece in seen.pieces]
     lacks, _ = list_candidates(robot, find_families(LACKS), structure.present, motions, fixed=False)
-    rows = Compared.about(seen, known)
+    # Torque of a wrong scale, which the model has found, is read as it should have been.
+    names, base = structure.base.names, known.base.copy()
+    gain = np.ones(len(robot.joints))
+    for j, name in enumerate(f"{joint}.scale" for joint in robot.joints):
+        if name in names:
+            gain[j] += base[names.index(name)]
+            base[names.index(name)] = 0.0
+    known = replace(known, base=base)
+    rows = Compared.about(replace(seen, y=seen.y / gain, raw=seen.raw / gain), known)
     asked = (np.arange(rows.log[-1] + 1) < later).astype(float)
     each = [x for x in np.eye(len(asked))[:single] if np.ptp(np.abs(x - asked))]
     return Differences.of(
@@ -241,11 +249,14 @@ def compare(
         robot = Robot.of(robot)
         source = find_ladder(robot, ladder, beside=True)
         structure = Structure.of(robot, ladder_model(source.entry))
-        submodel = build_ladder(source.entry, structure)[0]
         session, count = Session.read_sides(structure, after, before, preparation, engine)
         opening, logs = session.open("compared"), session.recordings.fitted
+        unchanged = replace(opening, samples=opening.samples[count:])
+        structure = session.at_fit(unchanged)[0].structure
+        submodel = build_ladder(source.entry, structure)[0]
         seen = look(structure, opening.samples, len(submodel))
-        known = Known.nothing(submodel.M, pooled_values(seen.X, seen.y, submodel.M, submodel.fixed))
+        rows = seen.X[seen.log >= count], seen.y[seen.log >= count]
+        known = Known.nothing(submodel.M, pooled_values(*rows, submodel.M, submodel.fixed))
         bodies = tool_bodies(robot)
         found = find_differences(structure, seen, bodies, known, count, len(logs))
         terms, paths = found.model.search(), given_paths(logs)

@@ -8,12 +8,15 @@ import pytest
 from planted_load import PlantedLoad
 from typer.testing import CliRunner
 
-from identifiability import payload
+from identifiability import analyze, compare, payload
 from identifiability.cli import app
 from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.rounding import REACH
 from identifiability.physical.pseudo_inertia import check_body
+from identifiability.regression.reduction import DEFAULT_EFFECTS, LadderEntry, ModelEntry
 
 ARM = "six-dof-arm"
+SCALED = [*DEFAULT_EFFECTS, "torque_scale@joint_3"]
 
 
 def values(found):
@@ -35,6 +38,20 @@ def test_a_load_without_noise_is_found_exactly(fit, make_logs, planted):
 def truth(kept):
     nominal = kept.structure.nominal_base - kept.submodel.fixed
     return np.linalg.lstsq(kept.submodel.M, nominal, rcond=None)[0]
+
+
+def test_a_scale_that_a_model_has_is_that_of_logs_with_the_load(make_logs, planted):
+    scaled = np.array([1, 1, 0.8, 1, 1, 1])
+    empty, loaded = (
+        [replace(log, tau=scaled * log.tau) for log in make_logs(ARM, load, seed=seed)]
+        for seed, load in ((1, None), (2, planted))
+    )
+    ladder = LadderEntry(models=[ModelEntry(name="one", effects=SCALED)])
+    result = analyze(ARM, empty[0], ladder=ladder, replicates=0)
+    (change,) = compare(ARM, empty, loaded, ladder=ladder).changes
+    mass = payload(ARM, result, loaded[0], empty[1]).mass
+    sizes = (change.sizes[0], change.sd[0]), (mass.value, mass.half / REACH)
+    assert all(abs(x - planted.mass) < 3 * sd < 0.15 for x, sd in sizes)
 
 
 @pytest.mark.parametrize("name", [pytest.param(ARM, marks=pytest.mark.everything), "two-link"])

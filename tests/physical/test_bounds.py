@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability import Robot
+from identifiability import Robot, analyze, simulate
 from identifiability.foundation.errors import RobotError
 from identifiability.physical.feasibility import certify
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet, physical_set
@@ -12,6 +12,8 @@ from identifiability.posterior.exact import build_sampler
 from identifiability.posterior.target import Prior, Target
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
+from identifiability.simulation import Noise
+from identifiability.simulation.motion import find_motion
 
 ARM = """<mujoco><compiler autolimits="true"/><worldbody>
 <body name="arm" pos="0 0 1"><joint name="a" axis="0 1 0" pos="0 0 .1"/>
@@ -121,6 +123,7 @@ def test_the_nearest_real_robot_keeps_to_its_bounds_and_is_the_optimum(problem, 
     assert region.contains(found.phi)
     slack = region.rows @ found.phi - region.least
     assert np.sum(slack[region.bounded] < 1e-4) > 2  # of the arm, of both, of the tip's centre
+    assert {f"[bounds] of {name}" for name in ("arm", "tip", "arm + tip")} <= {*found.active}
     other = project(LeastSquares(data.R, data.R @ found.phi, 1.0, 60.0), region)
     np.testing.assert_allclose(other.phi, found.phi, atol=1e-4)
     free = project(data, PhysicalSet(region.bodies, region.nonnegative))
@@ -143,6 +146,18 @@ def test_a_certificate_says_by_what_bounds_refuse(problem):
     assert certify(G, inside, region).feasible
     assert answer.combination @ inside >= answer.level - 1e-7
     assert "within the bounds" in answer.sentence(region.columns)
+
+
+def test_where_no_robot_within_its_bounds_predicts_the_first_that_is_said_is_that(tmp_path, rng):
+    motion = find_motion(Robot.load("two-link"), "random", 800, rng)
+    log = simulate("two-link", motion, noise=Noise(torque=0.1), rng=rng)
+    heavy = tmp_path / "heavy.toml"
+    for mass, tone in (("[0, 60]", "green"), ("[12, 60]", "amber")):
+        heavy.write_text(f"[bounds.bodies.link2]\nmass = {mass}\n")
+        found = analyze(Robot.load("two-link", sidecar=heavy), log, replicates=0)
+        trust = found.answers()[2]
+        assert trust.tone == tone
+        assert ("[bounds] of link2" in trust.short) == (tone == "amber")
 
 
 @pytest.mark.everything

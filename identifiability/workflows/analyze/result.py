@@ -493,6 +493,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         size, missing = len(self.chosen.submodel), self.missing.statement
         told = answer_trust(self.cautions(), doubt, found, size, missing)
         odd, errors = of_key(self.hints, "alternative", "unit"), self._errors()
+        odd = [*self._impossible(), *odd]
         text = " ".join((*errors, told.short, told.text))
         return told if doubt or not odd else replace(told, short=odd[0], text=text, tone="amber")
 
@@ -503,6 +504,21 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         each = (v for v in self.chosen.verdicts if v.name in own)
         pairs = ((v, format_measured(v.value, REACH * v.sigma_robust)) for v in each)
         return [f"{v.name} = {x} ± {half} {v.unit} (95 %)." for v, (x, half) in pairs]
+
+    def _impossible(self) -> Iterator[str]:
+        """Say what the nearest real robot errs by where it is no model of these logs."""
+        used, real = self.chosen, self.chosen.physical
+        free, near = used.fitted.relative_error()[:2].tolist()
+        if self.nothing or used.physical_used or real is None or near <= (1 + DIFFERS) * free:
+            return
+        if real.nearest is None:
+            yield from [real.sentence] if real.certificate and not real.feasible else []
+            return
+        joint = self.robot.joints[int(np.argmax(used.fitted.joint_error()[:, 1]))]
+        errors = {"near": percent(near), "error": percent(free), "joint": joint}
+        names = join(real.nearest.active)
+        parts = "text", *(["held"] if names else []), "remedy"
+        yield "".join(sentence("decision.impossible", k, names=names, **errors) for k in parts)
 
     @property
     def statement(self) -> str:
@@ -598,6 +614,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         if chosen.infeasible and not self.nothing and not chosen.physical_used:
             near = f"the nearest real robot errs by {error_text(chosen.unseen_by(1))}"
             yield note("impossible", names=join(chosen.infeasible), near=near)
+        for text in self._impossible():
+            yield note("unreal", text=text)
         if len(kept) < base.rank:
             yield note("poor", rank=base.rank, excited=len(kept))
         if base.ambiguous:
