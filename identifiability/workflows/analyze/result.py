@@ -492,9 +492,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             doubt = f"Nothing is identifiable, because {self.nothing}."
         size, missing = len(self.chosen.submodel), self.missing.statement
         told = answer_trust(self.cautions(), doubt, found, size, missing)
-        odd, errors = of_key(self.hints, "alternative", "unit"), self._errors()
-        odd = [*self._impossible(), *odd]
-        text = " ".join((*errors, told.short, told.text))
+        odd = [*self._impossible(), *of_key(self.hints, "alternative", "unit")]
+        text = " ".join((*self._errors(), told.short, told.text))
         return told if doubt or not odd else replace(told, short=odd[0], text=text, tone="amber")
 
     def _errors(self) -> list[str]:
