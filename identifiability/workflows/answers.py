@@ -156,12 +156,15 @@ def answer_trust(
     question = "May I trust it?"
     if doubt:
         return Answer(question, f"No: {doubt}", "", "vermilion")
-    grave = dict.fromkeys(f"“{n.title.rstrip('.')}”" for n in notes if n.level == "warning")
-    found_text = f"{found} of {format_count(size, 'value')} are identifiable"
-    read = f"{found_text}. Read below: {'; '.join(grave)}." if grave else f"{found_text}."
+    titles = dict.fromkeys(f"“{n.title.rstrip('.')}”" for n in notes if n.level == "warning")
+    grave, found_text = (
+        "; ".join(titles),
+        f"{found} of {format_count(size, 'value')} are identifiable",
+    )
+    read = f"{found_text}. Read below: {grave}." if grave else f"{found_text}."
     if missing:
         return Answer(question, f"Only if nothing is missing, and {missing}.", read, "amber")
     if grave:
-        return Answer(question, "With care.", read, "amber")
+        return Answer(question, f"With care: {grave}.", f"{found_text}.", "amber")
     text = f"{found_text}; nothing was found that speaks against it."
     return Answer(question, "Yes, within its intervals.", text, "green")

@@ -390,7 +390,11 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         very_good = grade_of(self.chosen.error_ra_validation) == "very-good"
         first = self.missing.functions or self.chosen.contradicted or not very_good
         # What wrote a ladder may have been a diagnosis.
-        return (out if ladder else [missing, *out] if first else [*out, missing])[:3]
+        out = out if ladder else [missing, *out] if first else [*out, missing]
+        if (motions := self.chosen.fit.motions) is not None and motions.moved.any():
+            line = f"identifiability compare {robot} {logs}"
+            out = [("See what differs between the logs:", line), *out]
+        return out[:3]
 
     @cached_property
     def provenance(self) -> dict[str, str]:
