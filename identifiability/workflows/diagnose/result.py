@@ -594,7 +594,8 @@ def _what(d: Diagnosis) -> Answer:
         )
     short = f"{_capital(join(named, PLACES))}." if named else "Nothing that can be named."
     odds = max([e.odds for e in d.effects] + [c.odds for c in d.changes], default=0.0)
-    weak = not named or (odds < WORKFLOW_RULES.alternative_nats and not d.interval[1] < 0)
+    unsure = odds < WORKFLOW_RULES.alternative_nats and not d.interval[1] < 0
+    weak = unsure or not (d.included or d.changes)
     if named and weak:
         short = f"Nothing that makes the error smaller. Likeliest beside it: {short}"
     return Answer("What is missing?", short, " ".join(told), "grey" if weak else "vermilion")
