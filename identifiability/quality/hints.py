@@ -5,16 +5,9 @@ And what the robot file says that cannot be, and joints that say nothing.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import partial
-from itertools import combinations, pairwise
-from typing import TypeAlias
-
 import numpy as np
 
-from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.findings import Finding, phrase
-from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.logs.commands import of_commands
 from identifiability.logs.gaps import smallest_change
@@ -22,7 +15,6 @@ from identifiability.logs.prepare.dataset import stands_still
 from identifiability.logs.rules import RULES
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.quality.registry import Does, MeasuredLogs, check, without
-from identifiability.robot import complete_motion
 
 # Torque in another unit, or before a gear: its size beside what the robot file's masses ask for.
 #
@@ -67,90 +59,6 @@ def _slope(predicted: Array, measured: Array, known: Array) -> float:
     # What is known explains most of it, or the one hardly follows the other (correlation).
     hidden = length <= 0.3 * varies or p @ m < 0.7 * length * np.linalg.norm(m)
     return np.nan if hidden or not m.any() else float(p @ m) / length**2
-
-
-# Joints that are exchanged, turn the other way round, or are in degrees, by what explains torque.
-#
-# Where the unpruned model explains a log badly, it is fitted to the same samples as if two joints
-# had exchanged their positions, or positions and torque, or one were given with the other sign or
-# in degrees. What `workflows.alternatives` finds in the torque columns alone is left to it.
-
-
-#: Samples that are looked at, and joints beyond which only neighbours are tried.
-ENOUGH_ROWS, MOST = 300, 8
-
-#: Columns as they might have been meant: order and factors of positions, of torque columns, and
-#: what is said of them; of the torque alone nothing is to be said here.
-Meant: TypeAlias = tuple[list[int], Array, list[int], Array, str]
-
-
-@check("exchanged", Does.MISREADS)
-def find_exchanged(logs: MeasuredLogs) -> list[Finding]:
-    """Return which joints are exchanged, turned, or in degrees."""
-    robot, n = logs.robot, len(logs.joints)
-    if robot.closed or robot.base is not None or n < 2:
-        return []
-    plain: Meant = ([*range(n)], np.ones(n), [*range(n)], np.ones(n), "")
-    given = _error(logs, plain)
-    # The unpruned model explains the log up to this relative error.
-    if given <= 0.1:
-        return []
-    errors = [(_error(logs, meant), meant[-1]) for meant in _meant(logs, plain)]
-    least, says = min(errors, key=lambda pair: pair[0])
-    if least**2 >= RULES.unexplained * given**2 or not says:
-        return []
-    return [Finding("exchanged", what=says, least=least, given=given)]
-
-
-def _meant(logs: MeasuredLogs, plain: Meant) -> Iterator[Meant]:
-    """Yield what the columns might have been meant to be."""
-    names, n = logs.joints, len(logs.joints)
-    say, (same, one, *_) = partial(phrase, "exchanged"), plain
-    for i, j in combinations(range(n), 2) if n <= MOST else pairwise(range(n)):
-        swap, pair = list(same), f"{names[i]} and {names[j]}"
-        swap[i], swap[j] = j, i
-        yield swap, one, same, one, say("positions", pair=pair)
-        yield swap, one, swap, one, say("joints", pair=pair)
-        yield same, one, swap, one, ""
-    for k, joint in enumerate(names):
-        turned, small = np.array(one), np.array(one)
-        turned[k], small[k] = -1.0, np.pi / 180
-        yield same, turned, same, one, say("sign", joint=joint)
-        yield same, turned, same, turned, say("way", joint=joint)
-        yield same, one, same, turned, ""
-        if not logs.robot.is_prismatic(int(logs.robot.actuated[k])):
-            yield same, small, same, one, say("angle", joint=joint)
-    for shift in range(1, n):
-        yield same, one, same[shift:] + same[:shift], one, ""
-
-
-def _error(logs: MeasuredLogs, meant: Meant) -> float:
-    """Return the relative error of the unpruned model with an offset a joint, joints alike."""
-    order, factor, torques, signs, _ = meant
-    stride = max(1, len(logs.torque) // ENOUGH_ROWS)
-    some, tau = logs.motion[::stride], logs.torque[::stride, torques] * signs
-    spread = tau.std(0)
-    if not (spread > 0).all():
-        return 0.0
-    given, structure = (some.actuated_q, some.actuated_v, some.actuated_a), logs.structure
-    try:
-        motion = complete_motion(logs.robot, some.t, *(x[:, order] * factor for x in given))
-    except ClosureError:
-        return np.inf
-    W = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
-    return unexplained(W / spread[:, None], tau / spread)
-
-
-def unexplained(W: Array, tau: Array) -> float:
-    """Return what a regressor (m, n, p) and offsets leave of torque (m, n), as a share."""
-    m, n, p = W.shape
-    if m * n < 2 * (p + n):
-        return 0.0
-    A, b = (W - W.mean(0)).reshape(m * n, p), (tau - tau.mean(0)).ravel()
-    length = np.linalg.norm(A, axis=0)
-    A = A / np.where(length > 0, length, 1.0)
-    fit = np.linalg.lstsq(A.T @ A, A.T @ b, rcond=ROUNDOFF)[0]
-    return float(np.linalg.norm(b - A @ fit) / np.linalg.norm(b))
 
 
 # Torque that stops at an extreme value: what a drive was asked for beyond it is not in the log.
