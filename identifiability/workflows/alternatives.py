@@ -475,7 +475,6 @@ class _Rows:
         parts = []
         for piece in self.seen.pieces:
             t = piece.motion.t
-            t = np.interp(np.linspace(0, len(t) - 1, len(piece.tau)), np.arange(len(t)), t)
             tau = np.column_stack([np.interp(t + by, t, x) for x in piece.tau.T])
             # Whose column ever it is, it is none where this joint stands.
             weight = np.tile(piece.weight[:, [j]], len(self.acts))
