@@ -28,12 +28,12 @@ from identifiability.foundation.output import write_json
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.quality.hints import weigh_rows
 from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import Submodel, build_ladder, ladder_model, read_ladder
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis, analyze
-from identifiability.workflows.session import weigh_rows
 
 #: Known relative errors [%], lowest and highest: (model, fitted to, validated on).
 KNOWN = {

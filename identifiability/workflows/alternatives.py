@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import field, replace
 from functools import cache, cached_property, lru_cache, partial
-from itertools import combinations, product
+from itertools import combinations, pairwise, product
 
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
@@ -52,8 +52,8 @@ DELAYS: tuple[Tolerance, ...] = (0.02, 0.05, 0.1, 0.2)
 BETWEEN = np.geomspace(0.3, 3.0, 25)
 #: Logs of what is left by which one alternative is as good as another.
 EVEN: Tolerance = 0.02
-#: First zeros that are tried, of how far a joint moves.
-SHIFT = 0.2
+#: First zeros that are tried, of how far a joint moves; joints beyond which neighbours alone are.
+SHIFT, MOST = 0.2, 8
 #: Of what may be missing at a joint directions count that are so strong, beside the strongest.
 STRONG: Tolerance = 0.03
 
@@ -76,8 +76,8 @@ class Alternative:
         Whether weight was taken out of it; read otherwise it has that of the fitted robot.
     gravity : (3,) [m/s²]
         In the file's world.
-    zero : (n,) [rad or m]
-        By how much positions are read too large.
+    motion : (n, n + 1)
+        What positions are of those of the log, and [rad or m] by how much these are too large.
     values : (p,)
         Standard parameters of the robot that was fitted, where one has to be weighed.
     apart : bool
@@ -98,7 +98,7 @@ class Alternative:
     late: Array
     lacks: np.ndarray
     gravity: Array
-    zero: Array
+    motion: Array
     values: Array = field(default_factory=lambda: np.empty(0))
     apart: bool = False
     offsets: Mapping[str, Array] = field(default_factory=dict)
@@ -116,15 +116,12 @@ class Alternative:
         )
 
     @property
-    def otherwise(self) -> np.ndarray:
-        """Joints whose columns are not read as they are given, (n,) bool."""
-        other = (self.order != np.arange(len(self.order))) | (self.zero != 0.0) | self.apart
-        return np.asarray(other | (self.factor != 1.0) | (self.late != 0.0) | self.lacks)
-
-    @property
     def keeps_columns(self) -> bool:
         """Whether the columns are read as they are given, and gravity alone is another."""
-        return not self.otherwise.any()
+        n = len(self.order)
+        same = (self.order == np.arange(n)) & (self.factor == 1.0) & (self.late == 0.0)
+        moved = not np.array_equal(self.motion, np.eye(n, n + 1))
+        return bool(same.all() and not (self.lacks.any() or self.apart or moved))
 
     @property
     def scaled(self) -> np.ndarray:
@@ -153,9 +150,12 @@ class Alternative:
             down, up = (given.model.regressor(robot, motion) @ self.values for robot in ways)
             # Samples whose loops do not close are left out anyway.
             weight[motion.kept] = 0.5 * self.lacks * (down - up)
-        command = None if log.q_ref is None else log.q_ref - self.zero
         read = np.column_stack(tau) * self.factor + weight - self.offsets.get(log.name, 0.0)
-        return replace(log, q=log.q - self.zero, q_ref=command, tau=read)
+        A, zero = self.motion[:, :-1], self.motion[:, -1]
+        every = {name: getattr(log, name) for name in ("q", "q_ref", "dq", "ddq", "dq_ref")}
+        moved = {name: x @ A.T for name, x in every.items() if x is not None}
+        moved |= {name: moved[name] - zero for name in ("q", "q_ref") if name in moved}
+        return replace(log, tau=read, **moved)
 
 
 def find_alternative(logs: MeasuredLogs) -> Alternative | None:
@@ -166,13 +166,9 @@ def find_alternative(logs: MeasuredLogs) -> Alternative | None:
     if rows.data.sum() < 2 * rows.parts.shape[2] or not (rows.variation > 0).all():
         return None  # they cannot tell anything
     plain = rows.fit(rows.plain)
-    squares, least = np.exp(2 * plain), 1 - RULES.alternative_error**2
+    squares = np.exp(2 * plain)
     found: list[tuple[float, Alternative]] = []
     for a in rows.propose():
-        # Torque that leaves little is not wrong, but in its unit: wrong columns spoil no others.
-        spoils = a.keeps_columns or (a.scaled | a.lacks).any() or rows.under(a) is not rows
-        if squares[a.otherwise | spoils].sum() < least * squares.sum():
-            continue
         left = rows.fit(a)
         error = float(np.sqrt(np.exp(2 * left).sum() / squares.sum()))
         gain = round(float((plain - left).sum()) / EVEN)
@@ -193,7 +189,7 @@ class _Rows:
     """Rows of the fitted logs, of which columns are known under any gravity."""
 
     def __init__(
-        self, logs: MeasuredLogs, zero: Array | None = None, *, apart: bool = False
+        self, logs: MeasuredLogs, motion: Array | None = None, *, apart: bool = False
     ) -> None:
         self.structure, self.robot, self.weighs = logs.structure, logs.robot, logs.weighs
         n, b = len(logs.joints), len(self.structure.base.kept)
@@ -202,13 +198,15 @@ class _Rows:
         self.logs = logs
         few = tuple(s.thin(max(1, len(s.tau) * len(logs.samples) // ROWS[0])) for s in logs.samples)
         self.thinned = replace(logs, samples=few)
-        self.samples = [x if zero is None else _moved(self.robot, x, zero) for x in logs.samples]
+        self.samples = [
+            x if motion is None else _moved(self.robot, x, motion) for x in logs.samples
+        ]
         self.seen = self._look(self.robot)
         self.data = self.seen.data
         #: What makes columns (N, n, b) of these parts: 1, and gravity where there is any.
         self.parts = self.seen.X[..., None]
         g, size = self.robot.gravity, float(np.linalg.norm(self.robot.gravity))
-        if zero is None and size and "rigid_body" in self.structure.model.names:
+        if motion is None and size and "rigid_body" in self.structure.model.names:
             # Columns are linear in gravity, without which a tilt would have no parameters.
             bare = 0.5 * (self.seen.X + self._look(self.robot.turned(-g)).X)
             axes = [self._look(self.robot.turned(a)).X - bare for a in size * np.eye(3)]
@@ -216,10 +214,12 @@ class _Rows:
         #: Which columns act in each joint: in a tree few do.
         self.acts = [np.flatnonzero(self.parts[:, j].any((0, 2))) for j in range(n)]
         same = np.arange(n), np.ones(n), np.zeros(n), np.zeros(n, bool)
-        self.plain = Alternative("", "", *same, g, np.zeros(n))
+        self.plain = Alternative("", "", *same, g, np.eye(n, n + 1))
         self.apart = apart
-        #: The same by zeros of encoders, and whether offsets are of each log.
-        self.at = lru_cache(JUDGED)(lambda by, own: _Rows(logs, np.frombuffer(by), apart=own))
+        #: The same by positions that are read otherwise, and whether offsets are of each log.
+        self.at = lru_cache(JUDGED)(
+            lambda by, own: _Rows(logs, np.frombuffer(by).reshape(n, n + 1), apart=own)
+        )
         self.products, self.torque = cache(self._products), cache(self._torque)
         self.crosses, self.grams = cache(self._crosses), lru_cache(2)(self._grams)
         #: Of the log [s].
@@ -227,9 +227,9 @@ class _Rows:
 
     def under(self, a: Alternative) -> _Rows:
         """Return the rows of an alternative's motion and offsets."""
-        if not (a.apart or a.zero.any()):
-            return self
-        return self.at(a.zero.tobytes(), a.apart)
+        if a.apart or not np.array_equal(a.motion, self.plain.motion):
+            return self.at(a.motion.tobytes(), a.apart)
+        return self
 
     def _look(self, robot: Robot) -> Excerpt:
         structure = replace(self.structure, robot=robot)
@@ -285,31 +285,64 @@ class _Rows:
             yield replace(plain, says=who, remedy=do, late=np.where(own, way * by, 0.0), free=1)
         if self.parts.shape[3] > 1:
             yield from self._directions()
-        if np.exp(self.fit(self.plain)).max() > RULES.grades[0]:
-            yield from self._zeros()
+        worst = float(np.exp(self.fit(self.plain)).max())
+        if worst > RULES.grades[0]:  # worse than very good
+            few = _Rows(self.thinned, self.plain.motion)
+            yield from self._zeros(few)
+            if worst > RULES.grades[1] and not self.robot.closed:
+                yield from sorted(self._positions(), key=few.misfit)[:JUDGED]
 
-    def _zeros(self) -> Iterator[Alternative]:
+    def misfit(self, a: Alternative) -> float:
+        """Return the sum of the logs of what is left of all columns."""
+        try:
+            return float(self.fit(a).sum())
+        except ClosureError:
+            return np.inf
+
+    def _positions(self) -> Iterator[Alternative]:
+        """Yield positions that are exchanged, of another sign or in degrees."""
+        names, plain = self.robot.joints, self.plain
+        n, do = len(names), "Correct the log, the map of its columns or their unit"
+        for i, j in combinations(range(n), 2) if n <= MOST else pairwise(range(n)):
+            order, pair = plain.order.copy(), f"{names[i]} and {names[j]}"
+            order[[i, j]] = j, i
+            swap = replace(plain, remedy=do, motion=plain.motion[order])
+            yield replace(swap, says=f"The positions of {pair} seem to be exchanged")
+            yield replace(swap, says=f"The joints {pair} seem to be exchanged", order=order)
+        for j, name in enumerate(names):
+            own = np.arange(n) == j
+            turned, small = (
+                plain.motion * np.where(own, x, 1.0)[:, None] for x in (-1, np.pi / 180)
+            )
+            turn = replace(plain, remedy=do, motion=turned)
+            yield replace(turn, says=f"The positions of {name} seem to have the wrong sign")
+            factor = np.where(own, -1.0, 1.0)
+            yield replace(turn, says=f"The joint {name} seems to turn the other way", factor=factor)
+            if not self.robot.is_prismatic(int(self.robot.actuated[j])):
+                says = f"The angles of {name} seem to be degrees"
+                yield replace(plain, says=says, remedy=do, motion=small)
+
+    def _zeros(self, few: _Rows) -> Iterator[Alternative]:
         """Yield the zeros of encoders that fit best, at the two joints where most is gained."""
-        few = _Rows(self.thinned, np.zeros(len(self.data.T)))
+        n = len(self.plain.order)
         reach = np.ptp(np.concatenate([s.motion.actuated_q for s in few.samples]), axis=0)
-        one = np.eye(len(reach))
+
+        def at(by: float, joint: int) -> Array:
+            return np.column_stack([np.eye(n), by * reach * (np.arange(n) == joint)])
 
         def left(by: float, joint: int) -> float:
-            try:
-                return float(few.fit(replace(self.plain, zero=by * reach * one[joint])).sum())
-            except ClosureError:
-                return np.inf
+            return few.misfit(replace(self.plain, motion=at(by, joint)))
 
-        tried = [(left(by, j), j, by) for j in range(len(reach)) for by in (-SHIFT, SHIFT)]
+        tried = [(left(by, j), j, by) for j in range(n) for by in (-SHIFT, SHIFT)]
         for _, j, by in sorted(tried)[:2]:
             ends = sorted((0.0, 4 * by))
             how = {"xatol": 1e-3, "maxiter": 14}
             x = minimize_scalar(left, ends, args=(j,), bounds=ends, method="bounded", options=how).x
-            zero, who = x * reach * one[j], self.robot.joints[j]
+            zero, who = x * reach[j], self.robot.joints[j]
             unit = "m" if self.robot.is_prismatic(int(self.robot.actuated[j])) else "rad"
-            says = f"The position of {who} seems to be read {zero[j]:.3g} {unit} too large"
-            do = f"Correct its zero, or say {who} = {{offset = {-zero[j]:.3g}}} under [columns]"
-            yield replace(self.plain, says=says, remedy=do, zero=zero, free=1)
+            says = f"The position of {who} seems to be read {zero:.3g} {unit} too large"
+            do = f"Correct its zero, or say {who} = {{offset = {-zero:.3g}}} under [columns]"
+            yield replace(self.plain, says=says, remedy=do, motion=at(x, j), free=1)
 
     def refine(self, a: Alternative) -> Alternative:
         """Return an alternative with the delay, unit or robot that fits best."""
@@ -442,7 +475,6 @@ class _Rows:
         parts = []
         for piece in self.seen.pieces:
             t = piece.motion.t
-            t = np.interp(np.linspace(0, len(t) - 1, len(piece.tau)), np.arange(len(t)), t)
             tau = np.column_stack([np.interp(t + by, t, x) for x in piece.tau.T])
             # Whose column ever it is, it is none where this joint stands.
             weight = np.tile(piece.weight[:, [j]], len(self.acts))
@@ -464,7 +496,7 @@ class _Rows:
         Friction and rotor inertia are not negative; joints are weighed by what is left of them.
         """
         if (rows := self.under(a)) is not self:
-            return rows._solve(replace(a, zero=0.0 * a.zero, apart=False), beside)
+            return rows._solve(replace(a, motion=self.plain.motion, apart=False), beside)
         w, b = self._weights(a), self.parts.shape[2]
         grams, each = self.grams(beside, w.tobytes()), []
         for j, (own, factor) in enumerate(zip(w, a.factor, strict=True)):
@@ -491,7 +523,7 @@ class _Rows:
     def count(self, a: Alternative) -> Array:
         """Return how many rows of each column of the log tell something new, (n,)."""
         if (rows := self.under(a)) is not self:
-            return rows.count(replace(a, zero=0.0 * a.zero, apart=False))
+            return rows.count(replace(a, motion=self.plain.motion, apart=False))
         w, (x, _) = self._weights(a), self._solve(a, beside=True)
         left = [
             self.torque(j, float(a.late[j]), beside=True)[:, a.order[j]]
@@ -502,15 +534,15 @@ class _Rows:
         return np.asarray(new[np.argsort(a.order)])
 
 
-def _moved(robot: Robot, given: Dataset, zero: Array) -> Dataset:
-    """Return samples whose positions are less by zeros (n,), if loops close there."""
-    old = given.motion
-    actuated = old.actuated_q - zero, old.actuated_v, old.actuated_a
-    new = complete_motion(robot, old.t, *actuated)
+def _moved(robot: Robot, given: Dataset, by: Array) -> Dataset:
+    """Return samples of other positions, as in `Alternative.motion`, if loops close there."""
+    old, A = given.motion, by[:, :-1]
+    actuated = (x @ A.T for x in (old.actuated_q, old.actuated_v, old.actuated_a))
+    new = complete_motion(robot, old.t, next(actuated) - by[:, -1], *actuated)
     if len(new.t) < len(old.t):
         raise ClosureError(f"Loops of {given.name} do not close there.")
-    kept = {name: getattr(old, name) for name in ("kept", "dropped", "start", "smooth_v")}
-    return replace(given, motion=replace(new, **kept))
+    new = replace(new, kept=old.kept, dropped=old.dropped, start=old.start)
+    return replace(given, motion=new, weight=given.weight[:, np.abs(A).argmax(1)])
 
 
 def _solve(G: Array, g: Array, nonnegative: np.ndarray) -> Array:

@@ -26,14 +26,7 @@ import pandas as pd
 from identifiability.effects import FAMILIES
 from identifiability.effects.friction import PassiveJointFriction
 from identifiability.effects.measurement import CommandDelay, TorqueOffset
-from identifiability.estimation.estimate import (
-    Kind,
-    Method,
-    Outliers,
-    find_estimator,
-    weigh_outliers,
-    with_known,
-)
+from identifiability.estimation.estimate import Kind, Method, Outliers, find_estimator, with_known
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.groups import Alternatives, describe_term, find_alternatives
 from identifiability.foundation import __version__
@@ -49,7 +42,6 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import Expected
-from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import moved, of_commands
@@ -64,7 +56,7 @@ from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.physical.cad_prior import load_by_fit
 from identifiability.quality import MeasuredLogs, Reading, find_always, find_oddities, mend
-from identifiability.quality.registry import Does, check
+from identifiability.quality.hints import OUT, leave_out_rows, weigh_rows
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import LadderSource
 from identifiability.regression.regression import Model, Regression
@@ -340,9 +332,6 @@ MISREAD = (
 #: Families that a model has where rows surely name them.
 COMPLETED = {n for n, f in FAMILIES.items() if f.loaded and not (f.needs or f.shapes)}
 COMPLETED |= {PassiveJointFriction.name}
-
-#: Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
-OUT = 0.1
 
 #: What follows the statement of an alternative of the model that is used.
 SO = "All that follows is said under that reading."
@@ -712,77 +701,6 @@ class Weighed:
         if few is None:
             return self.opening.missing
         return replace(self.opening, samples=leave_out_rows(self.opening.samples, few)).missing
-
-
-@check("outliers", Does.WEIGHS)
-def weigh_rows(
-    joints: Sequence[str],
-    samples: Sequence[Dataset],
-    information: Information,
-    estimator: Estimator,
-) -> tuple[Information, str, Outliers | None]:
-    """Return the information with outliers weighed down; a sentence on them, and these.
-
-    Said is what would have moved a value out of its interval.
-
-    Parameters
-    ----------
-    joints : sequence of str
-        The n actuated ones.
-    samples : sequence of Dataset
-        The logs that are fitted.
-    information : Information
-        About all columns.
-    estimator : Estimator
-    """
-    weighed, found = weigh_outliers(information, replace(estimator, noise=None))
-    if found is None or found.moved.max() <= REACH:
-        return weighed, "", found
-    most, where = int(np.argmax(found.moved)), where_outlying(joints, samples, found)
-    told = {"parameter": information.columns[most], "moved": float(found.moved[most])}
-    columns = (f"{joints[int(np.argmax(found.beyond.max(0)))]}.tau",)
-    rows = int((found.last - found.first).sum())
-    said = Finding("outliers", where=where, rows=rows, columns=columns, **told)
-    return weighed, said, found
-
-
-def leave_out_rows(
-    samples: Sequence[Dataset], found: Outliers, outputs: Sequence[Dataset] = ()
-) -> tuple[Dataset, ...]:
-    """Return samples in which outlying stretches are no data, as where a joint stands.
-
-    Parameters
-    ----------
-    samples : sequence of Dataset
-    found : Outliers
-    outputs : sequence of Dataset, optional
-        The same logs, whose outputs are meant; by default their own.
-    """
-    out = []
-    for k, (s, of) in enumerate(zip(samples, outputs or samples, strict=False)):
-        at, t, own = of.output_times(), s.motion.t[:, None], found.log == k
-        beside = at[1] - at[0]
-        first, last = at[found.first[own]] - beside, at[found.last[own] - 1] + beside
-        lies_out = ((t >= first) & (t <= last)).any(1)
-        out.append(replace(s, weight=np.where(lies_out[:, None], 0.0, s.weight > 0)))
-    return tuple(out)
-
-
-def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Outliers) -> str:
-    """Return where the farthest outlier is, and how far from the model."""
-    at, worst = divmod(int(found.beyond.argmax()), len(joints))
-    log = samples[int(found.log[at])]
-    new = (np.diff(found.log) != 0) | (found.first[1:] > found.last[:-1])
-    place = np.cumsum([False, *new])
-    own = place == place[at]
-    ends = log.output_times(np.array([found.first[own][0], found.last[own][-1] - 1]))
-    far = float(np.sqrt(found.beyond[at, worst]))
-    size = [np.abs(s.tau[s.at_outputs, worst]) for s in samples]
-    parts = zip(found.log, found.first, found.last, strict=True)
-    outlying = np.concatenate([size[k][a:b] for k, a, b in parts])
-    most = np.median(outlying) > np.quantile(np.concatenate(size), LOG_RULES.nearly_all)
-    told = {"start": ends[0], "stop": ends[1], "joint": joints[worst], "far": far}
-    return phrase("outliers", "limit" if most else "where", log=log.name, **told)
 
 
 def settle_gains(robot: Robot, logs: Logs) -> Robot:

@@ -87,6 +87,35 @@ def test_exchanged_torque_is_found(arm, first):
     assert found.order.tolist() == order.tolist()
 
 
+@pytest.mark.parametrize(
+    ("factor", "zero", "text"),
+    [
+        (-1.0, 0.0, "of joint_2 seem to have the wrong sign"),
+        (180 / np.pi, 0.0, "angles of joint_2 seem to be degrees"),
+        (1.0, 0.4, "position of joint_2 seems to be read 0.4"),
+    ],
+)
+def test_positions_that_are_read_otherwise_are_found(arm, factor, zero, text):
+    robot, log = arm
+    log = replace(log, dq=None, ddq=None)
+    wrong = replace(log, q=one(1, factor) * log.q + zero * (np.arange(6) == 1))
+    found = look(robot, wrong)
+    assert text in found.says
+    np.testing.assert_allclose(found.read(wrong, Structure.of(robot, MODEL)).q, log.q, atol=0.01)
+
+
+def test_offsets_that_differ_between_logs_are_found_and_taken_out(arm):
+    robot, _ = arm
+    logs = [record("six-dof-arm", seed=k)[1] for k in (1, 2, 3)]
+    offsets = np.random.default_rng(1).normal(0, 0.1, (3, 6)) * logs[0].tau.std(0)
+    named = zip("abc", logs, offsets, strict=True)
+    found = look(robot, *(replace(x, name=name, tau=x.tau + by) for name, x, by in named))
+    assert found.says.startswith("Torque offsets differ between logs")
+    apart = np.array([found.offsets[name] for name in "abc"])
+    assert (np.abs(apart - offsets + offsets.mean(0)) < 0.03 * logs[0].tau.std(0)).all()
+    assert look(robot, *logs) is None
+
+
 @pytest.mark.parametrize(("name", "masses"), [("two-link", 1.0), ("six-dof-arm", 3.0)])
 def test_effort_without_weight_is_found_whatever_masses_the_file_has(name, masses):
     robot, log = record(name, masses=masses)

@@ -10,7 +10,6 @@ import pytest
 
 from identifiability.logs.contradictions import contradictions, looks_like_degrees
 from identifiability.logs.reading import unify_rates
-from identifiability.quality import hints as exchanged
 from identifiability.quality import hints as torque_scale
 from identifiability.workflows.analyze import workflow
 from identifiability.workflows.answers import grade_of
@@ -41,17 +40,6 @@ def scaled(*factors, follows=1.0, felt=1.0):
     given = {"predicted": predicted, "torque": (predicted + noise) * factors,
              "stated": np.full((N, 2), np.nan), "ordinary": lambda _: np.ones((N, 1))}  # fmt: skip
     return torque_scale.find_torque_scale(logs(weighs=True, **given))
-
-
-# Columns that are exchanged, by the errors of the model as they are and as they might be.
-
-
-def exchange(given, read):
-    errors = iter([given, read])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(exchanged, "_error", lambda *_: next(errors))
-        patch.setattr(exchanged, "_meant", lambda *_: [("Exchanged",)])
-        return exchanged.find_exchanged(logs(motion=np.zeros(N), torque=np.zeros((N, 2))))
 
 
 # Columns at rates of their own.
@@ -107,8 +95,6 @@ ROWS = {
     "torque that is too small": (lambda x: scaled(1 / x, 1 / x), 4.8, 5.2),
     "torque that follows": (lambda x: scaled(9.0, 9.0, follows=x), 0.67, 0.73),
     "torque that is felt": (lambda x: not scaled(1.0, 9.0, felt=x), 0.019, 0.021),
-    "error that is looked into": (lambda x: exchange(x, 0.01), 0.097, 0.103),
-    "error that falls far": (lambda x: exchange(0.5, 0.5 * np.sqrt(x)), 0.21, 0.19),
     "cells that are empty": (lacking, 0.19, 0.21),
     "values written again": (written_again, 2, 3),
     "runs that are alike": (lambda x: written_again(4, x), 0.88, 0.92),

@@ -35,6 +35,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.physical.feasibility import PhysicalResult
+from identifiability.quality.hints import leave_out_rows
 from identifiability.regression.columns import Candidate, Refusal, list_candidates, number
 from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model
@@ -51,7 +52,6 @@ from identifiability.workflows.diagnose.problem import (
     nearest_robot,
     weigh_fit,
 )
-from identifiability.workflows.session import leave_out_rows
 
 #: Share of all places from which on an effect is said to be everywhere.
 MOST: Tolerance = 0.75

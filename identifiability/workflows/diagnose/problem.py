@@ -33,13 +33,13 @@ from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.physical.cad_prior import state_rows
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel
+from identifiability.quality.hints import weigh_rows
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import full_model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.workflow import hold_folds, settle_robot
 from identifiability.workflows.predict import Fit, Predicts, read_fit
-from identifiability.workflows.session import weigh_rows
 
 
 @frozen

@@ -28,6 +28,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.physical.cad_prior import load_by_fit, settle_prior
+from identifiability.quality.hints import OUT, where_outlying
 from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import (
     USUAL_EFFECTS,
@@ -82,7 +83,6 @@ from identifiability.workflows.diagnose.result import (
     simulate_forward,
 )
 from identifiability.workflows.session import (
-    OUT,
     Logs,
     Opening,
     Progress,
@@ -95,7 +95,6 @@ from identifiability.workflows.session import (
     require_signal,
     settle_gains,
     state_provenance,
-    where_outlying,
 )
 
 #: What is to be known of values that are kept without their errors.

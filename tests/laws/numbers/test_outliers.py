@@ -7,8 +7,8 @@ import pytest
 
 from identifiability.estimation.estimate import find_estimator, weigh_outliers
 from identifiability.foundation.rounding import REACH
+from identifiability.quality.hints import weigh_rows
 from identifiability.regression.information import Information
-from identifiability.workflows.session import weigh_rows
 
 from .made import ar1
 
