@@ -103,6 +103,8 @@ class Commanded:
         Share of the most torque that one joint takes, which its servo does not exceed; 0 for none.
     folder : bool
         Whether logs are a LeRobot folder.
+    alone : bool
+        Whether one joint's gain alone is stated otherwise.
     """
 
     robot: str
@@ -112,6 +114,7 @@ class Commanded:
     play: float = 0.0
     limit: float = 0.0
     folder: bool = False
+    alone: bool = False
 
     def examine(self, path: Path, seeds: Sequence[int], pattern: str) -> dict[str, Any]:
         """Return what `analyze` makes of a draw, page and all."""
@@ -123,7 +126,7 @@ class Commanded:
         own, joint = robot.servo, int(rng.integers(len(robot.joints)))
         assert own is not None
         fault = servos.Fault(joint, "play", self.play) if self.play else servos.NONE
-        robot = _write(robot, path, self.stated)
+        robot = _write(robot, path, self.stated, joint if self.alone else None)
         seconds = (*self.seconds, 8.0)
         moves = [servos.draw_commands(robot, x, how.command_rate, size, rng) for x in seconds]
         if self.limit:
@@ -176,14 +179,16 @@ def _rms(q: Array, log: Log) -> float:
     return float(np.sqrt(np.mean((q - log.q)[forgotten(log) :] ** 2)))
 
 
-def _write(robot: Robot, path: Path, stated: float) -> Robot:
+def _write(robot: Robot, path: Path, stated: float, joint: int | None = None) -> Robot:
     """Return a robot whose sidecar states gains times a factor, or leaves them to the logs."""
     assert robot.servo is not None
     file, said = path / robot.path.name, robot.path.with_suffix(".toml").read_text()
     if file != robot.path:
         file.write_text(robot.path.read_text())
     if stated != 1.0:
-        gains = zip(robot.joints, stated * robot.servo.kp, strict=True)
+        kp = robot.servo.kp.copy()
+        kp[slice(None) if joint is None else joint] *= stated
+        gains = zip(robot.joints, kp, strict=True)
         kp = ", ".join(f"{j} = {k:.6g}" for j, k in gains)
         said = re.sub(r"(?m)^kp = .*\n", "", said)
         said = said.replace(

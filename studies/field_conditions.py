@@ -444,6 +444,12 @@ CONDITIONS = {
     "kp stated 48 % too high": Condition(
         10, r"\bkp\b|gain", case=Commanded("two-link", QUADRUPED, (15.0,), 1.48)
     ),
+    "kp of a joint stated 30 % too high": Condition(
+        10, r"\bkp\b|gain", case=Commanded("quadruped", QUADRUPED, (15.0,), 1.3, alone=True)
+    ),
+    "kp stated 30 % too high": Condition(
+        10, r"\bkp\b|gain", case=Commanded("quadruped", QUADRUPED, (15.0,), 1.3)
+    ),
     "backlash": Condition(
         10, "backlash|play", case=Commanded("quadruped", QUADRUPED, (15.0,), play=0.03)
     ),

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -32,13 +33,16 @@ from identifiability.simulation.rollout import (
     start_rollouts,
 )
 
-#: What is found of each joint: rotor, viscous and dry friction, offset, and gains if nobody states
-#: them.
-KINDS = ("Ia", "Fv", "Fc", "off", "kv", "kp")
+#: What is found of each joint: rotor, viscous and dry friction, offset, gains if nobody states
+#: them, and play of its gear where errors ask for it.
+JOINT = ("Ia", "Fv", "Fc", "off")
+KINDS = (*JOINT, "play", "kv", "kp")
 
 #: Shares of the inertia, damping and torque of a joint by which its numbers are varied, and of a
 #: sampling step by which the delay is.
 VARIED: Tolerance = 2e-4
+#: Play by which a gear without any is varied [rad or m].
+PLAY: Tolerance = 0.02
 LATER: Tolerance = 0.05
 
 #: Length of logs that are rolled out, all together [s], of which the search begins on a part: more
@@ -86,9 +90,8 @@ class Rollouts:
         Standard deviations of the delays; zero where they are known.
     covariance : (2 n, 2 n)
         Of kv and log kp.
-    by_belief : (r,)
-        By how much log kp, in the mean over joints that are found, moves with each row of what is
-        known of bodies [σ].
+    search : tuple
+        The problem, and where its search ended: vector, positions, weighted derivative.
     """
 
     numbers: Mapping[str, Array]
@@ -99,7 +102,7 @@ class Rollouts:
     missed: Array
     delay_errors: Array
     covariance: Array
-    by_belief: Array
+    search: tuple[Any, ...] = ()
 
 
 def contradicted(missed: Array) -> bool:
@@ -144,6 +147,7 @@ def fit_rollouts(
     made = np.concatenate([servo_log(log, known, delay or 0.0).tau for log in logs])
     # What a servo makes of speeds counts within its limits, and what friction does not.
     limited = (known.high < np.inf) & ~np.all((made > known.low) & (made < known.high), axis=0)
+    free[-3] = False
     free[-2:] = np.isnan(robot.servo.kv) & (spoken | limited), np.isnan(robot.servo.kp)
     problem = Problem(machine, logs, free, delay, shares)
     x = problem.pack(robot.servo.numbers or numbers, delay or 0.0)
@@ -155,11 +159,10 @@ def fit_rollouts(
         problem.logs, problem.varied[problem.bodies] = logs, True
         x, q, J = problem.descend(x)
     numbers, delays = problem.unpack(x)
-    covariance, H = problem.uncertainty(x, q, J)
+    covariance = problem.uncertainty(x, q, J)
     gains, late = slice(free.size - 2 * n, free.size), problem.late
     to_gains = np.diag(np.exp(np.append(problem.over[-2] * x[gains][n:], np.zeros(n))))
     to_gains[range(n), range(n, 2 * n)] = problem.over[-2] * numbers["kv"]
-    found = free[-1] if free[-1].any() else np.ones(n, bool)
     return Rollouts(
         numbers=numbers | {"late": delays},
         parameters=problem.parameters(numbers),
@@ -169,7 +172,7 @@ def fit_rollouts(
         missed=problem.errors(q) / explicable(problem.logs),
         delay_errors=np.sqrt(np.diag(covariance)[late]) * problem.varied[late],
         covariance=to_gains @ covariance[gains, gains] @ to_gains.T,
-        by_belief=J[problem.apart(q).size :] @ (found / found.sum() @ H[gains][n:]),
+        search=(problem, x, q, J),
     )
 
 
@@ -218,7 +221,8 @@ class Problem:
         inertia = machine.inertia(logs[0].q.mean(0))
         torque = np.minimum(np.maximum(0.3 * servo.kp, servo.kv) * moved, servo.high)
         damping = servo.kv + inertia / 0.1  # of a servo that takes a tenth of a second
-        sizes = (inertia, damping, torque, torque, damping, np.ones(len(inertia)))
+        alike = np.ones(len(inertia))
+        sizes = (inertia, damping, torque, torque, PLAY / VARIED * alike, damping, alike)
         steps = VARIED * np.concatenate([*sizes, np.ones(len(self.shares))])
         #: By how much each number is varied.
         self.by = np.concatenate([steps, np.full(len(logs), LATER * self.dt)])
@@ -229,7 +233,7 @@ class Problem:
         robot, sizes = self.machine.robot, np.exp(2 * numbers["sizes"])
         each = zip(self.shares, sizes, strict=True)
         own = {f"{b}.{k}": x * robot.nominal[f"{b}.{k}"] for b, x in each for k in INERTIAL_KINDS}
-        for kind in KINDS[:-2]:
+        for kind in JOINT:
             called = robot.inertia_parts[0] if kind == "Ia" else kind
             pairs = zip(robot.joints, numbers[kind].tolist(), strict=True)
             own |= {f"{joint}.{called}": value for joint, value in pairs}
@@ -237,10 +241,11 @@ class Problem:
 
     def pack(self, numbers: Mapping[str, Array], late: Array | float) -> Array:
         """Return the vector of joints' numbers and delays, bodies as they are known."""
-        rows = [numbers[k] for k in KINDS[:-1]]
+        none = np.zeros(len(self.trees))
+        rows = [numbers.get(k, none) for k in KINDS[:-1]]
         sizes = numbers.get("sizes", np.zeros(len(self.shares)))
         late = np.resize(numbers.get("late", late), len(self.logs))
-        return np.concatenate([*rows, np.zeros(len(self.trees)), sizes, late])
+        return np.concatenate([*rows, none, sizes, late])
 
     def unpack(self, x: Array) -> tuple[dict[str, Array], Array]:
         """Return the numbers of a vector, and delays."""
@@ -280,8 +285,8 @@ class Problem:
                 break
         return x, q, weights[:, None] * J
 
-    def uncertainty(self, x: Array, q: list[Array], J: Array) -> tuple[Array, Array]:
-        """Return the covariance of a vector, (p, p), and what it were if errors were only noise.
+    def uncertainty(self, x: Array, q: list[Array], J: Array) -> Array:
+        """Return the covariance of a vector, (p, p).
 
         It is that of leaving out stretches of time in turn [Künsch 1989], which holds what errors
         remember and much of what the model lacks, and of what is known beforehand.
@@ -311,7 +316,7 @@ class Problem:
             left = np.linalg.pinv(whole - rows[a:b].T @ rows[a:b], hermitian=True)
             out.append(whole @ left @ scores[a:b].sum(0))
         root = out @ H / unit
-        return root.T @ root, H / np.outer(unit, unit)
+        return np.asarray(root.T @ root)
 
     def bounds(self, x: Array) -> Array:
         """Return the least and largest step, (2, p): no friction or rotor is negative."""
@@ -324,10 +329,11 @@ class Problem:
 
     def roll(self, xs: Sequence[Array], step: float = STEP) -> list[list[Array]]:
         """Return positions along every log, for several vectors, all at one step [s]."""
-        every = []
+        every, joints = [], self.machine.robot.joints
         for own, late in map(self.unpack, xs):
             sizes = dict(zip(self.shares, np.exp(2 * own["sizes"]).tolist(), strict=True))
-            every.append((self.machine.resized(sizes), own, late))
+            play = {j: w for j, w in zip(joints, own["play"].tolist(), strict=True) if w > 0}
+            every.append((self.machine.loosened(play).resized(sizes), own, late))
         step = min(step, *(machine.longest(own) for machine, own, _ in every))
         return [
             [
@@ -364,9 +370,12 @@ class Problem:
         stated = [(found[k] - m) / s for k, (m, s) in prior.items() if k in found]
         return np.array([*numbers["sizes"] / [*self.shares.values()], *stated])
 
-    def linearise(self, x: Array) -> Array:
-        """Return the derivative of the residual, (r, p); trees are varied at once."""
-        own = np.flatnonzero(self.varied[: self.bodies.stop])
+    def linearise(self, x: Array, own: np.ndarray | None = None) -> Array:
+        """Return the derivative of the residual, (r, p); trees are varied at once.
+
+        By numbers of joints and bodies that are varied, or some others.
+        """
+        own = np.flatnonzero(self.varied[: self.bodies.stop]) if own is None else own
         trees = self.tree_of[own]
         turn = np.array([np.sum(trees[:k] == tree) for k, tree in enumerate(trees)], int)
         groups = [own[turn == k] for k in range(int(turn.max(initial=-1)) + 1)]

@@ -55,6 +55,7 @@ def compile_forward(
     robot: Robot,
     values: Mapping[str, float],
     servo: Servo | None = None,
+    play: Mapping[str, float] | None = None,
 ) -> Any:
     """Return the MuJoCo model of a robot with other bodies, without looks and contacts.
 
@@ -65,6 +66,8 @@ def compile_forward(
         Parameters of the bodies by name.
     servo : Servo, optional
         That drives the actuated joints, an actuator of each joint's name.
+    play : mapping, optional
+        Widths of play in gears, by joint [rad or m]: behind each is a second, loose joint.
 
     Raises
     ------
@@ -98,6 +101,13 @@ def compile_forward(
     if servo is not None:
         for k, joint in enumerate(robot.joints):
             _add_servo(spec, joint, servo, k)
+    for joint, width in (play or {}).items():
+        like = spec.joint(joint)
+        loose = {k: getattr(like, k) for k in ("type", "axis", "pos")}
+        loose |= {
+            k: 0 * getattr(like, k) for k in ("armature", "damping", "frictionloss", "stiffness")
+        }
+        like.parent.add_joint(**loose, limited=True, range=[-0.5 * width, 0.5 * width])
     model = compile_robot(robot, spec)
     _set_couplings(model, robot)
     _set_bodies(model, robot, values)
@@ -193,6 +203,8 @@ class ForwardRobot:
         the file's values.
     servo : Servo, optional
         What the model has as actuators, beside the forces of `run`.
+    play : mapping, optional
+        As of `compile_forward`.
 
     Raises
     ------
@@ -201,7 +213,11 @@ class ForwardRobot:
     """
 
     def __init__(
-        self, robot: Robot, parameters: Mapping[str, float], servo: Servo | None = None
+        self,
+        robot: Robot,
+        parameters: Mapping[str, float],
+        servo: Servo | None = None,
+        play: Mapping[str, float] | None = None,
     ) -> None:
         self.robot = robot
         values = {**robot.nominal, **both_directions(parameters)}
@@ -210,7 +226,7 @@ class ForwardRobot:
         places = (*robot.tree.single, *self._axes)
         terms = {n: JointTerms.of(values, n, parts) for n in places}
         numbers = {name: stated_numbers(of) for name, of in terms.items()}
-        self._kinematics = MujocoRobot(robot, compile_forward(robot, values, servo))
+        self._kinematics = MujocoRobot(robot, compile_forward(robot, values, servo, play))
         self.model = self._kinematics.model
         self._set_joints(numbers)
         self.bias = self._constant(terms)
@@ -219,7 +235,8 @@ class ForwardRobot:
         # What the file switches off is in no value that is given.
         on = disabled.mjDSBL_SPRING | disabled.mjDSBL_DAMPER | disabled.mjDSBL_FRICTIONLOSS
         options.disableflags &= ~int(disabled.mjDSBL_CONSTRAINT | disabled.mjDSBL_ACTUATION | on)
-        options.disableflags |= int(disabled.mjDSBL_LIMIT | disabled.mjDSBL_CONTACT)
+        options.disableflags |= int(disabled.mjDSBL_CONTACT)
+        self.model.jnt_limited[[k for k in range(self.model.njnt) if self.model.joint(k).name]] = 0
         options.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 
     def home(self) -> Array:

@@ -63,6 +63,8 @@ class CommandedRobot:
     parameters : mapping
         Standard parameters by name; those that are not given keep the file's values.
     servo : Servo, optional
+    play : mapping, optional
+        Widths of play in gears, by joint [rad or m].
 
     Raises
     ------
@@ -71,7 +73,11 @@ class CommandedRobot:
     """
 
     def __init__(
-        self, robot: Robot, parameters: Mapping[str, float], servo: Servo | None = None
+        self,
+        robot: Robot,
+        parameters: Mapping[str, float],
+        servo: Servo | None = None,
+        play: Mapping[str, float] | None = None,
     ) -> None:
         servo = servo or robot.servo
         if servo is None:
@@ -89,7 +95,7 @@ class CommandedRobot:
                 "--forward."
             )
         self.robot, self.servo = robot, servo
-        self._forward = ForwardRobot(robot, parameters, servo)
+        self._forward = ForwardRobot(robot, parameters, servo, play)
         self.model = self._forward.model
         # What diverges is not begun anew.
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
@@ -97,6 +103,10 @@ class CommandedRobot:
         self.dofs = np.array([j.dofadr[0] for j in joints], int)
         self.at = np.array([j.qposadr[0] for j in joints], int)
         self.offset = self._forward.bias[0][self.dofs]
+
+    def loosened(self, play: Mapping[str, float]) -> CommandedRobot:
+        """Return the robot with play in gears, whose widths are given by joint [rad or m]."""
+        return CommandedRobot(self.robot, {}, self.servo, play) if play else self
 
     def resized(self, sizes: Mapping[str, float]) -> CommandedRobot:
         """Return the robot with bodies that are so many times as heavy, and alike."""
@@ -254,6 +264,7 @@ class CommandedRobot:
         model.opt.timestep = h
         stiff = [2 * h, 1.0]
         model.dof_solref[:], model.dof_solimp[:, :2] = stiff, HARD
+        model.jnt_solref[:] = stiff
         damping = np.maximum(numbers["Fv"], 0.0)
         model.dof_damping[dofs] = damping
         model.dof_frictionloss[dofs] = np.maximum(numbers["Fc"], 0.0)

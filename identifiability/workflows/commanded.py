@@ -16,8 +16,16 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.rollouts import KINDS, Problem, Rollouts, contradicted, fit_rollouts
+from identifiability.estimation.rollouts import (
+    JOINT,
+    KINDS,
+    Problem,
+    Rollouts,
+    contradicted,
+    fit_rollouts,
+)
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
@@ -84,6 +92,7 @@ def follow_commands(
         text = phrase("rollouts", "none" if servo.delay is None else "stated", error=str(error))
         return replace(recordings, hints=(Finding("rollouts", text=text), *recordings.hints))
     text = check_found(robot, commanded, found) + state_servos(robot, commanded, found)
+    odd, wrong = find_odd_joints(robot, found)
 
     def calibrated(log: Log, delay: float | None) -> Log:
         return calibrate(structure, log.select(robot.joints), delay, found.parameters, how, rng)
@@ -94,17 +103,21 @@ def follow_commands(
         for (k, log), sd in zip(own.items(), found.delay_errors, strict=True)
         if sd
     ]
-    later += [{k: moved(x, servo, other) for k, x in own.items()} for other in servo.doubted]
-    scale = servo.doubt_scale(2.0 * found.numbers["sizes"], [*file_shares(robot).values()])
+    larger = 2.0 * found.numbers["sizes"]
+    if scale := servo.doubt_scale(larger, [*file_shares(robot).values()]):
+        odd, wrong = odd + scale, wrong / np.exp(np.mean(larger))
+    others = [servo.having({"kp": servo.kp * wrong})] if np.any(wrong != 1.0) else []
+    others += servo.doubted
+    later += [{k: moved(x, servo, other) for k, x in own.items()} for other in others]
     unseen = (calibrated(x, servo.delay) if of_commands(x) else x for x in recordings.held_out)
     rolled = any(x.rollout is not None for x in own.values())
     return replace(
         recordings,
         fitted=tuple(own.get(k, x) for k, x in enumerate(fitted)),
         held_out=tuple(unseen),
-        hints=(Finding("commands" if rolled else "rollouts", text=text), *scale, *recordings.hints),
+        hints=(Finding("commands" if rolled else "rollouts", text=text), *odd, *recordings.hints),
         later=tuple(later),
-        rolled=found,
+        rolled=replace(found, search=()),
         values=found.parameters,
     )
 
@@ -189,6 +202,44 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     (lost,) = np.nonzero(share > ESTIMATION_RULES.rollout_contradicted)
     each = [f"'{robot.joints[j]}' ({100 * share[j]:.0f} %)" for j in lost]
     return f"{phrase('rollouts', 'lost', joints=each)} " if each else ""
+
+
+def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Array]:
+    """Return what rollouts err by that play or another gain explains, and gains over stated ones.
+
+    Of what such a number moves positions by, that counts which no number that was fitted does. The
+    likeliest of each tree is said, with what does nearly as well.
+    """
+    assert robot.servo is not None
+    problem, x, q, J = found.search
+    n, w, out = len(robot.joints), problem.weights(q), list[Finding]()
+    wrong = np.ones(n)
+    gains = np.flatnonzero(~problem.varied[-3 * n :][:n])
+    at = np.concatenate([len(JOINT) * n + np.arange(n), (len(KINDS) - 1) * n + gains])
+    K = w[:, None] * problem.linearise(x, at)[:, at]
+    Q = np.linalg.qr(J[:, problem.varied])[0]
+    left, K = (y - Q @ (Q.T @ y) for y in (w * problem.residual(q, x), K))
+    square = (left[: problem.apart(q).size].reshape(-1, n) ** 2).sum(0)
+    along, size = K.T @ left, np.maximum((K**2).sum(0), 1e-300)
+    gained = np.where((along < 0) | (at >= (len(KINDS) - 1) * n), along**2 / size, 0.0)
+    for tree in np.unique(problem.trees):
+        own = np.where(problem.tree_of[at] == tree, gained, 0.0)
+        share = float(own.max() / square[problem.trees == tree].sum())
+        if share < Thresholds().negligible_share:
+            continue
+        each = []
+        for k in np.flatnonzero(own > own.max() - 2 * ESTIMATION_RULES.rival):
+            kind, j = divmod(int(at[k]), n)
+            step, told = float(-along[k] / size[k]), {"joint": robot.joints[j]}
+            if KINDS[kind] == "play":
+                each.append(phrase("odd_joint", "play", width=1e3 * step, **told))
+            else:
+                wrong[j] = np.exp(step)
+                told |= {"factor": wrong[j], "kp": robot.servo.kp[j]}
+                each.append(phrase("odd_joint", "gain", source=robot.servo.source, **told))
+        joint = robot.joints[int(at[int(np.argmax(own))]) % n]
+        out.append(Finding("odd_joint", joint, what=" or ".join(each), share=100 * share))
+    return out, wrong
 
 
 def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
@@ -278,7 +329,7 @@ def state_gains(
     """Return what gains were found, and what fixes their scale."""
     asked = robot.servo
     assert asked is not None
-    servo, known = asked.having(found.numbers), [*shares]
+    servo = asked.having(found.numbers)
     less, sure = np.split(np.sqrt(np.diag(found.covariance)), 2)
     free = np.flatnonzero(np.isnan(asked.kp))
     each = [f"{robot.joints[k]} {servo.kp[k]:.4g} (± {percent(sure[k], 2)})" for k in free]
@@ -287,19 +338,8 @@ def state_gains(
     others = [f"{robot.joints[k]} {servo.kv[k]:.4g} (± {less[k]:.2g})" for k in damped]
     said += [f"kv of {listing(others, 12)}"] if others else []
     text = [phrase("gains.found", "says", names=list(names), gains="; ".join(said))]
-    fixed = 0.5 * found.by_belief[: len(known)] / [*shares.values()]
-    if fixed.sum() > 0.5:
-        # Share of the scale of a body that is named for it, where bodies fix more than
-        # half.
-        named = [
-            f"{known[k]} ({100 * fixed[k]:.0f} %; within {percent(shares[known[k]])})"
-            for k in np.argsort(-fixed)
-            if fixed[k] > 0.2
-        ]
-        every = f"all bodies, each within {100 * PHYSICAL_RULES.body_within:g} %"
-        text.append(phrase("gains.found", "bodies", bodies=named or [every]))
-    else:
-        text.append(phrase("gains.found", "beside"))
+    sure_of = min(shares, key=lambda body: shares[body])
+    text.append(phrase("gains.found", "bodies", body=sure_of, within=percent(shares[sure_of])))
     held = [robot.joints[k] for k in np.flatnonzero(np.isnan(asked.kv) & ~(servo.kv > 0))]
     if held:
         text.append(phrase("gains.found", "damping", joints=held))
