@@ -497,16 +497,16 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         size, missing = len(self.chosen.submodel), self.missing.statement
         told = answer_trust(self.cautions(), doubt, found, size, missing)
         odd = [*self._impossible(), *of_key(self.hints, "alternative", "unit")]
-        text = " ".join((*self._errors(), told.short, told.text))
+        text = f"{self._errors()} {told.short} {told.text}".lstrip()
         return told if doubt or not odd else replace(told, short=odd[0], text=text, tone="amber")
 
-    def _errors(self) -> list[str]:
-        """Return the values of the errors of measurement that the model has."""
-        effects = (e for e in self.structure.model.effects if e.name in COMPLETED)
-        own = {p.name for e in effects for p in e.parameters(self.robot)}
-        each = (v for v in self.chosen.verdicts if v.name in own)
-        pairs = ((v, format_measured(v.value, REACH * v.sigma_robust)) for v in each)
-        return [f"{v.name} = {x} ± {half} {v.unit} (95 %)." for v, (x, half) in pairs]
+    def _errors(self) -> str:
+        """Return the values of the errors of measurement that the model has, in words."""
+        names = {p.name for p in self.structure.parameters if p.group in COMPLETED}
+        own = [v for v in self.chosen.verdicts if v.name in names]
+        each = [format_measured(v.value, REACH * v.sigma_robust) for v in own]
+        told = [f"{v.name} = {x} ± {half} {v.unit}" for v, (x, half) in zip(own, each, strict=True)]
+        return f"{listing(told, NAMED)} (95 %)." if told else ""
 
     def _impossible(self) -> Iterator[str]:
         """Say what the nearest real robot errs by where it is no model of these logs."""
