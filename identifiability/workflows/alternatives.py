@@ -293,11 +293,11 @@ class _Rows:
                 yield from sorted(self._positions(), key=few.misfit)[:JUDGED]
 
     def misfit(self, a: Alternative) -> float:
-        """Return the sum of the logs of what is left of all columns."""
+        """Return the sum of the logs of what is left of all columns; much where loops are open."""
         try:
             return float(self.fit(a).sum())
         except ClosureError:
-            return np.inf
+            return 1e3 * len(a.order)
 
     def _positions(self) -> Iterator[Alternative]:
         """Yield positions that are exchanged, of another sign or in degrees."""
