@@ -42,7 +42,7 @@ KINDS = (*JOINT, "play", "kv", "kp")
 #: sampling step by which the delay is.
 VARIED: Tolerance = 2e-4
 #: Play by which a gear without any is varied [rad or m].
-PLAY: Tolerance = 0.02
+PLAY = 0.02
 LATER: Tolerance = 0.05
 
 #: Length of logs that are rolled out, all together [s], of which the search begins on a part: more
