@@ -16,14 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.rollouts import (
-    JOINT,
-    KINDS,
-    Problem,
-    Rollouts,
-    contradicted,
-    fit_rollouts,
-)
+from identifiability.estimation.rollouts import KINDS, Problem, Rollouts, contradicted, fit_rollouts
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.findings import Finding, phrase
@@ -216,7 +209,7 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Array
     problem, x, q, J = found.search
     n, w, out = len(robot.joints), problem.weights(q), list[Finding]()
     first, wrong = (len(KINDS) - 1) * n, np.ones(n)  # of gains; those that logs told are fitted
-    at = np.concatenate([len(JOINT) * n + np.arange(n), first + np.arange(n)])
+    at = np.concatenate([KINDS.index("play") * n + np.arange(n), first + np.arange(n)])
     at = at[~problem.varied[at]]
     K = w[:, None] * problem.linearise(x, at)[:, at]
     Q = np.linalg.qr(J[:, problem.varied])[0]
