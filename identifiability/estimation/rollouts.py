@@ -36,8 +36,7 @@ from identifiability.simulation.rollout import (
 
 #: What is found of each joint: rotor, viscous and dry friction, offset, gains if nobody states
 #: them, and play of its gear where errors ask for it.
-JOINT = ("Ia", "Fv", "Fc", "off")
-KINDS = (*JOINT, "play", "kv", "kp")
+KINDS = ("Ia", "Fv", "Fc", "off", "play", "kv", "kp")
 
 #: Shares of the inertia, damping and torque of a joint by which its numbers are varied, and of a
 #: sampling step by which the delay is.
@@ -234,7 +233,7 @@ class Problem:
         robot, sizes = self.machine.robot, np.exp(2 * numbers["sizes"])
         each = zip(self.shares, sizes, strict=True)
         own = {f"{b}.{k}": x * robot.nominal[f"{b}.{k}"] for b, x in each for k in INERTIAL_KINDS}
-        for kind in JOINT:
+        for kind in KINDS[:4]:
             called = robot.inertia_parts[0] if kind == "Ia" else kind
             pairs = zip(robot.joints, numbers[kind].tolist(), strict=True)
             own |= {f"{joint}.{called}": value for joint, value in pairs}

@@ -203,9 +203,9 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Array
     """Return what rollouts err by that play or another gain explains, and gains over stated ones.
 
     Of what such a number moves positions by, that counts which no number that was fitted does. The
-    likeliest of each tree is fitted beside these, and said where errors fall by more than half.
+    two likeliest of each tree are fitted beside these, one at a time, and said where that takes
+    more than half off the square of errors: both, where they do as well.
     """
-    assert robot.servo is not None
     problem, x, q, J = found.search
     n, w, out = len(robot.joints), problem.weights(q), list[Finding]()
     first, wrong = (len(KINDS) - 1) * n, np.ones(n)  # of gains; those that logs told are fitted
@@ -219,19 +219,22 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Array
     gained = np.where((along < 0) | (at >= first), along**2 / ((K**2).sum(0) + 1e-300), 0.0)
     for tree in np.unique(problem.trees):
         own, of = np.where(problem.tree_of[at] == tree, gained, 0.0), problem.trees == tree
-        k, j = at[own.argmax()], int(at[own.argmax()]) % n
-        if own.max() < SUSPECT * square[of].sum():
-            continue
-        problem.varied[k] = True
-        after, moved, _ = problem.descend(x)
-        problem.varied[k] = False
-        share = 1 - np.sum(problem.errors(moved)[of] ** 2) / np.sum(problem.errors(q)[of] ** 2)
-        if share < 0.5:
-            continue
-        wrong[j] = np.exp(after[first + j])
-        told = {"width": 1e3 * after[k], "factor": wrong[j], "kp": robot.servo.kp[j]}
-        what = phrase("odd_joint", "gain" if k >= first else "play", **told)
-        out.append(Finding("odd_joint", robot.joints[j], what=what, share=100 * share))
+        every, before = list[tuple[float, Any, Any]](), np.sum(problem.errors(q)[of] ** 2)
+        for k in (k for k in np.argsort(-own)[:2] if own[k] > SUSPECT * square[of].sum()):
+            problem.varied[at[k]] = True
+            after, moved, _ = problem.descend(x)
+            problem.varied[at[k]] = False
+            part = np.sum(problem.errors(moved)[of] ** 2) / before
+            every.append((float(part), divmod(int(at[k]), n), after))
+        said, least = list[str](), min((part for part, *_ in every), default=1.0)
+        for part, (kind, j), after in sorted(every, key=lambda x: x[0]):
+            if part < min(0.5, 1.1 * least):
+                wrong[j] = 1.0 if said else np.exp(after[first + j])
+                told = {"width": 1e3 * after[kind * n + j], "factor": np.exp(after[first + j])}
+                told |= {"joint": robot.joints[j], "kp": problem.machine.servo.kp[j]}
+                said.append(phrase("odd_joint", KINDS[kind], **told))
+        if said:
+            out.append(Finding("odd_joint", what=" or ".join(said), share=100 * (1 - least)))
     return out, wrong
 
 
