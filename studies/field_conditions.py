@@ -445,7 +445,9 @@ CONDITIONS = {
         10, r"\bkp\b|gain", case=Commanded("two-link", QUADRUPED, (15.0,), 1.48)
     ),
     "kp of a joint stated 30 % too high": Condition(
-        10, r"\bkp\b|gain", case=Commanded("quadruped", QUADRUPED, (15.0,), 1.3, alone=True)
+        10,
+        r"\bkp\b|gain|scale of the torque",
+        case=Commanded("quadruped", QUADRUPED, (15.0,), 1.3, alone=True),
     ),
     "kp stated 30 % too high": Condition(
         10, r"\bkp\b|gain", case=Commanded("quadruped", QUADRUPED, (15.0,), 1.3)

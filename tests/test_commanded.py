@@ -7,7 +7,6 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -28,7 +27,7 @@ from identifiability.regression.reduction import find_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.robot.servo import FOUND, Servo
 from identifiability.simulation.rollout import CommandedRobot
-from identifiability.workflows.commanded import file_shares, roll_late, state_gains
+from identifiability.workflows.commanded import file_shares, find_odd_joints, roll_late, state_gains
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 sys.path.insert(0, str(MODELS.parent / "studies"))
@@ -195,6 +194,20 @@ def test_stated_gains_that_make_all_bodies_heavier_alike_are_said(arm):
     assert said.key == "gains_scale"
     assert arm.servo.doubt_scale(np.log([1.3, 0.8, 1.1, 0.9]), within) == []
     assert replace(arm.servo, numbers={"kp": arm.servo.kp}).doubt_scale(heavier, within) == []
+
+
+@pytest.mark.parametrize(("kind", "size"), [("play", 0.03), ("gain", -0.25), ("", 0.0)])
+def test_play_and_a_gain_that_is_stated_wrongly_are_said_with_their_size(arm, kind, size):
+    rng, how = np.random.default_rng(6), servos.Recorder(200.0, 50.0, 0.006, 14)
+    moves, fault = servos.draw_commands(arm, 6.0, 50.0, 0.35, rng), servos.Fault(1, kind, size)
+    log = read(arm, servos.record(arm, TRUTH, moves, 6.0, how, rng, fault=fault))
+    odd, factors = find_odd_joints(arm, fit_rollouts(arm, [log], file_shares(arm)))
+    assert len(odd) == bool(kind)
+    assert (factors == 1.0).all() == (kind != "gain")
+    for said in odd:  # of two gains one tells the ratio
+        shown = {"play": r"'elbow', about ([\d.]+) mrad", "gain": r"'elbow' that is ([\d.]+)"}
+        found = float(re.search(shown[kind], said)[1])
+        assert found == pytest.approx(1e3 * size if kind == "play" else 1.0 + size, rel=0.2)
 
 
 # Rollouts.
@@ -431,7 +444,7 @@ def test_gains_that_nobody_states_are_found_and_one_known_body_fixes_their_scale
     np.testing.assert_allclose(found.numbers["Fc"], true["Fc"], rtol=0.01)
     assert np.all(np.sqrt(np.diag(found.covariance)) < 0.01)
     told = state_gains(unstated, [log.name], found, shares)
-    assert "what fixes the scale of all numbers is the file's link2 (100 %; within 0.1 %)" in told
+    assert "comes from the file's bodies, link2 within 0.1 %" in told
     assert "Fv of shoulder, elbow holds kv" in told
     known = replace(unstated, servo=replace(unstated.servo.having(found.numbers), source=FOUND))
     again = Robot.load(known.save(tmp_path / "found.xml"))
@@ -461,31 +474,3 @@ def test_positions_need_joints_alike_and_servos_for_commands(arm, frames):
         move("two-link", frames[1])
     with pytest.raises(RobotError, match="the same joints"):
         predict(arm, Robot.load("quadruped"), frames[1], forward=True)
-
-
-def test_the_time_step_is_part_of_the_model_and_taken_off():
-    """MuJoCo's own step of a joint with a damper lags by h D / 2 of inertia, ours does not."""
-    text = (
-        "<mujoco><option timestep='0.004' gravity='0 0 0' integrator='implicitfast'/><worldbody>"
-        "<body><joint axis='0 1 0' damping='0.5' armature='{}'/>"
-        "<geom size='.05' mass='1' pos='.1 0 0'/></body></worldbody>"
-        "<actuator><position joint='j' kp='20'/></actuator></mujoco>"
-    ).replace("<joint axis", "<joint name='j' axis")
-
-    def swing(armature, step):
-        model = mujoco.MjModel.from_xml_string(text.format(armature))
-        model.opt.timestep = step
-        data = mujoco.MjData(model)
-        data.ctrl[0] = 1.0
-        mujoco.mj_forward(model, data)
-        data.qvel[:] = -0.5 * step * data.qacc  # speeds are half a step old
-        out = []
-        for _ in range(round(0.8 / step)):
-            mujoco.mj_step(model, data)
-            out.append(data.qpos[0])
-        return np.array(out)[round(0.004 / step) - 1 :: round(0.004 / step)]
-
-    exact = swing(0.02, 1e-5)
-    plain, taken = swing(0.02, 0.004), swing(0.02 - 0.5 * 0.004 * 0.5, 0.004)
-    apart = [np.abs(x[40:] - exact[40 : len(x)]).max() for x in (plain, taken)]
-    assert apart[1] < 0.35 * apart[0]

@@ -10,6 +10,7 @@ from these shares.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -35,15 +36,14 @@ from identifiability.simulation.rollout import (
 
 #: What is found of each joint: rotor, viscous and dry friction, offset, gains if nobody states
 #: them, and play of its gear where errors ask for it.
-JOINT = ("Ia", "Fv", "Fc", "off")
-KINDS = (*JOINT, "play", "kv", "kp")
+KINDS = ("Ia", "Fv", "Fc", "off", "play", "kv", "kp")
 
 #: Shares of the inertia, damping and torque of a joint by which its numbers are varied, and of a
 #: sampling step by which the delay is.
 VARIED: Tolerance = 2e-4
-#: Play by which a gear without any is varied [rad or m].
-PLAY: Tolerance = 0.02
 LATER: Tolerance = 0.05
+#: Play by which a gear without any is varied [rad or m].
+PLAY = 0.02
 
 #: Length of logs that are rolled out, all together [s], of which the search begins on a part: more
 #: says little more.
@@ -147,7 +147,7 @@ def fit_rollouts(
     made = np.concatenate([servo_log(log, known, delay or 0.0).tau for log in logs])
     # What a servo makes of speeds counts within its limits, and what friction does not.
     limited = (known.high < np.inf) & ~np.all((made > known.low) & (made < known.high), axis=0)
-    free[-3] = False
+    free[-3] = False  # no gear has play as yet
     free[-2:] = np.isnan(robot.servo.kv) & (spoken | limited), np.isnan(robot.servo.kp)
     problem = Problem(machine, logs, free, delay, shares)
     x = problem.pack(robot.servo.numbers or numbers, delay or 0.0)
@@ -233,7 +233,7 @@ class Problem:
         robot, sizes = self.machine.robot, np.exp(2 * numbers["sizes"])
         each = zip(self.shares, sizes, strict=True)
         own = {f"{b}.{k}": x * robot.nominal[f"{b}.{k}"] for b, x in each for k in INERTIAL_KINDS}
-        for kind in JOINT:
+        for kind in KINDS[:4]:
             called = robot.inertia_parts[0] if kind == "Ia" else kind
             pairs = zip(robot.joints, numbers[kind].tolist(), strict=True)
             own |= {f"{joint}.{called}": value for joint, value in pairs}
@@ -329,18 +329,18 @@ class Problem:
 
     def roll(self, xs: Sequence[Array], step: float = STEP) -> list[list[Array]]:
         """Return positions along every log, for several vectors, all at one step [s]."""
-        every, joints = [], self.machine.robot.joints
+        every = []
         for own, late in map(self.unpack, xs):
             sizes = dict(zip(self.shares, np.exp(2 * own["sizes"]).tolist(), strict=True))
-            play = {j: w for j, w in zip(joints, own["play"].tolist(), strict=True) if w > 0}
-            every.append((self.machine.loosened(play).resized(sizes), own, late))
+            machine = self.machine
+            if own["play"].any():
+                loose = replace(machine.servo, play=own["play"])
+                machine = CommandedRobot(machine.robot, {}, loose)
+            every.append((machine.resized(sizes), own, late))
         step = min(step, *(machine.longest(own) for machine, own, _ in every))
         return [
-            [
-                machine.roll(log, [own], delay, step=step)[0]
-                for log, delay in zip(self.logs, late, strict=True)
-            ]
-            for machine, own, late in every
+            [m.roll(log, [own], d, step=step)[0] for log, d in zip(self.logs, late, strict=True)]
+            for m, own, late in every
         ]
 
     def weights(self, q: list[Array]) -> Array:
@@ -371,15 +371,13 @@ class Problem:
         return np.array([*numbers["sizes"] / [*self.shares.values()], *stated])
 
     def linearise(self, x: Array, own: np.ndarray | None = None) -> Array:
-        """Return the derivative of the residual, (r, p); trees are varied at once.
-
-        By numbers of joints and bodies that are varied, or some others.
-        """
+        """Return the derivative of the residual, (r, p), by what is varied, or by some others."""
         own = np.flatnonzero(self.varied[: self.bodies.stop]) if own is None else own
-        trees = self.tree_of[own]
+        trees = self.tree_of[own]  # all are varied at once
         turn = np.array([np.sum(trees[:k] == tree) for k, tree in enumerate(trees)], int)
         groups = [own[turn == k] for k in range(int(turn.max(initial=-1)) + 1)]
-        xs = [x, *(self._moved(x, at) for at in (*groups, self.late))]
+        alone = np.diag(self.by)
+        xs = [x, *(x + alone[at].sum(0) for at in (*groups, self.late))]
         base, *others = map(self.apart, self.roll(xs, COARSE * STEP))
         J = np.zeros((*base.shape, len(x)))
         for columns, moved in zip(groups, others, strict=False):
@@ -388,11 +386,5 @@ class Problem:
         ends = np.cumsum([0, *(len(log) - forgotten(log) for log in self.logs)]).tolist()
         for k, (a, b) in enumerate(pairwise(ends), self.bodies.stop):
             J[a:b, :, k] = (others[-1] - base)[a:b] / self.by[k]
-        beliefs = [self.belief(self._moved(x, k)) - self.belief(x) for k in range(len(x))]
+        beliefs = [self.belief(x + step) - self.belief(x) for step in alone]
         return np.vstack([J.reshape(-1, len(x)), np.array(beliefs).T / self.by])
-
-    def _moved(self, x: Array, at: slice | np.ndarray | int) -> Array:
-        """Return a vector with some numbers varied."""
-        out = x.copy()
-        out[at] += self.by[at]
-        return out

@@ -55,6 +55,8 @@ class Servo:
         How gains were found, and what fixes their scale, where logs told them.
     numbers : mapping of str to array
         Of joints and bodies with which rollouts followed these logs.
+    play : (n,) [rad or m]
+        Between motors, which are measured, and what they move; empty for none.
     doubt : (g, 2 n)
         By what kv and by what share kp are others if each of g independent doubts is one standard
         deviation.
@@ -70,6 +72,7 @@ class Servo:
     assumed: bool = True
     found: str = ""
     numbers: Mapping[str, Array] = field(default_factory=dict)
+    play: Array = field(default_factory=lambda: np.zeros(0))
     doubt: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @staticmethod

@@ -51,12 +51,7 @@ def mixed_axes(robot: Robot) -> dict[str, dict[str, float]]:
     return {a.name: dict(a.weights) for a in robot.axes if a.mixed}
 
 
-def compile_forward(
-    robot: Robot,
-    values: Mapping[str, float],
-    servo: Servo | None = None,
-    play: Mapping[str, float] | None = None,
-) -> Any:
+def compile_forward(robot: Robot, values: Mapping[str, float], servo: Servo | None = None) -> Any:
     """Return the MuJoCo model of a robot with other bodies, without looks and contacts.
 
     Parameters
@@ -66,8 +61,6 @@ def compile_forward(
         Parameters of the bodies by name.
     servo : Servo, optional
         That drives the actuated joints, an actuator of each joint's name.
-    play : mapping, optional
-        Widths of play in gears, by joint [rad or m]: behind each is a second, loose joint.
 
     Raises
     ------
@@ -101,13 +94,6 @@ def compile_forward(
     if servo is not None:
         for k, joint in enumerate(robot.joints):
             _add_servo(spec, joint, servo, k)
-    for joint, width in (play or {}).items():
-        like = spec.joint(joint)
-        loose = {k: getattr(like, k) for k in ("type", "axis", "pos")}
-        loose |= {
-            k: 0 * getattr(like, k) for k in ("armature", "damping", "frictionloss", "stiffness")
-        }
-        like.parent.add_joint(**loose, limited=True, range=[-0.5 * width, 0.5 * width])
     model = compile_robot(robot, spec)
     _set_couplings(model, robot)
     _set_bodies(model, robot, values)
@@ -158,7 +144,7 @@ def _set_couplings(model: Any, robot: Robot) -> None:
 
 
 def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
-    """Add the servo of a joint; its control is a position, a velocity or a torque."""
+    """Add the servo of a joint, and play; its control is a position, a velocity or a torque."""
     kp, kv = float(servo.kp[k]), float(servo.kv[k])
     options = _MOTOR | {
         "gainprm": [float(servo.gain[k]), *[0] * 9],
@@ -177,6 +163,12 @@ def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
         trntype=mujoco.mjtTrn.mjTRN_JOINT,
         **options,
     )
+    if servo.play.any() and servo.play[k] > 0:
+        like, ends = spec.joint(joint), 0.5 * servo.play[k] * np.array([-1.0, 1.0])
+        loose = {word: getattr(like, word) for word in ("type", "axis", "pos")}
+        free = ("armature", "damping", "frictionloss", "stiffness")  # whatever the file's defaults
+        loose |= {word: 0 * getattr(like, word) for word in free}
+        like.parent.add_joint(**loose, limited=True, range=ends)
 
 
 # Forward simulation: many short stretches of motion from measured states, by MuJoCo.
@@ -203,8 +195,6 @@ class ForwardRobot:
         the file's values.
     servo : Servo, optional
         What the model has as actuators, beside the forces of `run`.
-    play : mapping, optional
-        As of `compile_forward`.
 
     Raises
     ------
@@ -213,11 +203,7 @@ class ForwardRobot:
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        parameters: Mapping[str, float],
-        servo: Servo | None = None,
-        play: Mapping[str, float] | None = None,
+        self, robot: Robot, parameters: Mapping[str, float], servo: Servo | None = None
     ) -> None:
         self.robot = robot
         values = {**robot.nominal, **both_directions(parameters)}
@@ -226,7 +212,7 @@ class ForwardRobot:
         places = (*robot.tree.single, *self._axes)
         terms = {n: JointTerms.of(values, n, parts) for n in places}
         numbers = {name: stated_numbers(of) for name, of in terms.items()}
-        self._kinematics = MujocoRobot(robot, compile_forward(robot, values, servo, play))
+        self._kinematics = MujocoRobot(robot, compile_forward(robot, values, servo))
         self.model = self._kinematics.model
         self._set_joints(numbers)
         self.bias = self._constant(terms)
@@ -236,6 +222,7 @@ class ForwardRobot:
         on = disabled.mjDSBL_SPRING | disabled.mjDSBL_DAMPER | disabled.mjDSBL_FRICTIONLOSS
         options.disableflags &= ~int(disabled.mjDSBL_CONSTRAINT | disabled.mjDSBL_ACTUATION | on)
         options.disableflags |= int(disabled.mjDSBL_CONTACT)
+        # Loose joints, the only ones without a name, have ends.
         self.model.jnt_limited[[k for k in range(self.model.njnt) if self.model.joint(k).name]] = 0
         options.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 

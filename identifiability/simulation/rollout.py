@@ -63,8 +63,6 @@ class CommandedRobot:
     parameters : mapping
         Standard parameters by name; those that are not given keep the file's values.
     servo : Servo, optional
-    play : mapping, optional
-        Widths of play in gears, by joint [rad or m].
 
     Raises
     ------
@@ -73,11 +71,7 @@ class CommandedRobot:
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        parameters: Mapping[str, float],
-        servo: Servo | None = None,
-        play: Mapping[str, float] | None = None,
+        self, robot: Robot, parameters: Mapping[str, float], servo: Servo | None = None
     ) -> None:
         servo = servo or robot.servo
         if servo is None:
@@ -95,7 +89,7 @@ class CommandedRobot:
                 "--forward."
             )
         self.robot, self.servo = robot, servo
-        self._forward = ForwardRobot(robot, parameters, servo, play)
+        self._forward = ForwardRobot(robot, parameters, servo)
         self.model = self._forward.model
         # What diverges is not begun anew.
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
@@ -103,10 +97,6 @@ class CommandedRobot:
         self.dofs = np.array([j.dofadr[0] for j in joints], int)
         self.at = np.array([j.qposadr[0] for j in joints], int)
         self.offset = self._forward.bias[0][self.dofs]
-
-    def loosened(self, play: Mapping[str, float]) -> CommandedRobot:
-        """Return the robot with play in gears, whose widths are given by joint [rad or m]."""
-        return CommandedRobot(self.robot, {}, self.servo, play) if play else self
 
     def resized(self, sizes: Mapping[str, float]) -> CommandedRobot:
         """Return the robot with bodies that are so many times as heavy, and alike."""

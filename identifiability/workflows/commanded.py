@@ -16,16 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.rollouts import (
-    JOINT,
-    KINDS,
-    Problem,
-    Rollouts,
-    contradicted,
-    fit_rollouts,
-)
+from identifiability.estimation.rollouts import KINDS, Problem, Rollouts, contradicted, fit_rollouts
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
@@ -42,6 +34,9 @@ from identifiability.simulation.rollout import CommandedRobot, forgotten, record
 
 #: Recordings of a rollout that differ in where the encoders' steps lie.
 PHASES = 4
+
+#: Share of the residual of a tree's rollouts from which a number that may explain it is fitted.
+SUSPECT = 0.02
 
 
 def give_torque(logs: Sequence[Log], servo: Servo | None) -> list[Log]:
@@ -208,37 +203,38 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Array
     """Return what rollouts err by that play or another gain explains, and gains over stated ones.
 
     Of what such a number moves positions by, that counts which no number that was fitted does. The
-    likeliest of each tree is said, with what does nearly as well.
+    two likeliest of each tree are fitted beside these, one at a time, and said where that takes
+    more than half off the square of errors: both, where they do as well.
     """
-    assert robot.servo is not None
     problem, x, q, J = found.search
     n, w, out = len(robot.joints), problem.weights(q), list[Finding]()
-    wrong = np.ones(n)
-    gains = np.flatnonzero(~problem.varied[-3 * n :][:n])
-    at = np.concatenate([len(JOINT) * n + np.arange(n), (len(KINDS) - 1) * n + gains])
+    first, wrong = (len(KINDS) - 1) * n, np.ones(n)  # of gains; those that logs told are fitted
+    at = np.concatenate([KINDS.index("play") * n + np.arange(n), first + np.arange(n)])
+    at = at[~problem.varied[at]]
     K = w[:, None] * problem.linearise(x, at)[:, at]
     Q = np.linalg.qr(J[:, problem.varied])[0]
     left, K = (y - Q @ (Q.T @ y) for y in (w * problem.residual(q, x), K))
     square = (left[: problem.apart(q).size].reshape(-1, n) ** 2).sum(0)
-    along, size = K.T @ left, np.maximum((K**2).sum(0), 1e-300)
-    gained = np.where((along < 0) | (at >= (len(KINDS) - 1) * n), along**2 / size, 0.0)
+    along = K.T @ left
+    gained = np.where((along < 0) | (at >= first), along**2 / ((K**2).sum(0) + 1e-300), 0.0)
     for tree in np.unique(problem.trees):
-        own = np.where(problem.tree_of[at] == tree, gained, 0.0)
-        share = float(own.max() / square[problem.trees == tree].sum())
-        if share < Thresholds().negligible_share:
-            continue
-        each = []
-        for k in np.flatnonzero(own > own.max() - 2 * ESTIMATION_RULES.rival):
-            kind, j = divmod(int(at[k]), n)
-            step, told = float(-along[k] / size[k]), {"joint": robot.joints[j]}
-            if KINDS[kind] == "play":
-                each.append(phrase("odd_joint", "play", width=1e3 * step, **told))
-            else:
-                wrong[j] = np.exp(step)
-                told |= {"factor": wrong[j], "kp": robot.servo.kp[j]}
-                each.append(phrase("odd_joint", "gain", source=robot.servo.source, **told))
-        joint = robot.joints[int(at[int(np.argmax(own))]) % n]
-        out.append(Finding("odd_joint", joint, what=" or ".join(each), share=100 * share))
+        own, of = np.where(problem.tree_of[at] == tree, gained, 0.0), problem.trees == tree
+        every, before = list[tuple[float, Any, Any]](), np.sum(problem.errors(q)[of] ** 2)
+        for k in (k for k in np.argsort(-own)[:2] if own[k] > SUSPECT * square[of].sum()):
+            problem.varied[at[k]] = True
+            after, moved, _ = problem.descend(x)
+            problem.varied[at[k]] = False
+            part = np.sum(problem.errors(moved)[of] ** 2) / before
+            every.append((float(part), divmod(int(at[k]), n), after))
+        said, least = list[str](), min((part for part, *_ in every), default=1.0)
+        for part, (kind, j), after in sorted(every, key=lambda x: x[0]):
+            if part < min(0.5, 1.1 * least):
+                wrong[j] = 1.0 if said else np.exp(after[first + j])
+                told = {"width": 1e3 * after[kind * n + j], "factor": np.exp(after[first + j])}
+                told |= {"joint": robot.joints[j], "kp": problem.machine.servo.kp[j]}
+                said.append(phrase("odd_joint", KINDS[kind], **told))
+        if said:
+            out.append(Finding("odd_joint", what=" or ".join(said), share=100 * (1 - least)))
     return out, wrong
 
 

@@ -1003,11 +1003,7 @@ def _file_name(robot: Robot) -> str:
 
 
 def _move(
-    robot: Robot,
-    name: str,
-    values: Mapping[str, float],
-    logs: Sequence[Log],
-    known: Array | None = None,
+    robot: Robot, name: str, values: Mapping[str, float], logs: Sequence[Log], known: Any = None
 ) -> Simulated:
     """Return a robot with some values as logs move it, commands as late as is known of each."""
     from identifiability.simulation.rollout import CommandedRobot, forgotten  # noqa: PLC0415
