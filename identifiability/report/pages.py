@@ -344,7 +344,7 @@ def excitation_moving(result: Excitation) -> Moving | None:
 
 def excitation_below(result: Excitation) -> Table:
     """Return how many parameters motions tell, as bars."""
-    size = len(result.names)
+    size = len(result.after.told)
     rows = []
     for name, merit in ((result.beside, result.before), ("this motion", result.after)):
         count = merit.identifiable
