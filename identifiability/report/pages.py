@@ -349,7 +349,7 @@ def excitation_below(result: Excitation) -> Table:
     for name, merit in ((result.beside, result.before), ("this motion", result.after)):
         count = merit.identifiable
         rows.append((name, Cell(f"{count} of {size}", share=count / size)))
-    columns = (Column("identifiable by", get=None), Column("parameters", "bar"))
+    columns = (Column("identifiable by"), Column("parameters", "bar"))
     return Table.of("", columns, rows)
 
 
