@@ -94,8 +94,8 @@ def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
 
 #: What positions beyond limits are, and what to say.
 _DEGREES = (
-    'looks like degrees: say --set angles=deg (or angles = "deg" in the sidecar), or --set '
-    "angles=rad if they are rad, or"
+    'looks like degrees: say --set angles=deg (or angles = "deg" in the sidecar; a unit in the '
+    "header goes before both: correct that), or --set angles=rad if they are rad, or"
 )
 _TICKS = "spans more than twice the joint's limits; say"
 

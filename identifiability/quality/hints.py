@@ -19,6 +19,7 @@ from identifiability.logs.commands import of_commands
 from identifiability.logs.gaps import smallest_change
 from identifiability.logs.prepare.dataset import Dataset, stands_still
 from identifiability.logs.rules import RULES
+from identifiability.logs.spikes import TURN
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.quality.registry import Does, MeasuredLogs, check, without
 from identifiability.regression.information import Information
@@ -138,10 +139,14 @@ def find_outside(logs: MeasuredLogs) -> list[Finding]:
 
 @check("beyond", Does.HINTS, always=True)
 def find_beyond(logs: MeasuredLogs) -> list[Finding]:
-    """Return the joints that move beyond the limits that the file states."""
+    """Return the joints that move beyond the limits that the file states, but for whole turns."""
     (low, high), q = logs.robot.limits.T, logs.motion.actuated_q
     if not len(q) or q.shape[1] != len(low):
         return []
+    turns = np.array([not logs.robot.is_prismatic(int(k)) for k in logs.robot.actuated])
+    middle = np.where(np.isfinite(high - low), 0.5 * (low + high), 0.0)
+    away = np.median(q, 0) - middle
+    q = q - TURN * turns * np.round(away / TURN)
     least, most = q.min(0), q.max(0)
     slack = RULES.small * (high - low)
     far = (least < low - slack) | (most > high + slack)

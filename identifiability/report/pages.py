@@ -344,12 +344,12 @@ def excitation_moving(result: Excitation) -> Moving | None:
 
 def excitation_below(result: Excitation) -> Table:
     """Return how many parameters motions tell, as bars."""
-    size = len(result.names)
+    size = len(result.after.told)
     rows = []
     for name, merit in ((result.beside, result.before), ("this motion", result.after)):
         count = merit.identifiable
         rows.append((name, Cell(f"{count} of {size}", share=count / size)))
-    columns = (Column("identifiable by", get=None), Column("parameters", "bar"))
+    columns = (Column("identifiable by"), Column("parameters", "bar"))
     return Table.of("", columns, rows)
 
 

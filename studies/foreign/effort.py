@@ -112,7 +112,7 @@ PARTIAL = [
          changed(lambda f: f.assign(**{c: f[c].where(f.index % 2 == 0)
                                        for c in f if c.endswith("tau")}))),
     Case("zeros for the wrist's effort", "partial",
-         changed(lambda f: f.assign(**{"joint_6.tau": 0.0})), ("never changes",)),
+         changed(lambda f: f.assign(**{"joint_6.tau": 0.0})), ("was not measured",)),
     Case("no effort at all", "partial",
          changed(lambda f: f.drop(columns=[c for c in f if c.endswith("tau")])),
          ("no column joint_1.tau",)),

@@ -18,7 +18,7 @@ RATED = (300.0, 300.0, 150.0, 30.0, 25.0, 15.0)
 #: Ratios of gears.
 GEARS = (160.0, 160.0, 120.0, 100.0, 80.0, 50.0)
 
-UNIT = ("what the robot file asks for",)
+UNIT = ("what the robot file asks for", "a wrong scale of the torque")
 
 
 def every(kind: str, factor: object, only: str = "") -> Writer:
@@ -155,7 +155,7 @@ ANGLES = [
         "a zero that is 90° off",
         "angles",
         column("joint_2.q", lambda x, _: x + np.pi / 2),
-        ("Check the zero",),
+        ("Check the zero", "a wrong zero of an encoder in joint_2"),
     ),
 ]
 
@@ -188,15 +188,15 @@ TORQUE = [
         "positions for torque",
         "torque",
         csv(lambda f, _: f.assign(**{f"{j}.tau": f[f"{j}.q"] for j in joints(f)})),
-        ("what the robot file asks for",),
+        ("what the robot file asks for", "than a constant torque"),
     ),
     Case("nothing but zeros", "torque", every("tau", 0.0), ("zero",)),
-    Case("one column of zeros", "torque", every("tau", 0.0, "joint_3"), ("never changes",)),
+    Case("one column of zeros", "torque", every("tau", 0.0, "joint_3"), ("was not measured",)),
     Case(
         "one constant column",
         "torque",
         column("joint_3.tau", lambda x, _: 0 * x + 1.5),
-        ("never changes",),
+        ("was not measured",),
     ),
     Case(
         "constant columns",
@@ -208,7 +208,7 @@ TORQUE = [
         "noise for torque",
         "torque",
         csv(lambda f, rng: f.assign(**{f"{j}.tau": rng.normal(size=len(f)) for j in joints(f)})),
-        ("what the robot file asks for", "explain"),
+        ("what the robot file asks for", "explain", "than a constant torque"),
     ),
     Case(
         "noise for a joint's torque",

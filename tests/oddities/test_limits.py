@@ -85,8 +85,11 @@ def band(cutoff=5.0, noise=0.0):
 
 def moved(most):
     """A joint with limits of ± 1."""
-    robot = SimpleNamespace(joints=("a",), limits=np.array([[-1.0, 1.0]]))
-    return SimpleNamespace(robot=robot, motion=SimpleNamespace(actuated_q=np.array([[most], [0]])))
+    robot = SimpleNamespace(joints=("a",), limits=np.array([[-1.0, 1.0]]), actuated=[0])
+    robot.is_prismatic = lambda dof: False
+    return SimpleNamespace(
+        robot=robot, motion=SimpleNamespace(actuated_q=np.array([[most], [most]]))
+    )
 
 
 #: What is asked, its limit in words, data just inside and data just outside.
@@ -107,6 +110,7 @@ ROWS = {
     "very good no more": (lambda x: grade_of(x) != "very-good", 0.0299, 0.0301),
     "fair": (lambda x: grade_of(x) == "fair", 0.0799, 0.0801),
     "useless": (lambda x: grade_of(x) == "useless", 0.499, 0.501),
+    "motion a turn off": (lambda x: exchanged.find_beyond(moved(x)), -2 * np.pi, -1.5),
     "motion beyond limits": (lambda x: exchanged.find_beyond(moved(x)), 1.005, 1.03),
     "positions that fit in degrees": (
         lambda x: looks_like_degrees(np.linspace(-x, x, N), -1.0, 1.0) or None, 1.005, 50.0

@@ -401,7 +401,9 @@ class World:
         ]
         asked = {"method": result.estimate.estimator, "replicates": refits}
         experiment = Experiment.of(analysis.structure, true, result.submodel, **asked)
-        W, tau, moves, runs = experiment.W, experiment.tau, experiment.moves, find_runs(samples)
+        W, tau = experiment.W, experiment.tau
+        moves = experiment.moves
+        runs = find_runs(samples)
         noise = fit_residual_noise(tau, W, split_runs(runs, moves))
         robots = TrueRobots.of(analysis.structure, result)
         world = World(
@@ -438,7 +440,8 @@ class World:
     def repeat(self, seed: np.random.SeedSequence) -> tuple[Outcome, Array]:
         """Return one repetition, fitted and judged, and what the labels meant in it, (k,)."""
         of_robot, of_noise, of_motion, of_fit = map(np.random.default_rng, seed.spawn(4))
-        e, submodel = self.experiment, self.experiment.submodel
+        e = self.experiment
+        submodel = e.submodel
         beta = self.robots.draw(of_robot)
         known = beta - submodel.fixed
         truth = np.linalg.lstsq(submodel.M, known, rcond=None)[0]

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -562,7 +563,8 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     robot = source_name(d.robot)
     given = name_logs(d.robot, given_paths(d.samples), how=d.preparation)
     logs = given + held_back(d.validation, d.samples)
-    again = f"identifiability diagnose {robot} {logs}"
+    model = d.provenance.get("model")
+    again = f"identifiability diagnose {robot} {logs}{f' --model {quote(model)}' if model else ''}"
     undecided = any(e.alternatives for e in d.effects) and not d.written("next")
     out = [("Find the motion that tells one name from the other:", f"{again} --next motion.json")]
     out = out if undecided else []

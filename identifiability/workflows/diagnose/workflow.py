@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
@@ -180,7 +181,10 @@ def diagnose(
         if later and robot.servo is not None:
             given = given.acting_later(robot.servo, later)
             found, opening = asked.look(given)
+        texts = [model] if isinstance(model, (str, Path)) else model
+        words = ",".join(map(str, texts)) if isinstance(texts, (list, tuple)) else ""
         options = {
+            **({"model": words} if words else {}),
             "effects": "all" if effects is None else list(effects),
             "fixed": fixed if isinstance(fixed, bool) else known.words,
             **({"prior": near} if near else {}),

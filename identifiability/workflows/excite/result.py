@@ -97,13 +97,19 @@ class Merit:
         Log-det of the information, or standard deviations.
     sigma : (k,)
         Standard deviations under white noise, up to a factor shared by all motions compared.
-    identifiable : int
-        Parameters with standard deviations of 20 % and less to expect.
+    told : (c,) bool
+        Of which of the columns that the criterion is about standard deviations of 20 % and less
+        are to be expected.
     """
 
     figure: float
     sigma: Array
-    identifiable: int
+    told: np.ndarray
+
+    @property
+    def identifiable(self) -> int:
+        """How many of them."""
+        return int(self.told.sum())
 
 
 @frozen(kw_only=True)
@@ -343,17 +349,14 @@ class Excitation(Result):
 
 
 def _worth(result: Excitation) -> Answer:
+    question, text = "What does it tell?", result.worth
     old, new = result.before.identifiable, result.after.identifiable
-    tone, question = (
-        "green" if result.after.figure > result.before.figure else "amber",
-        "What does it tell?",
-    )
-    if not new:
-        return Answer(question, result.worth, "", tone)
+    if not new:  # of values that nobody states
+        return Answer(question, text, "", "green")
     noise = "as the logs'" if result.logs else "of 5 % of the torque"
-    count = format_count(len(result.names), "parameter")
+    count = format_count(len(result.after.told), "parameter")
     short = f"{old} → {new} of {count} identifiable, beside {result.beside} (noise {noise})."
-    return Answer(question, short, result.worth, tone)
+    return Answer(question, short, text, "green")
 
 
 def _safe(result: Excitation) -> Answer:

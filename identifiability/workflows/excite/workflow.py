@@ -29,6 +29,7 @@ from identifiability.regression.reduction import ModelLike, free_again
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.excite.criteria import (
     Known,
+    LogDet,
     Question,
     gather_known,
     pose_question,
@@ -193,6 +194,7 @@ def find_motion(
     x, space, gap = _best(objective, found, samples)
     middle = _middle(found)
     noisy = objective if known.logs else _with_noise(objective, middle, samples)
+    asked = aim.chosen if isinstance(aim, LogDet) else np.arange(len(question.names))
 
     def merit(x: Array | None) -> Merit:
         """Return what a motion tells, or the logs' motion measured again."""
@@ -201,7 +203,7 @@ def find_motion(
             for each in (objective, noisy)
         )
         spread, limit = _sigma(own), Thresholds().sigma_percent / 100 * np.abs(known.values)
-        told = int(np.sum((spread > 0) & (spread <= limit)))
+        told = ((spread > 0) & (spread <= limit))[asked]
         return Merit(aim.figure(float(aim.cost(plain[None])[0])), _sigma(plain), told)
 
     return Excitation(
@@ -251,10 +253,8 @@ NOISE = 0.05
 
 def _middle(found: Search) -> Array:
     """Return the random motion in the middle of all that keep the workspace."""
-    order = np.argsort(found.costs)
-    order = order[found.costs[order] < OPEN]
-    middle: Array = found.draws[order[len(order) // 2]]
-    return middle
+    order = [k for k in np.argsort(found.costs) if found.costs[k] < OPEN]
+    return np.asarray(found.draws[order[len(order) // 2]])
 
 
 def _with_noise(objective: Objective, x: Array, samples: int) -> Objective:
