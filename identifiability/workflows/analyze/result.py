@@ -962,7 +962,7 @@ def file_table(analysis: Analysis) -> Table:
     frame = analysis.file_frame()
     counts = [f"{(frame['logs'] == word).sum()} {word.rstrip('s')}" for word in BELIEVED]
     columns = (
-        Column("parameter", get=lambda r: Cell(r.name, note=label_note(r))),
+        Column("parameter", get=lambda r: " = ".join(filter(None, (r.name, label_note(r))))),
         Column("robot file", stated_text, "file"),
         Column("found", stated_text, "value"),
         Column("± σ", digits(2), "sigma"),

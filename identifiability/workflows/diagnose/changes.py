@@ -82,6 +82,7 @@ class DifferentTorque:
         sizes[each] += value[found.model.fixed :]
         for (j, k), x in found.missing.entries.items():
             explained[:, j] += sizes[k] * x
+        explained[~seen.data] = np.nan
         left = np.where(seen.data, seen.y - seen.X @ value[:p], np.nan)
         return DifferentTorque(*(x[seen.log == 0] for x in (seen.t, seen.raw, left, explained)))
 
@@ -183,7 +184,8 @@ class Change:
         if abs(size) > reach:
             return f"{self.what} {words[int(size < 0)]} by {measured(abs(size), reach, unit)}"
         every = zip(self.names, self.sizes, half, self.units, strict=True)
-        parts = [f"{n} by {measured(x, h, u)}" for n, x, h, u in every if abs(x) > h]
+        shares = ((n, 100 * x, 100 * h, "%") if u == "1" else (n, x, h, u) for n, x, h, u in every)
+        parts = [f"{n} by {measured(x, h, u)}" for n, x, h, u in shares if abs(x) > h]
         return f"{self.what} changed{': ' if parts else ''}{listing(parts, NAMED)}"
 
 
