@@ -72,7 +72,7 @@ ELEMENTS = tuple(2.0**k for k in range(3))
     shapes=lambda span: tuple(s * span.position_range for s in (0.003, 0.01, 0.03, 0.1)),
     needs="coulomb_friction",
     remembers=True,
-    told_by="reverse often, after short ways and after long ones,",
+    told_by="reverse often, after short ways and after long ones",
 )
 class Hysteresis(Shaped):
     """``τ = Σ Hₖ zₖ``, springs that slip: generalised Maxwell slip, linear in its levels.

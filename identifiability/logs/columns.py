@@ -162,7 +162,7 @@ def name_columns(
 
 def _guess(names: Mapping[str, str], known: Conventions) -> list[Column]:
     """Return what columns are, as far as their names say so."""
-    joints = (*known.motors, *known.joints, *known.locked)
+    joints = tuple(dict.fromkeys((*known.motors, *known.joints, *known.locked)))
     if not known.joints:
         joints = tuple({split_unit(n)[0].rpartition(".")[0]: 0 for n in names.values()})
     guesses = [guess_column(c, n, joints) for c, n in names.items()]

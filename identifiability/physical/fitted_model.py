@@ -146,13 +146,10 @@ class PhysicalSet:
     @cached_property
     def constraints(self) -> tuple[str, ...]:
         """What holds each body, and each of the m rows, (nb + m,) str."""
-        pairs = zip(self.names, self.bodies, strict=True)
-        own = [(name, self.rows[:, columns].any(1)) for name, columns in pairs]
+        own = [*zip(self.names, self.bodies, strict=True)]
+        within = [" + ".join(name for name, at in own if row[at].any()) for row, _ in self.bounds]
         signs = [f"{self.columns[k]} ≥ 0" for k in self.signed]
-        limits = [
-            " + ".join(name for name, acts in own if acts[k]) for k in np.flatnonzero(self.bounded)
-        ]
-        return (*self.names, *signs, *(f"[bounds] of {name}" for name in limits))
+        return (*self.names, *signs, *(f"[bounds] of {names}" for names in within))
 
     @cached_property
     def bounded(self) -> np.ndarray:

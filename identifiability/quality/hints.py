@@ -32,6 +32,13 @@ from identifiability.regression.information import Information
 # an alternative of the model (`workflows.alternatives`).
 
 
+@check("effects", Does.HINTS, always=True)
+def find_left_out_effects(logs: MeasuredLogs) -> list[Finding]:
+    """Return effects that the sidecar asks for and another model has not."""
+    own = [e for e in logs.robot.said.effects if e not in logs.structure.model.texts]
+    return [Finding("effects", effects=own)] if own else []
+
+
 @check("unit", Does.EXPLAINS)
 def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
     """Return torque whose size contradicts the file at all joints where it shows, most of them."""

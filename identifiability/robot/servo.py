@@ -160,14 +160,17 @@ class Servo:
         return (*gains, older) if self.assumed else tuple(gains)
 
 
-def state_delay(delays: Array) -> str:
-    """Return when commands act, of some delays [s], as a clause.
+def state_delay(delays: Array, logs: Sequence[str] = ()) -> str:
+    """Return when commands act, of some delays [s] of logs, as a clause.
 
     A delay is negative where a command acts before the row that holds it.
     """
     late = 1e3 * np.asarray(delays)
-    each = dict.fromkeys(f"{abs(x):.2g} ms {'before' if x < 0 else 'after'}" for x in late)
-    return f"commands act {listing(each, 4)} their rows"
+    side = "before" if (late < 0).all() else "after"
+    told = [f"{abs(x) if side == 'before' else x:.2g} ms" for x in late]
+    if len({*told}) > 1 and logs:
+        told = [f"{x} ({name})" for x, name in zip(told, logs, strict=True)]
+    return f"commands act {listing(dict.fromkeys(told), 4)} {side} their rows"
 
 
 def read_servo(

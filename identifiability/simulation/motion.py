@@ -23,7 +23,6 @@ from identifiability.logs import Log, signals
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.spectrum import Spectrum, choose_band
-from identifiability.logs.tables import read_table
 from identifiability.robot import Robot
 
 # Prescribed motion of the actuated joints: Fourier series, from a file or at random, or a table.
@@ -250,7 +249,7 @@ def find_motion(
     ----------
     robot : Robot
     source : str
-        A CSV or Parquet file, ``FILE.json:NAME``, a shipped trajectory's name, or ``random``.
+        A log, of any format, ``FILE.json:NAME``, a shipped trajectory's name, or ``random``.
     samples : int or None
         Samples a period, for trajectories.
     rng : numpy.random.Generator, optional
@@ -271,19 +270,21 @@ def find_motion(
         return PrescribedMotion.of(
             _chosen(read_trajectories(path, robot), name, f"in {path}"), samples
         )
-    if Path(source).suffix.lower() in (".csv", ".parquet", ".pq"):
+    if Path(source).suffix or Path(source).exists():
         return _from_file(robot, source)
     return PrescribedMotion.of(shipped_trajectory(robot, source), samples)
 
 
 def _from_file(robot: Robot, source: str) -> PrescribedMotion:
-    """Read positions from a table, and derivatives where it has them."""
-    frame = read_table(source)
-    columns = [str(c).strip() for c in frame.columns]
-    torques = [f"{c.removesuffix('.q')}.tau" for c in columns if c.endswith(".q")]
-    frame = frame.set_axis(columns, axis=1)  # a motion needs no torque
-    frame = frame.assign(**dict.fromkeys((c for c in torques if c not in columns), 0.0))
-    log = Log.from_frame(frame, Path(source).name, Conventions.of(robot)).select(robot.joints)
+    """Read positions from a log, and derivatives where it has them."""
+    known = replace(Conventions.of(robot), motion_alone=True)
+    gear = robot.transmission
+    motors = gear.motors if gear else ()
+    log = Log.read(source, known).select(robot.joints, motors)
+    if gear is not None and {*log.joints} == {*motors}:
+        pairs = (("dq", log.dq), ("ddq", log.ddq))
+        rates: dict[str, Any] = {k: x if x is None else gear.joint_rate(x) for k, x in pairs}
+        log = replace(log, joints=robot.joints, q=gear.joint_side(log.q, log.tau)[0], **rates)
     check_units(robot, [log])
     if log.dq is not None and log.ddq is not None:
         return PrescribedMotion(log.t, log.q, log.dq, log.ddq, log.name)

@@ -248,7 +248,7 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
         "made",
         names=[log.name for log in logs],
         source=robot.servo.source,
-        late=state_delay(found.delays),
+        late=state_delay(found.delays, [log.name for log in logs]),
         stated=robot.servo.delay is not None,
         before=before,
         after=after,

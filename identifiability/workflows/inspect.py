@@ -529,6 +529,8 @@ def _most(result: Inspection) -> Answer:
     size = f"{format_count(base.rank, 'base parameter')} of {len(base.parameters)}"
     text = f"They tell {size} at most; the others act only together with these, or never."
     text += " Measured torque, '<joint>.tau', does as well as commands." * bool(result.robot.servo)
+    if result.motors:
+        short = f"{short[:-1]}; or of motors {join(required_columns(result.motors)[1:], 9)}."
     return Answer("What must a log have?", short, text, "blue")
 
 

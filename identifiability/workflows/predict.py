@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from shlex import quote
@@ -344,6 +344,27 @@ class Predicts(ABC):
         return handed("read_result")(path) if robot is None else read_fit(path, robot)
 
 
+@frozen
+class ServoErrors:
+    """What is not known of servos, as w independent doubts of one standard deviation.
+
+    Attributes
+    ----------
+    names : tuple of m str
+        ``delay`` [s] and gains, ``<joint>.kp`` and ``<joint>.kv``, that logs told.
+    mean : (m,)
+    moves : (w, m)
+        What each doubt does to them,
+    base : (w, b)
+        and to the base parameters.
+    """
+
+    names: tuple[str, ...] = ()
+    mean: Array = field(default_factory=lambda: np.zeros(0))
+    moves: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    base: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+
 @frozen(kw_only=True)
 class Fit(Predicts):
     """A fitted model as its result keeps it.
@@ -365,6 +386,9 @@ class Fit(Predicts):
         Name of the file that it was read from (reports tell no paths of a machine).
     missing : tuple of str
         Functions of a joint's motion or load that the result says are missing.
+    alternatives : (2, b)
+        What functions that are missing did to the base parameters, and its standard deviation.
+    servo : ServoErrors
     """
 
     structure: Structure
@@ -376,6 +400,8 @@ class Fit(Predicts):
     base_unknown: Array
     origin: str = "result.json"
     missing: tuple[str, ...] = ()
+    alternatives: Array | float = 0.0
+    servo: ServoErrors = ServoErrors()
 
     @property
     def fit(self) -> Fit:
@@ -403,10 +429,16 @@ class Fit(Predicts):
         return self.submodel.expand(self.values)
 
     @property
+    def of_labels(self) -> tuple[Array, Array]:
+        """Base parameters beside what is missing, (b,), and their covariance, (b, b)."""
+        shift, sd = np.broadcast_to(self.alternatives, (2, len(self.base)))
+        return self.base - shift, self.base_covariance + np.diag(sd**2)
+
+    @property
     def of_standard(self) -> LeastSquares:
         """What it says of standard parameters, in units of its standard deviations."""
-        told = self.base, self.base_covariance, self.base_unknown
-        return LeastSquares.of_normal(*told).through(self.structure.G)
+        told = LeastSquares.of_normal(*self.of_labels, self.base_unknown)
+        return told.through(self.structure.G)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter: name, value, standard deviation, unit."""
@@ -429,6 +461,8 @@ class Fit(Predicts):
             **asdict(self.spread),
             "base_covariance": self.base_covariance,
             "base_unknown": self.base_unknown,
+            "alternatives": self.alternatives,
+            "servo": {k: np.array(x).tolist() for k, x in asdict(self.servo).items()},
             "preparation": {f.name: getattr(self.preparation, f.name) for f in fields(Preparation)},
         }
         return {k: x.tolist() if isinstance(x, np.ndarray) else x for k, x in told.items()}
@@ -468,6 +502,15 @@ def _along(fit: Fit, logs: Logs, engine: Engine | None) -> TorquePrediction:
     )
 
 
+class ServoErrorsEntry(Entry):
+    """What is not known of servos, in the JSON of a result."""
+
+    names: list[str] = []
+    mean: list[float] = []
+    moves: list[list[float]] = []
+    base: list[list[float]] = []
+
+
 class FitEntry(Entry):
     """A fitted model in the JSON of a result."""
 
@@ -481,6 +524,8 @@ class FitEntry(Entry):
     dof: list[float]
     base_covariance: list[list[float]]
     base_unknown: list[list[float]]
+    alternatives: list[list[float]] | float = 0.0
+    servo: ServoErrorsEntry = ServoErrorsEntry()
     preparation: Preparation
 
 
@@ -570,7 +615,7 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
     if sorted(submodel.columns) != sorted(entry.names) or len(entry.low) != len(robot.joints):
         raise _other_robot(where, robot, "its parameters are not those of this robot.")
     submodel = submodel.ordered(entry.names)  # what is tied stands where its first member stood
-    k, n, b = len(submodel), len(robot.joints), len(structure.base)
+    k, n, b, told = len(submodel), len(robot.joints), len(structure.base), entry.servo
     try:
         return Fit(
             structure=structure,
@@ -586,6 +631,10 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
             base_unknown=np.array(entry.base_unknown, float).reshape(b, -1 if b else 0),
             origin=str(path),
             missing=content.missing,
+            alternatives=np.array(entry.alternatives),
+            servo=ServoErrors(
+                tuple(told.names), *map(np.array, (told.mean, told.moves, told.base))
+            ),
         )
     except ValueError:
         raise IdentifiabilityError(Finding("result.tables", where)) from None

@@ -525,6 +525,7 @@ class Session:
         """
         sure = [t for t in opening.missing.named if t.odds >= RULES.alternative_nats]
         own = [t for t in sure if t.group.family in COMPLETED]
+        own.sort(key=lambda t: -t.odds)
         if not own or self.recordings.commanded:
             return opening
         given, texts = opening.structure.model, (f"{t.group.family}@{t.group.place}" for t in own)

@@ -11,6 +11,7 @@ from identifiability.logs.log import Log
 from identifiability.logs.prepare.preparation import joint_log
 from identifiability.regression.reduction import build_ladder, default_ladder, ladder_model
 from identifiability.regression.structure import Structure, random_motion
+from identifiability.simulation.motion import find_motion
 from identifiability.workflows.export import write_parameters
 
 NUMBERS = 'stiffness="9" springlength="0.2" damping="1.1" armature="0.3" frictionloss="0.7"'
@@ -140,20 +141,24 @@ def test_a_sidecar_places_effects_of_default_models(placed, texts, load_text):
     assert len(full) - len(none) == offsets == len(robot.joints)
 
 
-def test_more_motors_than_joints_agree_in_the_least_squares_and_add_their_torques(load_text):
+def test_more_motors_than_joints_agree_in_the_least_squares_and_add_their_torques(
+    load_text, tmp_path
+):
     """Three cables over two joints; the positions contradict each other by an error."""
     robot = load_text(arm(), sidecar=(
-        '[transmission]\nmotors = ["c1", "c2", "c3"]\ncoupling = [[1, 0], [1, 1], [0, 2]]\n'
+        '[transmission]\nmotors = ["shoulder", "c2", "c3"]\ncoupling = [[1, 0], [1, 1], [0, 2]]\n'
         "ratio = [2, -3, 1]\noffset = [0.1, -0.2]\n"
     ))  # fmt: skip
     rng = np.random.default_rng(0)
-    (q, dq), tau = rng.normal(size=(2, 50, 2)), rng.normal(size=(50, 3))
+    (q, dq, ddq), tau = rng.normal(size=(3, 50, 2)), rng.normal(size=(50, 3))
     R = np.array([[2, 0], [-3, -3], [0, 2.0]])
     left = np.linalg.svd(R)[0][:, 2]  # what no joint does
     at = (q - [0.1, -0.2]) @ R.T + 0.1 * left
     t, names = np.arange(50) / 100, robot.transmission.motors
-    motors = Log("log", names, t, at, tau, dq @ R.T, ddq=None, sha256="")
+    motors = Log("log", names, t, at, tau, dq @ R.T, ddq @ R.T, sha256="")
     joints = joint_log(robot, motors)
+    motors.write(tmp_path / "motors.csv")
+    np.testing.assert_allclose(find_motion(robot, str(tmp_path / "motors.csv")).q, q, atol=1e-12)
     np.testing.assert_allclose(joints.q, q, atol=1e-12)
     np.testing.assert_allclose(joints.dq, dq, atol=1e-12)
     np.testing.assert_allclose(joints.tau, tau @ R, atol=1e-12)

@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 import pandas as pd
+from scipy.linalg import block_diag
 
 from identifiability.effects.vocabulary import by_effect, file_kinds, values_in_file
 from identifiability.estimation.estimator import Estimate
@@ -426,6 +427,12 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         part = used.submodel.reduce(self.information)
         wider = widening(part, used.fit)
         M, unpruned = whole.submodel.M, whole.submodel.reduce(self.information)
+        other, to_base = used.fit.alternatives, used.submodel.M
+        moved = (
+            0.0
+            if other is None
+            else np.array([to_base @ other.shift, np.abs(to_base) @ other.sigma])
+        )
         covariance, unknown = measure_errors(unpruned, whole.estimate, wider)
         return predict.Fit(
             structure=self.structure,
@@ -436,7 +443,24 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             base_covariance=M @ covariance @ M.T + self.late.T @ self.late,
             base_unknown=M @ unknown,
             missing=self.missing.functions,
+            alternatives=moved,
+            servo=self._servo_errors(),
         )
+
+    def _servo_errors(self) -> predict.ServoErrors:
+        """Return what errors of delays and gains of servos do to them and to the values."""
+        servo, rolled, joints = self.robot.servo, self.recordings.rolled, self.robot.joints
+        if servo is None or rolled is None:
+            return predict.ServoErrors()
+        sd = rolled.delay_errors[rolled.delay_errors > 0]
+        more, share = np.reshape(servo.doubt, (-1, 2, len(joints))).swapaxes(0, 1)
+        gains = np.column_stack([more, share * servo.kp])
+        moves = block_diag(sd[:, None] / len(rolled.delays), gains)
+        names = ["delay", *(f"{j}.{kind}" for kind in ("kv", "kp") for j in joints)]
+        mean = np.concatenate([[rolled.delays.mean()], servo.kv, servo.kp])
+        own = np.flatnonzero(moves.any(0))
+        told = tuple(names[k] for k in own), mean[own], moves[:, own], self.late[: len(moves)]
+        return predict.ServoErrors(*told)
 
     def ladder_frame(self) -> pd.DataFrame:
         """Return one row a model."""
@@ -951,7 +975,7 @@ def file_table(analysis: Analysis) -> Table:
     frame = analysis.file_frame()
     counts = [f"{(frame['logs'] == word).sum()} {word.rstrip('s')}" for word in BELIEVED]
     columns = (
-        Column("parameter", get=lambda r: Cell(r.name, note=label_note(r))),
+        Column("parameter", get=lambda r: " = ".join(filter(None, (r.name, label_note(r))))),
         Column("robot file", stated_text, "file"),
         Column("found", stated_text, "value"),
         Column("± σ", digits(2), "sigma"),

@@ -183,7 +183,8 @@ class Change:
         if abs(size) > reach:
             return f"{self.what} {words[int(size < 0)]} by {measured(abs(size), reach, unit)}"
         every = zip(self.names, self.sizes, half, self.units, strict=True)
-        parts = [f"{n} by {measured(x, h, u)}" for n, x, h, u in every if abs(x) > h]
+        shares = ((n, 100 * x, 100 * h, "%") if u == "1" else (n, x, h, u) for n, x, h, u in every)
+        parts = [f"{n} by {measured(x, h, u)}" for n, x, h, u in shares if abs(x) > h]
         return f"{self.what} changed{': ' if parts else ''}{listing(parts, NAMED)}"
 
 

@@ -9,6 +9,7 @@ brakes. Draws are those of that normal on the physical set, by the sampler of po
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import field
 from pathlib import Path
 from typing import Annotated
 
@@ -46,11 +47,14 @@ class Draws:
         Standard parameters in the order of the structure's columns.
     share : float
         By which bodies may differ from the file's.
+    servos : DataFrame
+        Delay of commands [s] and gains that logs told, of each draw.
     """
 
     structure: Structure
     values: Array
     share: float
+    servos: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     @property
     def robots(self) -> Iterator[dict[str, float]]:
@@ -59,8 +63,9 @@ class Draws:
             yield dict(zip(self.structure.columns, row.tolist(), strict=True))
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row a draw, one column a standard parameter [SI]."""
-        return pd.DataFrame(self.values, columns=list(self.structure.columns))
+        """Return one row a draw, one column a standard parameter or number of servos [SI]."""
+        own = pd.DataFrame(self.values, columns=list(self.structure.columns))
+        return pd.concat([own, self.servos], axis=1)
 
     def write(self, path: str | Path) -> tuple[Path, ...]:
         """Write a table (.csv, .parquet), or a robot file a draw, ``fitted-001.xml`` ….
@@ -88,7 +93,9 @@ class Draws:
         """What they are, in words."""
         return (
             f"{len(self.values)} robots that the logs leave possible, with the file's bodies "
-            f"± {percent(self.share)} as the prior: randomise by them what the logs leave open."
+            f"± {percent(self.share)} as the prior: randomise by them what the logs leave open. A "
+            "body that the file has wrong by more, and the logs do not tell, stays wrong in all of "
+            "them: give a larger --prior."
         )
 
 
@@ -142,8 +149,26 @@ def draw_robots(
     except ValueError as error:
         raise IdentifiabilityError(f"No robot can be drawn: {error}") from None
     kept = found.draws[:, :, APART - 1 :: APART].reshape(-1, len(structure.columns))
-    order = np.random.default_rng(seed).permutation(len(kept))[:count]
-    return Draws(structure=structure, values=kept[order], share=share)
+    rng = np.random.default_rng(seed)
+    values = kept[rng.permutation(len(kept))[:count]]
+    return Draws(
+        structure=structure, values=values, share=share, servos=draw_servos(fit, values, rng)
+    )
+
+
+def draw_servos(fit: Fit, values: Array, rng: np.random.Generator) -> pd.DataFrame:
+    """Return delays and gains given standard parameters (N, p): both err by the same doubts."""
+    own, (mean, covariance) = fit.servo, fit.of_labels
+    if not own.names:
+        return pd.DataFrame()
+    scale = np.sqrt(np.diag(covariance))
+    scale = np.where(scale > 0, scale, 1.0)
+    to_doubts = own.base / scale @ np.linalg.pinv(covariance / np.outer(scale, scale)) / scale
+    left, axes = np.linalg.eigh(np.eye(len(own.base)) - to_doubts @ own.base.T)
+    root = axes * np.sqrt(np.maximum(left, 0.0))
+    doubts = (values @ fit.structure.G.T - mean) @ to_doubts.T
+    doubts = doubts + rng.normal(size=doubts.shape) @ root.T
+    return pd.DataFrame(own.mean + doubts @ own.moves, columns=list(own.names))
 
 
 def _prior(structure: Structure, data: LeastSquares, share: float) -> Prior:

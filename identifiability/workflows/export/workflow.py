@@ -233,6 +233,10 @@ ENDINGS: dict[Format, str] = {
 }
 
 
+#: Effects that a log has of how it was measured, and no robot.
+MISREADS = ("torque_scale", "time_delay", "clock_error", "encoder_bias")
+
+
 @frozen(kw_only=True)
 class Exported:
     """What was exported.
@@ -273,18 +277,27 @@ class Exported:
     @property
     def statement(self) -> str:
         """What the files hold, in words."""
-        parts = list[str]()
+        parts, misread = list[str](), False
         if self.beside:
             beside = [f"{effect} ({listing(n, 4)})" for effect, n in self.beside.items()]
+            told = listing(beside, len(beside))
+            misread = {*self.beside} <= {FAMILIES[name].title for name in MISREADS}
             stand = "it stands" if len(beside) == 1 else "they stand"
+            lacks = (
+                f"{self.robot.name} cannot hold {told}: {stand} in the sidecar, which simulators"
+            )
             parts.append(
-                f"{self.robot.name} cannot hold {listing(beside, len(beside))}: {stand} in the "
-                "sidecar, which simulators do not read."
+                f"The log has {told}, and not the robot: {self.robot.name} is compared with torque "
+                "as it should have been read."
+                if misread
+                else f"{lacks} do not read."
             )
         if self.snippet is not None:
             added = listing(self.added, 4)
             parts.append(f"In MuJoCo {self.snippet.name} adds {added} to it.")
-        if self.error_ra is not None and self.error_ra_file is not None:
+        if misread and self.error_ra is not None:
+            parts.append(f"On the fitted logs it errs by {percent(self.error_ra)}.")
+        elif self.error_ra is not None and self.error_ra_file is not None:
             parts.append(
                 f"On the fitted logs the real robot errs by {percent(self.error_ra)}, and what "
                 f"{self.robot.name} alone holds by {percent(self.error_ra_file)}."
@@ -385,7 +398,7 @@ def export(
         error_ra_file=alone,
         unseen=unseen,
         mass=state_mass(robot, given, physical.cad_prior),
-        notes=_notes(robot, content, kind, written.robot.name),
+        notes=_notes(robot, content, kind, written.robot.name, said=unseen is not None),
         snippet=snippet,
         added=tuple(added),
     )
@@ -422,28 +435,30 @@ def _as_stated(robot: Robot, given: Mapping[str, float]) -> dict[str, float]:
     return out
 
 
-def _notes(robot: Robot, content: ResultEntry, kind: Kind | None, name: str) -> tuple[str, ...]:
-    """Return what else a user has to know of a file that was written."""
-    said = [] if content.rollout is None else [content.rollout.statement]
+def _notes(
+    robot: Robot, content: ResultEntry, kind: Kind | None, name: str, *, said: bool
+) -> tuple[str, ...]:
+    """Return what else a user has to know of a file that was written, its error be it said."""
+    told = [] if content.rollout is None or said else [content.rollout.statement]
     if content.rollout is None and robot.servo is not None and robot.servo.delay is None:
-        said.append(
+        told.append(
             "Measured torque does not say when commands act, but predict --forward of a log with "
             "both does: state it in the sidecar, [servo] delay = …."
         )
     if robot.tilt is not None:
-        said.append(f"{name} holds a tilted base: gravity {robot.tilt.text}.")
+        told.append(f"{name} holds a tilted base: gravity {robot.tilt.text}.")
     if kind is not None and robot.known_torque:
         known = "; ".join(k.text for k in robot.known_torque)
-        said.append(
+        told.append(
             f"Torque that is known beforehand ({known}) is beside what was fitted: it stands in "
             f"the sidecar alone, and {name} moves without it."
         )
     if kind not in (None, file_kinds(robot)[0]):
-        said.append(
+        told.append(
             f"{name} is of another format than the robot's own file: it has no geometry, so "
             "nothing is seen and nothing collides."
         )
-    return (*said, *state_missing(content.missing))
+    return (*told, *state_missing(content.missing))
 
 
 # How much files err on logs that were not fitted, as this package reads them.
@@ -464,6 +479,8 @@ class Unseen:
         Of the robot's own file, and of the one that was written.
     before, written, both : float
         ε_RA of the robot's own file, of the written one, and of that with its sidecar.
+    worst : str
+        Joint at which the written file alone errs most over its own variation.
     callback : str
         What else holds all that the sidecar does: the function for MuJoCo.
     """
@@ -473,6 +490,7 @@ class Unseen:
     before: float
     written: float
     both: float
+    worst: str
     callback: str = ""
 
     @property
@@ -485,10 +503,10 @@ class Unseen:
         """They, in a sentence."""
         before, written, both = map(percent, (self.before, self.written, self.both))
         whole = f"its sidecar, or in MuJoCo {self.callback}," if self.callback else "its sidecar"
-        beside = f" and with {whole} by {both}" if self.both != self.written else ""
+        beside = f" and with {whole} by {both}," if self.both != self.written else ""
         return (
-            f"On {listing(self.logs, 4)} (not fitted) {self.names[1]} alone errs by {written}"
-            f"{beside}, where {self.names[0]} alone errs by {before}."
+            f"On {listing(self.logs, 4)} (not fitted) {self.names[1]} alone errs by {written}, "
+            f"most in {self.worst},{beside} where {self.names[0]} alone errs by {before}."
         )
 
 
@@ -512,7 +530,7 @@ def judge_files(
     how = None if content.fit is None else content.fit.preparation
     paths = [(robot.path, robot.sidecar, True), (written.robot, written.sidecar, True)]
     paths += [(written.robot, written.sidecar, False)] if written.sidecar else []
-    errors = []
+    errors, worst = [], []
     for path, sidecar, alone in paths:
         copy = _reread(robot, path, sidecar, alone=alone)
         named = {name for name, value in copy.nominal.items() if value}
@@ -529,8 +547,9 @@ def judge_files(
         samples = tuple(session.prepare(session.recordings.fitted, "compared"))
         found = prediction.predict(Regression(copy, model, samples), structure.nominal[:, None])
         errors.append(float(found.relative_error()[0]))
-    names = tuple(s.name for s in samples)
-    return Unseen(names, (robot.path.name, written.robot.name), errors[0], errors[1], errors[-1])
+        worst.append(copy.joints[int(np.argmax(found.joint_error()[:, 0]))])
+    files, logs = (robot.path.name, written.robot.name), tuple(s.name for s in samples)
+    return Unseen(logs, files, errors[0], errors[1], errors[-1], worst[1])
 
 
 def _reread(robot: Robot, path: Path, sidecar: Path | None, *, alone: bool) -> Robot:
