@@ -26,7 +26,7 @@ class Rules(RuleTable):
     ] = 16.0
     alternative_error: Annotated[
         float, "its error falls to this share of the given model's, by hand"
-    ] = 0.9
+    ] = 0.85
 
 
 RULES = Rules()
